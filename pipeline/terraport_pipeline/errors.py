@@ -1,0 +1,55 @@
+"""What can go wrong in a build, as one tree.
+
+::
+
+    PipelineError
+    ├── SurveyError          the input file or its content cannot be used
+    ├── OptionError          an option is out of range or contradicts another
+    ├── ResourceError        not enough memory or disk
+    ├── EngineError          a child process (Poisson) failed
+    ├── BuildLockedError     another build works on the same scene
+    └── WorkDirectoryError   the work directory holds something that is not ours or is damaged
+
+Each message says what was received, what was expected and what to do. The command line prints it
+after ``error:`` and exits with 1 (2 for :class:`OptionError`).
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "BuildLockedError",
+    "EngineError",
+    "OptionError",
+    "PipelineError",
+    "ResourceError",
+    "SurveyError",
+    "WorkDirectoryError",
+]
+
+
+class PipelineError(Exception):
+    """Base of every error that the pipeline raises on purpose."""
+
+
+class SurveyError(PipelineError, ValueError):
+    """The survey cannot be used: unreadable, damaged, too small or degenerate."""
+
+
+class OptionError(PipelineError, ValueError):
+    """An option is out of range or contradicts another."""
+
+
+class ResourceError(PipelineError, RuntimeError):
+    """The machine has too little memory or disk for what was asked."""
+
+
+class EngineError(PipelineError, RuntimeError):
+    """An external engine failed; the message carries the end of what it printed."""
+
+
+class BuildLockedError(PipelineError, RuntimeError):
+    """Another build is working on the same scene."""
+
+
+class WorkDirectoryError(PipelineError, OSError):
+    """The work directory is damaged or holds files that no build of ours wrote."""

@@ -1,0 +1,170 @@
+"""How long work tells how far it is: one small protocol, a terminal bar and a silent twin.
+
+A step calls :meth:`Progress.start` once, :meth:`Progress.advance` as often as it likes (from one
+thread), and :meth:`Progress.done` once. Steps do not nest; the next ``start`` ends a step that
+forgot ``done``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Protocol, Self
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    ProgressColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.progress import (
+    Progress as Bars,
+)
+from rich.text import Text
+
+__all__ = ["ESTIMATE_UNIT", "NullProgress", "Progress", "RichProgress"]
+
+ESTIMATE_UNIT = "s (estimate)"
+"""Unit of a step whose engine reports nothing: it advances by the clock against a forecast, and
+says so."""
+
+_LARGEST_ESTIMATE = 0.99
+"""An estimated step stops here until the engine really ends, so that the bar never claims to be
+complete."""
+
+
+class Progress(Protocol):
+    """What a stage needs from whoever watches it."""
+
+    def start(self, stage: str, total: float | None, unit: str) -> None:
+        """Begin a step.
+
+        Parameters
+        ----------
+        stage : str
+            What is being done, as the user reads it, for example ``"clean: normals"``.
+        total : float or None
+            Amount of work in `unit`; None when it cannot be known.
+        unit : str
+            For example ``"points"``; :data:`ESTIMATE_UNIT` when the amount is a forecast of
+            seconds.
+        """
+        ...
+
+    def advance(self, n: float) -> None:
+        """Add `n` units to the step that runs."""
+        ...
+
+    def done(self, facts: Mapping[str, object]) -> None:
+        """End the step; `facts` are shown beside it, name by value."""
+        ...
+
+
+class NullProgress:
+    """Says nothing."""
+
+    def start(self, stage: str, total: float | None, unit: str) -> None:
+        """Do nothing."""
+
+    def advance(self, n: float) -> None:
+        """Do nothing."""
+
+    def done(self, facts: Mapping[str, object]) -> None:
+        """Do nothing."""
+
+
+class RichProgress:
+    """One bar per step with an ETA on a terminal; one line per finished step elsewhere.
+
+    A context manager: the terminal is given back on exit, also after an exception.
+
+    Parameters
+    ----------
+    console : rich.console.Console, optional
+        Where to draw; standard error by default, so that standard output stays machine-readable.
+    """
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console(stderr=True)
+        self._bars = Bars(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            _AmountColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[facts]}"),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        self._task: TaskID | None = None
+        self._stage = ""
+        self._total: float | None = None
+        self._estimate = False
+        self._amount = 0.0
+
+    def __enter__(self) -> Self:
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bars.stop()
+
+    def start(self, stage: str, total: float | None, unit: str) -> None:
+        """Begin a step; see :meth:`Progress.start`."""
+        if self._task is not None:
+            self.done({})
+        self._stage, self._total, self._amount = stage, total, 0.0
+        self._estimate = unit == ESTIMATE_UNIT
+        self._task = self._bars.add_task(stage, total=total, unit=unit, facts="")
+
+    def advance(self, n: float) -> None:
+        """Add `n` units to the step that runs."""
+        if self._task is None:
+            return
+        self._amount += n
+        if self._estimate and self._total is not None:
+            shown = min(self._amount, _LARGEST_ESTIMATE * self._total)
+            self._bars.update(self._task, completed=shown)
+        else:
+            self._bars.update(self._task, completed=self._amount)
+
+    def done(self, facts: Mapping[str, object]) -> None:
+        """End the step; `facts` are shown beside it."""
+        if self._task is None:
+            return
+        total = self._total if self._total is not None else max(self._amount, 1.0)
+        told = "  ".join(f"{name} {_format_fact(value)}" for name, value in facts.items())
+        self._bars.update(self._task, total=total, completed=total, facts=told)
+        self._bars.stop_task(self._task)
+        if not self._console.is_terminal:
+            self._console.print(f"{self._stage}: done  {told}".rstrip(), highlight=False)
+        self._task = None
+
+
+class _AmountColumn(ProgressColumn):
+    """Completed of total with its unit; only the unit while the total is unknown."""
+
+    def render(self, task: Task) -> Text:
+        unit = str(task.fields.get("unit", ""))
+        if task.total is None:
+            return Text(f"{task.completed:,.0f} {unit}", style="progress.download")
+        return Text(f"{task.completed:,.0f}/{task.total:,.0f} {unit}", style="progress.download")
+
+
+def _format_fact(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return f"{value:,.4g}"
+    return str(value)
