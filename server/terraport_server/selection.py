@@ -1,0 +1,213 @@
+"""Which segments a landing needs: arrays in, one plan out.
+
+PURE: no I/O, no clock. A segment's distance is the Euclidean distance, in metres and in float64,
+from the landing to the nearest point of its axis-aligned box (0 inside). Everything is decided in
+one order, (distance, id), so equal distances never depend on the caller's order and the budgets cut
+a *prefix*: what is left out is never nearer than what is in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["NO_BUDGETS", "Budgets", "SegmentTable", "Selection", "box_distances", "select"]
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentTable:
+    """What planning needs to know about S segments of one scene in one payload encoding."""
+
+    bounds: npt.NDArray[np.float32]
+    """(S, 6) min x, y, z, max x, y, z; metres, scene frame."""
+    lengths: npt.NDArray[np.uint32]
+    """(S,) payload bytes."""
+    hashes: npt.NDArray[np.uint64]
+    """(S,) xxh3-64 of the payload."""
+    faces: npt.NDArray[np.uint32]
+    """(S,) triangles."""
+    vertices: npt.NDArray[np.uint32]
+    """(S,) vertices."""
+
+    def __len__(self) -> int:
+        """Return S."""
+        return len(self.lengths)
+
+
+@dataclass(frozen=True, slots=True)
+class Budgets:
+    """Hard upper bounds on everything a plan makes resident (loaded and kept together).
+
+    ``None`` means no bound.
+    """
+
+    max_triangles: int | None = None
+    max_bytes: int | None = None
+    max_segments: int | None = None
+
+
+NO_BUDGETS = Budgets()
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """The outcome of :func:`select`. Ids are uint32; ``load`` and ``keep`` nearest first."""
+
+    load: npt.NDArray[np.uint32]
+    """To be sent, nearest first."""
+    keep: npt.NDArray[np.uint32]
+    """Wanted and already held by the client, nearest first."""
+    release: npt.NDArray[np.uint32]
+    """Visible until now and not wanted any more, ascending."""
+    inner: npt.NDArray[np.uint32]
+    """The wanted ids within ``inner_radius_m`` (all of them when there is none), nearest first."""
+    inner_count: int
+    """How many leading entries of ``load`` lie within ``inner_radius_m``."""
+    effective_radius_m: float
+    """Everything nearer than this is in the plan; the radius asked for if nothing was left out."""
+    load_bytes: int
+    load_triangles: int
+    total_bytes: int
+    """Payload bytes of ``load`` and ``keep`` together; what ``max_bytes`` bounds."""
+    total_triangles: int
+    omitted_segments: int
+    """Segments wanted and left out for a budget."""
+    omitted_by: str | None
+    """The budget that cut first, by its field name in :class:`Budgets`; ``None`` if none did."""
+
+
+def box_distances(
+    bounds: npt.NDArray[np.float32], centre: Sequence[float]
+) -> npt.NDArray[np.float64]:
+    """Distances from a point to axis-aligned boxes.
+
+    Parameters
+    ----------
+    bounds
+        (N, 6) min x, y, z, max x, y, z in metres.
+    centre
+        x, y, z in metres, same frame.
+
+    Returns
+    -------
+    ndarray
+        (N,) float64 metres; 0 for a point inside or on the box.
+    """
+    point = np.asarray(centre, dtype=np.float64)
+    boxes = bounds.astype(np.float64)
+    outside = np.maximum(np.maximum(boxes[:, :3] - point, point - boxes[:, 3:]), 0.0)
+    distances: npt.NDArray[np.float64] = np.sqrt((outside * outside).sum(axis=1))
+    return distances
+
+
+def select(
+    table: SegmentTable,
+    candidates: npt.NDArray[np.integer],
+    centre: Sequence[float],
+    radius_m: float,
+    *,
+    release_radius_m: float,
+    inner_radius_m: float | None,
+    held: npt.NDArray[np.bool_],
+    visible: npt.NDArray[np.bool_],
+    budgets: Budgets = NO_BUDGETS,
+) -> Selection:
+    """Choose the segments of one landing.
+
+    Wanted is everything within ``radius_m``, and of what is held or visible also everything within
+    ``release_radius_m``; the budgets cut a strict prefix of it in the order (distance, id).
+
+    Parameters
+    ----------
+    table
+        The scene's S segments.
+    candidates
+        Unique ids that include every segment within ``release_radius_m`` (a superset is fine).
+    centre
+        Landing, metres, scene frame.
+    radius_m
+        Load within it; at least 0.
+    release_radius_m
+        Keep within it; at least ``radius_m``.
+    inner_radius_m
+        The declared degraded set's radius; ``None`` = the whole plan is the inner set.
+    held
+        (S,) true where the client holds the payload.
+    visible
+        (S,) true where the last plan made the segment visible.
+    budgets
+        Hard bounds.
+
+    Returns
+    -------
+    Selection
+        ``load`` and ``keep`` are disjoint; together they are the plan.
+
+    Notes
+    -----
+    O(C log C) in the number of candidates, plus O(S) for ``release``.
+    """
+    ids = np.asarray(candidates, dtype=np.int64)
+    distances = box_distances(table.bounds[ids], centre)
+    in_radius = distances <= radius_m
+    wanted = in_radius | ((held[ids] | visible[ids]) & (distances <= release_radius_m))
+    ids, distances, in_radius = ids[wanted], distances[wanted], in_radius[wanted]
+    order = np.lexsort((ids, distances))
+    ids, distances, in_radius = ids[order], distances[order], in_radius[order]
+
+    count, omitted_by = _budget_prefix(table, ids, budgets)
+    left_out_in_radius = np.flatnonzero(in_radius[count:])
+    effective_radius_m = float(radius_m)
+    if left_out_in_radius.size:
+        effective_radius_m = float(distances[count + left_out_in_radius[0]])
+
+    plan, plan_distances = ids[:count], distances[:count]
+    is_held = held[plan]
+    load, keep = plan[~is_held], plan[is_held]
+    within_inner = plan_distances <= (np.inf if inner_radius_m is None else inner_radius_m)
+    released = visible.copy()
+    released[plan] = False
+    return Selection(
+        load=load.astype(np.uint32),
+        keep=keep.astype(np.uint32),
+        release=np.flatnonzero(released).astype(np.uint32),
+        inner=plan[within_inner].astype(np.uint32),
+        inner_count=int(np.count_nonzero(within_inner & ~is_held)),
+        effective_radius_m=effective_radius_m,
+        load_bytes=_total(table.lengths, load),
+        load_triangles=_total(table.faces, load),
+        total_bytes=_total(table.lengths, plan),
+        total_triangles=_total(table.faces, plan),
+        omitted_segments=len(ids) - count,
+        omitted_by=omitted_by,
+    )
+
+
+def _total(column: npt.NDArray[np.uint32], ids: npt.NDArray[np.int64]) -> int:
+    return int(column[ids].sum(dtype=np.int64))
+
+
+def _budget_prefix(
+    table: SegmentTable, ids: npt.NDArray[np.int64], budgets: Budgets
+) -> tuple[int, str | None]:
+    """Length of the longest prefix within all budgets, and which budget ended it.
+
+    Two budgets that end at the same segment: the first in the order of the fields is named.
+    """
+    count, omitted_by = len(ids), None
+    for name, column, limit in (
+        ("max_triangles", table.faces, budgets.max_triangles),
+        ("max_bytes", table.lengths, budgets.max_bytes),
+    ):
+        if limit is None:
+            continue
+        running = np.cumsum(column[ids], dtype=np.int64)
+        fits = int(np.searchsorted(running, limit, side="right"))
+        if fits < count:
+            count, omitted_by = fits, name
+    if budgets.max_segments is not None and budgets.max_segments < count:
+        count, omitted_by = budgets.max_segments, "max_segments"
+    return count, omitted_by

@@ -1,0 +1,258 @@
+"""Selection against a brute-force model written with plain loops."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from terraport_server.selection import Budgets, SegmentTable, Selection, box_distances, select
+
+
+def make_table(
+    boxes: list[tuple[float, ...]], lengths: list[int], faces: list[int]
+) -> SegmentTable:
+    count = len(boxes)
+    return SegmentTable(
+        bounds=np.array(boxes, dtype=np.float32).reshape(count, 6),
+        lengths=np.array(lengths, dtype=np.uint32),
+        hashes=np.arange(count, dtype=np.uint64),
+        faces=np.array(faces, dtype=np.uint32),
+        vertices=np.array(faces, dtype=np.uint32),
+    )
+
+
+def row_of_boxes(count: int) -> SegmentTable:
+    """Unit boxes at x = 0, 10, 20, ...; 100 bytes and 10 faces each."""
+    boxes = [(10.0 * i, 0.0, 0.0, 10.0 * i + 1.0, 1.0, 1.0) for i in range(count)]
+    return make_table(boxes, [100] * count, [10] * count)
+
+
+def run(
+    table: SegmentTable,
+    radius_m: float,
+    *,
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    factor: float = 1.25,
+    inner_radius_m: float | None = None,
+    held: set[int] = frozenset(),  # type: ignore[assignment]
+    visible: set[int] = frozenset(),  # type: ignore[assignment]
+    budgets: Budgets | None = None,
+) -> Selection:
+    return select(
+        table,
+        np.arange(len(table)),
+        centre,
+        radius_m,
+        release_radius_m=radius_m * factor,
+        inner_radius_m=inner_radius_m,
+        held=mask(len(table), held),
+        visible=mask(len(table), visible),
+        budgets=budgets or Budgets(),
+    )
+
+
+def mask(count: int, ids: set[int]) -> npt.NDArray[np.bool_]:
+    out = np.zeros(count, dtype=np.bool_)
+    out[list(ids)] = True
+    out.setflags(write=False)
+    return out
+
+
+def brute_distance(box: npt.NDArray[np.float32], centre: tuple[float, ...]) -> float:
+    total = 0.0
+    for axis in range(3):
+        low, high, at = float(box[axis]), float(box[axis + 3]), centre[axis]
+        gap = low - at if at < low else at - high if at > high else 0.0
+        total += gap * gap
+    return math.sqrt(total)
+
+
+def brute_plan(
+    table: SegmentTable,
+    centre: tuple[float, float, float],
+    radius_m: float,
+    release_radius_m: float,
+    resident: set[int],
+    budgets: Budgets,
+) -> tuple[list[int], int]:
+    wanted = []
+    for segment in range(len(table)):
+        distance = brute_distance(table.bounds[segment], centre)
+        if distance <= radius_m or (segment in resident and distance <= release_radius_m):
+            wanted.append((distance, segment))
+    wanted.sort()
+    plan: list[int] = []
+    triangles = size = 0
+    for _, segment in wanted:
+        triangles += int(table.faces[segment])
+        size += int(table.lengths[segment])
+        if budgets.max_triangles is not None and triangles > budgets.max_triangles:
+            break
+        if budgets.max_bytes is not None and size > budgets.max_bytes:
+            break
+        if budgets.max_segments is not None and len(plan) + 1 > budgets.max_segments:
+            break
+        plan.append(segment)
+    return plan, len(wanted) - len(plan)
+
+
+# Halves make equal distances, and so ties, common.
+coordinate = st.integers(-40, 40).map(lambda v: v / 2)
+box = st.tuples(
+    coordinate, coordinate, coordinate, st.integers(0, 8), st.integers(0, 8), st.integers(0, 8)
+).map(lambda b: (*b[:3], b[0] + b[3], b[1] + b[4], b[2] + b[5]))
+limit = st.none() | st.integers(0, 400)
+
+
+@st.composite
+def scenes(draw: st.DrawFn) -> SegmentTable:
+    boxes = draw(st.lists(box, min_size=1, max_size=25))
+    sizes = st.lists(st.integers(1, 100), min_size=len(boxes), max_size=len(boxes))
+    return make_table(boxes, draw(sizes), draw(sizes))
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    data=st.data(),
+    table=scenes(),
+    centre=st.tuples(coordinate, coordinate, coordinate),
+    radius_m=st.integers(0, 60).map(lambda v: v / 2),
+    factor=st.sampled_from([1.0, 1.25, 2.0]),
+    budgets=st.builds(Budgets, limit, limit, limit),
+)
+def test_plan_equals_brute_force(
+    data: st.DataObject,
+    table: SegmentTable,
+    centre: tuple[float, float, float],
+    radius_m: float,
+    factor: float,
+    budgets: Budgets,
+) -> None:
+    ids = st.sets(st.integers(0, len(table) - 1))
+    held, visible = data.draw(ids, "held"), data.draw(ids, "visible")
+    plan, omitted = brute_plan(table, centre, radius_m, radius_m * factor, held | visible, budgets)
+
+    chosen = run(
+        table,
+        radius_m,
+        centre=centre,
+        factor=factor,
+        held=held,
+        visible=visible,
+        budgets=budgets,
+    )
+
+    assert chosen.load.tolist() == [s for s in plan if s not in held]
+    assert chosen.keep.tolist() == [s for s in plan if s in held]
+    assert chosen.release.tolist() == sorted(visible - set(plan))
+    assert chosen.omitted_segments == omitted
+    assert (chosen.omitted_by is None) == (omitted == 0)
+    assert chosen.total_bytes == sum(int(table.lengths[s]) for s in plan)
+    assert chosen.total_triangles == sum(int(table.faces[s]) for s in plan)
+    assert chosen.load_bytes == sum(int(table.lengths[s]) for s in plan if s not in held)
+    for limit_value, used in (
+        (budgets.max_triangles, chosen.total_triangles),
+        (budgets.max_bytes, chosen.total_bytes),
+        (budgets.max_segments, len(plan)),
+    ):
+        assert limit_value is None or used <= limit_value
+    outside = [
+        brute_distance(table.bounds[s], centre) for s in range(len(table)) if s not in set(plan)
+    ]
+    assert chosen.effective_radius_m == min([radius_m, *outside])
+
+
+@settings(max_examples=100, deadline=None)
+@given(data=st.data(), table=scenes(), centre=st.tuples(coordinate, coordinate, coordinate))
+def test_superset_and_order_of_candidates_do_not_matter(
+    data: st.DataObject, table: SegmentTable, centre: tuple[float, float, float]
+) -> None:
+    distances = box_distances(table.bounds, centre)
+    near = np.flatnonzero(distances <= 10.0)
+    shuffled = data.draw(st.permutations(range(len(table))))
+    none = mask(len(table), set())
+    plans = [
+        select(
+            table,
+            np.array(candidates, dtype=np.int64),
+            centre,
+            8.0,
+            release_radius_m=10.0,
+            inner_radius_m=None,
+            held=none,
+            visible=none,
+        ).load.tolist()
+        for candidates in (near, shuffled)
+    ]
+    assert plans[0] == plans[1]
+
+
+def test_nearest_first_and_ties_by_id() -> None:
+    table = make_table(
+        [(5.0, 0, 0, 6, 1, 1), (-6.0, 0, 0, -5, 1, 1), (1.0, 0, 0, 2, 1, 1)], [1, 1, 1], [1, 1, 1]
+    )
+    assert run(table, 9.0).load.tolist() == [2, 0, 1]
+
+
+def test_point_inside_a_box_is_at_distance_zero() -> None:
+    bounds = np.array([[0, 0, 0, 2, 2, 2], [5, 0, 0, 6, 4, 2]], dtype=np.float32)
+    assert box_distances(bounds, (1.0, 1.0, 1.0)).tolist() == [0.0, 4.0]
+
+
+def test_radius_is_inclusive() -> None:
+    table = row_of_boxes(3)
+    assert run(table, 10.0).load.tolist() == [0, 1]
+    assert run(table, np.nextafter(10.0, 0.0)).load.tolist() == [0]
+
+
+def test_two_radii_keep_what_is_held_beyond_the_load_radius() -> None:
+    table = row_of_boxes(5)
+    kept = run(table, 18.0, held={0, 1, 2, 3}, visible={0, 1, 2, 3})
+    assert kept.load.tolist() == []
+    assert kept.keep.tolist() == [0, 1, 2]
+    assert kept.release.tolist() == [3]
+
+
+def test_visible_but_evicted_within_the_release_radius_is_loaded_again() -> None:
+    chosen = run(row_of_boxes(4), 18.0, visible={2})
+    assert chosen.load.tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("budgets", "plan", "by"),
+    [
+        (Budgets(max_bytes=299), [0, 1], "max_bytes"),
+        (Budgets(max_bytes=300), [0, 1, 2], "max_bytes"),
+        (Budgets(max_bytes=400), [0, 1, 2, 3], None),
+        (Budgets(max_triangles=10), [0], "max_triangles"),
+        (Budgets(max_segments=2), [0, 1], "max_segments"),
+        (Budgets(max_triangles=20, max_bytes=200, max_segments=2), [0, 1], "max_triangles"),
+        (Budgets(max_bytes=99), [], "max_bytes"),
+    ],
+)
+def test_budgets(budgets: Budgets, plan: list[int], by: str | None) -> None:
+    chosen = run(row_of_boxes(4), 35.0, budgets=budgets)
+    assert chosen.load.tolist() == plan
+    assert chosen.omitted_by == by
+    assert chosen.omitted_segments == 4 - len(plan)
+    assert chosen.effective_radius_m == (35.0 if by is None else 10.0 * len(plan))
+
+
+def test_inner_count_counts_leading_loads_only() -> None:
+    chosen = run(row_of_boxes(5), 45.0, inner_radius_m=20.0, held={1})
+    assert chosen.load.tolist() == [0, 2, 3, 4]
+    assert chosen.inner.tolist() == [0, 1, 2]
+    assert chosen.inner_count == 2
+
+
+def test_nothing_near() -> None:
+    chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), visible={1})
+    assert chosen.load.size == 0
+    assert chosen.keep.size == 0
+    assert chosen.release.tolist() == [1]
+    assert chosen.effective_radius_m == 5.0
