@@ -1,1 +1,34 @@
-"""PLACEHOLDER."""
+"""Payload codecs: one segment (or the base mesh) between arrays and bytes.
+
+Two encodings, both described in ``spec/scene-format.md``:
+
+* ``glb`` (:func:`encode_glb`, :func:`decode_glb`): a self-contained glTF 2.0 binary, quantised and
+  meshopt-compressed;
+* ``arrays`` (:func:`encode_arrays`, :func:`decode_arrays`): flat little-endian arrays for engines
+  without a glTF loader.
+
+PURE: no I/O, no clock; depends on NumPy, meshopt and xxhash alone. Every function is thread-safe.
+"""
+
+from __future__ import annotations
+
+from terraport_payload.arrays import decode_arrays, encode_arrays
+from terraport_payload.errors import PayloadError
+from terraport_payload.glb import decode_glb, encode_glb, gltf_attribute_name, order_for_cache
+from terraport_payload.grid import AttributeScale, choose_attribute_scale, choose_step_m, snap
+from terraport_payload.mesh import SegmentMesh
+
+__all__ = [
+    "AttributeScale",
+    "PayloadError",
+    "SegmentMesh",
+    "choose_attribute_scale",
+    "choose_step_m",
+    "decode_arrays",
+    "decode_glb",
+    "encode_arrays",
+    "encode_glb",
+    "gltf_attribute_name",
+    "order_for_cache",
+    "snap",
+]
