@@ -1,0 +1,328 @@
+"""Kinds of scalar fields: one object knows a field's check, both wire forms and its schema.
+
+A message class names the kind of each field in ``Annotated``; codec, JSON Schema and the tables of
+the specification are all read off these objects, so they cannot disagree.  Packed arrays (ids,
+held, load tables) are in :mod:`terraport_wire.tables`.
+
+Every check raises :class:`Refused` with text "got ACTUAL, expected EXPECTED".
+"""
+
+# ruff: noqa: D102 - the interface Kind documents these methods
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from .limits import MAX_COORDINATE_M, MAX_INTEGER
+
+__all__ = [
+    "Choice",
+    "Flag",
+    "Integer",
+    "Kind",
+    "Number",
+    "NumberMap",
+    "Position",
+    "Refused",
+    "Text",
+    "Version",
+    "VersionList",
+    "clip",
+]
+
+_SHOWN_CHARACTERS = 48
+
+
+class Refused(Exception):  # noqa: N818 - never leaves the package; callers see FieldError
+    """A value that its kind does not allow; ``path`` names the place below the field."""
+
+    def __init__(self, text: str, path: str = "") -> None:
+        super().__init__(text)
+        self.text = text
+        self.path = path
+
+
+def clip(value: object) -> str:
+    """Show a value in an error text, never more than a few dozen characters of it."""
+    if isinstance(value, (str, bytes, bytearray)):
+        shown = repr(value[:_SHOWN_CHARACTERS])
+        return shown if len(value) <= _SHOWN_CHARACTERS else f"{shown}... ({len(value)} long)"
+    if isinstance(value, (list, tuple, np.ndarray)):
+        if len(value) > 4 or any(isinstance(item, (list, tuple, dict)) for item in value):
+            return f"{type(value).__name__} of {len(value)}"
+        return "[" + ", ".join(clip(item) for item in value) + "]"
+    if isinstance(value, dict):
+        return f"map of {len(value)}"
+    if isinstance(value, int) and abs(value) > 10**20:
+        return "integer beyond 10^20"
+    if value is None:
+        return "nothing"
+    return str(value)[:_SHOWN_CHARACTERS]
+
+
+class Kind(Protocol):
+    """What a field holds."""
+
+    def check(self, value: Any) -> Any:
+        """Return `value` in its canonical Python form; raise `Refused` if it is not allowed."""
+
+    def to_wire(self, value: Any, *, packed: bool) -> Any:
+        """Return what is given to msgpack (`packed`) or JSON for a checked value."""
+
+    def from_wire(self, raw: Any, *, packed: bool) -> Any:
+        """Return the Python value for what msgpack (`packed`) or JSON gave; it is not checked."""
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of the JSON form."""
+
+    def describe(self) -> str:
+        """Return the type as the specification's tables name it."""
+
+
+class _Plain:
+    """A kind whose wire forms are the value itself in both subprotocols."""
+
+    def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+        return value
+
+    def from_wire(self, raw: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+        return raw
+
+
+class Integer(_Plain):
+    """An integer in ``[low, high]``; floats and booleans are refused."""
+
+    def __init__(self, low: int = 0, high: int = MAX_INTEGER) -> None:
+        self.low = low
+        self.high = high
+
+    def check(self, value: Any) -> int:
+        if isinstance(value, np.integer):
+            value = int(value)
+        if type(value) is not int or not self.low <= value <= self.high:
+            raise Refused(f"got {clip(value)}, expected an integer from {self.low} to {self.high}")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "integer", "minimum": self.low, "maximum": self.high}
+
+    def describe(self) -> str:
+        names = {2**32 - 1: "2^32-1", MAX_INTEGER: "2^53-1"}
+        return f"integer {self.low}..{names.get(self.high, str(self.high))}"
+
+
+class Number(_Plain):
+    """A finite number in ``[low, high]``, or ``(low, high]`` where `low_excluded`."""
+
+    def __init__(self, low: float, high: float, *, low_excluded: bool = False) -> None:
+        self.low = low
+        self.high = high
+        self.low_excluded = low_excluded
+
+    def check(self, value: Any) -> float:
+        number = _finite(value)
+        if number is None or not self._inside(number):
+            raise Refused(f"got {clip(value)}, expected a number {self._range()}")
+        return number
+
+    def _inside(self, number: float) -> bool:
+        above = number > self.low if self.low_excluded else number >= self.low
+        return above and number <= self.high
+
+    def _range(self) -> str:
+        opening = "above" if self.low_excluded else "from"
+        return f"{opening} {self.low:g} to {self.high:.15g}"
+
+    def schema(self) -> dict[str, Any]:
+        low = "exclusiveMinimum" if self.low_excluded else "minimum"
+        return {"type": "number", low: self.low, "maximum": self.high}
+
+    def describe(self) -> str:
+        return f"number {'(' if self.low_excluded else '['}{self.low:g}, {self.high:.15g}]"
+
+
+class Flag(_Plain):
+    """A boolean."""
+
+    def check(self, value: Any) -> bool:
+        if type(value) is not bool:
+            raise Refused(f"got {clip(value)}, expected true or false")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "boolean"}
+
+    def describe(self) -> str:
+        return "boolean"
+
+
+class Text(_Plain):
+    """A string of at most `longest` characters, at least `shortest`; `pattern` in full, if any.
+
+    Strings count in Unicode code points; lone surrogates are refused because UTF-8 has none.
+    """
+
+    def __init__(self, longest: int, *, shortest: int = 0, pattern: str | None = None) -> None:
+        self.longest = longest
+        self.shortest = shortest
+        self.pattern = pattern
+
+    def check(self, value: Any) -> str:
+        if not isinstance(value, str) or not self.shortest <= len(value) <= self.longest:
+            raise Refused(
+                f"got {clip(value)}, expected text of {self.shortest} to {self.longest} characters"
+            )
+        if any("\ud800" <= character <= "\udfff" for character in value):
+            raise Refused("got text with a lone surrogate, expected Unicode text")
+        if self.pattern is not None and not re.fullmatch(self.pattern, value):
+            raise Refused(f"got {clip(value)}, expected text that matches {self.pattern}")
+        return str(value)
+
+    def schema(self) -> dict[str, Any]:
+        schema: dict[str, Any] = {"type": "string", "maxLength": self.longest}
+        if self.shortest:
+            schema["minLength"] = self.shortest
+        if self.pattern is not None:
+            schema["pattern"] = f"^(?:{self.pattern})$"
+        return schema
+
+    def describe(self) -> str:
+        shape = f" `{self.pattern}`" if self.pattern is not None else ""
+        return f"text {self.shortest}..{self.longest}{shape}"
+
+
+class Choice(_Plain):
+    """One of a fixed set of strings."""
+
+    def __init__(self, *options: str) -> None:
+        self.options = options
+
+    def check(self, value: Any) -> str:
+        if not isinstance(value, str) or value not in self.options:
+            raise Refused(f"got {clip(value)}, expected one of {', '.join(self.options)}")
+        return str(value)
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "string", "enum": list(self.options)}
+
+    def describe(self) -> str:
+        return "one of " + ", ".join(f"`{option}`" for option in self.options)
+
+
+class Position(_Plain):
+    """Three finite numbers, each at most `bound` in size; ``nonzero`` refuses (0, 0, 0)."""
+
+    def __init__(self, bound: float = MAX_COORDINATE_M, *, nonzero: bool = False) -> None:
+        self.bound = bound
+        self.nonzero = nonzero
+
+    def check(self, value: Any) -> tuple[float, float, float]:
+        if not isinstance(value, (list, tuple, np.ndarray)) or len(value) != 3:
+            raise Refused(f"got {clip(value)}, expected three numbers")
+        numbers = [_finite(item) for item in value]
+        x, y, z = numbers
+        if x is None or y is None or z is None or max(abs(x), abs(y), abs(z)) > self.bound:
+            raise Refused(
+                f"got {clip(value)}, expected three finite numbers of size at most "
+                f"{self.bound:.15g}"
+            )
+        if self.nonzero and x == y == z == 0.0:
+            raise Refused("got (0, 0, 0), expected a direction")
+        return (x, y, z)
+
+    def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+        return list(value)
+
+    def schema(self) -> dict[str, Any]:
+        item = {"type": "number", "minimum": -self.bound, "maximum": self.bound}
+        return {"type": "array", "items": item, "minItems": 3, "maxItems": 3}
+
+    def describe(self) -> str:
+        return f"3 numbers, size <= {self.bound:.15g}" + (", not all 0" if self.nonzero else "")
+
+
+class Version(_Plain):
+    """A protocol version ``[major, minor]``."""
+
+    _part = Integer(0, 65_535)
+
+    def check(self, value: Any) -> tuple[int, int]:
+        if not isinstance(value, (list, tuple)) or len(value) != 2:
+            raise Refused(f"got {clip(value)}, expected a version [major, minor]")
+        return (self._part.check(value[0]), self._part.check(value[1]))
+
+    def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+        return list(value)
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": self._part.schema(), "minItems": 2, "maxItems": 2}
+
+    def describe(self) -> str:
+        return "[major, minor]"
+
+
+class VersionList(_Plain):
+    """Versions that a server offers, at most 16."""
+
+    _item = Version()
+
+    def check(self, value: Any) -> tuple[tuple[int, int], ...]:
+        if not isinstance(value, (list, tuple)) or len(value) > 16:
+            raise Refused(f"got {clip(value)}, expected at most 16 versions")
+        return tuple(self._item.check(item) for item in value)
+
+    def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+        return [list(item) for item in value]
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": self._item.schema(), "maxItems": 16}
+
+    def describe(self) -> str:
+        return "list of [major, minor], at most 16"
+
+
+class NumberMap(_Plain):
+    """A map from names (1..128 characters) to finite numbers, at most `most` of them."""
+
+    _name = Text(128, shortest=1)
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+
+    def check(self, value: Any) -> dict[str, float]:
+        if not isinstance(value, Mapping) or len(value) > self.most:
+            raise Refused(f"got {clip(value)}, expected a map of at most {self.most} numbers")
+        checked: dict[str, float] = {}
+        for name, item in value.items():
+            number = _finite(item)
+            if number is None:
+                raise Refused(f"got {clip(item)}, expected a finite number", str(clip(name)))
+            checked[self._name.check(name)] = number
+        return checked
+
+    def schema(self) -> dict[str, Any]:
+        return {
+            "type": "object",
+            "maxProperties": self.most,
+            "propertyNames": self._name.schema(),
+            "additionalProperties": {"type": "number"},
+        }
+
+    def describe(self) -> str:
+        return f"map of text 1..128 to number, at most {self.most}"
+
+
+def _finite(value: Any) -> float | None:
+    if isinstance(value, (np.floating, np.integer)):
+        value = value.item()
+    if type(value) is not float and type(value) is not int:
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

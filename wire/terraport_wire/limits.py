@@ -1,0 +1,82 @@
+"""Limits that every speaker of the wire protocol keeps (spec/wire-protocol.md, "Limits").
+
+These are the protocol's own bounds: no message beyond them is ever valid, whatever a server is
+configured for.  A server may be stricter; what it allows is said in ``welcome.limits``.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "HEADER_BYTES",
+    "MAX_ATTRIBUTES",
+    "MAX_CHUNK_BYTES",
+    "MAX_CLIENT_MESSAGE_BYTES",
+    "MAX_CONTAINER_ITEMS",
+    "MAX_COORDINATE_M",
+    "MAX_DEADLINE_MS",
+    "MAX_DEPTH",
+    "MAX_FRAME_BYTES",
+    "MAX_HEADER_BYTES",
+    "MAX_HELD_SEGMENTS",
+    "MAX_INTEGER",
+    "MAX_PLAN_SEGMENTS",
+    "MAX_RADIUS_M",
+    "MAX_RELEASE_FACTOR",
+    "MAX_SEGMENT_BYTES",
+    "MAX_SERVER_MESSAGE_BYTES",
+    "MAX_TOKEN_BYTES",
+]
+
+MAX_INTEGER = 2**53 - 1
+"""Largest integer in a message: beyond it a JavaScript number is no longer exact."""
+
+MAX_FRAME_BYTES = 128 * 1024
+"""Largest payload frame, header included: a supersede takes effect within one frame."""
+
+HEADER_BYTES = 24
+"""Payload header of version 1; a receiver reads the header's own `header_bytes` instead."""
+
+MAX_CHUNK_BYTES = MAX_FRAME_BYTES - HEADER_BYTES
+"""Most payload bytes in one frame of a version 1 sender (24-byte header)."""
+
+MAX_HEADER_BYTES = 1024
+"""Largest payload header a receiver accepts: room for later versions' fields."""
+
+MAX_SEGMENT_BYTES = 64 * 1024 * 1024
+"""Largest segment: a 2048 x 2048 texture with 20,000 faces stays far below it."""
+
+MAX_CLIENT_MESSAGE_BYTES = 1024 * 1024
+"""Largest message from a client: a JSON ``hello`` with the most held segments fits."""
+
+MAX_SERVER_MESSAGE_BYTES = 8 * 1024 * 1024
+"""Largest message from a server: a JSON ``plan`` with the most segments fits."""
+
+MAX_HELD_SEGMENTS = 32_768
+"""Most segments in ``hello.held`` and ``evict``."""
+
+MAX_PLAN_SEGMENTS = 16_384
+"""Most segments of one plan (load and keep together)."""
+
+MAX_RADIUS_M = 1_000_000.0
+"""Largest radius that is a number at all; servers allow far less (``limits.max_radius_m``)."""
+
+MAX_COORDINATE_M = 10_000_000.0
+"""Largest coordinate of the scene frame: float32 detail around an origin ends long before."""
+
+MAX_RELEASE_FACTOR = 4.0
+"""Largest ratio of release radius to load radius."""
+
+MAX_DEADLINE_MS = 600_000
+"""Longest deadline of a landing: ten minutes."""
+
+MAX_TOKEN_BYTES = 4096
+"""Longest token: signed tokens with claims fit."""
+
+MAX_ATTRIBUTES = 64
+"""Most attributes in a pick's answer."""
+
+MAX_DEPTH = 16
+"""Deepest nesting of maps and arrays in a message (known messages need 4)."""
+
+MAX_CONTAINER_ITEMS = 16_384
+"""Most items of one msgpack array or map: ids and tables are packed, so few are needed."""

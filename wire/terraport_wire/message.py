@@ -1,0 +1,230 @@
+"""The base of every message: frozen dataclass in, checked fields out.
+
+A message class declares each field as ``Annotated[type, Kind, "meaning"]``.  :func:`fields_of`
+reads these once per class; construction checks by them, codec and schema walk them.
+"""
+
+# ruff: noqa: D102 - PartKind: the interface Kind documents these methods
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from enum import Enum, unique
+from typing import Any, ClassVar
+
+import numpy as np
+
+from .errors import InvalidMessageError
+from .kinds import Kind, Refused, clip
+
+__all__ = ["Direction", "Field", "Message", "Part", "PartKind", "fields_of"]
+
+
+# Filled once per class; keyed by name because dataclass(slots=True) makes each class twice.
+_FIELDS: dict[str, tuple[Field, ...]] = {}
+
+
+@unique
+class Direction(Enum):
+    """Who sends a message."""
+
+    CLIENT_TO_SERVER = "client_to_server"
+    SERVER_TO_CLIENT = "server_to_client"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a message.
+
+    Attributes
+    ----------
+    name : str
+        Name in Python and on the wire.
+    kind : Kind
+        Check, wire forms and schema.
+    required : bool
+        False if it may be absent; absent is ``None`` in Python.
+    meaning : str
+        One sentence for the specification.
+    """
+
+    name: str
+    kind: Kind
+    required: bool
+    meaning: str
+
+
+class Part:
+    """A frozen dataclass whose fields are checked on construction.
+
+    Raises
+    ------
+    InvalidMessageError
+        If a field is not what its kind allows, or two fields contradict each other.
+    """
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for field in fields_of(type(self)):
+            value = getattr(self, field.name)
+            if value is None and not field.required:
+                continue
+            try:
+                checked = field.kind.check(value)
+            except Refused as refused:
+                path = f"{field.name}.{refused.path}" if refused.path else field.name
+                raise InvalidMessageError(self.wire_name(), path, refused.text) from None
+            if checked is not value:
+                object.__setattr__(self, field.name, checked)
+        problem = self.contradiction()
+        if problem is not None:
+            raise InvalidMessageError(self.wire_name(), *problem)
+
+    @classmethod
+    def wire_name(cls) -> str:
+        """Return the name that error texts use."""
+        return cls.__name__.lower()
+
+    def contradiction(self) -> tuple[str, str] | None:
+        """Return (field, text) if two fields contradict each other, else None."""
+        return None
+
+    def __eq__(self, other: object) -> bool:
+        """Compare type and fields; arrays compare as wholes."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(
+            _equal(getattr(self, field.name), getattr(other, field.name))
+            for field in fields_of(type(self))
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # arrays inside: not hashable
+
+
+class Message(Part):
+    """Base of every message; ``TYPE`` is its name on the wire, ``DIRECTION`` who sends it."""
+
+    __slots__ = ()
+
+    TYPE: ClassVar[str]
+    DIRECTION: ClassVar[Direction]
+
+    @classmethod
+    def wire_name(cls) -> str:
+        """Return the type on the wire."""
+        return cls.TYPE
+
+
+class PartKind:
+    """A nested map that is a :class:`Part`; unknown keys in it are skipped."""
+
+    def __init__(self, part: type[Part]) -> None:
+        self.part = part
+
+    def check(self, value: Any) -> Part:
+        if not isinstance(value, self.part):
+            raise Refused(f"got {clip(value)}, expected {self.part.__name__}")
+        return value
+
+    def to_wire(self, value: Any, *, packed: bool) -> dict[str, Any]:
+        return to_map(value, packed=packed)
+
+    def from_wire(self, raw: Any, *, packed: bool) -> Part:
+        return from_map(self.part, raw, packed=packed)
+
+    def schema(self) -> dict[str, Any]:
+        return part_schema(self.part)
+
+    def describe(self) -> str:
+        return f"map, see [{self.part.wire_name()}](#{self.part.wire_name()})"
+
+
+def fields_of(part: type[Part]) -> tuple[Field, ...]:
+    """Return the fields of a message or part class, in order of declaration."""
+    known = _FIELDS.get(part.__qualname__)
+    if known is None:
+        known = _FIELDS[part.__qualname__] = _read_fields(part)
+    return known
+
+
+def to_map(part: Part, *, packed: bool) -> dict[str, Any]:
+    """Return the map of a part for msgpack (`packed`) or JSON; absent fields are left out."""
+    plain: dict[str, Any] = {}
+    for field in fields_of(type(part)):
+        value = getattr(part, field.name)
+        if value is not None:
+            plain[field.name] = field.kind.to_wire(value, packed=packed)
+    return plain
+
+
+def from_map(part: type[Part], raw: Any, *, packed: bool) -> Part:
+    """Return the part that a decoded map holds; unknown keys are skipped, null is absent.
+
+    Raises
+    ------
+    Refused
+        With the path of the field that is missing, mistyped or out of range.
+    """
+    if not isinstance(raw, dict):
+        raise Refused(f"got {clip(raw)}, expected a map")
+    values: dict[str, Any] = {}
+    for field in fields_of(part):
+        value = raw.get(field.name)
+        if value is None:
+            if field.required:
+                raise Refused("got nothing, expected " + field.kind.describe(), field.name)
+            continue
+        try:
+            values[field.name] = field.kind.from_wire(value, packed=packed)
+        except Refused as refused:
+            path = f"{field.name}.{refused.path}" if refused.path else field.name
+            raise Refused(refused.text, path) from None
+    try:
+        return part(**values)
+    except InvalidMessageError as error:
+        raise Refused(error.text, error.field) from None
+
+
+def part_schema(part: type[Part], *, type_name: str | None = None) -> dict[str, Any]:
+    """Return the JSON Schema of a part's JSON form; with `type_name` also its ``type`` key."""
+    properties: dict[str, Any] = {}
+    required: list[str] = []
+    if type_name is not None:
+        properties["type"] = {"const": type_name}
+        required.append("type")
+    for field in fields_of(part):
+        schema = {"description": field.meaning, **field.kind.schema()}
+        if field.required:
+            required.append(field.name)
+        else:
+            schema = {"anyOf": [schema, {"type": "null"}]}
+        properties[field.name] = schema
+    return {"type": "object", "properties": properties, "required": required}
+
+
+def _read_fields(part: type[Part]) -> tuple[Field, ...]:
+    hints = typing.get_type_hints(part, include_extras=True)
+    return tuple(_field(item, hints[item.name]) for item in dataclasses.fields(part))  # type: ignore[arg-type]
+
+
+def _field(item: dataclasses.Field[Any], hint: Any) -> Field:
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):  # Optional added by a default
+        hint = next(
+            inner for inner in typing.get_args(hint) if typing.get_origin(inner) is typing.Annotated
+        )
+    _, kind, meaning = typing.get_args(hint)
+    required = item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
+    return Field(item.name, kind, required, meaning)
+
+
+def _equal(left: object, right: object) -> bool:
+    if isinstance(left, np.ndarray) or isinstance(right, np.ndarray):
+        return (
+            isinstance(left, np.ndarray)
+            and isinstance(right, np.ndarray)
+            and left.dtype == right.dtype
+            and np.array_equal(left, right)
+        )
+    return left == right
