@@ -67,7 +67,7 @@ class RayScene:
     --------
     >>> scene = RayScene([[0, 0, 0], [0, 0, 1], [1, 0, 0]], [[0, 1, 2]])
     >>> t, face = scene.closest_hit([[0.2, 5, 0.2], [9, 5, 9]], [[0, -1, 0], [0, -1, 0]])
-    >>> t.tolist(), face.tolist()
+    >>> t.round(3).tolist(), face.tolist()
     ([5.0, inf], [0, -1])
     """
 
