@@ -198,12 +198,12 @@ class Ready(ServerMessage):
     TYPE: ClassVar[str] = "ready"
 
     generation: Generation
-    delivered: Annotated[int, Integer(0, MAX_PLAN_SEGMENTS), "Segments of load that were sent"]
+    delivered: Annotated[int, Integer(0, MAX_PLAN_SEGMENTS), "Segments of load that were sent whole"]
     payload_bytes: Annotated[
         int, Integer(0, MAX_INTEGER), "Payload bytes sent in this generation's frames"
     ]
     missing: Annotated[
-        NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "Segments of load that cannot be delivered"
+        NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "Segments of the plan that cannot be delivered"
     ]
 
 
