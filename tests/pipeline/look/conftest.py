@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 import pytest
+
+from terraport_pipeline.mixed_model import HandOffModel
 
 
 def terrain_height(
@@ -28,7 +31,7 @@ class Terrain:
     colours: npt.NDArray[np.uint8]
 
 
-def make_terrain(cells: int, low: float = 0.0, high: float = 100.0) -> Terrain:
+def build_terrain(cells: int, low: float = 0.0, high: float = 100.0) -> Terrain:
     """Sample the ground on (cells + 1)^2 vertices over [low, high]^2."""
     line = np.linspace(low, high, cells + 1)
     x, z = np.meshgrid(line, line, indexing="ij")
@@ -48,10 +51,64 @@ def make_terrain(cells: int, low: float = 0.0, high: float = 100.0) -> Terrain:
 @pytest.fixture(scope="session")
 def detail() -> Terrain:
     """The ground at 0.5 m."""
-    return make_terrain(200)
+    return build_terrain(200)
 
 
 @pytest.fixture(scope="session")
 def base() -> Terrain:
     """The ground at 5 m, 2 m larger on each side so that it covers the detail."""
-    return make_terrain(21, -2.5, 102.5)
+    return build_terrain(21, -2.5, 102.5)
+
+
+TILES = 8
+"""The detail's segments are TILES x TILES squares."""
+
+
+def build_model(
+    detail: Terrain, base: Terrain, *, grow_m: float = 1.0, tolerance_m: float = 1.0
+) -> HandOffModel:
+    """Cut the detail into square segments; a base face's cover are the squares its box touches.
+
+    ``grow_m`` widens the base face's box; a negative one makes a wrong cover.
+    """
+    size = 100.0 / TILES
+    centre = detail.vertices[detail.faces].mean(axis=1)
+    cell = np.clip(centre[:, [0, 2]] // size, 0, TILES - 1).astype(np.int32)
+    segment = cell[:, 0] * TILES + cell[:, 1]
+    corner = base.vertices[base.faces][:, :, [0, 2]]
+    low = np.maximum(np.floor((corner.min(axis=1) - grow_m) / size), 0).astype(int)
+    high = np.minimum(np.floor((corner.max(axis=1) + grow_m) / size), TILES - 1).astype(int)
+    covers = [
+        [x * TILES + z for x in range(x0, x1 + 1) for z in range(z0, z1 + 1)]
+        for (x0, z0), (x1, z1) in zip(low, high, strict=True)
+    ]
+    offsets = np.concatenate([[0], np.cumsum([len(cover) for cover in covers])])
+    return HandOffModel(
+        detail.vertices,
+        detail.faces,
+        segment.astype(np.int32),
+        TILES * TILES,
+        base.vertices,
+        base.faces,
+        offsets.astype(np.uint32),
+        np.array([s for cover in covers for s in cover], dtype=np.uint32),
+        tolerance_m,
+    )
+
+
+@pytest.fixture(scope="session")
+def model(detail: Terrain, base: Terrain) -> HandOffModel:
+    """Both levels with a right cover."""
+    return build_model(detail, base)
+
+
+@pytest.fixture(scope="session")
+def make_terrain() -> Callable[..., Terrain]:
+    """Sample the ground anew; see :func:`build_terrain`."""
+    return build_terrain
+
+
+@pytest.fixture(scope="session")
+def make_model() -> Callable[..., HandOffModel]:
+    """Cut into segments; see :func:`build_model`."""
+    return build_model

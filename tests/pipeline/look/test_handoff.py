@@ -1,0 +1,105 @@
+"""The proof of the hand-off: it passes right covers, and finds every kind of wrong one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.handoff import HandOffOptions, check_hand_off
+
+FEW = HandOffOptions(rays=40_000, subsets=20, seed=7)
+
+
+def test_a_right_cover_has_no_holes(model) -> None:
+    report = check_hand_off(model, FEW)
+    assert (report.holes_hidden, report.holes_uncovered) == (0, 0)
+    assert report.rays == 40_000
+    assert report.hits > 0.9 * report.rays
+    assert 0 < report.distance_m["p99.9"] <= model.tolerance_m
+    assert report.distance_m["p50"] <= report.distance_m["p99"] <= report.distance_m["p99.9"]
+    assert report.down_distance_m["max"] < 2 * model.tolerance_m
+    assert report.worst is not None
+    assert not report.worst.hole
+    assert report.holes_per_million == 0.0
+    assert {kind.kind for kind in report.kinds} == {"down", "above", "eye"}
+
+
+def test_a_cover_that_forgets_segments_has_holes_where_they_are_missing(model) -> None:
+    # Only the first of each base face's segments is kept: faces hide too early.
+    first = model.cover_segments[model.cover_offsets[:-1]]
+    wrong = replace(
+        model,
+        cover_offsets=np.arange(len(model.base_faces) + 1, dtype=np.uint32),
+        cover_segments=first,
+    )
+    report = check_hand_off(wrong, FEW)
+    assert report.holes_hidden > 50
+    assert report.holes_uncovered == 0
+    assert report.unverified < report.holes_hidden  # at most 16 models are built
+    assert report.holes == sum(kind.holes for kind in report.kinds)
+    assert all(kind.holes > 0 for kind in report.kinds)
+    worst = report.worst
+    assert worst is not None
+    assert worst.hole
+    # The hole lies on a segment that is not loaded.
+    tile = np.clip(np.array(worst.target)[[0, 2]] // 12.5, 0, 7).astype(int)
+    assert tile[0] * 8 + tile[1] not in worst.loaded
+
+
+def test_a_base_that_is_too_small_is_told_apart(detail, make_terrain, make_model) -> None:
+    small = make_terrain(18, 5.0, 95.0)
+    report = check_hand_off(make_model(detail, small), FEW)
+    assert report.holes_uncovered > 20
+    assert report.holes_hidden == 0
+
+
+def test_a_slit_in_the_base_is_seen_where_nothing_is_loaded(detail, base, make_model) -> None:
+    # The middle face of the base is gone: 12 m2 of 10,000.
+    centre = base.vertices[base.faces].mean(axis=1)
+    gone = int(np.argmin(np.abs(centre[:, [0, 2]] - 50).sum(axis=1)))
+    slit = make_model(detail, replace(base, faces=np.delete(base.faces, gone, axis=0)))
+    down = check_hand_off(slit, replace(FEW, rays=100_000)).kinds[0]
+    assert down.strict_misses >= 10
+    assert down.holes >= 10
+
+
+def test_same_seed_same_report_and_other_seed_other_rays(model) -> None:
+    options = HandOffOptions(rays=4_000, subsets=8, seed=3)
+    one, two = check_hand_off(model, options), check_hand_off(model, options)
+    assert one == two
+    assert check_hand_off(model, replace(options, seed=4)).distance_m != one.distance_m
+
+
+def test_progress_counts_every_ray(model) -> None:
+    class Count:
+        total = 0.0
+        ended = False
+
+        def start(self, stage: str, total: float | None, unit: str) -> None:
+            assert (total, unit) == (1_003, "rays")
+
+        def advance(self, n: float) -> None:
+            self.total += n
+
+        def done(self, facts) -> None:
+            self.ended = facts["holes"] == 0
+
+    count = Count()
+    check_hand_off(model, HandOffOptions(rays=1_003, subsets=10), progress=count)
+    assert count.total == 1_003
+    assert count.ended
+
+
+@pytest.mark.parametrize(("rays", "subsets"), [(5, 10), (10, 0), (-1, 1)])
+def test_impossible_options_are_refused(rays, subsets) -> None:
+    with pytest.raises(OptionError, match=f"received {rays} rays and {subsets} subsets"):
+        HandOffOptions(rays=rays, subsets=subsets)
+
+
+def test_an_empty_model_is_refused(model) -> None:
+    empty = replace(model, segment_count=0)
+    with pytest.raises(OptionError, match="received 0 segments"):
+        check_hand_off(empty, FEW)
