@@ -13,13 +13,16 @@ PURE: no I/O, no clock; depends on NumPy, meshopt and xxhash alone. Every functi
 from __future__ import annotations
 
 from terraport_payload.arrays import decode_arrays, encode_arrays
+from terraport_payload.cover import Cover
 from terraport_payload.errors import PayloadError
-from terraport_payload.glb import decode_glb, encode_glb, gltf_attribute_name, order_for_cache
+from terraport_payload.glb import decode_glb, encode_glb, gltf_attribute_name
 from terraport_payload.grid import AttributeScale, choose_attribute_scale, choose_step_m, snap
 from terraport_payload.mesh import SegmentMesh
+from terraport_payload.order import order_for_cache
 
 __all__ = [
     "AttributeScale",
+    "Cover",
     "PayloadError",
     "SegmentMesh",
     "choose_attribute_scale",

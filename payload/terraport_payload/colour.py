@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 __all__ = ["linear16_to_srgb", "srgb_to_linear16"]
 
-_GUARD: Final = 0.2
+_GUARD: Final = 0.05
 """Share of an interval left free at either end (in sRGB levels): a renderer's own rounding then
 stays inside it."""
 

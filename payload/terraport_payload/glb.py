@@ -10,6 +10,6 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from terraport_payload.glb_decode import decode_glb
-from terraport_payload.glb_encode import encode_glb, gltf_attribute_name, order_for_cache
+from terraport_payload.glb_encode import encode_glb, gltf_attribute_name
 
-__all__ = ["decode_glb", "encode_glb", "gltf_attribute_name", "order_for_cache"]
+__all__ = ["decode_glb", "encode_glb", "gltf_attribute_name"]

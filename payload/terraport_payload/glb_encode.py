@@ -30,6 +30,7 @@ from terraport_payload.grid import (
 )
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
+from terraport_payload.order import cache_order
 
 __all__ = [
     "BYTE",
@@ -38,7 +39,6 @@ __all__ = [
     "UNSIGNED_SHORT",
     "encode_glb",
     "gltf_attribute_name",
-    "order_for_cache",
 ]
 
 BYTE: Final = 5120
@@ -152,7 +152,7 @@ def encode_glb(
     """
     check_mesh(mesh)
     codes = grid_codes(mesh.positions, step_m)
-    faces, order = _cache_order(mesh, keep_face_order=keep_face_order)
+    faces, order = cache_order(mesh, keep_face_order=keep_face_order)
     codes = codes[order]
     low = codes.min(axis=0)
     out = _Views(compress=compress)
@@ -278,65 +278,6 @@ def gltf_attribute_name(name: str) -> str:
     '_ORE_GRADE__'
     """
     return "_" + re.sub(r"[^A-Z0-9_]", "_", name.upper())
-
-
-def order_for_cache(faces: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
-    """Put faces in the order that GPU vertex caches and the index codec like.
-
-    For meshes that something else refers to by face number: order the faces with this, then number
-    them, then encode with ``keep_face_order=True`` at no loss of size.
-
-    Parameters
-    ----------
-    faces : ndarray of shape (F, 3), uint32
-        Vertex indices.
-
-    Returns
-    -------
-    ndarray of shape (F,), int64
-        Permutation: ``faces[result]`` is the new order.
-
-    Notes
-    -----
-    meshoptimizer returns faces, not their numbers, and may rotate corners: faces are matched by
-    their rotated corners, and equal faces (duplicates) by their old order.
-
-    Examples
-    --------
-    >>> order_for_cache(np.array([[0, 1, 2], [2, 1, 3]], dtype=np.uint32)).tolist()
-    [0, 1]
-    """
-    flat = np.ascontiguousarray(faces, dtype=np.uint32).reshape(-1)
-    ordered, remap, _ = meshopt.reorder_mesh(flat, True, True)
-    wanted = _rotated(ordered.reshape(-1, 3))
-    given = _rotated(remap[flat].reshape(-1, 3))
-    result = np.zeros(len(faces), dtype=np.int64)
-    result[np.lexsort(wanted.T)] = np.lexsort(given.T)
-    return result
-
-
-def _cache_order(
-    mesh: SegmentMesh, *, keep_face_order: bool
-) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
-    """Order vertices by first use; unused vertices keep their order at the end, so none is lost.
-
-    Returns the faces in new numbers and, for each new vertex, its old number.
-    """
-    faces, remap, used = meshopt.reorder_mesh(mesh.faces.reshape(-1), not keep_face_order, True)
-    remap = remap.astype(np.int64)
-    if len(remap) < len(mesh.positions):  # meshopt counts vertices by the largest index
-        remap = np.concatenate([remap, np.full(len(mesh.positions) - len(remap), 0xFFFFFFFF)])
-    unused = np.flatnonzero(remap == 0xFFFFFFFF)
-    remap[unused] = used + np.arange(len(unused))
-    order = np.zeros(len(remap), dtype=np.int64)
-    order[remap] = np.arange(len(remap))
-    return faces.reshape(-1, 3), order
-
-
-def _rotated(faces: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
-    """Rotate each face so that its smallest corner comes first; winding stays."""
-    first = np.argmin(faces, axis=1)
-    return np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)
 
 
 def _unit(normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

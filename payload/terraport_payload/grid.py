@@ -147,7 +147,8 @@ def grid_codes(positions: npt.NDArray[np.float32], step_m: float) -> npt.NDArray
         farthest = float(np.abs(positions).max())
         raise PayloadError(
             f"a position is {farthest} m from the scene's origin, "
-            f"expected finite and below 2^24 steps ({MAX_STEPS * step_m} m at step {step_m} m); use a coarser step"
+            f"expected finite and below 2^24 steps ({MAX_STEPS * step_m} m at step {step_m} m); "
+            "use a coarser step"
         )
     return codes.astype(np.int64)
 

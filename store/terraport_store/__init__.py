@@ -1,1 +1,84 @@
-"""PLACEHOLDER."""
+"""Scene directories: read, write, check.
+
+A scene is a directory that is published atomically; format in ``spec/scene-format.md``.
+
+* :class:`Scene` (``Scene.open``), :func:`list_scenes`, :func:`read_manifest`: read;
+* :class:`SceneWriter`: write a new version and publish it;
+* :func:`validate_scene`: check everything;
+* :class:`SegmentIndex`, :class:`Cover`, :class:`Manifest`: what is in it;
+* :class:`SpatialIndex` with :class:`RTreeIndex` and :class:`BruteForceIndex`: segments within a
+  radius;
+* :class:`PayloadSource` with :class:`FileSource`, :class:`MmapSource`, :class:`MemorySource`.
+"""
+
+from __future__ import annotations
+
+from terraport_store.assembly import SceneInfo
+from terraport_store.cover import Cover
+from terraport_store.errors import (
+    CorruptPayloadError,
+    DamagedSceneError,
+    OutOfSpaceError,
+    PublishError,
+    RangeError,
+    SceneBusyError,
+    SceneNotFoundError,
+    StoreError,
+)
+from terraport_store.index import SegmentIndex
+from terraport_store.manifest import (
+    AttributeInfo,
+    Bounds,
+    BuildInfo,
+    Counts,
+    CrsInfo,
+    EncodingInfo,
+    FileInfo,
+    HandOff,
+    InputInfo,
+    Limits,
+    Manifest,
+    manifest_digest,
+)
+from terraport_store.reader import Scene, list_scenes, read_manifest
+from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadSource
+from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex, box_distances_m
+from terraport_store.writer import SceneWriter
+
+__all__ = [
+    "AttributeInfo",
+    "Bounds",
+    "BruteForceIndex",
+    "BuildInfo",
+    "CorruptPayloadError",
+    "Counts",
+    "Cover",
+    "CrsInfo",
+    "DamagedSceneError",
+    "EncodingInfo",
+    "FileInfo",
+    "FileSource",
+    "HandOff",
+    "InputInfo",
+    "Limits",
+    "Manifest",
+    "MemorySource",
+    "MmapSource",
+    "OutOfSpaceError",
+    "PayloadSource",
+    "PublishError",
+    "RTreeIndex",
+    "RangeError",
+    "Scene",
+    "SceneBusyError",
+    "SceneInfo",
+    "SceneNotFoundError",
+    "SceneWriter",
+    "SegmentIndex",
+    "SpatialIndex",
+    "StoreError",
+    "box_distances_m",
+    "list_scenes",
+    "manifest_digest",
+    "read_manifest",
+]

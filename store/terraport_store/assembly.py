@@ -1,0 +1,143 @@
+"""From what the caller says and what was written to a manifest.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_payload import SegmentMesh
+from terraport_store.index import SegmentIndex
+from terraport_store.layout import ENCODINGS, index_name, pack_name
+from terraport_store.manifest import (
+    AttributeInfo,
+    Bounds,
+    BuildInfo,
+    Counts,
+    CrsInfo,
+    EncodingInfo,
+    FileInfo,
+    HandOff,
+    Limits,
+    Manifest,
+)
+
+__all__ = ["MeshShape", "SceneInfo", "assemble_manifest"]
+
+
+@dataclass(frozen=True, slots=True)
+class SceneInfo:
+    """What the manifest says of a scene beyond its files."""
+
+    name: str
+    """For people; 1 to 200 characters."""
+    origin: tuple[float, float, float]
+    """E0, N0, H0 in the CRS, metres."""
+    step_m: float
+    """Grid step, a power of two, metres."""
+    points: int
+    """Points of the survey that were used."""
+    regions: int
+    """Number of regions; ids are 0 to regions - 1."""
+    hand_off: HandOff
+    build: BuildInfo
+    crs: CrsInfo | None = None
+    attributes: tuple[AttributeInfo, ...] = ()
+    has_colour: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class MeshShape:
+    """Box and counts of one mesh."""
+
+    bounds: tuple[float, ...]
+    """x, y, z minimum, x, y, z maximum; metres, scene frame."""
+    vertices: int
+    faces: int
+
+    @classmethod
+    def of(cls, mesh: SegmentMesh) -> MeshShape:
+        """Box and counts of a decoded mesh."""
+        low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+        return cls((*low.tolist(), *high.tolist()), len(mesh.positions), len(mesh.faces))
+
+
+def assemble_manifest(
+    info: SceneInfo,
+    indexes: Mapping[str, SegmentIndex],
+    base: MeshShape,
+    files: Mapping[str, FileInfo],
+) -> Manifest:
+    """Put a manifest together and compute its version.
+
+    Parameters
+    ----------
+    info : SceneInfo
+        What the files do not say.
+    indexes : mapping of str to SegmentIndex
+        By encoding, "glb" among them; at least one segment.
+    base : MeshShape
+        Of the base mesh.
+    files : mapping of str to FileInfo
+        By key; their folders do not matter yet.
+
+    Returns
+    -------
+    Manifest
+        Complete but for the folder in its files' paths, which is named after the version.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        When a field of *info* is out of range.
+    """
+    index = indexes["glb"]
+    boxes = np.vstack([index.bounds, np.array([base.bounds], dtype="<f4")]).astype(float)
+    sides = index.bounds[:, 3:].astype(float) - index.bounds[:, :3]
+    unnamed = Manifest(
+        version="0" * 32,
+        name=info.name,
+        crs=info.crs,
+        origin=info.origin,
+        step_m=info.step_m,
+        bounds=Bounds(min=_vector(boxes[:, :3].min(axis=0)), max=_vector(boxes[:, 3:].max(axis=0))),
+        encodings={
+            encoding: EncodingInfo(
+                pack=pack_name(encoding),
+                index=index_name(encoding),
+                media_type=ENCODINGS[encoding],
+                payload_bytes=one.payload_bytes,
+            )
+            for encoding, one in indexes.items()
+        },
+        attributes=info.attributes,
+        counts=Counts(
+            points=info.points,
+            base_vertices=base.vertices,
+            base_faces=base.faces,
+            detail_vertices=int(index.vertex_count.sum(dtype=np.uint64)),
+            detail_faces=int(index.face_count.sum(dtype=np.uint64)),
+            segments=len(index),
+            regions=info.regions,
+        ),
+        has_colour=info.has_colour,
+        hand_off=info.hand_off,
+        limits=Limits(
+            max_segment_bytes=max(int(one.length.max()) for one in indexes.values()),
+            max_segment_faces=int(index.face_count.max()),
+            max_extent_m=float(sides.max()),
+        ),
+        build=info.build,
+        files=dict(files),
+    )
+    return unnamed.model_copy(update={"version": unnamed.digest()})
+
+
+def _vector(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,162 @@
+"""Errors of the store.
+
+::
+
+    StoreError
+    ├── SceneNotFoundError      no scene.json at that path
+    ├── DamagedSceneError       a file of a published scene is not what the manifest says (``file``)
+    │   └── CorruptPayloadError one segment's bytes fail their hash (``segment``, ``offset``)
+    ├── RangeError              bytes asked for outside a pack
+    └── PublishError            a new version could not be published; the old one stands
+        ├── OutOfSpaceError     the disk (or a quota) is full
+        └── SceneBusyError      another process is publishing the same scene
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "CorruptPayloadError",
+    "DamagedSceneError",
+    "OutOfSpaceError",
+    "PublishError",
+    "RangeError",
+    "SceneBusyError",
+    "SceneNotFoundError",
+    "StoreError",
+]
+
+
+class StoreError(Exception):
+    """Base of all errors of the store."""
+
+
+class SceneNotFoundError(StoreError):
+    """No scene at a path.
+
+    Parameters
+    ----------
+    path : str
+        The directory that was asked for.
+    """
+
+    def __init__(self, path: str) -> None:
+        super().__init__(f"no scene at {path}, expected a directory with scene.json")
+        self.path = path
+
+
+class DamagedSceneError(StoreError):
+    """A file of a published scene is not what it should be.
+
+    Parameters
+    ----------
+    file : str
+        Path of the file, relative to the scene directory.
+    what : str
+        What was found and what was expected, lower-case, no full stop.
+    offset : int, optional
+        Byte offset in the file, where one is known.
+    """
+
+    def __init__(self, file: str, what: str, *, offset: int | None = None) -> None:
+        super().__init__(file, what)
+        self.file = file
+        self.what = what
+        self.offset = offset
+
+    def __str__(self) -> str:
+        at = "" if self.offset is None else f" at byte {self.offset}"
+        return f"{self.file}{at}: {self.what}"
+
+
+class CorruptPayloadError(DamagedSceneError):
+    """One segment's bytes do not have the hash that the index names.
+
+    Parameters
+    ----------
+    segment : int
+        Segment id.
+    offset : int
+        Where the payload starts in the pack, bytes.
+    expected, actual : int
+        XXH3-64 by the index, and of the bytes read.
+    file : str
+        Path of the pack, relative to the scene directory.
+    """
+
+    def __init__(self, segment: int, offset: int, expected: int, actual: int, *, file: str) -> None:
+        super().__init__(
+            file,
+            f"segment {segment} has hash {actual:016x}, expected {expected:016x}; "
+            "restore the file or build the scene again",
+            offset=offset,
+        )
+        self.segment = segment
+        self.expected = expected
+        self.actual = actual
+
+
+class RangeError(StoreError):
+    """Bytes asked for outside a source.
+
+    Parameters
+    ----------
+    offset, length : int
+        What was asked for, bytes.
+    size : int
+        What there is, bytes.
+    """
+
+    def __init__(self, offset: int, length: int, size: int) -> None:
+        super().__init__(f"{length} bytes at {offset}, expected within 0 to {size}")
+        self.offset = offset
+        self.length = length
+        self.size = size
+
+
+class PublishError(StoreError):
+    """A new version could not be published; what was published before is untouched."""
+
+
+class OutOfSpaceError(PublishError):
+    """The disk or a quota is full.
+
+    Parameters
+    ----------
+    path : str
+        Where it was written to.
+    needed_bytes : int, optional
+        What is still to be written, where it is known.
+    free_bytes : int, optional
+        What is free, where it is known.
+    """
+
+    def __init__(
+        self, path: str, *, needed_bytes: int | None = None, free_bytes: int | None = None
+    ) -> None:
+        self.path = path
+        self.needed_bytes = needed_bytes
+        self.free_bytes = free_bytes
+        if needed_bytes is None or free_bytes is None:
+            text = f"no space left at {path}; nothing was published, free some space and run again"
+        else:
+            text = (
+                f"{free_bytes} bytes free at {path}, expected at least {needed_bytes}; "
+                "nothing was published, free some space and run again"
+            )
+        super().__init__(text)
+
+
+class SceneBusyError(PublishError):
+    """Another process is publishing the same scene.
+
+    Parameters
+    ----------
+    path : str
+        The scene directory.
+    """
+
+    def __init__(self, path: str) -> None:
+        super().__init__(f"another process is publishing {path}; wait for it and run again")
+        self.path = path

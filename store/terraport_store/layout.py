@@ -1,0 +1,131 @@
+"""Names and constants of a scene directory. PURE: no I/O, no clock."""
+
+from __future__ import annotations
+
+import re
+import struct
+from typing import Final
+
+from terraport_payload import PayloadError
+
+__all__ = [
+    "ALIGNMENT",
+    "BASE",
+    "COVER",
+    "ENCODINGS",
+    "MANIFEST_NAME",
+    "MAX_INDEX_BYTES",
+    "MAX_MANIFEST_BYTES",
+    "MAX_PAYLOAD_BYTES",
+    "MAX_REGIONS_BYTES",
+    "PACK_HEADER_BYTES",
+    "REGIONS",
+    "STAGING",
+    "VERSION_FOLDER",
+    "check_pack_header",
+    "index_name",
+    "pack_header",
+    "pack_name",
+]
+
+MANIFEST_NAME: Final = "scene.json"
+"""The manifest; replacing it is the one act that publishes."""
+
+BASE: Final = "base.glb"
+COVER: Final = "base.cover"
+REGIONS: Final = "regions.json"
+
+ENCODINGS: Final = {"glb": "model/gltf-binary", "arrays": "application/vnd.terraport.arrays"}
+"""Payload encodings and their media types."""
+
+VERSION_FOLDER: Final = re.compile(r"v-[0-9a-f]{12}(-[0-9]{1,6})?")
+"""Folder of one published version."""
+
+STAGING: Final = re.compile(r"\.v-[0-9a-f]{16}\.tmp|\.scene-[0-9a-f]{16}\.json\.tmp")
+"""What an unfinished publication leaves; deleted by the next one."""
+
+ALIGNMENT: Final = 64
+"""Payloads start at multiples of it: a cache line, and more than any element needs. Pages (4096)
+would cost 2-3 % of the pack and gain nothing: readers ask for whole payloads."""
+
+PACK_HEADER_BYTES: Final = 64
+
+MAX_MANIFEST_BYTES: Final = 4 << 20
+"""A manifest has 5-20 KiB; its size does not grow with the scene."""
+
+MAX_INDEX_BYTES: Final = 1 << 30
+"""Bounds what opening a scene reads into memory: 18 million segments."""
+
+MAX_REGIONS_BYTES: Final = 1 << 28
+"""Bounds regions.json."""
+
+MAX_PAYLOAD_BYTES: Final = (1 << 32) - 1
+"""Payload lengths are u32 in the index and on the wire."""
+
+_PACK: Final = struct.Struct("<8sHHII16s28x")
+_PACK_MAGIC: Final = b"TPSEGPK1"
+
+
+def pack_name(encoding: str) -> str:
+    """Name of the pack of one encoding.
+
+    Examples
+    --------
+    >>> pack_name("glb"), pack_name("arrays")
+    ('segments.pack', 'segments.arrays.pack')
+    """
+    return "segments.pack" if encoding == "glb" else f"segments.{encoding}.pack"
+
+
+def index_name(encoding: str) -> str:
+    """Name of the index of one encoding.
+
+    Examples
+    --------
+    >>> index_name("glb"), index_name("arrays")
+    ('segments.idx', 'segments.arrays.idx')
+    """
+    return "segments.idx" if encoding == "glb" else f"segments.{encoding}.idx"
+
+
+def pack_header(encoding: str) -> bytes:
+    """First 64 bytes of a pack.
+
+    Examples
+    --------
+    >>> len(pack_header("glb"))
+    64
+    """
+    return _PACK.pack(_PACK_MAGIC, 1, 0, PACK_HEADER_BYTES, ALIGNMENT, encoding.encode("ascii"))
+
+
+def check_pack_header(data: bytes | memoryview, encoding: str) -> None:
+    """Check the first 64 bytes of a pack.
+
+    Parameters
+    ----------
+    data : bytes or memoryview
+        At least the first 64 bytes.
+    encoding : str
+        What the pack should hold.
+
+    Raises
+    ------
+    PayloadError
+        With the offset: too short, wrong magic, unknown major version, another encoding.
+    """
+    if len(data) < PACK_HEADER_BYTES:
+        raise PayloadError(f"{len(data)} bytes, expected a header of {PACK_HEADER_BYTES}", offset=0)
+    magic, major, _minor, header_bytes, alignment, name = _PACK.unpack_from(data)
+    if magic != _PACK_MAGIC:
+        raise PayloadError(f"magic {magic!r}, expected {_PACK_MAGIC!r}", offset=0)
+    if major != 1:
+        raise PayloadError(f"format version {major}, expected 1", offset=8)
+    if header_bytes < PACK_HEADER_BYTES or alignment != ALIGNMENT:
+        raise PayloadError(
+            f"header of {header_bytes} bytes, alignment {alignment}, "
+            f"expected {PACK_HEADER_BYTES} and {ALIGNMENT}",
+            offset=12,
+        )
+    if name.rstrip(b"\0") != encoding.encode("ascii"):
+        raise PayloadError(f"encoding {name!r}, expected {encoding!r}", offset=20)

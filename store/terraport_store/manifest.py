@@ -1,0 +1,262 @@
+"""The manifest, ``scene.json``: what a scene is, and which files hold it.
+
+PURE: no I/O, no clock. Nothing in it depends on when or where it was built, so the same survey and
+options give the same bytes and the same version.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal
+
+import pydantic
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
+
+from terraport_store.errors import DamagedSceneError
+from terraport_store.layout import MANIFEST_NAME, MAX_MANIFEST_BYTES
+
+__all__ = [
+    "AttributeInfo",
+    "Bounds",
+    "BuildInfo",
+    "Counts",
+    "CrsInfo",
+    "EncodingInfo",
+    "FileInfo",
+    "HandOff",
+    "InputInfo",
+    "Limits",
+    "Manifest",
+    "manifest_digest",
+]
+
+_Count = Annotated[int, Field(ge=0, lt=1 << 53)]
+_Length = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+_Finite = Annotated[float, Field(allow_inf_nan=False)]
+_Vector = tuple[_Finite, _Finite, _Finite]
+_Name = Annotated[str, Field(min_length=1, max_length=200)]
+_Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
+
+VERSION_DIGITS: Final = 32
+"""Hexadecimal digits of a version: 128 bits, so two scenes never share one by chance."""
+
+
+class _Frozen(BaseModel):
+    # Unknown keys are skipped: a newer minor version may add some.
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class CrsInfo(_Frozen):
+    """The survey's coordinate reference system."""
+
+    name: str
+    wkt: str = ""
+    epsg: int | None = None
+
+
+class Bounds(_Frozen):
+    """An axis-aligned box, metres, scene frame."""
+
+    min: _Vector
+    max: _Vector
+
+
+class EncodingInfo(_Frozen):
+    """One encoding of the segments: keys of its two files, and what it is."""
+
+    pack: _Name
+    index: _Name
+    media_type: _Name
+    payload_bytes: _Count
+
+
+class AttributeInfo(_Frozen):
+    """One per-vertex attribute of the survey and its scale: value = offset + step * code."""
+
+    name: _Name
+    gltf_name: _Name
+    offset: _Finite
+    step: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    min: _Finite | None = None
+    """Smallest value in the scene; None when no vertex has one."""
+    max: _Finite | None = None
+
+
+class Counts(_Frozen):
+    """How much of everything there is."""
+
+    points: _Count
+    base_vertices: _Count
+    base_faces: _Count
+    detail_vertices: _Count
+    """Over all segments; a vertex on a border counts once in each segment that uses it."""
+    detail_faces: _Count
+    segments: _Count
+    regions: _Count
+
+
+class HandOff(_Frozen):
+    """What the cover was built with."""
+
+    deviation_m: _Length
+    """Measured distance of base and detail (99.9th percentile)."""
+    tolerance_m: _Length
+    """Distance within which a segment counts as lying over a base face."""
+
+
+class Limits(_Frozen):
+    """Largest segment, so that clients can size their buffers."""
+
+    max_segment_bytes: _Count
+    max_segment_faces: _Count
+    max_extent_m: _Length
+
+
+class InputInfo(_Frozen):
+    """The survey's file."""
+
+    name: str
+    bytes: _Count
+    xxh3: _Hash
+
+
+class BuildInfo(_Frozen):
+    """Who built it, from what, how. No times: those stand in ``build.json``."""
+
+    terraport: str
+    options: dict[str, JsonValue] = {}
+    input: InputInfo | None = None
+    warnings: tuple[str, ...] = ()
+    stages: tuple[dict[str, JsonValue], ...] = ()
+
+
+class FileInfo(_Frozen):
+    """One file of the scene."""
+
+    path: Annotated[
+        str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}/[A-Za-z0-9][A-Za-z0-9._-]{0,99}$")
+    ]
+    """Relative to the scene directory, exactly one folder deep: it can never lead outside."""
+    bytes: _Count
+    xxh3: _Hash
+    """XXH3-64 (seed 0) of the whole file."""
+
+
+class Manifest(_Frozen):
+    """Contents of ``scene.json``; field table in ``spec/scene-format.md``."""
+
+    format: Literal["terraport-scene"] = "terraport-scene"
+    format_version: Annotated[str, Field(pattern=r"^1\.[0-9]{1,4}$")] = "1.0"
+    version: Annotated[str, Field(pattern=rf"^[0-9a-f]{{{VERSION_DIGITS}}}$")]
+    name: _Name
+    crs: CrsInfo | None = None
+    origin: _Vector
+    """E0, N0, H0: scene position (0, 0, 0) in the CRS."""
+    step_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    bounds: Bounds
+    encodings: dict[str, EncodingInfo]
+    attributes: tuple[AttributeInfo, ...] = ()
+    counts: Counts
+    has_colour: bool
+    hand_off: HandOff
+    limits: Limits
+    build: BuildInfo
+    files: dict[str, FileInfo]
+
+    @field_validator("encodings")
+    @classmethod
+    def _has_glb(cls, encodings: dict[str, EncodingInfo]) -> dict[str, EncodingInfo]:
+        if "glb" not in encodings:
+            raise ValueError(f"encodings are {sorted(encodings)}, expected glb among them")
+        return encodings
+
+    @property
+    def folder(self) -> str:
+        """Folder of this version, relative to the scene directory."""
+        return self.files["base.glb"].path.partition("/")[0]
+
+    def digest(self) -> str:
+        """Compute the version that the contents ask for; see :func:`manifest_digest`."""
+        return manifest_digest(self.model_dump(mode="json"))
+
+    def to_bytes(self) -> bytes:
+        """Write ``scene.json``; same contents, same bytes."""
+        document = self.model_dump(mode="json")
+        return (json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode(
+            "utf-8"
+        )
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> Manifest:
+        """Read ``scene.json``.
+
+        Parameters
+        ----------
+        data : bytes
+            The whole file.
+
+        Returns
+        -------
+        Manifest
+            Checked field by field; whether the files are there is the reader's business.
+
+        Raises
+        ------
+        DamagedSceneError
+            Naming the first field that is wrong, or the format version that is not understood.
+        """
+        if len(data) > MAX_MANIFEST_BYTES:
+            raise DamagedSceneError(
+                MANIFEST_NAME, f"{len(data)} bytes, expected at most {MAX_MANIFEST_BYTES}"
+            )
+        try:
+            document = json.loads(data)
+        except (ValueError, RecursionError) as error:
+            raise DamagedSceneError(MANIFEST_NAME, f"does not parse as JSON: {error}") from None
+        _check_format(document)
+        try:
+            manifest = cls.model_validate(document)
+        except pydantic.ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise DamagedSceneError(MANIFEST_NAME, f"field {where!r}: {first['msg']}") from None
+        needed = {"base.glb", "base.cover", "regions.json", "segments.idx"}
+        for encoding in manifest.encodings.values():
+            needed |= {encoding.pack, encoding.index}
+        missing = sorted(needed - set(manifest.files))
+        if missing:
+            raise DamagedSceneError(MANIFEST_NAME, f"no file {missing[0]!r} in files")
+        return manifest
+
+
+def manifest_digest(document: Mapping[str, Any]) -> str:
+    """Compute the version of a manifest's contents.
+
+    Parameters
+    ----------
+    document : mapping
+        The parsed ``scene.json``.
+
+    Returns
+    -------
+    str
+        32 hexadecimal digits: the first half of the SHA-256 over the canonical JSON (sorted keys,
+        no spaces) of everything but ``version``, each file's ``path`` replaced by its key. The
+        folder's name is left out because it is made from the version.
+    """
+    contents = {key: value for key, value in document.items() if key != "version"}
+    contents["files"] = {key: {**file, "path": key} for key, file in document["files"].items()}
+    text = json.dumps(contents, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()[:VERSION_DIGITS]
+
+
+def _check_format(document: Any) -> None:
+    """Say "another format" or "another version" before any field is found wrong."""
+    if not isinstance(document, Mapping) or document.get("format") != "terraport-scene":
+        found = document.get("format") if isinstance(document, Mapping) else type(document).__name__
+        raise DamagedSceneError(MANIFEST_NAME, f"format {found!r}, expected 'terraport-scene'")
+    version = document.get("format_version")
+    if not isinstance(version, str) or version.partition(".")[0] != "1":
+        raise DamagedSceneError(MANIFEST_NAME, f"format_version {version!r}, expected 1.x")

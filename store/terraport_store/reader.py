@@ -1,0 +1,398 @@
+"""Open a published scene and read from it.
+
+Opening reads the manifest, index and cover (checked by their hashes) and opens the packs; payloads
+are read one at a time, so memory use does not grow with the scene but for the index: 58 bytes per
+segment, and 150 or so per segment for the R-tree.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Literal, Self, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+import xxhash
+
+from terraport_payload import Cover, PayloadError
+from terraport_store.errors import CorruptPayloadError, DamagedSceneError, SceneNotFoundError
+from terraport_store.index import SegmentIndex
+from terraport_store.layout import (
+    BASE,
+    COVER,
+    MANIFEST_NAME,
+    MAX_INDEX_BYTES,
+    MAX_MANIFEST_BYTES,
+    MAX_REGIONS_BYTES,
+    PACK_HEADER_BYTES,
+    REGIONS,
+    check_pack_header,
+)
+from terraport_store.manifest import EncodingInfo, Manifest
+from terraport_store.source import FileSource, MmapSource, PayloadSource
+from terraport_store.spatial import RTreeIndex, SpatialIndex
+
+__all__ = ["Scene", "list_scenes", "read_manifest"]
+
+_OPEN_ATTEMPTS: Final = 5
+"""A version can vanish between reading scene.json and opening its files only if two newer ones were
+published in between; five times in a row means something else is wrong."""
+
+_T = TypeVar("_T")
+
+
+class Scene:
+    """A published scene, open for reading.
+
+    Made by :meth:`open`; a context manager. Everything but :attr:`spatial` (see there) may be used
+    from several threads. The version that was opened stays readable after newer ones are published.
+
+    Attributes
+    ----------
+    path : Path
+        The scene directory.
+    manifest : Manifest
+    index : SegmentIndex
+        Of the ``glb`` encoding: bounds and counts are the same in all.
+    cover : Cover
+        Segments over each base face.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        manifest: Manifest,
+        indexes: dict[str, SegmentIndex],
+        cover: Cover,
+        sources: dict[str, PayloadSource],
+    ) -> None:
+        self.path = path
+        self.manifest = manifest
+        self.index = indexes["glb"]
+        self.cover = cover
+        self._indexes = indexes
+        self._sources = sources
+        self._verified = {name: np.zeros(len(index), dtype=bool) for name, index in indexes.items()}
+
+    @classmethod
+    def open(cls, path: str | Path, *, source: Literal["file", "mmap"] = "file") -> Scene:
+        """Open the version that is published now.
+
+        Parameters
+        ----------
+        path : str or Path
+            The scene directory.
+        source : {"file", "mmap"}, optional
+            How payloads are read: "file" copies one payload at a time and survives anything; "mmap"
+            hands out views without a copy, but a pack cut short under it ends the process.
+
+        Returns
+        -------
+        Scene
+            Close it, or use it in a ``with`` statement.
+
+        Raises
+        ------
+        SceneNotFoundError
+            When there is no scene.json.
+        DamagedSceneError
+            Naming the file and what is wrong: missing, another size, another hash, not what the
+            format says.
+        OSError
+            When a file cannot be read (permissions, device).
+        """
+        directory = Path(path)
+        manifest = read_manifest(directory)
+        for _ in range(_OPEN_ATTEMPTS):
+            try:
+                return cls._open_version(directory, manifest, source)
+            except FileNotFoundError as error:
+                newer = read_manifest(directory)
+                if newer.version == manifest.version and newer.folder == manifest.folder:
+                    name = Path(error.filename).relative_to(directory).as_posix()
+                    raise DamagedSceneError(name, "no such file, expected by scene.json") from None
+                manifest = newer
+        raise DamagedSceneError(MANIFEST_NAME, f"{_OPEN_ATTEMPTS} versions vanished while opening")
+
+    @classmethod
+    def _open_version(cls, directory: Path, manifest: Manifest, source: str) -> Scene:
+        sources: dict[str, PayloadSource] = {}
+        try:
+            indexes = {
+                name: _parsed(
+                    directory, manifest, info.index, MAX_INDEX_BYTES, SegmentIndex.from_bytes
+                )
+                for name, info in manifest.encodings.items()
+            }
+            cover = _parsed(directory, manifest, COVER, MAX_INDEX_BYTES, Cover.from_bytes)
+            _check_agreement(manifest, indexes, cover)
+            for name, info in manifest.encodings.items():
+                sources[name] = _open_pack(directory, manifest, name, info, indexes[name], source)
+            for key in (BASE, REGIONS):
+                _check_size(directory, manifest, key)
+        except BaseException:
+            for opened in sources.values():
+                opened.close()
+            raise
+        return cls(directory, manifest, indexes, cover, sources)
+
+    @cached_property
+    def spatial(self) -> SpatialIndex:
+        """R-tree over the segments, built on first use (0.2 s per 100 k). One thread only."""
+        return RTreeIndex(self.index.bounds)
+
+    @property
+    def base_path(self) -> Path:
+        """The base mesh's GLB of this version."""
+        return self.file_path(BASE)
+
+    @cached_property
+    def regions(self) -> dict[str, Any]:
+        """Contents of regions.json, read on first use.
+
+        Raises
+        ------
+        DamagedSceneError
+            When it is not what the manifest says, or not a JSON object.
+        """
+        data = _read_checked(self.path, self.manifest, REGIONS, MAX_REGIONS_BYTES)
+        try:
+            document = json.loads(data)
+        except (ValueError, RecursionError) as error:
+            raise DamagedSceneError(
+                self._relative(REGIONS), f"does not parse as JSON: {error}"
+            ) from None
+        if not isinstance(document, dict):
+            raise DamagedSceneError(
+                self._relative(REGIONS), f"a {type(document).__name__}, expected an object"
+            )
+        return document
+
+    def file_path(self, key: str) -> Path:
+        """Path of one file of this version by its key in ``manifest.files``.
+
+        Raises
+        ------
+        KeyError
+            When the manifest has no such file.
+        """
+        return self.path / self.manifest.files[key].path
+
+    def index_for(self, encoding: str) -> SegmentIndex:
+        """Index of one encoding; lengths, offsets and hashes differ between encodings.
+
+        Raises
+        ------
+        KeyError
+            When the scene has no such encoding.
+        """
+        return self._indexes[encoding]
+
+    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+        """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
+        return self.spatial.within(centre, radius_m)
+
+    def payload(
+        self, segment_id: int, encoding: str = "glb", verify: bool = True, *, recheck: bool = False
+    ) -> bytes | memoryview:
+        """Read one segment's payload.
+
+        Parameters
+        ----------
+        segment_id : int
+            0 to S - 1.
+        encoding : str, optional
+            Key of ``manifest.encodings``.
+        verify : bool, optional
+            Compare with the index's hash, the first time each segment is read; later reads trust
+            it.
+        recheck : bool, optional
+            Compare again even if it was found right before (for a client that reports a wrong
+            hash).
+
+        Returns
+        -------
+        bytes or memoryview
+            A view (source "mmap") stays valid until :meth:`close`.
+
+        Raises
+        ------
+        CorruptPayloadError
+            When the hash is wrong; the segment counts as unverified from then on.
+        IndexError
+            When there is no such segment.
+        KeyError
+            When the scene has no such encoding.
+        DamagedSceneError
+            When the pack has become shorter than it was.
+        """
+        index = self._indexes[encoding]
+        if not 0 <= segment_id < len(index):
+            raise IndexError(f"segment {segment_id}, expected 0 to {len(index) - 1}")
+        offset = int(index.offset[segment_id])
+        data = self._sources[encoding].read(offset, int(index.length[segment_id]))
+        verified = self._verified[encoding]
+        if verify and (recheck or not verified[segment_id]):
+            expected, actual = int(index.xxh3[segment_id]), xxhash.xxh3_64_intdigest(data)
+            verified[segment_id] = actual == expected
+            if actual != expected:
+                pack = self._relative(self.manifest.encodings[encoding].pack)
+                raise CorruptPayloadError(segment_id, offset, expected, actual, file=pack)
+        return data
+
+    def close(self) -> None:
+        """Close the packs; may be called again.
+
+        Views handed out before must not be used any more.
+        """
+        for source in self._sources.values():
+            source.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _relative(self, key: str) -> str:
+        return self.manifest.files[key].path
+
+
+def read_manifest(directory: str | Path) -> Manifest:
+    """Read ``scene.json`` alone: which version is published now.
+
+    Parameters
+    ----------
+    directory : str or Path
+        The scene directory.
+
+    Returns
+    -------
+    Manifest
+
+    Raises
+    ------
+    SceneNotFoundError
+        When there is none.
+    DamagedSceneError
+        When it is not a manifest of format 1.x.
+    """
+    try:
+        with (Path(directory) / MANIFEST_NAME).open("rb") as file:
+            data = file.read(MAX_MANIFEST_BYTES + 1)
+    except (FileNotFoundError, NotADirectoryError):
+        raise SceneNotFoundError(str(directory)) from None
+    return Manifest.from_bytes(data)
+
+
+def list_scenes(directory: str | Path) -> dict[str, Path]:
+    """Find the scenes in a directory.
+
+    Parameters
+    ----------
+    directory : str or Path
+        A folder of scenes, or one scene itself.
+
+    Returns
+    -------
+    dict of str to Path
+        Scene directory by its id (the folder's name), ascending. Whether they are whole is not
+        looked at. Hidden folders are left out.
+
+    Raises
+    ------
+    SceneNotFoundError
+        When *directory* is not a directory.
+    """
+    root = Path(directory)
+    if not root.is_dir():
+        raise SceneNotFoundError(str(directory))
+    if (root / MANIFEST_NAME).is_file():
+        return {root.resolve().name: root}
+    found = (child for child in root.iterdir() if not child.name.startswith("."))
+    return {child.name: child for child in sorted(found) if (child / MANIFEST_NAME).is_file()}
+
+
+def _read_checked(directory: Path, manifest: Manifest, key: str, limit: int) -> bytes:
+    info = manifest.files[key]
+    if info.bytes > limit:
+        raise DamagedSceneError(info.path, f"{info.bytes} bytes, expected at most {limit}")
+    with (directory / info.path).open("rb") as file:
+        data = file.read(info.bytes + 1)
+    if len(data) != info.bytes:
+        raise DamagedSceneError(info.path, f"not the {info.bytes} bytes that scene.json expects")
+    actual = f"{xxhash.xxh3_64_intdigest(data):016x}"
+    if actual != info.xxh3:
+        raise DamagedSceneError(info.path, f"hash {actual}, expected {info.xxh3} by scene.json")
+    return data
+
+
+def _parsed(
+    directory: Path, manifest: Manifest, key: str, limit: int, parse: Callable[[bytes], _T]
+) -> _T:
+    try:
+        return parse(_read_checked(directory, manifest, key, limit))
+    except PayloadError as error:
+        raise DamagedSceneError(manifest.files[key].path, error.what, offset=error.offset) from None
+
+
+def _check_size(directory: Path, manifest: Manifest, key: str) -> None:
+    info = manifest.files[key]
+    size = (directory / info.path).stat().st_size
+    if size != info.bytes:
+        raise DamagedSceneError(info.path, f"{size} bytes, expected {info.bytes} by scene.json")
+
+
+def _open_pack(
+    directory: Path,
+    manifest: Manifest,
+    encoding: str,
+    info: EncodingInfo,
+    index: SegmentIndex,
+    kind: str,
+) -> PayloadSource:
+    file = manifest.files[info.pack]
+    _check_size(directory, manifest, info.pack)
+    source: PayloadSource = (MmapSource if kind == "mmap" else FileSource)(directory / file.path)
+    try:
+        check_pack_header(source.read(0, min(PACK_HEADER_BYTES, source.size)), encoding)
+    except PayloadError as error:
+        source.close()
+        raise DamagedSceneError(file.path, error.what, offset=error.offset) from None
+    if index.end > source.size:
+        source.close()
+        raise DamagedSceneError(
+            file.path, f"{source.size} bytes, expected {index.end} by the index"
+        )
+    return source
+
+
+def _check_agreement(manifest: Manifest, indexes: dict[str, SegmentIndex], cover: Cover) -> None:
+    """Check that manifest, indexes and cover count the same segments and base faces."""
+    segments = manifest.counts.segments
+    for name, index in indexes.items():
+        if len(index) != segments:
+            key = manifest.encodings[name].index
+            raise DamagedSceneError(
+                manifest.files[key].path,
+                f"{len(index)} segments, expected {segments} by scene.json",
+            )
+    path = manifest.files[COVER].path
+    if cover.base_faces != manifest.counts.base_faces:
+        raise DamagedSceneError(
+            path,
+            f"{cover.base_faces} base faces, expected {manifest.counts.base_faces} by scene.json",
+        )
+    if len(cover.segments) and int(cover.segments.max()) >= segments:
+        raise DamagedSceneError(
+            path, f"segment {int(cover.segments.max())}, expected below {segments}"
+        )

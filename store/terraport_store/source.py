@@ -1,0 +1,157 @@
+"""Where payload bytes come from: file, memory map or memory, behind one small interface."""
+
+from __future__ import annotations
+
+import mmap
+import os
+from pathlib import Path
+from typing import Protocol
+
+from terraport_store.errors import RangeError
+
+__all__ = ["FileSource", "MemorySource", "MmapSource", "PayloadSource"]
+
+
+class PayloadSource(Protocol):
+    """Random access to the bytes of one pack.
+
+    Reads may overlap from any threads; close may not.
+    """
+
+    @property
+    def size(self) -> int:
+        """Bytes in all."""
+        ...
+
+    def read(self, offset: int, length: int) -> bytes | memoryview:
+        """Read exactly *length* bytes.
+
+        Parameters
+        ----------
+        offset, length : int
+            Bytes, >= 0.
+
+        Returns
+        -------
+        bytes or memoryview
+            A view stays valid until :meth:`close`.
+
+        Raises
+        ------
+        RangeError
+            When the bytes do not all lie inside the source.
+        OSError
+            When the device fails.
+        """
+        ...
+
+    def close(self) -> None:
+        """Free what the source holds; may be called again."""
+        ...
+
+
+class FileSource:
+    """Reads with ``pread``: memory use is one payload.
+
+    A file cut short is an error, never a crash.
+
+    Parameters
+    ----------
+    path : Path
+        The pack.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        self._size = os.fstat(self._descriptor).st_size
+
+    @property
+    def size(self) -> int:
+        """Bytes in all."""
+        return self._size
+
+    def read(self, offset: int, length: int) -> bytes:
+        """Read exactly *length* bytes; see :class:`PayloadSource`."""
+        _check_range(offset, length, self._size)
+        data = os.pread(self._descriptor, length, offset)
+        while len(data) < length:  # a signal or the 2 GiB limit of one call
+            more = os.pread(self._descriptor, length - len(data), offset + len(data))
+            if not more:
+                raise RangeError(offset, length, offset + len(data))
+            data += more
+        return data
+
+    def close(self) -> None:
+        """Close the descriptor; may be called again."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+class MmapSource:
+    """Reads views of a memory map: no copy while the pages are hot.
+
+    A cold page blocks the reading thread, and a file cut short *while it is mapped* ends the
+    process (SIGBUS); published packs are never changed in place, so that takes a person or a
+    failing disk.
+
+    Parameters
+    ----------
+    path : Path
+        The pack; never empty.
+    """
+
+    def __init__(self, path: Path) -> None:
+        with path.open("rb") as file:
+            self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        self._view = memoryview(self._map)
+
+    @property
+    def size(self) -> int:
+        """Bytes in all."""
+        return len(self._view)
+
+    def read(self, offset: int, length: int) -> memoryview:
+        """Read exactly *length* bytes as a view; see :class:`PayloadSource`."""
+        _check_range(offset, length, len(self._view))
+        return self._view[offset : offset + length]
+
+    def close(self) -> None:
+        """Unmap, or leave that to the last view still in use; may be called again."""
+        self._view.release()
+        try:
+            self._map.close()
+        except BufferError:
+            return  # a frame being sent still points here: the map goes with it
+
+
+class MemorySource:
+    """Reads from bytes in memory.
+
+    Parameters
+    ----------
+    data : bytes
+        The whole pack.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self._view = memoryview(data)
+
+    @property
+    def size(self) -> int:
+        """Bytes in all."""
+        return len(self._view)
+
+    def read(self, offset: int, length: int) -> memoryview:
+        """Read exactly *length* bytes as a view; see :class:`PayloadSource`."""
+        _check_range(offset, length, len(self._view))
+        return self._view[offset : offset + length]
+
+    def close(self) -> None:
+        """Let go of the bytes; may be called again."""
+        self._view.release()
+
+
+def _check_range(offset: int, length: int, size: int) -> None:
+    if offset < 0 or length < 0 or offset + length > size:
+        raise RangeError(offset, length, size)

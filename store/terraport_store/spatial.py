@@ -1,0 +1,151 @@
+"""Which segments lie within a radius: one small interface, two implementations.
+
+Both answer exactly, by the same float64 arithmetic (:func:`box_distances_m`), so they agree to the
+last segment.
+
+References
+----------
+A. Guttman, "R-trees: a dynamic index structure for spatial searching", SIGMOD 1984; S. T.
+Leutenegger, M. A. Lopez, J. Edgington, "STR: a simple and efficient algorithm for R-tree packing",
+ICDE 1997 (libspatialindex's bulk loader).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from rtree import index as rtree_index
+
+__all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "box_distances_m"]
+
+
+class SpatialIndex(Protocol):
+    """Finds segments by distance."""
+
+    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+        """Find every segment whose box comes within a radius.
+
+        Parameters
+        ----------
+        centre : sequence of 3 floats
+            Metres, scene frame.
+        radius_m : float
+            Metres, >= 0.
+
+        Returns
+        -------
+        ndarray of int64
+            Ascending ids of the boxes whose distance to the centre (float64, 0 inside) is <=
+            radius_m.
+
+        Raises
+        ------
+        ValueError
+            When the centre or the radius is not finite, or the radius is negative.
+        """
+        ...
+
+
+class BruteForceIndex:
+    """Every box, every time: the model that others are tested against.
+
+    Fine for a few thousand segments; thread-safe.
+
+    Parameters
+    ----------
+    bounds : ndarray of shape (S, 6), float32
+        As in :class:`~terraport_store.index.SegmentIndex`.
+    """
+
+    def __init__(self, bounds: npt.NDArray[np.float32]) -> None:
+        self._bounds = bounds
+
+    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+        """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
+        point = _validate_query(centre, radius_m)
+        return np.flatnonzero(box_distances_m(self._bounds, point) <= radius_m).astype(np.int64)
+
+
+class RTreeIndex:
+    """An R-tree, bulk-loaded once.
+
+    **Not thread-safe, not even for reads** (libspatialindex; wrong answers and crashes were seen
+    with two threads): use it from one thread, or under one lock.
+
+    Parameters
+    ----------
+    bounds : ndarray of shape (S, 6), float32
+        As in :class:`~terraport_store.index.SegmentIndex`.
+    """
+
+    def __init__(self, bounds: npt.NDArray[np.float32]) -> None:
+        self._bounds = bounds
+        self._tree: rtree_index.Index | None = None
+        if len(bounds):  # libspatialindex refuses an empty bulk load
+            wide = bounds.astype(np.float64)
+            properties = rtree_index.Property(dimension=3, leaf_capacity=100, index_capacity=100)
+            self._tree = rtree_index.Index(
+                (
+                    np.arange(len(bounds), dtype=np.int64),
+                    np.ascontiguousarray(wide[:, :3]),
+                    np.ascontiguousarray(wide[:, 3:]),
+                ),
+                properties=properties,
+            )
+
+    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+        """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
+        point = _validate_query(centre, radius_m)
+        if self._tree is None:
+            return np.zeros(0, dtype=np.int64)
+        # The tree finds the boxes that meet the cube about the sphere, one rounding step wider than
+        # asked so that its own rounding loses none; the exact test then decides.
+        low = np.nextafter(point - radius_m, -np.inf)
+        high = np.nextafter(point + radius_m, np.inf)
+        found = np.fromiter(self._tree.intersection((*low, *high)), dtype=np.int64)
+        found = found[box_distances_m(self._bounds[found], point) <= radius_m]
+        found.sort()
+        return found
+
+
+def box_distances_m(
+    bounds: npt.NDArray[np.float32], centre: Sequence[float] | npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Distance from a point to axis-aligned boxes.
+
+    Parameters
+    ----------
+    bounds : ndarray of shape (N, 6), float32
+        x, y, z minimum, x, y, z maximum, metres.
+    centre : sequence of 3 floats
+        Metres, the same frame.
+
+    Returns
+    -------
+    ndarray of shape (N,), float64
+        Metres; 0 inside a box or on its surface.
+
+    Examples
+    --------
+    >>> boxes = np.array([[0, 0, 0, 1, 1, 1], [4, 5, 0, 9, 9, 1]], dtype=np.float32)
+    >>> box_distances_m(boxes, (1.0, 1.0, 1.0)).tolist()
+    [0.0, 5.0]
+    """
+    point = np.asarray(centre, dtype=np.float64)
+    wide = bounds.astype(np.float64)
+    gap = np.maximum(np.maximum(wide[:, :3] - point, point - wide[:, 3:]), 0.0)
+    distances: npt.NDArray[np.float64] = np.sqrt((gap * gap).sum(axis=1))
+    return distances
+
+
+def _validate_query(centre: Sequence[float], radius_m: float) -> npt.NDArray[np.float64]:
+    point = np.asarray(centre, dtype=np.float64)
+    if point.shape != (3,) or not bool(np.isfinite(point).all()):
+        raise ValueError(f"centre is {centre!r}, expected three finite numbers")
+    if not (math.isfinite(radius_m) and radius_m >= 0):
+        raise ValueError(f"radius_m is {radius_m!r}, expected a finite number >= 0")
+    return point

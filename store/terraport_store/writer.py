@@ -1,0 +1,342 @@
+"""Write a new version of a scene and publish it atomically.
+
+::
+
+    with SceneWriter(directory) as writer:
+        for glb in payloads:                       # in Morton or Hilbert order
+            writer.add_segment(glb, region=region)
+        writer.set_base(base_glb, cover)
+        writer.set_regions(facts)
+        manifest = writer.publish(info)
+
+Until :meth:`SceneWriter.publish` returns, the scene that readers see is the old one; leaving the
+``with`` block earlier, or being killed, leaves it so.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+import numpy as np
+import xxhash
+from pydantic import JsonValue
+
+from terraport_payload import Cover, decode_glb
+from terraport_store.assembly import MeshShape, SceneInfo, assemble_manifest
+from terraport_store.errors import PublishError
+from terraport_store.index import SegmentIndex
+from terraport_store.layout import (
+    BASE,
+    COVER,
+    ENCODINGS,
+    REGIONS,
+    index_name,
+    pack_header,
+    pack_name,
+)
+from terraport_store.manifest import FileInfo, Manifest
+from terraport_store.pack_writer import PackWriter
+from terraport_store.publishing import (
+    PublishLock,
+    new_staging_folder,
+    out_of_space_named,
+    require_space,
+    sync_folder,
+    write_synced,
+)
+from terraport_store.swap import swap_in
+
+__all__ = ["SceneInfo", "SceneWriter"]
+
+_UNNAMED: Final = "unnamed"
+"""Stands for the version's folder until the version is known; it is no part of the digest."""
+
+
+class SceneWriter:
+    """Writes one new version of a scene.
+
+    A context manager; not thread-safe. Holds a lock on the scene directory from construction to the
+    end.
+
+    Parameters
+    ----------
+    scene_dir : Path
+        Created if it is not there; its parent must be.
+    with_arrays : bool, optional
+        Also write the ``arrays`` encoding; every segment must then be given in both.
+    expected_bytes : int, optional
+        What the whole version will take, as far as known; checked against the free space at once.
+
+    Raises
+    ------
+    OutOfSpaceError
+        When there is not enough free space for expected_bytes; nothing was written.
+    SceneBusyError
+        When another process is publishing the same scene.
+    PublishError
+        When the parent directory is not there.
+    """
+
+    def __init__(
+        self, scene_dir: str | Path, *, with_arrays: bool = False, expected_bytes: int = 0
+    ) -> None:
+        self._scene_dir = Path(scene_dir)
+        parent = self._scene_dir.absolute().parent
+        if not parent.is_dir():
+            raise PublishError(f"no directory {parent}, expected one for the scene to stand in")
+        require_space(parent, expected_bytes)
+        self._created = not self._scene_dir.exists()
+        self._scene_dir.mkdir(exist_ok=True)
+        self._lock = PublishLock(self._scene_dir)
+        self._shapes: list[MeshShape] = []
+        self._regions: list[tuple[int, int]] = []
+        self._base: MeshShape | None = None
+        self._files: dict[str, FileInfo] = {}
+        self._packs: dict[str, PackWriter] = {}
+        self._open = True
+        self._staging: Path | None = None
+        try:
+            with out_of_space_named(self._scene_dir):
+                self._staging = new_staging_folder(self._scene_dir)
+                for encoding in ENCODINGS if with_arrays else ("glb",):
+                    file = (self._staging / pack_name(encoding)).open("xb")
+                    self._packs[encoding] = PackWriter(file)
+                    self._packs[encoding].write(pack_header(encoding))
+        except BaseException:
+            self.abort()
+            raise
+
+    def add_segment(
+        self,
+        glb: bytes,
+        *,
+        region: int,
+        region_count: int = 1,
+        bounds: Sequence[float] | None = None,
+        vertices: int | None = None,
+        faces: int | None = None,
+        arrays: bytes | None = None,
+    ) -> int:
+        """Append one segment to the pack.
+
+        Parameters
+        ----------
+        glb : bytes
+            From ``encode_glb``.
+        region : int
+            Id of the region with most faces in the segment.
+        region_count : int, optional
+            Number of regions in it.
+        bounds : sequence of 6 floats, optional
+            x, y, z minimum and maximum of the **decoded** (grid-snapped) positions, metres, scene
+            frame.
+        vertices, faces : int, optional
+            Counts. When any of bounds, vertices and faces is left out, all are read from the GLB (2
+            ms per 10 k faces).
+        arrays : bytes, optional
+            From ``encode_arrays(decode_glb(glb))``; needed if and only if the writer was made
+            with_arrays.
+
+        Returns
+        -------
+        int
+            The segment's id: 0, 1, 2, ...
+
+        Raises
+        ------
+        OutOfSpaceError
+            When the disk is full; everything written so far is deleted.
+        PayloadError
+            When the GLB has to be decoded and cannot be.
+        PublishError
+            When a payload is empty, an encoding is missing, or the writer is closed.
+        """
+        self._require_open()
+        if (arrays is not None) != ("arrays" in self._packs):
+            with_or_without = ("without", "with")
+            raise PublishError(
+                f"segment {len(self._shapes)} {with_or_without[arrays is not None]} arrays, "
+                f"expected {with_or_without['arrays' in self._packs]} as the writer was made"
+            )
+        if bounds is None or vertices is None or faces is None:
+            shape = MeshShape.of(decode_glb(glb))
+        else:
+            shape = MeshShape(tuple(float(value) for value in bounds), vertices, faces)
+        payloads = {"glb": glb} if arrays is None else {"glb": glb, "arrays": arrays}
+        with self._aborting():
+            for encoding, payload in payloads.items():
+                self._packs[encoding].append(payload)
+        self._shapes.append(shape)
+        self._regions.append((region, region_count))
+        return len(self._shapes) - 1
+
+    def set_base(self, glb: bytes, cover: Cover) -> None:
+        """Write the base mesh and the table of segments over its faces.
+
+        Parameters
+        ----------
+        glb : bytes
+            From ``encode_glb(..., keep_face_order=True)``.
+        cover : Cover
+            One row per base face.
+
+        Raises
+        ------
+        OutOfSpaceError
+            When the disk is full; everything written so far is deleted.
+        PayloadError
+            When the GLB cannot be decoded.
+        PublishError
+            When the cover has another number of faces, or a base was set before.
+        """
+        self._require_open()
+        if self._base is not None:
+            raise PublishError("base set twice, expected once")
+        shape = MeshShape.of(decode_glb(glb))
+        if cover.base_faces != shape.faces:
+            raise PublishError(f"cover of {cover.base_faces} base faces, expected {shape.faces}")
+        self._write(BASE, glb)
+        self._write(COVER, cover.to_bytes())
+        self._base = shape
+
+    def set_regions(self, regions: Mapping[str, JsonValue]) -> None:
+        """Write regions.json.
+
+        Parameters
+        ----------
+        regions : mapping
+            A JSON object; see ``spec/scene-format.md``, section "regions.json".
+
+        Raises
+        ------
+        OutOfSpaceError
+            When the disk is full; everything written so far is deleted.
+        PublishError
+            When it was set before, or holds NaN or infinity.
+        """
+        self._require_open()
+        if REGIONS in self._files:
+            raise PublishError("regions set twice, expected once")
+        try:
+            text = json.dumps(regions, separators=(",", ":"), allow_nan=False)
+        except ValueError as error:
+            raise PublishError(f"regions are not JSON: {error}") from None
+        self._write(REGIONS, text.encode("ascii"))
+
+    def publish(self, info: SceneInfo) -> Manifest:
+        """Finish the version and make it the published one.
+
+        Parameters
+        ----------
+        info : SceneInfo
+            Everything the files do not say.
+
+        Returns
+        -------
+        Manifest
+            As published. The version before it is kept for sessions that still use it, older ones
+            are deleted.
+
+        Raises
+        ------
+        OutOfSpaceError
+            When the disk is full; what was published before stands, everything new is deleted.
+        PublishError
+            When the base is missing, there is no segment, or the cover names a segment that is not
+            there.
+        """
+        self._require_open()
+        if self._base is None or not self._shapes:
+            raise PublishError(
+                f"{len(self._shapes)} segments and {'no' if self._base is None else 'a'} base, "
+                "expected at least one segment and a base"
+            )
+        if REGIONS not in self._files:
+            self.set_regions({"regions": []})
+        indexes = {encoding: self._index(encoding) for encoding in self._packs}
+        with self._aborting():
+            assert self._staging is not None
+            require_space(self._scene_dir, sum(len(index) * 64 for index in indexes.values()))
+            for encoding, index in indexes.items():
+                self._finish_pack(encoding)
+                self._write(index_name(encoding), index.to_bytes())
+            sync_folder(self._staging)
+            unnamed = assemble_manifest(info, indexes, self._base, self._files)
+            manifest = swap_in(self._scene_dir, self._staging, unnamed)
+        self._open = False
+        self._lock.release()
+        return manifest
+
+    def abort(self) -> None:
+        """Delete everything written; the published scene stays as it is. May be called again."""
+        if not self._open:
+            return
+        self._open = False
+        for pack in self._packs.values():
+            pack.file.close()
+        if self._staging is not None:
+            shutil.rmtree(self._staging, ignore_errors=True)
+        if self._created:
+            with suppress(OSError):  # not empty: somebody else put something there
+                self._scene_dir.rmdir()
+        self._lock.release()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.abort()
+
+    def _require_open(self) -> None:
+        if not self._open:
+            raise PublishError(
+                "the writer is closed, expected one that is neither published nor aborted"
+            )
+
+    @contextmanager
+    def _aborting(self) -> Iterator[None]:
+        """Delete everything on any error, and name a full disk."""
+        try:
+            with out_of_space_named(self._scene_dir):
+                yield
+        except BaseException:
+            self.abort()
+            raise
+
+    def _write(self, key: str, data: bytes) -> None:
+        with self._aborting():
+            assert self._staging is not None
+            write_synced(self._staging / key, data)
+        self._register(key, len(data), xxhash.xxh3_64_hexdigest(data))
+
+    def _register(self, key: str, size: int, xxh3: str) -> None:
+        self._files[key] = FileInfo(path=f"{_UNNAMED}/{key}", bytes=size, xxh3=xxh3)
+
+    def _finish_pack(self, encoding: str) -> None:
+        pack = self._packs[encoding]
+        pack.finish()
+        self._register(pack_name(encoding), pack.size, pack.digest.hexdigest())
+
+    def _index(self, encoding: str) -> SegmentIndex:
+        rows = self._packs[encoding].rows
+        return SegmentIndex(
+            bounds=np.array([shape.bounds for shape in self._shapes], dtype="<f4"),
+            vertex_count=np.array([shape.vertices for shape in self._shapes], dtype="<u4"),
+            face_count=np.array([shape.faces for shape in self._shapes], dtype="<u4"),
+            offset=np.array([row[0] for row in rows], dtype="<u8"),
+            length=np.array([row[1] for row in rows], dtype="<u4"),
+            xxh3=np.array([row[2] for row in rows], dtype="<u8"),
+            region=np.array([region for region, _ in self._regions], dtype="<u4"),
+            region_count=np.array([count for _, count in self._regions], dtype="<u2"),
+        )
