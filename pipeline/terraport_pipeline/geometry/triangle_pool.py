@@ -1,0 +1,563 @@
+"""The Triangle Pool Algorithm (TPA): faces of like colour that hang together.
+
+Thesis section 3.5, its symbols in brackets:
+
+1. index of every face [l_i]: CIEDE2000 of its mean vertex colour to white (3.1), or any scalar given;
+2. separation [d_i]: distance of the face's centre to one fixed point, over the largest (3.2);
+3. similarity [s_i] = mu * l_i + tau * d_i (3.3);
+4. k from chaining the sorted s with threshold Th (3.4); level 2 pools = 1-D k-means of s with that k;
+5. level 3 pools = connected components of the faces of each level 2 pool;
+6. small level 3 pools (faces / all < sTh, 3.5) join large ones (3.6).
+
+Where the text is silent or cannot be meant, this module departs from it and says so:
+
+- *Scale.* l runs 0..100 in CIEDE2000 but Th = 0.7 and tau = 0.1 only make sense for 0..1:
+  ``normalise="minmax"`` is the default (``segmentation.md``).
+- *k-means* is solved exactly (``kmeans_1d.py``) instead of from a random start.
+- *Refining* (3.6) runs in rounds. In each round every small pool that touches a large pool joins the one of nearest
+  mean s (the mean of the original large pool, as gamma_L is); what it touched then touches that large pool in the
+  next round. Small pools that can reach no large pool first join each other, each its most similar neighbour, until
+  one of the unions is large. Ties: nearer mean, then more faces, then lower number (pools are numbered by their first
+  face). What is left touches nothing: see ``islands``.
+
+PURE: no I/O, no clock. Time O(n log n) for the sort, everything else linear; peak about 90 bytes per face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from terraport_pipeline.geometry.adjacency import components, face_pairs, vertex_pairs
+from terraport_pipeline.geometry.colour import face_colour_sums, white_distance_of_sums
+from terraport_pipeline.geometry.kmeans_1d import kmeans_1d
+
+__all__ = [
+    "FINE_POOLS",
+    "REGION_POOLS",
+    "TrianglePoolOptions",
+    "TrianglePools",
+    "chain_count",
+    "face_similarity",
+    "triangle_pools",
+]
+
+_Float32 = npt.NDArray[np.float32]
+_Float64 = npt.NDArray[np.float64]
+_Int32 = npt.NDArray[np.int32]
+_Int64 = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class TrianglePoolOptions:
+    """Parameters of the Triangle Pool Algorithm; the defaults are the thesis's for regions."""
+
+    threshold: float = 0.7
+    """[Th] width of a chained bin in s; larger gives fewer, larger pools. > 0."""
+    small_threshold: float = 0.015
+    """[sTh] share of all faces below which a pool is small and joins a large one; 0 keeps every pool. 0..1."""
+    mu: float = 1.0
+    """Weight of the colour (or scalar) index. >= 0."""
+    tau: float = 0.1
+    """Weight of the separation index. >= 0."""
+    normalise: Literal["minmax", "max", "raw"] = "minmax"
+    """How l is scaled: to 0..``attribute_range`` by its least and largest value, by its largest magnitude only, or
+    not at all."""
+    attribute_range: float = 1.0
+    """Upper end of the normalised l; 2 reproduces the thesis's results with shape diameters. > 0."""
+    origin: Literal["min_corner", "first", "centroid"] = "min_corner"
+    """The point d is measured from: the least corner of the centres' box (independent of face order), the first
+    face's centre (the thesis), or the mean of the centres (independent of order and of rotation)."""
+    contiguity: Literal["edge", "vertex"] = "edge"
+    """Whether faces must share an edge, or only a vertex, to be neighbours."""
+    islands: Literal["nearest", "stay"] = "nearest"
+    """Small pools from which no large pool can be reached join the pool of the nearest face, or stay as they are."""
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range before any work."""
+        for name, low, high in (
+            ("threshold", np.nextafter(0, 1), np.inf),
+            ("small_threshold", 0.0, 1.0),
+            ("mu", 0.0, np.inf),
+            ("tau", 0.0, np.inf),
+            ("attribute_range", np.nextafter(0, 1), np.inf),
+        ):
+            value = getattr(self, name)
+            if not (low <= value <= high and np.isfinite(value)):
+                msg = f"{name} is {value}, expected a finite number in {low:g}..{high:g}"
+                raise ValueError(msg)
+        for name, allowed in (
+            ("normalise", ("minmax", "max", "raw")),
+            ("origin", ("min_corner", "first", "centroid")),
+            ("contiguity", ("edge", "vertex")),
+            ("islands", ("nearest", "stay")),
+        ):
+            if getattr(self, name) not in allowed:
+                msg = f"{name} is {getattr(self, name)!r}, expected one of {', '.join(allowed)}"
+                raise ValueError(msg)
+
+
+REGION_POOLS: Final = TrianglePoolOptions()
+"""Published setting for regions: Th = 0.7, sTh = 0.015."""
+FINE_POOLS: Final = TrianglePoolOptions(threshold=0.2, small_threshold=0.0)
+"""Published setting for streaming segments: Th = 0.2, sTh = 0."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrianglePools:
+    """What the algorithm found."""
+
+    labels: _Int32
+    """(F,) pool of every face, numbered 0.. by each pool's first face."""
+    similarity: _Float32
+    """(F,) s of every face."""
+    k: int
+    """Number of level 2 pools asked of k-means."""
+    level3_count: int
+    """Number of level 3 pools before refining."""
+    count: int
+    """Number of pools in ``labels``."""
+    islands: int
+    """Level 3 unions that could reach no large pool (joined to the nearest, or left, by ``islands``)."""
+
+
+def triangle_pools(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    *,
+    colours: npt.NDArray[np.uint8] | None = None,
+    scalar: npt.NDArray[np.floating] | None = None,
+    options: TrianglePoolOptions = REGION_POOLS,
+    pairs: _Int32 | None = None,
+) -> TrianglePools:
+    """Segment a mesh with the Triangle Pool Algorithm.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float
+        Positions, any one unit, any frame; finite.
+    faces : ndarray of shape (F, 3), integer
+        Vertex indices. F may be 0. Non-manifold edges, repeated and zero-area faces are allowed.
+    colours : ndarray of shape (V, 3), uint8, optional
+        sRGB per vertex.
+    scalar : ndarray of shape (F,), float, optional
+        One finite value per face instead of colours (a shape diameter, an attribute).
+    options : TrianglePoolOptions
+        Parameters.
+    pairs : ndarray of shape (P, 2), int32, optional
+        Neighbouring faces where the caller has them already (:func:`face_pairs`, or :func:`vertex_pairs` for
+        ``contiguity="vertex"``).
+
+    Returns
+    -------
+    TrianglePools
+        Every face in exactly one pool. The same input gives the same bytes; renumbering vertices changes nothing.
+
+    Raises
+    ------
+    ValueError
+        Wrong shapes, not exactly one of ``colours`` and ``scalar``, or values that are not finite.
+
+    Examples
+    --------
+    Four triangles in a row, two dark and two light:
+
+    >>> vertices = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0], [2, 1, 0]], dtype=float)
+    >>> faces = np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]])
+    >>> triangle_pools(vertices, faces, scalar=np.array([0.0, 0.1, 0.9, 1.0])).labels.tolist()
+    [0, 0, 1, 1]
+    """
+    similarity = face_similarity(vertices, faces, colours=colours, scalar=scalar, options=options)
+    n_faces = len(faces)
+    if n_faces == 0:
+        return TrianglePools(np.zeros(0, np.int32), similarity, 0, 0, 0, 0)
+    # (1) level 2: k by chaining, then k-means
+    ordered = np.sort(similarity)
+    k = chain_count(ordered, options.threshold)
+    level2 = kmeans_1d(ordered, k).assign(similarity)
+    del ordered
+    # (2) level 3: connected components
+    if pairs is None:
+        if options.contiguity == "edge":
+            pairs = face_pairs(faces, len(vertices))[0]
+        else:
+            pairs = vertex_pairs(faces, len(vertices))
+    level3, level3_count = components(n_faces, pairs, labels=level2)
+    del level2
+    # (3) refining
+    smallest = options.small_threshold * n_faces
+    if smallest <= 0.0 or level3_count == 1:
+        return TrianglePools(level3, similarity, k, level3_count, level3_count, 0)
+    merged, unreached = _refine(level3, level3_count, pairs, similarity, smallest)
+    islands = int(np.count_nonzero(unreached))
+    if islands and options.islands == "nearest" and islands < len(unreached):
+        merged = _join_nearest(vertices, faces, merged, unreached)
+    labels, count = _number_by_first(merged)
+    return TrianglePools(labels, similarity, k, level3_count, count, islands)
+
+
+def face_similarity(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    *,
+    colours: npt.NDArray[np.uint8] | None = None,
+    scalar: npt.NDArray[np.floating] | None = None,
+    options: TrianglePoolOptions = REGION_POOLS,
+) -> _Float32:
+    """Similarity index s of every face (3.3).
+
+    Parameters
+    ----------
+    vertices, faces, colours, scalar, options
+        As in :func:`triangle_pools`.
+
+    Returns
+    -------
+    ndarray of shape (F,), float32
+        Computed in float64 and rounded once; every later comparison uses the rounded value.
+
+    Raises
+    ------
+    ValueError
+        As in :func:`triangle_pools`.
+    """
+    _validate_inputs(vertices, faces, colours, scalar)
+    if len(faces) == 0:
+        return np.zeros(0, np.float32)
+    if colours is not None:
+        index = white_distance_of_sums(face_colour_sums(colours, faces), 3).astype(np.float64)
+    else:
+        index = np.array(scalar, dtype=np.float64)
+    low, high = float(index.min()), float(index.max())
+    if options.normalise == "minmax":
+        index -= low
+        index *= options.attribute_range / (high - low) if high > low else 0.0
+    elif options.normalise == "max":
+        largest = max(abs(low), abs(high))
+        index *= options.attribute_range / largest if largest > 0.0 else 0.0
+    index *= options.mu
+    if options.tau > 0.0:
+        index += options.tau * _separation(face_centres(vertices, faces), options.origin)
+    return index.astype(np.float32)
+
+
+def face_centres(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> _Float64:
+    """Mean of each face's three corners, (F, 3) float64, in the vertices' unit and frame."""
+    centres = vertices[faces[:, 0]].astype(np.float64)
+    centres += vertices[faces[:, 1]]
+    centres += vertices[faces[:, 2]]
+    centres /= 3.0
+    return centres
+
+
+def chain_count(ordered: _Float32, threshold: float) -> int:
+    """Number of chained bins (3.4): a value more than ``threshold`` above its bin's first opens the next bin.
+
+    Parameters
+    ----------
+    ordered : ndarray of shape (N,), float32
+        Ascending.
+    threshold : float
+        [Th]; a value *at* the threshold stays in the bin, as written.
+
+    Returns
+    -------
+    int
+        0 for no values.
+
+    Examples
+    --------
+    >>> chain_count(np.array([0.0, 0.5, 0.75, 1.0, 1.5], dtype=np.float32), 0.5)
+    2
+    """
+    return int(_chain_count(ordered, threshold))
+
+
+def _validate_inputs(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    colours: npt.NDArray[np.uint8] | None,
+    scalar: npt.NDArray[np.floating] | None,
+) -> None:
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        msg = f"vertices {vertices.shape} and faces {faces.shape}, expected (V, 3) and (F, 3)"
+        raise ValueError(msg)
+    if len(faces) and (int(faces.min()) < 0 or int(faces.max()) >= len(vertices)):
+        msg = f"face indices {faces.min()}..{faces.max()}, expected 0..{len(vertices) - 1}"
+        raise ValueError(msg)
+    if not np.isfinite(vertices).all():
+        bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
+        msg = f"vertex {bad} is {vertices[bad].tolist()}, expected finite coordinates"
+        raise ValueError(msg)
+    if (colours is None) == (scalar is None):
+        given = "neither" if colours is None else "both"
+        msg = f"received {given} of colours and scalar, expected exactly one"
+        raise ValueError(msg)
+    if colours is not None and (colours.shape != vertices.shape or colours.dtype != np.uint8):
+        msg = f"colours are {colours.dtype} {colours.shape}, expected uint8 {vertices.shape}"
+        raise ValueError(msg)
+    if scalar is not None:
+        if scalar.shape != (len(faces),):
+            msg = f"scalar has shape {scalar.shape}, expected ({len(faces)},)"
+            raise ValueError(msg)
+        if not np.isfinite(scalar).all():
+            bad = int(np.flatnonzero(~np.isfinite(scalar))[0])
+            msg = f"scalar of face {bad} is {scalar[bad]}, expected a finite number"
+            raise ValueError(msg)
+
+
+def _separation(centres: _Float64, origin: str) -> _Float64:
+    """Standardised separation index d, 0..1 (3.2); all zero where the centres coincide."""
+    if origin == "first":
+        start = centres[0].copy()
+    elif origin == "centroid":
+        start = centres.mean(axis=0)
+    else:
+        start = centres.min(axis=0)
+    centres -= start
+    np.square(centres, out=centres)
+    distance = np.sqrt(centres[:, 0] + centres[:, 1] + centres[:, 2])
+    largest = float(distance.max())
+    return distance / largest if largest > 0.0 else distance
+
+
+@numba.njit(cache=True)
+def _chain_count(ordered: _Float32, threshold: float) -> int:
+    count = 0
+    first = 0.0
+    for i in range(len(ordered)):
+        value = np.float64(ordered[i])
+        if count == 0 or value - first > threshold:
+            count += 1
+            first = value
+    return count
+
+
+def _refine(
+    labels: _Int32, count: int, pairs: _Int32, similarity: _Float32, smallest: float
+) -> tuple[_Int32, npt.NDArray[np.bool_]]:
+    """Merge small pools; returns group per face and, per group, whether it reached no large pool."""
+    size = np.bincount(labels, minlength=count).astype(np.int64)
+    mean = np.bincount(labels, weights=similarity, minlength=count) / size
+    offsets, neighbours = _pool_graph(labels, pairs, count)
+    group = np.arange(count, dtype=np.int32)  # pool -> node of the current graph
+    while True:
+        large = size >= smallest
+        target = _flood(offsets, neighbours, mean, size, large)
+        loose = target < 0
+        if not loose.any():
+            break
+        joined, moved = _join_most_similar(offsets, neighbours, mean, size, loose)
+        if not moved:
+            break
+        # The loose pools were united among themselves: contract them, and look for large ones again. Pools that
+        # a flood reached keep out of it: no loose pool touches them, or the flood would have gone on.
+        nodes, n_nodes = _number_by_first(joined)
+        node_size = np.zeros(n_nodes, np.int64)
+        np.add.at(node_size, nodes, size)
+        weighted = np.bincount(nodes, weights=mean * size, minlength=n_nodes)
+        offsets, neighbours = _contract(offsets, neighbours, nodes, n_nodes)
+        group = nodes[group]
+        size, mean = node_size, weighted / node_size
+    target = np.where(target < 0, np.arange(len(target), dtype=np.int32), target)
+    merged, n_groups = _number_by_first(target)
+    unreached = np.zeros(n_groups, np.bool_)
+    unreached[merged[loose]] = True
+    return merged[group][labels], unreached
+
+
+@numba.njit(cache=True)
+def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int32]:
+    """Neighbouring pools as CSR; a neighbour appears once per shared edge."""
+    offsets = np.zeros(count + 1, np.int64)
+    for i in range(len(pairs)):
+        a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
+        if a != b:
+            offsets[a + 1] += 1
+            offsets[b + 1] += 1
+    for i in range(count):
+        offsets[i + 1] += offsets[i]
+    neighbours = np.empty(offsets[count], np.int32)
+    cursor = offsets[:-1].copy()
+    for i in range(len(pairs)):
+        a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
+        if a != b:
+            neighbours[cursor[a]] = b
+            cursor[a] += 1
+            neighbours[cursor[b]] = a
+            cursor[b] += 1
+    return offsets, neighbours
+
+
+@numba.njit(cache=True)
+def _contract(
+    offsets: _Int64, neighbours: _Int32, nodes: _Int32, n_nodes: int
+) -> tuple[_Int64, _Int32]:
+    """The same graph between groups of nodes."""
+    new = np.zeros(n_nodes + 1, np.int64)
+    for i in range(len(offsets) - 1):
+        for e in range(offsets[i], offsets[i + 1]):
+            if nodes[neighbours[e]] != nodes[i]:
+                new[nodes[i] + 1] += 1
+    for i in range(n_nodes):
+        new[i + 1] += new[i]
+    kept = np.empty(new[n_nodes], np.int32)
+    cursor = new[:-1].copy()
+    for i in range(len(offsets) - 1):
+        for e in range(offsets[i], offsets[i + 1]):
+            if nodes[neighbours[e]] != nodes[i]:
+                kept[cursor[nodes[i]]] = nodes[neighbours[e]]
+                cursor[nodes[i]] += 1
+    return new, kept
+
+
+@numba.njit(cache=True)
+def _better(
+    difference: float, size: int, number: int, best_difference: float, best_size: int, best: int
+) -> bool:
+    """Tie rule of all joins: nearer mean, then more faces, then lower number."""
+    if best < 0 or difference < best_difference:
+        return True
+    if difference > best_difference:
+        return False
+    return size > best_size or (size == best_size and number < best)
+
+
+@numba.njit(cache=True)
+def _flood(
+    offsets: _Int64,
+    neighbours: _Int32,
+    mean: _Float64,
+    size: _Int64,
+    large: npt.NDArray[np.bool_],
+) -> _Int32:
+    """Large pool that each pool joins (itself for large ones), -1 where none can be reached.
+
+    Rounds are breadth-first levels: a pool joins in the first round in which it touches a settled pool, so every
+    contact is looked at twice and no more.
+    """
+    count = len(mean)
+    target = np.full(count, -1, np.int32)
+    queued = large.copy()
+    front = np.empty(count, np.int32)
+    choice = np.empty(count, np.int32)
+    begin = end = 0
+    for p in range(count):
+        if large[p]:
+            target[p] = p
+            for e in range(offsets[p], offsets[p + 1]):
+                q = neighbours[e]
+                if not queued[q]:
+                    queued[q] = True
+                    front[end] = q
+                    end += 1
+    while begin < end:
+        for i in range(begin, end):
+            p = front[i]
+            best, best_difference, best_size = -1, np.inf, 0
+            for e in range(offsets[p], offsets[p + 1]):
+                t = target[neighbours[e]]
+                if t < 0 or t == best:
+                    continue
+                difference = abs(mean[t] - mean[p])
+                if _better(difference, size[t], t, best_difference, best_size, best):
+                    best, best_difference, best_size = t, difference, size[t]
+            choice[i] = best
+        stop = end
+        for i in range(begin, stop):
+            target[front[i]] = choice[i]
+        for i in range(begin, stop):
+            for e in range(offsets[front[i]], offsets[front[i] + 1]):
+                q = neighbours[e]
+                if not queued[q]:
+                    queued[q] = True
+                    front[end] = q
+                    end += 1
+        begin = stop
+    return target
+
+
+@numba.njit(cache=True)
+def _join_most_similar(
+    offsets: _Int64,
+    neighbours: _Int32,
+    mean: _Float64,
+    size: _Int64,
+    loose: npt.NDArray[np.bool_],
+) -> tuple[_Int32, bool]:
+    """Unite every loose pool with its most similar loose neighbour; the lowest number names the union."""
+    count = len(mean)
+    parent = np.arange(count).astype(np.int32)
+    moved = False
+    for p in range(count):
+        if not loose[p]:
+            continue
+        best, best_difference, best_size = -1, np.inf, 0
+        for e in range(offsets[p], offsets[p + 1]):
+            q = neighbours[e]
+            if not loose[q] or q == best:
+                continue
+            difference = abs(mean[q] - mean[p])
+            if _better(difference, size[q], q, best_difference, best_size, best):
+                best, best_difference, best_size = q, difference, size[q]
+        if best >= 0:
+            moved = True
+            a, b = p, best
+            while parent[a] != a:
+                parent[a] = parent[parent[a]]
+                a = parent[a]
+            while parent[b] != b:
+                parent[b] = parent[parent[b]]
+                b = parent[b]
+            parent[max(a, b)] = min(a, b)
+    for p in range(count):  # roots are the lowest of their union, so one ascending pass flattens
+        parent[p] = parent[parent[p]]
+    return parent, moved
+
+
+def _join_nearest(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    groups: _Int32,
+    unreached: npt.NDArray[np.bool_],
+) -> _Int32:
+    """Give each unreached group the group of the nearest face that was reached (centre to centre).
+
+    Ties in distance: the lowest face of the group decides, and of faces equally near to it the tree's first, which
+    depends on positions only.
+    """
+    centres = face_centres(vertices, faces)
+    lost = unreached[groups]
+    kept_faces = np.flatnonzero(~lost)
+    lost_faces = np.flatnonzero(lost)
+    distance, nearest = cKDTree(centres[kept_faces]).query(centres[lost_faces], workers=-1)
+    order = np.lexsort((lost_faces, distance, groups[lost_faces]))
+    owner = groups[lost_faces][order]
+    first = np.concatenate([[True], owner[1:] != owner[:-1]])
+    mapping = np.arange(len(unreached), dtype=np.int32)
+    mapping[owner[first]] = groups[kept_faces[nearest[order[first]]]]
+    return mapping[groups]
+
+
+def _number_by_first(labels: _Int32) -> tuple[_Int32, int]:
+    """Renumber labels (any in 0..max) to 0.. in order of first appearance."""
+    numbered, count = _renumber(labels, int(labels.max()) + 1 if len(labels) else 0)
+    return numbered, int(count)
+
+
+@numba.njit(cache=True)
+def _renumber(labels: _Int32, limit: int) -> tuple[_Int32, int]:
+    number = np.full(limit, -1, np.int32)
+    numbered = np.empty(len(labels), np.int32)
+    count = 0
+    for i in range(len(labels)):
+        if number[labels[i]] < 0:
+            number[labels[i]] = count
+            count += 1
+        numbered[i] = number[labels[i]]
+    return numbered, count

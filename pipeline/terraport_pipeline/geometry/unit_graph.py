@@ -1,0 +1,346 @@
+"""The graph of mesh pieces ("units") that segments are merged from, and the merge steps on it.
+
+A unit is an edge-connected set of faces inside one pool and one region. Two units are neighbours when they share an
+edge; the *border* between them is the summed length of those edges. Lengths are held as whole numbers of a fixed
+fraction of the longest edge, so that sums are exact and no result depends on the order of summation, hence none on
+the numbering of the vertices.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "UnitGraph",
+    "Units",
+    "contract",
+    "join_small",
+    "join_within_bounds",
+    "merge_units",
+    "unit_graph",
+]
+
+_Bool = npt.NDArray[np.bool_]
+_Float32 = npt.NDArray[np.float32]
+_Float64 = npt.NDArray[np.float64]
+_Int32 = npt.NDArray[np.int32]
+_Int64 = npt.NDArray[np.int64]
+
+_COMPACTNESS: Final = 0.25
+"""Weight of the border share against the difference of mean s when small units choose whom to join. 0 follows
+similarity alone and leaves ragged, interleaved segments; beyond 1 shape overrules colour."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitGraph:
+    """Neighbours of every unit as CSR, each neighbour once, ascending."""
+
+    offsets: _Int64
+    """(U+1,) row starts."""
+    neighbours: _Int32
+    """(E,) unit numbers; every contact appears in both rows."""
+    border: _Int64
+    """(E,) border length in whole steps, >= 1."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Units:
+    """What is known of every unit; row u belongs to unit u."""
+
+    size: _Int64
+    """(U,) faces."""
+    total: _Float64
+    """(U,) sum of the similarity index s of its faces."""
+    region: _Int32
+    """(U,) region of its largest part."""
+    low: _Float32
+    """(U, 3) least corner of its box, metres."""
+    high: _Float32
+    """(U, 3) greatest corner of its box, metres."""
+
+
+def unit_graph(labels: _Int32, count: int, pairs: _Int32, lengths: _Int64) -> UnitGraph:
+    """Build the graph of units from pairs of neighbouring faces.
+
+    Parameters
+    ----------
+    labels : ndarray of shape (F,), int32
+        Unit of every face, 0..count-1.
+    count : int
+        Number of units.
+    pairs : ndarray of shape (P, 2), int32
+        Faces that share an edge.
+    lengths : ndarray of shape (P,), int64
+        Length of the shared edge in whole steps.
+
+    Returns
+    -------
+    UnitGraph
+    """
+    return UnitGraph(*_combine(*_rows_from_pairs(labels, count, pairs, lengths)))
+
+
+def contract(graph: UnitGraph, nodes: _Int32, count: int) -> UnitGraph:
+    """Graph between unions of units: ``nodes[u]`` is the union that unit u belongs to."""
+    return UnitGraph(
+        *_combine(*_rows_from_graph(graph.offsets, graph.neighbours, graph.border, nodes, count))
+    )
+
+
+def merge_units(units: Units, nodes: _Int32, count: int) -> Units:
+    """Facts of unions of units; a union's region is that of its largest unit (tie: lowest number)."""
+    size = np.zeros(count, np.int64)
+    np.add.at(size, nodes, units.size)
+    low = np.full((count, 3), np.inf, np.float32)
+    high = np.full((count, 3), -np.inf, np.float32)
+    np.minimum.at(low, nodes, units.low)
+    np.maximum.at(high, nodes, units.high)
+    order = np.lexsort((np.arange(len(nodes)), -units.size, nodes))
+    first = order[np.searchsorted(nodes[order], np.arange(count))]
+    total = np.bincount(nodes, weights=units.total, minlength=count)
+    return Units(size, total, units.region[first], low, high)
+
+
+def join_small(graph: UnitGraph, units: Units, min_faces: int, *, across_regions: bool) -> _Int32:
+    """One round in which every unit below ``min_faces`` joins its best neighbour, whatever the result's size.
+
+    Parameters
+    ----------
+    graph, units
+        The units and their contacts.
+    min_faces : int
+        Units with fewer faces look for a partner.
+    across_regions : bool
+        False: only neighbours of the same region count. True: any neighbour does.
+
+    Returns
+    -------
+    ndarray of shape (U,), int32
+        For every unit the lowest unit of its union (itself where nothing happened).
+
+    Notes
+    -----
+    Best is the least ``|mean s difference| + 0.25 * (1 - share of the unit's border)``; ties go to the longer border,
+    then the lower number.
+    """
+    return _join_small(
+        graph.offsets, graph.neighbours, graph.border, units.size, units.total / units.size,
+        units.region, min_faces, across_regions,
+    )  # fmt: skip
+
+
+def join_within_bounds(
+    graph: UnitGraph,
+    units: Units,
+    min_faces: int,
+    max_faces: int,
+    max_extent_m: float,
+    *,
+    across_regions: bool,
+) -> _Int32:
+    """One round in which units below ``min_faces`` join a neighbour if the union keeps both upper bounds.
+
+    Smallest first; a unit that took part in a join waits for the next round, so that bounds are never exceeded by
+    two joins at once.
+
+    Parameters
+    ----------
+    graph, units
+        The units and their contacts.
+    min_faces, max_faces : int
+        Who looks for a partner, and the most faces a union may have.
+    max_extent_m : float
+        Longest side of the union's box, metres.
+    across_regions : bool
+        Whether neighbours of another region count.
+
+    Returns
+    -------
+    ndarray of shape (U,), int32
+        For every unit the lowest unit of its union.
+    """
+    order = np.lexsort((np.arange(len(units.size)), units.size))
+    order = order[units.size[order] < min_faces]
+    return _join_within_bounds(
+        graph.offsets, graph.neighbours, graph.border, units.size, units.total / units.size,
+        units.region, units.low, units.high, order, max_faces, max_extent_m, across_regions,
+    )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def _rows_from_pairs(
+    labels: _Int32, count: int, pairs: _Int32, lengths: _Int64
+) -> tuple[_Int64, _Int32, _Int64]:
+    offsets = np.zeros(count + 1, np.int64)
+    for i in range(len(pairs)):
+        a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
+        if a != b:
+            offsets[a + 1] += 1
+            offsets[b + 1] += 1
+    for u in range(count):
+        offsets[u + 1] += offsets[u]
+    neighbours = np.empty(offsets[count], np.int32)
+    border = np.empty(offsets[count], np.int64)
+    cursor = offsets[:-1].copy()
+    for i in range(len(pairs)):
+        a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
+        if a != b:
+            neighbours[cursor[a]] = b
+            border[cursor[a]] = lengths[i]
+            cursor[a] += 1
+            neighbours[cursor[b]] = a
+            border[cursor[b]] = lengths[i]
+            cursor[b] += 1
+    return offsets, neighbours, border
+
+
+@numba.njit(cache=True)
+def _rows_from_graph(
+    offsets: _Int64, neighbours: _Int32, border: _Int64, nodes: _Int32, count: int
+) -> tuple[_Int64, _Int32, _Int64]:
+    new = np.zeros(count + 1, np.int64)
+    for u in range(len(offsets) - 1):
+        for e in range(offsets[u], offsets[u + 1]):
+            if nodes[neighbours[e]] != nodes[u]:
+                new[nodes[u] + 1] += 1
+    for u in range(count):
+        new[u + 1] += new[u]
+    kept = np.empty(new[count], np.int32)
+    weight = np.empty(new[count], np.int64)
+    cursor = new[:-1].copy()
+    for u in range(len(offsets) - 1):
+        node = nodes[u]
+        for e in range(offsets[u], offsets[u + 1]):
+            if nodes[neighbours[e]] != node:
+                kept[cursor[node]] = nodes[neighbours[e]]
+                weight[cursor[node]] = border[e]
+                cursor[node] += 1
+    return new, kept, weight
+
+
+@numba.njit(cache=True)
+def _combine(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[_Int64, _Int32, _Int64]:
+    """Sort every row by neighbour and add the borders of equal neighbours."""
+    count = len(offsets) - 1
+    new = np.zeros(count + 1, np.int64)
+    write = 0
+    for u in range(count):
+        start, end = offsets[u], offsets[u + 1]
+        if end - start > 32:
+            order = np.argsort(neighbours[start:end], kind="mergesort")
+            neighbours[start:end] = neighbours[start:end][order]
+            border[start:end] = border[start:end][order]
+        else:
+            for i in range(start + 1, end):
+                n, w, j = neighbours[i], border[i], i - 1
+                while j >= start and neighbours[j] > n:
+                    neighbours[j + 1] = neighbours[j]
+                    border[j + 1] = border[j]
+                    j -= 1
+                neighbours[j + 1] = n
+                border[j + 1] = w
+        row = write
+        for i in range(start, end):  # write never overtakes i, so the rows shrink in place
+            if write > row and neighbours[write - 1] == neighbours[i]:
+                border[write - 1] += border[i]
+            else:
+                neighbours[write] = neighbours[i]
+                border[write] = border[i]
+                write += 1
+        new[u + 1] = write
+    return new, neighbours[:write].copy(), border[:write].copy()
+
+
+@numba.njit(cache=True)
+def _root(parent: _Int32, item: int) -> int:
+    while parent[item] != item:
+        parent[item] = parent[parent[item]]
+        item = parent[item]
+    return item
+
+
+@numba.njit(cache=True)
+def _join_small(
+    offsets: _Int64,
+    neighbours: _Int32,
+    border: _Int64,
+    size: _Int64,
+    mean: _Float64,
+    region: _Int32,
+    min_faces: int,
+    across_regions: bool,
+) -> _Int32:
+    count = len(size)
+    parent = np.arange(count).astype(np.int32)
+    for u in range(count):
+        if size[u] >= min_faces:
+            continue
+        perimeter = 0
+        for e in range(offsets[u], offsets[u + 1]):
+            perimeter += border[e]
+        best, best_cost, best_border = -1, np.inf, 0
+        for e in range(offsets[u], offsets[u + 1]):
+            v = neighbours[e]
+            if not across_regions and region[v] != region[u]:
+                continue
+            cost = abs(mean[v] - mean[u]) + _COMPACTNESS * (1.0 - border[e] / perimeter)
+            if cost < best_cost or (cost == best_cost and border[e] > best_border):
+                best, best_cost, best_border = v, cost, border[e]
+        if best >= 0:
+            a, b = _root(parent, u), _root(parent, best)
+            parent[max(a, b)] = min(a, b)
+    for u in range(count):
+        parent[u] = parent[parent[u]]
+    return parent
+
+
+@numba.njit(cache=True)
+def _join_within_bounds(
+    offsets: _Int64,
+    neighbours: _Int32,
+    border: _Int64,
+    size: _Int64,
+    mean: _Float64,
+    region: _Int32,
+    low: _Float32,
+    high: _Float32,
+    order: _Int64,
+    max_faces: int,
+    max_extent_m: float,
+    across_regions: bool,
+) -> _Int32:
+    count = len(size)
+    parent = np.arange(count).astype(np.int32)
+    locked = np.zeros(count, np.bool_)
+    for i in range(len(order)):
+        u = order[i]
+        if locked[u]:
+            continue
+        perimeter = 0
+        for e in range(offsets[u], offsets[u + 1]):
+            perimeter += border[e]
+        best, best_cost = -1, np.inf
+        for e in range(offsets[u], offsets[u + 1]):
+            v = neighbours[e]
+            if size[u] + size[v] > max_faces or (not across_regions and region[v] != region[u]):
+                continue
+            side = 0.0
+            for axis in range(3):
+                reach = max(high[u, axis], high[v, axis]) - min(low[u, axis], low[v, axis])
+                side = max(side, reach)
+            if side > max_extent_m:
+                continue
+            cost = abs(mean[v] - mean[u]) + side / max_extent_m - border[e] / perimeter
+            if cost < best_cost:
+                best, best_cost = v, cost
+        if best >= 0 and not locked[best]:
+            parent[max(u, best)] = min(u, best)
+            locked[u] = locked[best] = True
+    return parent
