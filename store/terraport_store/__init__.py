@@ -43,6 +43,7 @@ from terraport_store.manifest import (
 from terraport_store.reader import Scene, list_scenes, read_manifest
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadSource
 from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex, box_distances_m
+from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
 
 __all__ = [
@@ -58,6 +59,7 @@ __all__ = [
     "EncodingInfo",
     "FileInfo",
     "FileSource",
+    "Finding",
     "HandOff",
     "InputInfo",
     "Limits",
@@ -81,4 +83,5 @@ __all__ = [
     "list_scenes",
     "manifest_digest",
     "read_manifest",
+    "validate_scene",
 ]

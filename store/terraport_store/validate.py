@@ -1,0 +1,239 @@
+"""Check everything that a scene directory promises.
+
+Hashes, sizes, counts, boxes, the grid, ids; every payload is decoded. Memory use is one payload
+(and the index). Whether the cover leaves no hole is a question for rays: the pipeline's
+``validate`` command asks it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_store.errors import DamagedSceneError
+from terraport_store.findings import Finding, Findings
+from terraport_store.layout import ALIGNMENT, BASE, MANIFEST_NAME, PACK_HEADER_BYTES
+from terraport_store.manifest import Manifest, manifest_digest
+from terraport_store.publishing import hash_file
+from terraport_store.reader import Scene, read_manifest
+from terraport_store.validate_mesh import box_of, check_mesh_fits, check_segment
+
+__all__ = ["Finding", "validate_scene"]
+
+
+def validate_scene(
+    path: str | Path, *, progress: Callable[[int, int], None] | None = None
+) -> list[Finding]:
+    """Check a published scene.
+
+    Parameters
+    ----------
+    path : str or Path
+        The scene directory.
+    progress : callable, optional
+        Called with (segments done, segments in all) after each.
+
+    Returns
+    -------
+    list of Finding
+        Empty for a whole scene; at most 1000.
+
+    Raises
+    ------
+    SceneNotFoundError
+        When there is no scene.json. Everything else that is wrong is a finding.
+    """
+    out = Findings()
+    check = _SceneCheck(Path(path), out)
+    try:
+        manifest = read_manifest(path)
+    except DamagedSceneError as error:
+        out.damaged("manifest", error)
+        return out.all
+    check.manifest(manifest)
+    check.files(manifest)
+    try:
+        with Scene.open(path) as scene:
+            check.scene(scene, progress)
+    except DamagedSceneError as error:
+        out.damaged("open", error)
+    return out.all
+
+
+class _SceneCheck:
+    """Checks one scene; what it finds goes into ``out``."""
+
+    def __init__(self, path: Path, out: Findings) -> None:
+        self.path = path
+        self.out = out
+
+    def manifest(self, manifest: Manifest) -> None:
+        document = json.loads((self.path / MANIFEST_NAME).read_bytes())
+        digest = manifest_digest(document)
+        if digest != manifest.version:
+            self.out.error(
+                "version",
+                MANIFEST_NAME,
+                f"version {manifest.version}, expected {digest} by its contents",
+            )
+        folders = {file.path.partition("/")[0] for file in manifest.files.values()}
+        if len(folders) != 1:
+            self.out.error(
+                "folder", MANIFEST_NAME, f"files lie in {sorted(folders)}, expected one folder"
+            )
+        if float(np.frexp(manifest.step_m)[0]) != 0.5:
+            self.out.error(
+                "step", MANIFEST_NAME, f"step_m {manifest.step_m!r}, expected a power of two"
+            )
+
+    def files(self, manifest: Manifest) -> None:
+        """Check size and hash of every file, whoever reads it later."""
+        for info in manifest.files.values():
+            try:
+                size = (self.path / info.path).stat().st_size
+                if size != info.bytes:
+                    self.out.error(
+                        "file-size", info.path, f"{size} bytes, expected {info.bytes} by scene.json"
+                    )
+                    continue
+                actual = hash_file(self.path / info.path)
+            except OSError as error:
+                self.out.error(
+                    "file-missing",
+                    info.path,
+                    f"cannot be read ({error.strerror}), expected by scene.json",
+                )
+                continue
+            if actual != info.xxh3:
+                self.out.error(
+                    "file-hash", info.path, f"hash {actual}, expected {info.xxh3} by scene.json"
+                )
+
+    def scene(self, scene: Scene, progress: Callable[[int, int], None] | None) -> None:
+        manifest, index = scene.manifest, scene.index
+        if len(index) == 0:
+            self.out.error("count", MANIFEST_NAME, "no segment, expected at least one")
+            return
+        base = self.base(scene)
+        boxes = index.bounds
+        if base is not None:
+            boxes = np.vstack([boxes, box_of(base)[None]])
+        found = (*boxes[:, :3].min(axis=0).tolist(), *boxes[:, 3:].max(axis=0).tolist())
+        stated = (*manifest.bounds.min, *manifest.bounds.max)
+        if base is not None and found != stated:
+            self.out.error(
+                "bounds", MANIFEST_NAME, f"bounds {stated}, expected {found} by index and base"
+            )
+        sides = (index.bounds[:, 3:].astype(np.float64) - index.bounds[:, :3]).max()
+        counts, limits = manifest.counts, manifest.limits
+        longest = max(int(scene.index_for(name).length.max()) for name in manifest.encodings)
+        for label, stated_value, expected in (
+            (
+                "counts.detail_vertices",
+                counts.detail_vertices,
+                int(index.vertex_count.sum(dtype=np.uint64)),
+            ),
+            (
+                "counts.detail_faces",
+                counts.detail_faces,
+                int(index.face_count.sum(dtype=np.uint64)),
+            ),
+            ("limits.max_segment_faces", limits.max_segment_faces, int(index.face_count.max())),
+            ("limits.max_segment_bytes", limits.max_segment_bytes, longest),
+            ("limits.max_extent_m", limits.max_extent_m, float(sides)),
+        ):
+            if stated_value != expected:
+                self.out.error(
+                    "count",
+                    MANIFEST_NAME,
+                    f"{label} {stated_value}, expected {expected} by the index",
+                )
+        for name, info in manifest.encodings.items():
+            other = scene.index_for(name)
+            if other.payload_bytes != info.payload_bytes:
+                self.out.error(
+                    "count",
+                    MANIFEST_NAME,
+                    f"encodings.{name}.payload_bytes {info.payload_bytes}, "
+                    f"expected {other.payload_bytes} by its index",
+                )
+            for column in ("bounds", "vertex_count", "face_count", "region", "region_count"):
+                if not np.array_equal(getattr(other, column), getattr(index, column)):
+                    path = manifest.files[info.index].path
+                    self.out.error(
+                        "index-agreement",
+                        path,
+                        f"{column} differ from the glb index, expected equal",
+                    )
+            self.padding(scene, name)
+        try:
+            _ = scene.regions
+        except DamagedSceneError as error:
+            self.out.damaged("regions", error)
+        regions = np.flatnonzero(index.region >= counts.regions)
+        if len(regions):
+            self.out.error(
+                "region",
+                manifest.files[manifest.encodings["glb"].index].path,
+                f"region {int(index.region[regions[0]])}, expected below {counts.regions}",
+                segment=int(regions[0]),
+            )
+        for segment in range(len(index)):
+            check_segment(self.out, scene, segment)
+            if progress is not None:
+                progress(segment + 1, len(index))
+
+    def base(self, scene: Scene) -> SegmentMesh | None:
+        file, counts = scene.manifest.files[BASE].path, scene.manifest.counts
+        try:
+            mesh = decode_glb(scene.base_path.read_bytes())
+        except PayloadError as error:
+            self.out.error("base-decode", file, error.what, offset=error.offset)
+            return None
+        found = (len(mesh.positions), len(mesh.faces))
+        if found != (counts.base_vertices, counts.base_faces):
+            self.out.error(
+                "base-count",
+                file,
+                f"{found[0]} vertices and {found[1]} faces, "
+                f"expected {counts.base_vertices} and {counts.base_faces} by scene.json",
+            )
+        check_mesh_fits(self.out, scene.manifest, mesh, file, None)
+        return mesh
+
+    def padding(self, scene: Scene, encoding: str) -> None:
+        """Check that payloads are aligned and only zeros, fewer than 64, lie between them."""
+        index = scene.index_for(encoding)
+        info = scene.manifest.files[scene.manifest.encodings[encoding].pack]
+        offsets = index.offset.astype(np.int64)
+        ends = offsets + index.length
+        gaps = np.concatenate([[PACK_HEADER_BYTES], ends[:-1]])
+        with (self.path / info.path).open("rb") as file:
+            for segment in np.flatnonzero(offsets > gaps):
+                start, stop = int(gaps[segment]), int(offsets[segment])
+                file.seek(start)
+                if stop - start >= ALIGNMENT or any(file.read(stop - start)):
+                    self.out.error(
+                        "padding",
+                        info.path,
+                        f"{stop - start} bytes before the payload, "
+                        f"expected fewer than {ALIGNMENT}, all zero",
+                        segment=int(segment),
+                        offset=start,
+                    )
+        for segment in np.flatnonzero((offsets % ALIGNMENT != 0) | (offsets < PACK_HEADER_BYTES)):
+            self.out.error(
+                "alignment",
+                info.path,
+                f"payload at {int(offsets[segment])}, "
+                f"expected a multiple of {ALIGNMENT} after the header",
+                segment=int(segment),
+            )
+        if int(ends[-1]) != info.bytes:
+            self.out.error(
+                "pack-end", info.path, f"{info.bytes} bytes, expected {int(ends[-1])} by the index"
+            )

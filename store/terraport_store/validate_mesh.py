@@ -1,0 +1,184 @@
+"""Check one mesh of a scene against what manifest and index say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_payload import PayloadError, SegmentMesh, decode_arrays, decode_glb
+from terraport_payload.grid import grid_codes
+from terraport_store.errors import CorruptPayloadError, RangeError
+from terraport_store.findings import Findings
+from terraport_store.manifest import AttributeInfo, Manifest
+from terraport_store.reader import Scene
+
+__all__ = ["box_of", "check_mesh_fits", "check_segment"]
+
+
+def check_segment(out: Findings, scene: Scene, segment: int) -> None:
+    """Check one segment in every encoding: hash, decoding, counts, box, regions, grid, attributes.
+
+    Parameters
+    ----------
+    out : Findings
+        Gets what is wrong.
+    scene : Scene
+        Open.
+    segment : int
+        Segment id.
+    """
+    manifest, index = scene.manifest, scene.index
+    file = manifest.files[manifest.encodings["glb"].pack].path
+    mesh = _decoded(out, scene, segment, "glb", decode_glb)
+    if mesh is None:
+        return
+    found = (len(mesh.positions), len(mesh.faces))
+    expected = (int(index.vertex_count[segment]), int(index.face_count[segment]))
+    if found != expected:
+        out.error(
+            "payload-count",
+            file,
+            f"{found[0]} vertices and {found[1]} faces, "
+            f"expected {expected[0]} and {expected[1]} by the index",
+            segment=segment,
+        )
+    if not np.array_equal(box_of(mesh), index.bounds[segment]):
+        out.error(
+            "payload-bounds",
+            file,
+            f"box {box_of(mesh).tolist()}, expected {index.bounds[segment].tolist()} by the index",
+            segment=segment,
+        )
+    if mesh.region_ids is not None:
+        ids = np.unique(mesh.region_ids)
+        if len(ids) != int(index.region_count[segment]) or int(index.region[segment]) not in ids:
+            out.error(
+                "payload-region",
+                file,
+                f"{len(ids)} regions, expected {int(index.region_count[segment])} "
+                f"with {int(index.region[segment])} among them by the index",
+                segment=segment,
+            )
+    check_mesh_fits(out, manifest, mesh, file, segment)
+    if "arrays" in manifest.encodings:
+        other = _decoded(out, scene, segment, "arrays", decode_arrays)
+        if other is not None and not _equal(mesh, other):
+            pack = manifest.files[manifest.encodings["arrays"].pack].path
+            out.error("encodings-differ", pack, "not the mesh of the glb payload", segment=segment)
+
+
+def check_mesh_fits(
+    out: Findings, manifest: Manifest, mesh: SegmentMesh, file: str, segment: int | None
+) -> None:
+    """Check what base and segments have in common: grid, colour, regions, attributes.
+
+    Parameters
+    ----------
+    out : Findings
+        Gets what is wrong.
+    manifest : Manifest
+        Of the scene.
+    mesh : SegmentMesh
+        Decoded.
+    file : str
+        Where it comes from, relative to the scene directory.
+    segment : int or None
+        Segment id; None for the base.
+    """
+    try:
+        codes = grid_codes(mesh.positions, manifest.step_m)
+    except PayloadError as error:
+        out.error("grid", file, error.what, segment=segment)
+        return
+    off = np.flatnonzero((codes * manifest.step_m != mesh.positions).any(axis=1))
+    if len(off):
+        out.error(
+            "grid",
+            file,
+            f"{len(off)} vertices off the grid, expected multiples of {manifest.step_m} m",
+            segment=segment,
+        )
+    if mesh.colours is None and manifest.has_colour:
+        out.error("colour", file, "no colours, expected some since has_colour", segment=segment)
+    if mesh.region_ids is not None and int(mesh.region_ids.max()) >= manifest.counts.regions:
+        out.error(
+            "region",
+            file,
+            f"region {int(mesh.region_ids.max())}, expected below {manifest.counts.regions}",
+            segment=segment,
+        )
+    names = {info.name for info in manifest.attributes}
+    if segment is not None and set(mesh.attributes) != names:
+        out.error(
+            "attributes",
+            file,
+            f"attributes {sorted(mesh.attributes)}, expected {sorted(names)} by scene.json",
+            segment=segment,
+        )
+    for info in manifest.attributes:
+        _check_range(out, info, mesh, file, segment)
+
+
+def box_of(mesh: SegmentMesh) -> npt.NDArray[np.float32]:
+    """Axis-aligned box, (6,): x, y, z minimum, x, y, z maximum."""
+    return np.concatenate([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
+
+
+def _decoded(
+    out: Findings, scene: Scene, segment: int, encoding: str, decode: Callable[[Any], SegmentMesh]
+) -> SegmentMesh | None:
+    file = scene.manifest.files[scene.manifest.encodings[encoding].pack].path
+    try:
+        return decode(scene.payload(segment, encoding))
+    except CorruptPayloadError as error:
+        out.error("payload-hash", file, error.what, segment=segment, offset=error.offset)
+    except PayloadError as error:
+        out.error("payload-decode", file, error.what, segment=segment, offset=error.offset)
+    except RangeError as error:
+        out.error("payload-range", file, str(error), segment=segment)
+    return None
+
+
+def _check_range(
+    out: Findings,
+    info: AttributeInfo,
+    mesh: SegmentMesh,
+    file: str,
+    segment: int | None,
+) -> None:
+    values = mesh.attributes.get(info.name)
+    if values is None:
+        return
+    known = values[~np.isnan(values)].astype(np.float64)
+    if not len(known):
+        return
+    low, high = float(known.min()), float(known.max())
+    # Half a step for quantisation, and float32's own rounding.
+    slack = info.step * 0.5 + 1e-6 * max(abs(low), abs(high))
+    if info.min is None or info.max is None or low < info.min - slack or high > info.max + slack:
+        out.error(
+            "attribute-range",
+            file,
+            f"{info.name} from {low} to {high}, "
+            f"expected within {info.min} to {info.max} by scene.json",
+            segment=segment,
+        )
+
+
+def _equal(one: SegmentMesh, other: SegmentMesh) -> bool:
+    """Whether two meshes are the same to the bit."""
+    pairs = [
+        (one.positions, other.positions),
+        (one.faces, other.faces),
+        (one.normals, other.normals),
+        (one.colours, other.colours),
+        (one.region_ids, other.region_ids),
+        *((values, other.attributes.get(name)) for name, values in one.attributes.items()),
+    ]
+    return set(one.attributes) == set(other.attributes) and all(
+        (a is None) == (b is None) and (a is None or b is None or a.tobytes() == b.tobytes())
+        for a, b in pairs
+    )
