@@ -54,18 +54,16 @@ NO_BUDGETS = Budgets()
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The outcome of :func:`select`. Ids are uint32; ``load`` and ``keep`` nearest first."""
+    """The outcome of :func:`select`; ``load`` and ``keep`` are disjoint and together the plan."""
 
     load: npt.NDArray[np.uint32]
     """To be sent, nearest first."""
     keep: npt.NDArray[np.uint32]
-    """Wanted and already held by the client, nearest first."""
+    """Wanted and already held by the client, ascending."""
     release: npt.NDArray[np.uint32]
-    """Visible until now and not wanted any more, ascending."""
+    """Shown until now and not wanted any more, ascending."""
     inner: npt.NDArray[np.uint32]
-    """The wanted ids within ``inner_radius_m`` (all of them when there is none), nearest first."""
-    inner_count: int
-    """How many leading entries of ``load`` lie within ``inner_radius_m``."""
+    """The ids of the plan within ``inner_radius_m`` (none without one), nearest first."""
     effective_radius_m: float
     """Everything nearer than this is in the plan; the radius asked for if nothing was left out."""
     load_bytes: int
@@ -98,8 +96,10 @@ def box_distances(
     """
     point = np.asarray(centre, dtype=np.float64)
     boxes = bounds.astype(np.float64)
-    outside = np.maximum(np.maximum(boxes[:, :3] - point, point - boxes[:, 3:]), 0.0)
-    distances: npt.NDArray[np.float64] = np.sqrt((outside * outside).sum(axis=1))
+    gap = np.maximum(np.maximum(boxes[:, :3] - point, point - boxes[:, 3:]), 0.0)
+    squared = gap * gap
+    # Summed in this order by the specification (6.1), so that every implementation agrees.
+    distances: npt.NDArray[np.float64] = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
     return distances
 
 
@@ -112,13 +112,14 @@ def select(
     release_radius_m: float,
     inner_radius_m: float | None,
     held: npt.NDArray[np.bool_],
-    visible: npt.NDArray[np.bool_],
+    shown: npt.NDArray[np.bool_],
     budgets: Budgets = NO_BUDGETS,
 ) -> Selection:
     """Choose the segments of one landing.
 
-    Wanted is everything within ``radius_m``, and of what is held or visible also everything within
+    Wanted is everything within ``radius_m``, and of what is held also everything within
     ``release_radius_m``; the budgets cut a strict prefix of it in the order (distance, id).
+    spec/wire-protocol.md, sections 6.1 to 6.3.
 
     Parameters
     ----------
@@ -133,18 +134,18 @@ def select(
     release_radius_m
         Keep within it; at least ``radius_m``.
     inner_radius_m
-        The declared degraded set's radius; ``None`` = the whole plan is the inner set.
+        The declared degraded set's radius; ``None`` = there is no such set.
     held
         (S,) true where the client holds the payload.
-    visible
-        (S,) true where the last plan made the segment visible.
+    shown
+        (S,) true where the client shows the segment; a subset of ``held``.
     budgets
         Hard bounds.
 
     Returns
     -------
     Selection
-        ``load`` and ``keep`` are disjoint; together they are the plan.
+        One plan.
 
     Notes
     -----
@@ -153,7 +154,7 @@ def select(
     ids = np.asarray(candidates, dtype=np.int64)
     distances = box_distances(table.bounds[ids], centre)
     in_radius = distances <= radius_m
-    wanted = in_radius | ((held[ids] | visible[ids]) & (distances <= release_radius_m))
+    wanted = in_radius | (held[ids] & (distances <= release_radius_m))
     ids, distances, in_radius = ids[wanted], distances[wanted], in_radius[wanted]
     order = np.lexsort((ids, distances))
     ids, distances, in_radius = ids[order], distances[order], in_radius[order]
@@ -167,15 +168,14 @@ def select(
     plan, plan_distances = ids[:count], distances[:count]
     is_held = held[plan]
     load, keep = plan[~is_held], plan[is_held]
-    within_inner = plan_distances <= (np.inf if inner_radius_m is None else inner_radius_m)
-    released = visible.copy()
+    within_inner = plan_distances <= (-1.0 if inner_radius_m is None else inner_radius_m)
+    released = shown.copy()
     released[plan] = False
     return Selection(
         load=load.astype(np.uint32),
-        keep=keep.astype(np.uint32),
+        keep=np.sort(keep).astype(np.uint32),
         release=np.flatnonzero(released).astype(np.uint32),
         inner=plan[within_inner].astype(np.uint32),
-        inner_count=int(np.count_nonzero(within_inner & ~is_held)),
         effective_radius_m=effective_radius_m,
         load_bytes=_total(table.lengths, load),
         load_triangles=_total(table.faces, load),
@@ -195,9 +195,11 @@ def _budget_prefix(
 ) -> tuple[int, str | None]:
     """Length of the longest prefix within all budgets, and which budget ended it.
 
-    Two budgets that end at the same segment: the first in the order of the fields is named.
+    Where two budgets end at the same segment, the first of segments, triangles, bytes is named.
     """
     count, omitted_by = len(ids), None
+    if budgets.max_segments is not None and budgets.max_segments < count:
+        count, omitted_by = budgets.max_segments, "max_segments"
     for name, column, limit in (
         ("max_triangles", table.faces, budgets.max_triangles),
         ("max_bytes", table.lengths, budgets.max_bytes),
@@ -208,6 +210,4 @@ def _budget_prefix(
         fits = int(np.searchsorted(running, limit, side="right"))
         if fits < count:
             count, omitted_by = fits, name
-    if budgets.max_segments is not None and budgets.max_segments < count:
-        count, omitted_by = budgets.max_segments, "max_segments"
     return count, omitted_by

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terraport_server.selection import Budgets, SegmentTable, Selection, box_distances, select
+from terraport_store.spatial import box_distances_m
 
 
 def make_table(
@@ -40,7 +41,7 @@ def run(
     factor: float = 1.25,
     inner_radius_m: float | None = None,
     held: set[int] = frozenset(),  # type: ignore[assignment]
-    visible: set[int] = frozenset(),  # type: ignore[assignment]
+    shown: set[int] = frozenset(),  # type: ignore[assignment]
     budgets: Budgets | None = None,
 ) -> Selection:
     return select(
@@ -51,7 +52,7 @@ def run(
         release_radius_m=radius_m * factor,
         inner_radius_m=inner_radius_m,
         held=mask(len(table), held),
-        visible=mask(len(table), visible),
+        shown=mask(len(table), shown),
         budgets=budgets or Budgets(),
     )
 
@@ -101,6 +102,20 @@ def brute_plan(
     return plan, len(wanted) - len(plan)
 
 
+def brute_first_exceeded(
+    table: SegmentTable, plan: list[int], following: int, budgets: Budgets
+) -> str | None:
+    wanted = [*plan, following]
+    for name, limit, used in (
+        ("max_segments", budgets.max_segments, len(wanted)),
+        ("max_triangles", budgets.max_triangles, sum(int(table.faces[s]) for s in wanted)),
+        ("max_bytes", budgets.max_bytes, sum(int(table.lengths[s]) for s in wanted)),
+    ):
+        if limit is not None and used > limit:
+            return name
+    return None
+
+
 # Halves make equal distances, and so ties, common.
 coordinate = st.integers(-40, 40).map(lambda v: v / 2)
 box = st.tuples(
@@ -134,8 +149,9 @@ def test_plan_equals_brute_force(
     budgets: Budgets,
 ) -> None:
     ids = st.sets(st.integers(0, len(table) - 1))
-    held, visible = data.draw(ids, "held"), data.draw(ids, "visible")
-    plan, omitted = brute_plan(table, centre, radius_m, radius_m * factor, held | visible, budgets)
+    held = data.draw(ids, "held")
+    shown = data.draw(ids, "shown") & held
+    plan, omitted = brute_plan(table, centre, radius_m, radius_m * factor, held, budgets)
 
     chosen = run(
         table,
@@ -143,15 +159,20 @@ def test_plan_equals_brute_force(
         centre=centre,
         factor=factor,
         held=held,
-        visible=visible,
+        shown=shown,
         budgets=budgets,
     )
 
     assert chosen.load.tolist() == [s for s in plan if s not in held]
-    assert chosen.keep.tolist() == [s for s in plan if s in held]
-    assert chosen.release.tolist() == sorted(visible - set(plan))
+    assert chosen.keep.tolist() == sorted(s for s in plan if s in held)
+    assert chosen.release.tolist() == sorted(shown - set(plan))
     assert chosen.omitted_segments == omitted
     assert (chosen.omitted_by is None) == (omitted == 0)
+    if omitted:
+        nearest = brute_plan(table, centre, radius_m, radius_m * factor, held, Budgets())[0][
+            len(plan)
+        ]
+        assert chosen.omitted_by == brute_first_exceeded(table, plan, nearest, budgets)
     assert chosen.total_bytes == sum(int(table.lengths[s]) for s in plan)
     assert chosen.total_triangles == sum(int(table.faces[s]) for s in plan)
     assert chosen.load_bytes == sum(int(table.lengths[s]) for s in plan if s not in held)
@@ -185,7 +206,7 @@ def test_superset_and_order_of_candidates_do_not_matter(
             release_radius_m=10.0,
             inner_radius_m=None,
             held=none,
-            visible=none,
+            shown=none,
         ).load.tolist()
         for candidates in (near, shuffled)
     ]
@@ -212,15 +233,10 @@ def test_radius_is_inclusive() -> None:
 
 def test_two_radii_keep_what_is_held_beyond_the_load_radius() -> None:
     table = row_of_boxes(5)
-    kept = run(table, 18.0, held={0, 1, 2, 3}, visible={0, 1, 2, 3})
+    kept = run(table, 18.0, held={0, 1, 2, 3}, shown={0, 1, 2, 3})
     assert kept.load.tolist() == []
     assert kept.keep.tolist() == [0, 1, 2]
     assert kept.release.tolist() == [3]
-
-
-def test_visible_but_evicted_within_the_release_radius_is_loaded_again() -> None:
-    chosen = run(row_of_boxes(4), 18.0, visible={2})
-    assert chosen.load.tolist() == [0, 1, 2]
 
 
 @pytest.mark.parametrize(
@@ -231,7 +247,7 @@ def test_visible_but_evicted_within_the_release_radius_is_loaded_again() -> None
         (Budgets(max_bytes=400), [0, 1, 2, 3], None),
         (Budgets(max_triangles=10), [0], "max_triangles"),
         (Budgets(max_segments=2), [0, 1], "max_segments"),
-        (Budgets(max_triangles=20, max_bytes=200, max_segments=2), [0, 1], "max_triangles"),
+        (Budgets(max_triangles=20, max_bytes=200, max_segments=2), [0, 1], "max_segments"),
         (Budgets(max_bytes=99), [], "max_bytes"),
     ],
 )
@@ -243,15 +259,24 @@ def test_budgets(budgets: Budgets, plan: list[int], by: str | None) -> None:
     assert chosen.effective_radius_m == (35.0 if by is None else 10.0 * len(plan))
 
 
-def test_inner_count_counts_leading_loads_only() -> None:
+def test_inner_is_what_of_the_plan_lies_within_the_inner_radius() -> None:
     chosen = run(row_of_boxes(5), 45.0, inner_radius_m=20.0, held={1})
     assert chosen.load.tolist() == [0, 2, 3, 4]
     assert chosen.inner.tolist() == [0, 1, 2]
-    assert chosen.inner_count == 2
+    assert run(row_of_boxes(5), 45.0).inner.tolist() == []
+
+
+@settings(max_examples=50, deadline=None)
+@given(table=scenes(), centre=st.tuples(coordinate, coordinate, coordinate))
+def test_distances_are_those_of_the_store(
+    table: SegmentTable, centre: tuple[float, float, float]
+) -> None:
+    ours = box_distances(table.bounds, centre)
+    assert ours.tolist() == box_distances_m(table.bounds, centre).tolist()
 
 
 def test_nothing_near() -> None:
-    chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), visible={1})
+    chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), shown={1})
     assert chosen.load.size == 0
     assert chosen.keep.size == 0
     assert chosen.release.tolist() == [1]

@@ -1,0 +1,133 @@
+"""What goes into a session, comes out of it, and is heard of it.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from terraport_wire import CloseCode, Error, ErrorCode, Message, Plan, Ready, Reject, Superseded
+
+from terraport_server.selection import SegmentTable
+
+__all__ = [
+    "Action",
+    "Authorise",
+    "Close",
+    "Observer",
+    "RunPick",
+    "SceneView",
+    "SendChunk",
+    "SendMessage",
+    "SessionLimits",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class SceneView:
+    """What a session needs of the scene that it serves."""
+
+    id: str
+    version: str
+    name: str
+    encodings: Mapping[str, SegmentTable]
+    """One table per payload encoding; at least one, all of the same length."""
+    within: Callable[[Sequence[float], float], npt.NDArray[np.int64]]
+    """Ids of the segments whose box comes within a radius of a point, metres, scene frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionLimits:
+    """What one client may do. Every field is a setting; see docs/topics/limits.md."""
+
+    server: str = "terraport"
+    release_factor: float = 1.25
+    max_radius_m: float = 500.0
+    max_message_bytes: int = 1 << 20
+    max_messages_per_s: float = 60.0
+    max_held_segments: int = 32_768
+    max_plan_segments: int = 16_384
+    max_credit_bytes: int = 64 << 20
+    max_picks: int = 8
+    """Picks that may be under way at once."""
+    handshake_timeout_s: float = 10.0
+    idle_timeout_s: float = 60.0
+    reconnect_after_ms: int = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class SendMessage:
+    """Send one message."""
+
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class SendChunk:
+    """Send ``length`` payload bytes of a segment from ``offset``.
+
+    Before anything else is called on the session, answer with ``chunk_sent`` (the bytes are whole,
+    right, and on their way) or ``payload_failed``.
+    """
+
+    generation: int
+    segment: int
+    offset: int
+    length: int
+    total: int
+    landing: bool
+    """False for an aim: lower priority."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunPick:
+    """Answer later with ``picked`` or ``pick_failed``."""
+
+    request: int
+    origin: tuple[float, float, float]
+    direction: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Close:
+    """Close the connection; nothing follows."""
+
+    code: CloseCode
+    reason: str
+
+
+Action = SendMessage | SendChunk | RunPick | Close
+
+
+class Observer:
+    """Hears what happens, for metrics and logs. This one ignores it all."""
+
+    def planned(self, generation: int, plan: Plan) -> None:
+        """A landing was accepted and planned."""
+
+    def first_byte(self, generation: int, seconds: float) -> None:
+        """The landing's first payload byte is sent, so long after ``land`` came."""
+
+    def ready(self, message: Ready, seconds: float) -> None:
+        """The landing is ready, so long after ``land`` came."""
+
+    def superseded(self, message: Superseded, *, landing: bool) -> None:
+        """A generation ended unfinished."""
+
+    def rejected(self, message: Reject) -> None:
+        """The client could not use a segment."""
+
+    def refused(self, error: Error) -> None:
+        """The client was told an error."""
+
+
+class Authorise(Protocol):
+    """Decides on the token of ``hello``."""
+
+    def __call__(self, token: str | None) -> ErrorCode | None:
+        """Return ``None`` to admit, or why not."""

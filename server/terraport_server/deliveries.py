@@ -1,0 +1,352 @@
+"""What one client holds, wants and is being sent.
+
+PURE: no I/O, no clock. The part of a session that :mod:`terraport_server.session` leaves when
+greetings, errors and timeouts are taken away: landings, aims, held segments and credit. Section
+numbers in comments are those of spec/wire-protocol.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from terraport_wire import (
+    ID_DTYPE,
+    LOAD_DTYPE,
+    MAX_CHUNK_BYTES,
+    Aim,
+    Degraded,
+    Hello,
+    Land,
+    Message,
+    Plan,
+    Prefetch,
+    Ready,
+    Reject,
+    Superseded,
+)
+
+from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
+from terraport_server.selection import Budgets, Selection, select
+from terraport_server.transfer import Landing, Transfer
+
+__all__ = ["Deliveries"]
+
+
+class Deliveries:
+    """Landings, aims, held segments and credit of one client.
+
+    Parameters
+    ----------
+    scene
+        What is served.
+    limits
+        What the client may do.
+    hello
+        What the client can take, and what it holds.
+    say
+        Takes the messages to send, in order.
+    observer
+        Told of what happens.
+    """
+
+    def __init__(
+        self,
+        scene: SceneView,
+        limits: SessionLimits,
+        hello: Hello,
+        *,
+        say: Callable[[Message], None],
+        observer: Observer,
+    ) -> None:
+        self._scene = scene
+        self._limits = limits
+        self._say = say
+        self._observer = observer
+        self._table = scene.encodings[hello.encoding]
+        self._budgets = _budgets(hello, limits)
+        self.release_factor = hello.release_factor or limits.release_factor
+        """Release radius / load radius in use."""
+        self.held = np.zeros(len(self._table), dtype=np.bool_)
+        """(S,) what the client holds, in the server's view."""
+        self.shown = np.zeros(len(self._table), dtype=np.bool_)
+        """(S,) what the client shows, in the server's view; a subset of held."""
+        self.dropped = self._accept_held(hello)
+        """Offered ids that were not accepted."""
+        self.credit_bytes = min(hello.credit_bytes, limits.max_credit_bytes)
+        """Payload bytes that may still be sent."""
+        self._parts: dict[int, int] = {}
+        self._landing: Landing | None = None
+        self._aiming: Transfer | None = None
+        self._waiting_aim: Aim | None = None
+
+    @property
+    def landing_open(self) -> bool:
+        """Whether a landing is unfinished."""
+        return self._landing is not None and self._landing.unfinished
+
+    @property
+    def deadline_s(self) -> float | None:
+        """When :meth:`settle` has something to do because of time alone."""
+        landing = self._landing
+        if landing is None or not landing.deadline_is_open or landing.deadline_passed:
+            return None
+        return landing.deadline_s
+
+    def grant(self, credit_bytes: int) -> None:
+        """Add credit, clamped to the limit (8.1)."""
+        self.credit_bytes = min(self.credit_bytes + credit_bytes, self._limits.max_credit_bytes)
+
+    def land(self, land: Land, now_s: float) -> None:
+        """End what is older, plan, and begin to send (6.1 to 6.5)."""
+        if self._landing is not None and self._landing.unfinished:
+            self._landing.superseded = True
+            self._supersede(self._landing, land.generation, landing=True)
+        self.end_aims(land.generation)
+        chosen = self._select(land, land.inner_radius_m)
+        deadline_s = None if land.deadline_ms is None else now_s + land.deadline_ms / 1000.0
+        self._landing = Landing(land.generation, chosen, received_s=now_s, deadline_s=deadline_s)
+        self._forget_parts(self._landing)
+        plan = Plan(
+            generation=land.generation,
+            position=land.position,
+            radius_m=land.radius_m,
+            release_radius_m=land.radius_m * self.release_factor,
+            effective_radius_m=chosen.effective_radius_m,
+            inner_count=len(chosen.inner),
+            load=self._load_table(chosen),
+            keep=chosen.keep,
+            release=chosen.release,
+            load_bytes=chosen.load_bytes,
+            load_triangles=chosen.load_triangles,
+            total_bytes=chosen.total_bytes,
+            total_triangles=chosen.total_triangles,
+            omitted_segments=chosen.omitted_segments,
+            omitted_by=chosen.omitted_by,
+        )
+        self._say(plan)
+        self._observer.planned(land.generation, plan)
+        self.settle(now_s)
+
+    def aim(self, aim: Aim, now_s: float) -> None:
+        """Take the newest aim; it starts when no landing is open (7.2)."""
+        self.end_aims(aim.generation)
+        self._waiting_aim = aim
+        self.settle(now_s)
+
+    def end_aims(self, by: int | None) -> None:
+        """End the aims; ``by`` is the newer generation, ``None`` to say nothing about it."""
+        aiming, waiting = self._aiming, self._waiting_aim
+        self._aiming = self._waiting_aim = None
+        if by is None:
+            return
+        if aiming is not None and aiming.queue:
+            self._supersede(aiming, by, landing=False)
+        if waiting is not None:
+            message = Superseded(generation=waiting.generation, by=by, unsent_bytes=0)
+            self._say(message)
+            self._observer.superseded(message, landing=False)
+
+    def evict(self, segments: npt.NDArray[Any]) -> int | None:
+        """Note that the client dropped segments; return one that it may not drop yet (6.7)."""
+        if self._landing is not None and self._landing.unfinished:
+            wrong = self._landing.plan.intersection(segments.tolist())
+            if wrong:
+                return min(wrong)
+        ids = segments[segments < len(self._table)]
+        self.held[ids] = False
+        self.shown[ids] = False
+        return None
+
+    def reject(self, reject: Reject, now_s: float) -> None:
+        """Send a segment once more, or give it up (6.4, rule 4)."""
+        segment = reject.segment
+        self._observer.rejected(reject)
+        self.held[segment] = False
+        self.shown[segment] = False
+        landing, aiming = self._landing, self._aiming
+        if landing is not None and not landing.superseded and segment in landing.plan:
+            if segment not in landing.queue:
+                if segment in landing.resent:
+                    landing.missing.add(segment)
+                else:
+                    landing.missing.discard(segment)
+                    landing.resent.add(segment)
+                    landing.queue.append(segment)
+                landing.ready = False
+            self.settle(now_s)
+        elif aiming is not None and segment in aiming.plan:
+            if segment not in aiming.queue and segment not in aiming.resent:
+                aiming.resent.add(segment)
+                aiming.queue.append(segment)
+
+    def next_chunk(self) -> SendChunk | None:
+        """Return the chunk to send now, the same until it is answered."""
+        transfer = self._sending()
+        if transfer is None or self.credit_bytes <= 0:
+            return None
+        segment = transfer.queue[0]
+        total = int(self._table.lengths[segment])
+        offset = self._parts.get(segment, 0)
+        return SendChunk(
+            generation=transfer.generation,
+            segment=segment,
+            offset=offset,
+            length=min(MAX_CHUNK_BYTES, total - offset, self.credit_bytes),
+            total=total,
+            landing=transfer is self._landing,
+        )
+
+    def chunk_sent(self, chunk: SendChunk, now_s: float) -> None:
+        """Book the chunk that :meth:`next_chunk` returned last."""
+        transfer = self._answering(chunk)
+        self.credit_bytes -= chunk.length
+        transfer.payload_bytes += chunk.length
+        if isinstance(transfer, Landing) and not transfer.started:
+            transfer.started = True
+            self._observer.first_byte(transfer.generation, now_s - transfer.received_s)
+        end = chunk.offset + chunk.length
+        if end < chunk.total:
+            self._parts[chunk.segment] = end
+            return
+        transfer.queue.popleft()
+        self._parts.pop(chunk.segment, None)
+        self.held[chunk.segment] = True
+        transfer.delivered += 1
+        self.settle(now_s)
+
+    def payload_failed(self, chunk: SendChunk, now_s: float) -> None:
+        """Give up the segment of the chunk that :meth:`next_chunk` returned last."""
+        transfer = self._answering(chunk)
+        transfer.queue.popleft()
+        self._parts.pop(chunk.segment, None)
+        if isinstance(transfer, Landing):
+            transfer.missing.add(chunk.segment)
+        self.settle(now_s)
+
+    def settle(self, now_s: float) -> None:
+        """Say what has become due: ``ready``, ``degraded``, the waiting aim's ``prefetch``."""
+        landing = self._landing
+        if landing is not None and landing.unfinished:
+            if not landing.queue:
+                self._finish(landing, now_s)
+            elif landing.deadline_s is not None and now_s >= landing.deadline_s:
+                landing.deadline_passed = True
+                if landing.deadline_is_open and landing.inner_is_whole(self.held):
+                    self._degrade(landing)
+        if self._waiting_aim is not None and not self.landing_open:
+            self._start_aim(self._waiting_aim)
+
+    def _finish(self, landing: Landing, now_s: float) -> None:
+        message = Ready(
+            generation=landing.generation,
+            delivered=min(landing.delivered, len(landing.plan)),
+            payload_bytes=landing.payload_bytes,
+            missing=np.array(sorted(landing.missing), dtype=ID_DTYPE),
+        )
+        landing.ready = True
+        self._show(landing.plan)
+        self._say(message)
+        if not landing.readied:
+            landing.readied = True
+            self._observer.ready(message, now_s - landing.received_s)
+
+    def _degrade(self, landing: Landing) -> None:
+        landing.degraded = True
+        segments = [segment for segment in landing.inner if self.held[segment]]
+        self._show(segments)
+        ids = np.array(segments, dtype=ID_DTYPE)
+        self._say(Degraded(generation=landing.generation, segments=ids))
+
+    def _show(self, segments: frozenset[int] | list[int]) -> None:
+        """Show what is held of these and nothing else: missing and evicted ones are not held."""
+        ids = np.fromiter(segments, dtype=np.int64, count=len(segments))
+        self.shown[:] = False
+        self.shown[ids] = self.held[ids]
+
+    def _start_aim(self, aim: Aim) -> None:
+        self._waiting_aim = None
+        chosen = self._select(aim, None)
+        self._aiming = Transfer(aim.generation, chosen)
+        self._forget_parts(self._aiming)
+        self._say(
+            Prefetch(
+                generation=aim.generation,
+                segments=self._load_table(chosen),
+                bytes=chosen.load_bytes,
+            )
+        )
+
+    def _sending(self) -> Transfer | None:
+        landing, aiming = self._landing, self._aiming
+        if aiming is not None and aiming.queue and self._parts.get(aiming.queue[0]):
+            return aiming  # a reject may reopen a landing: segments still come one after the other
+        if landing is not None and landing.unfinished:
+            return landing if landing.queue else None
+        return aiming if aiming is not None and aiming.queue else None
+
+    def _answering(self, chunk: SendChunk) -> Transfer:
+        transfer = self._sending()
+        assert transfer is not None
+        assert transfer.queue[0] == chunk.segment
+        return transfer
+
+    def _supersede(self, transfer: Transfer, by: int, *, landing: bool) -> None:
+        message = Superseded(
+            generation=transfer.generation,
+            by=by,
+            unsent_bytes=transfer.unsent_bytes(self._table.lengths, self._parts),
+        )
+        self._say(message)
+        self._observer.superseded(message, landing=landing)
+
+    def _select(self, wanted: Land | Aim, inner_radius_m: float | None) -> Selection:
+        release_radius_m = wanted.radius_m * self.release_factor
+        return select(
+            self._table,
+            self._scene.within(wanted.position, release_radius_m),
+            wanted.position,
+            wanted.radius_m,
+            release_radius_m=release_radius_m,
+            inner_radius_m=inner_radius_m,
+            held=self.held,
+            shown=self.shown,
+            budgets=self._budgets,
+        )
+
+    def _forget_parts(self, transfer: Transfer) -> None:
+        """Forget every part of a segment that is not to be sent now (6.5, rule 3)."""
+        self._parts = {
+            segment: offset for segment, offset in self._parts.items() if segment in transfer.plan
+        }
+
+    def _load_table(self, chosen: Selection) -> npt.NDArray[Any]:
+        ids = chosen.load
+        rows = np.zeros(len(ids), dtype=LOAD_DTYPE)
+        rows["id"] = ids
+        rows["length"] = self._table.lengths[ids]
+        rows["xxh3"] = self._table.hashes[ids]
+        rows["faces"] = self._table.faces[ids]
+        rows["vertices"] = self._table.vertices[ids]
+        rows["bounds"] = self._table.bounds[ids]
+        return rows
+
+    def _accept_held(self, hello: Hello) -> npt.NDArray[np.uint32]:
+        """Take the offered segments whose hash is right; return the ids of the others (5.3)."""
+        if hello.held is None:
+            return np.zeros(0, dtype=ID_DTYPE)
+        ids = hello.held["id"].astype(np.int64)
+        known = ids < len(self._table)
+        known[known] = self._table.hashes[ids[known]] == hello.held["xxh3"][known]
+        self.held[ids[known]] = True
+        return ids[~known].astype(ID_DTYPE)
+
+
+def _budgets(hello: Hello, limits: SessionLimits) -> Budgets:
+    asked = hello.budgets
+    most = limits.max_plan_segments
+    if asked.max_segments is not None:
+        most = min(most, asked.max_segments)
+    return Budgets(max_triangles=asked.max_triangles, max_bytes=asked.max_bytes, max_segments=most)

@@ -1,0 +1,430 @@
+"""One client's session: messages and time in, actions out.
+
+PURE: no I/O, no clock, no task. Times are seconds on any one monotonic clock of the caller's.
+
+The caller feeds :meth:`Session.receive`, :meth:`Session.refuse`, :meth:`Session.heard`,
+:meth:`Session.tick` and a few news, and carries out what :meth:`Session.next_action` returns, in
+that order, until it returns ``None``. Messages go before payload, a landing's payload before an
+aim's. Section numbers in comments are those of spec/wire-protocol.md.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+from terraport_wire import (
+    CLOSE_CODES,
+    PROTOCOL,
+    Aim,
+    Bye,
+    CloseCode,
+    Credit,
+    DecodeError,
+    Error,
+    ErrorCode,
+    Evict,
+    FieldError,
+    Hello,
+    Hit,
+    Land,
+    Message,
+    Notice,
+    Pick,
+    Picked,
+    Reject,
+    SceneInfo,
+    ServerLimits,
+    Unknown,
+    Welcome,
+)
+
+from terraport_server.actions import (
+    Action,
+    Authorise,
+    Close,
+    Observer,
+    RunPick,
+    SceneView,
+    SendChunk,
+    SendMessage,
+    SessionLimits,
+)
+from terraport_server.deliveries import Deliveries
+
+__all__ = ["INTERNAL_TEXT", "RATE_WINDOW_S", "Session"]
+
+RATE_WINDOW_S = 10.0
+"""Messages per second are averaged over this time (12)."""
+
+INTERNAL_TEXT = "the server failed; the operator's log has the reason"
+"""All that a peer learns of an internal failure."""
+
+_LONGEST_TEXT = 1024
+
+
+class Session:
+    """The state machine. One per connection; not thread-safe.
+
+    Parameters
+    ----------
+    scene
+        What is served.
+    limits
+        What the client may do.
+    session_id
+        For the logs of both sides.
+    now_s
+        When the connection was accepted.
+    authorise
+        Decides on ``hello.token``; ``None`` where that is settled already.
+    observer
+        Told of what happens, synchronously.
+    """
+
+    def __init__(
+        self,
+        scene: SceneView,
+        limits: SessionLimits,
+        *,
+        session_id: str,
+        now_s: float,
+        authorise: Authorise | None = None,
+        observer: Observer | None = None,
+    ) -> None:
+        self._scene = scene
+        self._limits = limits
+        self._session_id = session_id
+        self._authorise = authorise
+        self._observer = observer or Observer()
+        self._out: deque[Action] = deque()
+        self._opened_s = self._heard_s = self._counted_s = now_s
+        self._allowance = max(1.0, RATE_WINDOW_S * limits.max_messages_per_s)
+        self._closing = False
+        self._draining_until_s: float | None = None
+        self._generation: int | None = None
+        self._picks = 0
+        self._deliveries: Deliveries | None = None
+
+    @property
+    def pending(self) -> int:
+        """Actions waiting to be carried out, payload not counted.
+
+        It grows only by what the client sends, so a caller that stops reading while it is high
+        keeps it bounded.
+        """
+        return len(self._out)
+
+    @property
+    def closing(self) -> bool:
+        """Whether the session is over but for what is pending."""
+        return self._closing
+
+    @property
+    def welcomed(self) -> bool:
+        """Whether ``hello`` was accepted."""
+        return self._deliveries is not None
+
+    @property
+    def generation(self) -> int | None:
+        """The newest generation, for logs."""
+        return self._generation
+
+    @property
+    def deliveries(self) -> Deliveries | None:
+        """What the client holds and is being sent, once it is welcome; to look at only."""
+        return self._deliveries
+
+    def wake_at_s(self) -> float:
+        """When :meth:`tick` has something to do at the latest."""
+        if self._deliveries is None:
+            times = [self._opened_s + self._limits.handshake_timeout_s]
+        else:
+            times = [self._heard_s + self._limits.idle_timeout_s]
+            if self._deliveries.deadline_s is not None:
+                times.append(self._deliveries.deadline_s)
+        if self._draining_until_s is not None:
+            times.append(self._draining_until_s)
+        return min(times)
+
+    def next_action(self) -> Action | None:
+        """Return what to do next; ``None`` until something happens.
+
+        A :class:`SendChunk` is returned again until it is answered; everything else once.
+        """
+        if self._out:
+            return self._out.popleft()
+        if self._closing or self._deliveries is None:
+            return None
+        return self._deliveries.next_chunk()
+
+    def receive(self, message: Message | Unknown, now_s: float) -> None:
+        """Take one decoded message."""
+        if not self._admit(now_s) or isinstance(message, Unknown):
+            return
+        deliveries = self._deliveries
+        if isinstance(message, Hello):
+            self._on_hello(message)
+        elif deliveries is None:
+            self._fatal(ErrorCode.OUT_OF_ORDER, f"got {message.TYPE} first, expected hello")
+        elif isinstance(message, Land | Aim):
+            if self._take_generation(message.generation) and self._may_go(message):
+                if isinstance(message, Land):
+                    deliveries.land(message, now_s)
+                else:
+                    deliveries.aim(message, now_s)
+        elif isinstance(message, Credit):
+            deliveries.grant(message.bytes)
+        elif isinstance(message, Evict):
+            self._on_evict(message, deliveries)
+        elif isinstance(message, Reject):
+            self._on_reject(message, deliveries, now_s)
+        elif isinstance(message, Pick):
+            self._on_pick(message)
+        elif isinstance(message, Bye):
+            self._out.clear()
+            self._close(CloseCode.NORMAL, "bye")
+
+    def refuse(self, error: DecodeError, now_s: float) -> None:
+        """Take one message that could not be decoded."""
+        if not self._admit(now_s):
+            return
+        generation = request = None
+        if isinstance(error, FieldError):
+            generation, request = error.generation, error.request
+        if error.fatal or self._deliveries is None:
+            self._fatal(error.code, str(error), generation=generation)
+        elif generation is None or self._take_generation(generation):
+            self._error(error.code, str(error), generation=generation, request=request)
+
+    def heard(self, now_s: float) -> None:
+        """Note that something, if only a pong, came from the client."""
+        self._heard_s = max(self._heard_s, now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Act on what time alone decides."""
+        if self._closing:
+            return
+        limits, deliveries = self._limits, self._deliveries
+        if self._draining_until_s is not None and now_s >= self._draining_until_s:
+            self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
+        elif deliveries is None:
+            if now_s >= self._opened_s + limits.handshake_timeout_s:
+                text = f"got no hello in {limits.handshake_timeout_s:g} s, expected it first"
+                self._fatal(ErrorCode.TIMEOUT, text)
+        elif now_s >= self._heard_s + limits.idle_timeout_s:
+            text = f"got nothing for {limits.idle_timeout_s:g} s, expected at least pongs"
+            self._fatal(ErrorCode.TIMEOUT, text)
+        else:
+            deliveries.settle(now_s)
+
+    def chunk_sent(self, chunk: SendChunk, now_s: float) -> None:
+        """Book the chunk that :meth:`next_action` returned last as sent."""
+        assert self._deliveries is not None
+        self._deliveries.chunk_sent(chunk, now_s)
+        self._close_if_drained()
+
+    def payload_failed(self, chunk: SendChunk, now_s: float) -> None:
+        """Note that the segment of that chunk cannot be read whole and right: it is missing."""
+        assert self._deliveries is not None
+        self._deliveries.payload_failed(chunk, now_s)
+        self._close_if_drained()
+
+    def picked(self, request: int, hit: Hit | None) -> None:
+        """Answer a pick."""
+        self._picks -= 1
+        if not self._closing:
+            self._say(Picked(request=request, hit=hit))
+
+    def pick_failed(self, request: int) -> None:
+        """Say that a pick could not be answered; the session goes on."""
+        self._picks -= 1
+        if not self._closing:
+            self._error(ErrorCode.INTERNAL, INTERNAL_TEXT, request=request)
+
+    def scene_published(self, version: str) -> None:
+        """Tell that a newer version is served to new sessions."""
+        if self.welcomed and not self._closing:
+            self._say(Notice(kind="scene_published", version=version))
+
+    def drain(self, now_s: float, timeout_s: float) -> None:
+        """Go away: finish the open landing within the time, then close (10)."""
+        if self._closing or self._draining_until_s is not None:
+            return
+        self._draining_until_s = now_s + timeout_s
+        if self._deliveries is not None:
+            after_ms = self._limits.reconnect_after_ms
+            self._say(Notice(kind="draining", reconnect_after_ms=after_ms))
+            self._deliveries.end_aims(by=None)
+        self._close_if_drained()
+
+    def refuse_connection(self, code: ErrorCode, text: str) -> None:
+        """End the session before it began, for a reason outside it (token, scene, load)."""
+        self._fatal(code, text)
+
+    def fail(self) -> None:
+        """End the session for a fault of our own, without telling what it was."""
+        self._fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
+
+    def _on_hello(self, hello: Hello) -> None:
+        limits = self._limits
+        if self._deliveries is not None:
+            self._fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
+            return
+        if hello.protocol[0] != PROTOCOL[0]:
+            text = f"got protocol {hello.protocol[0]}.{hello.protocol[1]}, expected {PROTOCOL[0]}.x"
+            self._fatal(ErrorCode.UNSUPPORTED_VERSION, text, protocols=(PROTOCOL,))
+            return
+        refusal = None if self._authorise is None else self._authorise(hello.token)
+        if refusal is not None:
+            self._fatal(refusal, "got no token that opens this scene, expected one")
+            return
+        if hello.encoding not in self._scene.encodings:
+            offered = ", ".join(sorted(self._scene.encodings))
+            text = f"got encoding {hello.encoding}, expected one of: {offered}"
+            self._fatal(ErrorCode.UNSUPPORTED_ENCODING, text)
+            return
+        rows = 0 if hello.held is None else len(hello.held)
+        if rows > limits.max_held_segments:
+            text = f"got {rows} held segments, expected at most {limits.max_held_segments}"
+            self._fatal(ErrorCode.TOO_LARGE, text)
+            return
+        deliveries = Deliveries(self._scene, limits, hello, say=self._say, observer=self._observer)
+        self._deliveries = deliveries
+        self._say(
+            Welcome(
+                protocol=(PROTOCOL[0], min(hello.protocol[1], PROTOCOL[1])),
+                server=limits.server,
+                session=self._session_id,
+                scene=SceneInfo(
+                    id=self._scene.id,
+                    version=self._scene.version,
+                    name=self._scene.name,
+                    segment_count=len(deliveries.held),
+                ),
+                limits=_server_limits(limits),
+                release_factor=deliveries.release_factor,
+                dropped=deliveries.dropped,
+                held_count=rows - len(deliveries.dropped),
+            )
+        )
+
+    def _on_evict(self, evict: Evict, deliveries: Deliveries) -> None:
+        wrong = deliveries.evict(evict.segments)
+        if wrong is not None:
+            text = (
+                f"got evict of segment {wrong} of the open landing, expected it to be ready first"
+            )
+            self._fatal(ErrorCode.OUT_OF_ORDER, text)
+
+    def _on_reject(self, reject: Reject, deliveries: Deliveries, now_s: float) -> None:
+        if reject.segment >= len(deliveries.held):
+            text = f"got segment {reject.segment}, expected one below {len(deliveries.held)}"
+            self._fatal(ErrorCode.INVALID_FIELD, f"reject.segment: {text}")
+            return
+        deliveries.reject(reject, now_s)
+        self._close_if_drained()
+
+    def _on_pick(self, pick: Pick) -> None:
+        if self._picks >= self._limits.max_picks:
+            text = f"got {self._picks + 1} picks at once, expected at most {self._limits.max_picks}"
+            self._error(ErrorCode.TOO_MANY, text, request=pick.request)
+            return
+        self._picks += 1
+        self._out.append(RunPick(pick.request, pick.origin, pick.direction))
+
+    def _admit(self, now_s: float) -> bool:
+        """Count one message against the rate; a bucket that holds ``RATE_WINDOW_S`` of it."""
+        if self._closing:
+            return False
+        self.heard(now_s)
+        rate = self._limits.max_messages_per_s
+        gained = max(0.0, now_s - self._counted_s) * rate
+        self._counted_s = now_s
+        self._allowance = min(max(1.0, RATE_WINDOW_S * rate), self._allowance + gained)
+        if self._allowance < 1.0:
+            text = f"got more than {rate:g} messages per second over {RATE_WINDOW_S:g} s"
+            self._fatal(ErrorCode.TOO_MANY, f"{text}, expected at most that")
+            return False
+        self._allowance -= 1.0
+        return True
+
+    def _take_generation(self, generation: int) -> bool:
+        newest = self._generation
+        if newest is not None and generation <= newest:
+            text = f"got generation {generation}, expected one above {newest}"
+            self._fatal(ErrorCode.OUT_OF_ORDER, text, generation=generation)
+            return False
+        self._generation = generation
+        return True
+
+    def _may_go(self, message: Land | Aim) -> bool:
+        """Check an aim or land against what this server allows now."""
+        most_m = self._limits.max_radius_m
+        if self._draining_until_s is not None:
+            text = f"got {message.TYPE} while the server goes away, expected a new connection"
+            self._fatal(ErrorCode.DRAINING, text, generation=message.generation)
+            return False
+        if message.radius_m > most_m:
+            text = f"{message.TYPE}.radius_m: got {message.radius_m:g}, expected at most {most_m:g}"
+            self._error(ErrorCode.RADIUS_TOO_LARGE, text, generation=message.generation)
+            return False
+        return True
+
+    def _close_if_drained(self) -> None:
+        if self._closing or self._draining_until_s is None:
+            return
+        if self._deliveries is None or not self._deliveries.landing_open:
+            self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
+
+    def _say(self, message: Message) -> None:
+        self._out.append(SendMessage(message))
+
+    def _error(
+        self,
+        code: ErrorCode,
+        text: str,
+        *,
+        fatal: bool = False,
+        generation: int | None = None,
+        request: int | None = None,
+        protocols: tuple[tuple[int, int], ...] | None = None,
+    ) -> None:
+        error = Error(
+            code=code,
+            message=text[:_LONGEST_TEXT],
+            fatal=fatal,
+            generation=generation,
+            request=request,
+            protocols=protocols,
+        )
+        self._say(error)
+        self._observer.refused(error)
+
+    def _fatal(
+        self,
+        code: ErrorCode,
+        text: str,
+        *,
+        generation: int | None = None,
+        protocols: tuple[tuple[int, int], ...] | None = None,
+    ) -> None:
+        if self._closing:
+            return
+        self._error(code, text, fatal=True, generation=generation, protocols=protocols)
+        self._close(CLOSE_CODES[code], code)
+
+    def _close(self, code: CloseCode, reason: str) -> None:
+        self._closing = True
+        self._out.append(Close(code, reason))
+
+
+def _server_limits(limits: SessionLimits) -> ServerLimits:
+    return ServerLimits(
+        max_radius_m=limits.max_radius_m,
+        max_message_bytes=limits.max_message_bytes,
+        max_messages_per_s=limits.max_messages_per_s,
+        max_held_segments=limits.max_held_segments,
+        max_plan_segments=limits.max_plan_segments,
+        max_credit_bytes=limits.max_credit_bytes,
+        idle_timeout_s=limits.idle_timeout_s,
+    )
