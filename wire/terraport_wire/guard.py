@@ -93,7 +93,7 @@ def check_depth(value: Any) -> None:
         If it is nested deeper.
     """
     level = [value]
-    for _ in range(MAX_DEPTH + 1):
+    for _ in range(MAX_DEPTH):
         level = [inner for outer in level for inner in _inside(outer)]
         if not level:
             return

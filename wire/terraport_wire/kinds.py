@@ -298,10 +298,11 @@ class NumberMap(_Plain):
             raise Refused(f"got {clip(value)}, expected a map of at most {self.most} numbers")
         checked: dict[str, float] = {}
         for name, item in value.items():
+            name = self._name.check(name)
             number = _finite(item)
             if number is None:
-                raise Refused(f"got {clip(item)}, expected a finite number", str(clip(name)))
-            checked[self._name.check(name)] = number
+                raise Refused(f"got {clip(item)}, expected a finite number", name)
+            checked[name] = number
         return checked
 
     def schema(self) -> dict[str, Any]:

@@ -1,0 +1,383 @@
+"""Bad cases: what every decoder must refuse, with which code and at which field."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import msgpack
+
+from terraport_wire import (
+    MAX_CLIENT_MESSAGE_BYTES,
+    MAX_FRAME_BYTES,
+    MAX_SEGMENT_BYTES,
+    MAX_SERVER_MESSAGE_BYTES,
+    PayloadFrame,
+    encode_frame,
+)
+from terraport_wire import messages as m
+from terraport_wire.kinds import Flag
+from terraport_wire.message import fields_of
+
+from .cases import C2S, S2C, Case, bad, frame, pack
+from .wire_samples import FULL, MINIMAL, by_type, plain
+
+MALFORMED = {"code": "malformed", "fatal": True}
+TOO_LARGE = {"code": "too_large", "fatal": True}
+
+
+def bad_cases() -> Iterator[Case]:
+    """Yield all bad cases."""
+    for form in ("msgpack", "json"):
+        for message in FULL:
+            yield from _truncated(form, message)
+            yield from _fields(form, message)
+        yield from _values(form)
+        yield from _structure(form)
+        yield from _oversized(form)
+    yield from _msgpack_bytes()
+    yield from _json_texts()
+    yield from _frames()
+
+
+def _refused(message: m.Message, fields: dict[str, Any], field: str) -> dict[str, Any]:
+    error = {
+        "code": "invalid_field",
+        "fatal": message.TYPE not in ("aim", "land", "pick"),
+        "field": field,
+    }
+    known = {item.name for item in fields_of(type(message))}
+    for name in ("generation", "request"):
+        value = fields.get(name)
+        if name in known and type(value) is int and 0 <= value < 2**32:
+            error[name] = value
+    return error
+
+
+def _truncated(form: str, message: m.Message) -> Iterator[Case]:
+    """Cut in the first key, in the middle, and before the last byte."""
+    whole = pack(form, plain(message, packed=form == "msgpack"))
+    for feature, length in (("start", 3), ("middle", len(whole) // 2), ("end", len(whole) - 1)):
+        name = f"{message.TYPE}-truncated_{feature}"
+        data = whole[:length]
+        if form == "json":  # a text message is whole UTF-8, cut or not
+            data = data.decode("utf-8", "ignore").encode("utf-8")
+        yield bad(form, message.DIRECTION, name, data, MALFORMED)
+
+
+def _fields(form: str, message: m.Message) -> Iterator[Case]:
+    """Leave out each required field; give each field a value of a wrong type."""
+    whole = plain(message, packed=form == "msgpack")
+    for field in fields_of(type(message)):
+        if field.required:
+            fields = {name: value for name, value in whole.items() if name != field.name}
+            error = _refused(message, fields, field.name)
+            name = f"{message.TYPE}-missing_{field.name}"
+            yield bad(form, message.DIRECTION, name, pack(form, fields), error)
+        fields = {**whole, field.name: 1 if isinstance(field.kind, Flag) else True}
+        error = _refused(message, fields, field.name)
+        name = f"{message.TYPE}-mistyped_{field.name}"
+        yield bad(form, message.DIRECTION, name, pack(form, fields), error)
+
+
+def _values(form: str) -> Iterator[Case]:
+    """Values out of range, and fields that contradict each other."""
+    packed = form == "msgpack"
+    messages = by_type(FULL) | {
+        "small": by_type(MINIMAL)["land"],
+        "plan0": by_type(MINIMAL)["plan"],
+    }
+    changes = _CHANGES + (_PACKED if packed else _LISTED)
+    for type_name, feature, field, change in changes:
+        message = messages[type_name]
+        fields = {**plain(message, packed=packed), **change}
+        error = _refused(message, fields, field)
+        name = f"{message.TYPE}-{feature}"
+        yield bad(form, message.DIRECTION, name, pack(form, fields), error)
+    for type_name, feature, field, change in _NOT_FINITE if packed else ():
+        message = messages[type_name]
+        fields = {**plain(message, packed=True), **change}
+        yield bad(
+            form,
+            message.DIRECTION,
+            f"{message.TYPE}-{feature}",
+            pack(form, fields),
+            _refused(message, fields, field),
+        )
+
+
+def _row(**change: Any) -> dict[str, Any]:
+    row = {
+        "id": 1,
+        "length": 5,
+        "xxh3": "0" * 16,
+        "faces": 3,
+        "vertices": 4,
+        "bounds": [0, 0, 0, 1, 1, 1],
+    }
+    return {**row, **change}
+
+
+def _packed_row(segment: int = 1, length: int = 5, *bounds: float) -> bytes:
+    return struct.pack("<IIQII6f", segment, length, 0, 3, 4, *(bounds or (0, 0, 0, 1, 1, 1)))
+
+
+_SCENE = plain(by_type(FULL)["welcome"], packed=False)["scene"]
+_HIT = plain(by_type(FULL)["picked"], packed=False)["hit"]
+_SUMS = {"load_bytes": 5, "load_triangles": 3, "total_bytes": 5, "total_triangles": 3}
+
+# (message, feature, refused field, fields that replace the good ones)
+_CHANGES: list[tuple[str, str, str, dict[str, Any]]] = [
+    ("small", "radius_negative", "radius_m", {"radius_m": -1.0}),
+    ("small", "radius_zero", "radius_m", {"radius_m": 0}),
+    ("small", "radius_too_large", "radius_m", {"radius_m": 1_000_000.5}),
+    ("small", "radius_text", "radius_m", {"radius_m": "60"}),
+    ("small", "generation_negative", "generation", {"generation": -1}),
+    ("small", "generation_too_large", "generation", {"generation": 2**32}),
+    ("small", "generation_fraction", "generation", {"generation": 1.5}),
+    ("small", "position_of_two", "position", {"position": [0.0, 0.0]}),
+    ("small", "position_of_four", "position", {"position": [0.0, 0.0, 0.0, 0.0]}),
+    ("small", "position_text", "position", {"position": [0.0, "0", 0.0]}),
+    ("small", "position_map", "position", {"position": {"x": 0, "y": 0, "z": 0}}),
+    ("small", "position_too_far", "position", {"position": [0.0, 1e7 + 1, 0.0]}),
+    ("small", "inner_beyond_radius", "inner_radius_m", {"inner_radius_m": 60.5}),
+    ("small", "deadline_without_inner", "deadline_ms", {"deadline_ms": 100}),
+    ("small", "deadline_zero", "deadline_ms", {"inner_radius_m": 1.0, "deadline_ms": 0}),
+    ("small", "deadline_too_long", "deadline_ms", {"inner_radius_m": 1.0, "deadline_ms": 600_001}),
+    ("aim", "radius_negative", "radius_m", {"radius_m": -1.0}),
+    ("credit", "zero", "bytes", {"bytes": 0}),
+    ("credit", "negative", "bytes", {"bytes": -5}),
+    ("credit", "too_large", "bytes", {"bytes": 2**53}),
+    ("pick", "direction_zero", "direction", {"direction": [0, 0, 0]}),
+    ("pick", "request_too_large", "request", {"request": 2**32}),
+    ("reject", "reason_too_long", "reason", {"reason": "x" * 65}),
+    ("hello", "client_too_long", "client", {"client": "x" * 129}),
+    ("hello", "token_too_long", "token", {"token": "x" * 4097}),
+    ("hello", "encoding_unknown", "encoding", {"encoding": "obj"}),
+    ("hello", "protocol_of_one", "protocol", {"protocol": [1]}),
+    ("hello", "protocol_negative", "protocol", {"protocol": [1, -1]}),
+    ("hello", "budget_negative", "budgets.max_triangles", {"budgets": {"max_triangles": -1}}),
+    ("hello", "budget_fraction", "budgets.max_bytes", {"budgets": {"max_bytes": 1.5}}),
+    ("hello", "release_factor_below_one", "release_factor", {"release_factor": 0.99}),
+    ("hello", "release_factor_too_large", "release_factor", {"release_factor": 4.01}),
+    (
+        "welcome",
+        "scene_incomplete",
+        "scene.version",
+        {"scene": {name: _SCENE[name] for name in ("id", "name", "segment_count")}},
+    ),
+    ("welcome", "scene_empty_id", "scene.id", {"scene": {**_SCENE, "id": ""}}),
+    ("notice", "kind_with_capitals", "kind", {"kind": "Draining"}),
+    ("error", "message_too_long", "message", {"message": "x" * 1025}),
+    ("error", "protocols_of_numbers", "protocols", {"protocols": [1, 0]}),
+    (
+        "picked",
+        "attribute_text",
+        "hit.attributes.grade",
+        {"hit": {**_HIT, "attributes": {"grade": "1"}}},
+    ),
+    ("plan", "sum_of_bytes", "load_bytes", {"load_bytes": 67_109_866}),
+    ("plan", "sum_of_triangles", "load_triangles", {"load_triangles": 21_999}),
+    ("plan", "total_below_load", "total_bytes", {"total_bytes": 67_109_864}),
+    ("plan", "omitted_without_reason", "omitted_by", {"omitted_by": None}),
+    ("plan", "reason_without_omitted", "omitted_by", {"omitted_segments": 0}),
+    ("plan", "omitted_by_unknown", "omitted_by", {"omitted_by": "max_patience"}),
+    ("prefetch", "sum_of_bytes", "bytes", {"bytes": 1_000}),
+]
+_ID = struct.Struct("<I").pack
+_PACKED: list[tuple[str, str, str, dict[str, Any]]] = [
+    ("evict", "ids_twice", "segments", {"segments": _ID(3) + _ID(1) + _ID(3)}),
+    ("evict", "ids_cut", "segments", {"segments": b"\x01\x00\x00"}),
+    ("evict", "ids_as_array", "segments", {"segments": [1, 2]}),
+    ("evict", "ids_as_text", "segments", {"segments": "abcd"}),
+    ("evict", "too_many_ids", "segments", {"segments": b"".join(map(_ID, range(32_769)))}),
+    ("hello", "held_cut", "held", {"held": bytes(23)}),
+    ("hello", "held_twice", "held", {"held": bytes(24)}),
+    ("plan0", "load_cut", "load", {**_SUMS, "load": _packed_row()[:-1]}),
+    ("plan0", "load_twice", "load", {**_SUMS, "load": _packed_row() * 2}),
+    ("plan0", "load_length_zero", "load.length", {**_SUMS, "load": _packed_row(1, 0)}),
+    (
+        "plan0",
+        "load_length_too_large",
+        "load.length",
+        {**_SUMS, "load": _packed_row(1, MAX_SEGMENT_BYTES + 1)},
+    ),
+    (
+        "plan0",
+        "box_inverted",
+        "load.bounds",
+        {**_SUMS, "load": _packed_row(1, 5, 0, 2, 0, 1, 1, 1)},
+    ),
+    (
+        "plan0",
+        "box_nan",
+        "load.bounds",
+        {**_SUMS, "load": _packed_row(1, 5, math.nan, 0, 0, 1, 1, 1)},
+    ),
+    (
+        "plan0",
+        "box_infinite",
+        "load.bounds",
+        {**_SUMS, "load": _packed_row(1, 5, 0, 0, 0, 1, math.inf, 1)},
+    ),
+    ("plan0", "load_and_keep", "load", {**_SUMS, "load": _packed_row(), "keep": _ID(1)}),
+    ("plan0", "keep_and_release", "release", {"keep": _ID(2), "release": _ID(2)}),
+]
+_LISTED: list[tuple[str, str, str, dict[str, Any]]] = [
+    ("evict", "ids_twice", "segments", {"segments": [3, 1, 3]}),
+    ("evict", "id_negative", "segments.1", {"segments": [3, -1]}),
+    ("evict", "id_too_large", "segments.0", {"segments": [2**32]}),
+    ("evict", "id_fraction", "segments.0", {"segments": [1.5]}),
+    ("evict", "id_text", "segments.0", {"segments": ["1"]}),
+    ("evict", "too_many_ids", "segments", {"segments": list(range(32_769))}),
+    ("hello", "held_short_hash", "held.0", {"held": [[1, "123"]]}),
+    ("hello", "held_capital_hash", "held.0", {"held": [[1, "0123456789ABCDEF"]]}),
+    ("hello", "held_number_hash", "held.0", {"held": [[1, 5]]}),
+    ("hello", "held_of_three", "held.1", {"held": [[1, "0" * 16], [2, "0" * 16, 3]]}),
+    ("hello", "held_twice", "held", {"held": [[1, "0" * 16], [1, "1" * 16]]}),
+    ("plan0", "load_incomplete", "load.0.length", {**_SUMS, "load": [_row(length=None)]}),
+    ("plan0", "load_twice", "load", {**_SUMS, "load": [_row(), _row()]}),
+    ("plan0", "load_length_zero", "load.length", {**_SUMS, "load": [_row(length=0)]}),
+    (
+        "plan0",
+        "load_length_too_large",
+        "load.length",
+        {**_SUMS, "load": [_row(length=MAX_SEGMENT_BYTES + 1)]},
+    ),
+    ("plan0", "box_inverted", "load.bounds", {**_SUMS, "load": [_row(bounds=[0, 2, 0, 1, 1, 1])]}),
+    ("plan0", "box_of_five", "load.0.bounds", {**_SUMS, "load": [_row(bounds=[0, 0, 0, 1, 1])]}),
+    (
+        "plan0",
+        "box_too_far",
+        "load.0.bounds",
+        {**_SUMS, "load": [_row(bounds=[0, 0, 0, 1, 1e8, 1])]},
+    ),
+    ("plan0", "load_and_keep", "load", {**_SUMS, "load": [_row()], "keep": [1]}),
+    ("plan0", "keep_and_release", "release", {"keep": [2], "release": [2]}),
+]
+_NOT_FINITE: list[tuple[str, str, str, dict[str, Any]]] = [
+    ("small", "radius_nan", "radius_m", {"radius_m": math.nan}),
+    ("small", "radius_infinite", "radius_m", {"radius_m": math.inf}),
+    ("small", "position_nan", "position", {"position": [0.0, math.nan, 0.0]}),
+    ("small", "position_infinite", "position", {"position": [0.0, 0.0, -math.inf]}),
+    ("hello", "release_factor_nan", "release_factor", {"release_factor": math.nan}),
+    ("pick", "direction_nan", "direction", {"direction": [math.nan, 0.0, 1.0]}),
+]
+
+
+def _structure(form: str) -> Iterator[Case]:
+    for feature, value in (
+        ("top_level_array", [1, 2]),
+        ("top_level_number", 5),
+        ("top_level_text", "hello"),
+        ("top_level_nil", None),
+        ("no_type", {"generation": 1}),
+        ("type_number", {"type": 5}),
+        ("type_nil", {"type": None}),
+    ):
+        yield bad(form, C2S, feature, pack(form, value), MALFORMED)
+    bye = pack(form, {"type": "bye"})
+    yield bad(form, C2S, "empty", b"", MALFORMED)
+    yield bad(form, C2S, "two_messages", bye + bye, MALFORMED)
+    deep: Any = 1
+    for _ in range(16):
+        deep = [deep]
+    yield bad(form, C2S, "too_deep", pack(form, {"type": "bye", "later": deep}), MALFORMED)
+    inner = b"\x91" * 100_000 + b"\xc0" if form == "msgpack" else b"[" * 100_000 + b"]" * 100_000
+    head = b"\x82" + bye[1:] + b"\xa5later" if form == "msgpack" else b'{"type":"bye","later":'
+    tail = b"" if form == "msgpack" else b"}"
+    yield bad(form, C2S, "far_too_deep", head + inner + tail, MALFORMED)
+
+
+def _oversized(form: str) -> Iterator[Case]:
+    for direction, limit, data in (
+        (C2S, MAX_CLIENT_MESSAGE_BYTES, pack(form, {"type": "bye"})),
+        (S2C, MAX_SERVER_MESSAGE_BYTES, pack(form, {"type": "wave"})),
+    ):
+        name = f"oversized_{direction.value}"
+        yield bad(form, direction, name, data, TOO_LARGE, pad_to=limit + 1, pad_byte=32)
+
+
+def _msgpack_bytes() -> Iterator[Case]:
+    """Bytes that promise more than they hold, and bytes that no message uses."""
+    start = b"\x82\xa4type\xa3bye\xa5later"
+    for feature, data in (
+        ("bomb_array32", start + b"\xdd\xff\xff\xff\xff"),
+        ("bomb_map32", start + b"\xdf\xff\xff\xff\xff"),
+        ("bomb_bin32", start + b"\xc6\xff\xff\xff\xff"),
+        ("bomb_str32", start + b"\xdb\xff\xff\xff\xff"),
+        ("bomb_top_level_map", b"\xdf\xff\xff\xff\xff\xa4type"),
+        ("bomb_nested_arrays", start + b"\xdd\x00\x00\x40\x00" * 15),
+        ("too_many_items", start + b"\xdc\x40\x01" + b"\xc0" * 16_385),
+        ("extension", start + b"\xd4\x01\x00"),
+        ("extension8", start + b"\xc7\x01\x05\x00"),
+        ("timestamp", start + b"\xd6\xff\x00\x00\x00\x00"),
+        ("unused_token", start + b"\xc1"),
+        ("text_not_utf8", start + b"\xa2\xff\xfe"),
+        ("text_surrogate", start + b"\xa3\xed\xa0\x80"),
+        ("key_number", b"\x82\xa4type\xa3bye\x05\xc0"),
+        ("key_binary", b"\x82\xa4type\xa3bye\xc4\x01a\xc0"),
+        ("key_array", b"\x82\xa4type\xa3bye\x90\xc0"),
+        ("key_map", b"\x82\xa4type\xa3bye\x80\xc0"),
+        ("bytes_after", msgpack.packb({"type": "bye"}) + b"\xc0"),
+        ("length_cut", start + b"\xda\x00"),
+        ("integer_cut", start + b"\xcf\x00\x00"),
+    ):
+        yield bad("msgpack", C2S, feature, data, MALFORMED)
+
+
+def _json_texts() -> Iterator[Case]:
+    land = '{"type":"land","generation":1,"position":[0,0,0],"radius_m":%s}'
+    for feature, text in (
+        ("nan", land % "NaN"),
+        ("infinity", land % "Infinity"),
+        ("minus_infinity", land % "-Infinity"),
+        ("leading_zero", land % "060"),
+        ("hexadecimal", land % "0x3c"),
+        ("trailing_comma", '{"type":"bye",}'),
+        ("comment", '{"type":"bye"} // done'),
+        ("single_quotes", "{'type':'bye'}"),
+        ("byte_order_mark", '\ufeff{"type":"bye"}'),
+        ("control_character", '{"type":"by\x01e"}'),
+        ("blank", "  \n"),
+        ("key_without_quotes", '{type:"bye"}'),
+    ):
+        yield bad("json", C2S, feature, text.encode("utf-8"), MALFORMED)
+    small = by_type(MINIMAL)["land"]
+    beyond = _refused(small, {"generation": 1}, "radius_m")
+    yield bad("json", C2S, "land-radius_beyond_double", (land % "1e999").encode(), beyond)
+
+
+def _frames() -> Iterator[Case]:
+    whole = encode_frame(PayloadFrame(1, 2, 0, 9, memoryview(b"terraport")))
+
+    def changed(place: int, *values: int) -> bytes:
+        return whole[:place] + bytes(values) + whole[place + len(values) :]
+
+    for feature, data in (
+        ("empty", b""),
+        ("kind_zero", changed(0, 0)),
+        ("kind_80", changed(0, 0x80)),
+        ("kind_ff", b"\xff"),
+        *((f"header_cut_{length:02d}", whole[:length]) for length in (1, 2, 4, 8, 12, 16, 20, 23)),
+        ("no_chunk", whole[:24]),
+        ("chunk_cut", whole[:-1]),
+        ("header_too_short", changed(2, 23, 0)),
+        ("header_zero", changed(2, 0, 0)),
+        ("header_beyond_frame", changed(2, 34, 0)),
+        ("header_to_the_end", changed(2, 33, 0)),
+        ("header_too_long", changed(2, 1, 4)),
+        ("chunk_beyond_total", changed(16, 8)),
+        ("offset_beyond_total", changed(12, 1)),
+        ("offset_overflows", changed(12, 0xFF, 0xFF, 0xFF, 0xFF)),
+        ("total_zero", changed(16, 0)),
+        ("last_not_marked", changed(1, 0)),
+        ("last_marked_early", changed(16, 10)),
+    ):
+        yield frame(feature, data, {"error": MALFORMED})
+    huge = changed(16, *struct.pack("<I", MAX_SEGMENT_BYTES + 1))
+    yield frame("total_too_large", huge, {"error": TOO_LARGE})
+    error = {"error": TOO_LARGE, "pad_to": MAX_FRAME_BYTES + 1, "pad_byte": 0}
+    yield frame("oversized", whole, error)

@@ -1,0 +1,159 @@
+"""One smallest and one fullest message of every type: the corpus and the codec tests start here."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from terraport_wire import messages as m
+
+_BUDGETS = m.Budgets(max_triangles=2_000_000, max_bytes=40_000_000, max_segments=500)
+_SCENE = m.SceneInfo(id="quarry", version="00c0ffee1234", name="Steinbruch Süd 石", segment_count=9)
+_LIMITS = m.ServerLimits(
+    max_radius_m=500.0,
+    max_message_bytes=1_048_576,
+    max_messages_per_s=60.0,
+    max_held_segments=32_768,
+    max_plan_segments=16_384,
+    max_credit_bytes=67_108_864,
+    idle_timeout_s=60.0,
+)
+_ROWS = [
+    (7, 1_000, 0x0123456789ABCDEF, 2_000, 1_100, (-1.5, 0.0, 2.25, 3.5, 4.0, 8.0)),
+    (0, 1, 0, 0, 0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+    (4_294_967_295, 67_108_864, 2**64 - 1, 20_000, 10_000, (0.1, -1e7, 0.3, 0.5, 1e7, 0.7)),
+]
+
+MINIMAL: tuple[m.Message, ...] = (
+    m.Hello(protocol=(1, 0), client="", encoding="glb", budgets=m.Budgets(), credit_bytes=0),
+    m.Aim(generation=0, position=(0.0, 0.0, 0.0), radius_m=0.5),
+    m.Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=60.0),
+    m.Credit(bytes=1),
+    m.Evict(segments=[]),
+    m.Reject(generation=0, segment=0, reason=""),
+    m.Pick(request=0, origin=(0.0, 0.0, 0.0)),
+    m.Bye(),
+    m.Welcome(
+        protocol=(1, 0),
+        server="",
+        session="",
+        scene=_SCENE,
+        limits=_LIMITS,
+        release_factor=1.0,
+        dropped=[],
+        held_count=0,
+    ),
+    m.Plan(
+        generation=1,
+        position=(0.0, 0.0, 0.0),
+        radius_m=60.0,
+        release_radius_m=75.0,
+        effective_radius_m=60.0,
+        inner_count=0,
+        load=[],
+        keep=[],
+        release=[],
+        load_bytes=0,
+        load_triangles=0,
+        total_bytes=0,
+        total_triangles=0,
+        omitted_segments=0,
+    ),
+    m.Prefetch(generation=0, segments=[], bytes=0),
+    m.Ready(generation=0, delivered=0, payload_bytes=0, missing=[]),
+    m.Degraded(generation=0, segments=[]),
+    m.Superseded(generation=0, by=1, unsent_bytes=0),
+    m.Picked(request=0),
+    m.Notice(kind="draining"),
+    m.Error(code="internal", message="", fatal=True),
+)
+
+FULL: tuple[m.Message, ...] = (
+    m.Hello(
+        protocol=(1, 3),
+        client="terraport-python/0.1.0 (Größe ✓ 𝄞)",
+        token="eyJhbGciOiJIUzI1NiJ9.e30.abc-_",
+        encoding="arrays",
+        budgets=_BUDGETS,
+        credit_bytes=8_388_608,
+        release_factor=1.25,
+        scene_version="00c0ffee1234",
+        held=[(0, 0), (3, 0x0123456789ABCDEF), (4_294_967_295, 2**64 - 1)],
+    ),
+    m.Aim(generation=4_294_967_295, position=(1e7, -1e7, 0.1), radius_m=1e6),
+    m.Land(
+        generation=77,
+        position=(12.5, -3.0, 1e-300),
+        radius_m=60.0,
+        inner_radius_m=20.0,
+        deadline_ms=1500,
+    ),
+    m.Credit(bytes=9_007_199_254_740_991),
+    m.Evict(segments=[5, 1, 4_294_967_295, 0]),
+    m.Reject(generation=4_294_967_295, segment=4_294_967_295, reason="hash_mismatch"),
+    m.Pick(request=4_294_967_295, origin=(1.0, 2.0, 3.0), direction=(0.0, -1e7, 0.5)),
+    m.Bye(),
+    m.Welcome(
+        protocol=(1, 0),
+        server="terraport/0.1.0",
+        session="9f3a",
+        scene=_SCENE,
+        limits=_LIMITS,
+        release_factor=1.25,
+        dropped=[3, 1],
+        held_count=2,
+    ),
+    m.Plan(
+        generation=77,
+        position=(12.5, -3.0, 1e-300),
+        radius_m=60.0,
+        release_radius_m=75.0,
+        effective_radius_m=41.25,
+        inner_count=2,
+        load=_ROWS,
+        keep=[1, 2],
+        release=[3, 4, 5],
+        load_bytes=67_109_865,
+        load_triangles=22_000,
+        total_bytes=67_200_000,
+        total_triangles=30_000,
+        omitted_segments=12,
+        omitted_by="max_triangles",
+    ),
+    m.Prefetch(generation=78, segments=_ROWS[:2], bytes=1_001),
+    m.Ready(generation=77, delivered=2, payload_bytes=1_001, missing=[4_294_967_295]),
+    m.Degraded(generation=77, segments=[7, 1]),
+    m.Superseded(generation=77, by=79, unsent_bytes=67_108_864),
+    m.Picked(
+        request=5,
+        hit=m.Hit(
+            position=(1.0, 2.5, 3.0),
+            normal=(0.0, 1.0, 0.0),
+            segment=7,
+            region=3,
+            label="haul road",
+            height_m=412.5,
+            attributes={"grade": 1.25, "_NAME 2": -0.0},
+        ),
+    ),
+    m.Notice(kind="scene_published", version="beef", reconnect_after_ms=250),
+    m.Error(
+        code="unsupported_version",
+        message="got protocol 2.0, expected one of 1.0",
+        fatal=True,
+        generation=3,
+        request=4,
+        protocols=((1, 0), (1, 1)),
+    ),
+)
+
+
+def by_type(messages: tuple[m.Message, ...]) -> dict[str, m.Message]:
+    """Return the messages by their type."""
+    return {message.TYPE: message for message in messages}
+
+
+def plain(message: m.Message, *, packed: bool) -> dict[str, Any]:
+    """Return the map that msgpack (`packed`) or JSON gets for a message, `type` first."""
+    from terraport_wire.message import to_map
+
+    return {"type": message.TYPE, **to_map(message, packed=packed)}
