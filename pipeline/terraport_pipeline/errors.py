@@ -4,6 +4,7 @@
 
     PipelineError
     ├── SurveyError          the input file or its content cannot be used
+    │   └── ReadError        the file cannot be read; carries path and place
     ├── OptionError          an option is out of range or contradicts another
     ├── ResourceError        not enough memory or disk
     ├── EngineError          a child process (Poisson) failed
@@ -16,11 +17,14 @@ after ``error:`` and exits with 1 (2 for :class:`OptionError`).
 
 from __future__ import annotations
 
+from pathlib import Path
+
 __all__ = [
     "BuildLockedError",
     "EngineError",
     "OptionError",
     "PipelineError",
+    "ReadError",
     "ResourceError",
     "SurveyError",
     "WorkDirectoryError",
@@ -33,6 +37,33 @@ class PipelineError(Exception):
 
 class SurveyError(PipelineError, ValueError):
     """The survey cannot be used: unreadable, damaged, too small or degenerate."""
+
+
+class ReadError(SurveyError):
+    """A survey file cannot be read.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        The file.
+    reason : str
+        What was received and what was expected; lower-case, no full stop.
+    advice : str
+        What to do about it.
+    place : str or None
+        Where in the file: ``"byte 1,024"``, ``"point 17"``, ``"line 3"``.
+    """
+
+    def __init__(self, path: Path, reason: str, advice: str, place: str | None = None) -> None:
+        super().__init__(path, reason, advice, place)
+        self.path = path
+        self.reason = reason
+        self.advice = advice
+        self.place = place
+
+    def __str__(self) -> str:
+        where = f" at {self.place}" if self.place else ""
+        return f"{self.path}{where}: {self.reason}; {self.advice}"
 
 
 class OptionError(PipelineError, ValueError):
