@@ -11,9 +11,9 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from terraport_wire import CloseCode, Error, ErrorCode, Message, Plan, Ready, Reject, Superseded
 
 from terraport_server.selection import SegmentTable
+from terraport_wire import CloseCode, Error, ErrorCode, Message, Plan, Ready, Reject, Superseded
 
 __all__ = [
     "Action",
@@ -108,22 +108,22 @@ class Observer:
     """Hears what happens, for metrics and logs. This one ignores it all."""
 
     def planned(self, generation: int, plan: Plan) -> None:
-        """A landing was accepted and planned."""
+        """Hear of a landing accepted and planned."""
 
     def first_byte(self, generation: int, seconds: float) -> None:
-        """The landing's first payload byte is sent, so long after ``land`` came."""
+        """Hear of a landing's first payload byte, so long after ``land`` came."""
 
     def ready(self, message: Ready, seconds: float) -> None:
-        """The landing is ready, so long after ``land`` came."""
+        """Hear of a landing that is ready, so long after ``land`` came."""
 
     def superseded(self, message: Superseded, *, landing: bool) -> None:
-        """A generation ended unfinished."""
+        """Hear of a generation that ended unfinished."""
 
     def rejected(self, message: Reject) -> None:
-        """The client could not use a segment."""
+        """Hear of a segment that the client could not use."""
 
     def refused(self, error: Error) -> None:
-        """The client was told an error."""
+        """Hear of an error that the client was told."""
 
 
 class Authorise(Protocol):

@@ -12,6 +12,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
+from terraport_server.selection import Budgets, Selection, select
+from terraport_server.transfer import Landing, Transfer
 from terraport_wire import (
     ID_DTYPE,
     LOAD_DTYPE,
@@ -27,10 +31,6 @@ from terraport_wire import (
     Reject,
     Superseded,
 )
-
-from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
-from terraport_server.selection import Budgets, Selection, select
-from terraport_server.transfer import Landing, Transfer
 
 __all__ = ["Deliveries"]
 
@@ -177,10 +177,14 @@ class Deliveries:
                     landing.queue.append(segment)
                 landing.ready = False
             self.settle(now_s)
-        elif aiming is not None and segment in aiming.plan:
-            if segment not in aiming.queue and segment not in aiming.resent:
-                aiming.resent.add(segment)
-                aiming.queue.append(segment)
+        elif (
+            aiming is not None
+            and segment in aiming.plan
+            and segment not in aiming.queue
+            and segment not in aiming.resent
+        ):
+            aiming.resent.add(segment)
+            aiming.queue.append(segment)
 
     def next_chunk(self) -> SendChunk | None:
         """Return the chunk to send now, the same until it is answered."""

@@ -12,9 +12,22 @@ from __future__ import annotations
 
 from collections import deque
 
+from terraport_server.actions import (
+    Action,
+    Authorise,
+    Close,
+    Observer,
+    RunPick,
+    SceneView,
+    SendChunk,
+    SendMessage,
+    SessionLimits,
+)
+from terraport_server.deliveries import Deliveries
+from terraport_server.greeting import check_hello, make_welcome
+from terraport_server.rate import RATE_WINDOW_S, RateLimit
 from terraport_wire import (
     CLOSE_CODES,
-    PROTOCOL,
     Aim,
     Bye,
     CloseCode,
@@ -32,29 +45,10 @@ from terraport_wire import (
     Pick,
     Picked,
     Reject,
-    SceneInfo,
-    ServerLimits,
     Unknown,
-    Welcome,
 )
 
-from terraport_server.actions import (
-    Action,
-    Authorise,
-    Close,
-    Observer,
-    RunPick,
-    SceneView,
-    SendChunk,
-    SendMessage,
-    SessionLimits,
-)
-from terraport_server.deliveries import Deliveries
-
-__all__ = ["INTERNAL_TEXT", "RATE_WINDOW_S", "Session"]
-
-RATE_WINDOW_S = 10.0
-"""Messages per second are averaged over this time (12)."""
+__all__ = ["INTERNAL_TEXT", "Session"]
 
 INTERNAL_TEXT = "the server failed; the operator's log has the reason"
 """All that a peer learns of an internal failure."""
@@ -97,8 +91,8 @@ class Session:
         self._authorise = authorise
         self._observer = observer or Observer()
         self._out: deque[Action] = deque()
-        self._opened_s = self._heard_s = self._counted_s = now_s
-        self._allowance = max(1.0, RATE_WINDOW_S * limits.max_messages_per_s)
+        self._opened_s = self._heard_s = now_s
+        self._rate = RateLimit(limits.max_messages_per_s, now_s=now_s)
         self._closing = False
         self._draining_until_s: float | None = None
         self._generation: int | None = None
@@ -266,47 +260,16 @@ class Session:
         self._fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
 
     def _on_hello(self, hello: Hello) -> None:
-        limits = self._limits
         if self._deliveries is not None:
             self._fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
             return
-        if hello.protocol[0] != PROTOCOL[0]:
-            text = f"got protocol {hello.protocol[0]}.{hello.protocol[1]}, expected {PROTOCOL[0]}.x"
-            self._fatal(ErrorCode.UNSUPPORTED_VERSION, text, protocols=(PROTOCOL,))
-            return
-        refusal = None if self._authorise is None else self._authorise(hello.token)
+        scene, limits = self._scene, self._limits
+        refusal = check_hello(hello, scene, limits, self._authorise)
         if refusal is not None:
-            self._fatal(refusal, "got no token that opens this scene, expected one")
+            self._fatal(refusal.code, refusal.text, protocols=refusal.protocols)
             return
-        if hello.encoding not in self._scene.encodings:
-            offered = ", ".join(sorted(self._scene.encodings))
-            text = f"got encoding {hello.encoding}, expected one of: {offered}"
-            self._fatal(ErrorCode.UNSUPPORTED_ENCODING, text)
-            return
-        rows = 0 if hello.held is None else len(hello.held)
-        if rows > limits.max_held_segments:
-            text = f"got {rows} held segments, expected at most {limits.max_held_segments}"
-            self._fatal(ErrorCode.TOO_LARGE, text)
-            return
-        deliveries = Deliveries(self._scene, limits, hello, say=self._say, observer=self._observer)
-        self._deliveries = deliveries
-        self._say(
-            Welcome(
-                protocol=(PROTOCOL[0], min(hello.protocol[1], PROTOCOL[1])),
-                server=limits.server,
-                session=self._session_id,
-                scene=SceneInfo(
-                    id=self._scene.id,
-                    version=self._scene.version,
-                    name=self._scene.name,
-                    segment_count=len(deliveries.held),
-                ),
-                limits=_server_limits(limits),
-                release_factor=deliveries.release_factor,
-                dropped=deliveries.dropped,
-                held_count=rows - len(deliveries.dropped),
-            )
-        )
+        self._deliveries = Deliveries(scene, limits, hello, say=self._say, observer=self._observer)
+        self._say(make_welcome(hello, scene, limits, self._deliveries, self._session_id))
 
     def _on_evict(self, evict: Evict, deliveries: Deliveries) -> None:
         wrong = deliveries.evict(evict.segments)
@@ -333,20 +296,15 @@ class Session:
         self._out.append(RunPick(pick.request, pick.origin, pick.direction))
 
     def _admit(self, now_s: float) -> bool:
-        """Count one message against the rate; a bucket that holds ``RATE_WINDOW_S`` of it."""
         if self._closing:
             return False
         self.heard(now_s)
-        rate = self._limits.max_messages_per_s
-        gained = max(0.0, now_s - self._counted_s) * rate
-        self._counted_s = now_s
-        self._allowance = min(max(1.0, RATE_WINDOW_S * rate), self._allowance + gained)
-        if self._allowance < 1.0:
-            text = f"got more than {rate:g} messages per second over {RATE_WINDOW_S:g} s"
-            self._fatal(ErrorCode.TOO_MANY, f"{text}, expected at most that")
-            return False
-        self._allowance -= 1.0
-        return True
+        if self._rate.take(now_s):
+            return True
+        per_s = self._rate.per_s
+        text = f"got more messages than {per_s:g} per second in {RATE_WINDOW_S:g} s, expected fewer"
+        self._fatal(ErrorCode.TOO_MANY, text)
+        return False
 
     def _take_generation(self, generation: int) -> bool:
         newest = self._generation
@@ -416,15 +374,3 @@ class Session:
     def _close(self, code: CloseCode, reason: str) -> None:
         self._closing = True
         self._out.append(Close(code, reason))
-
-
-def _server_limits(limits: SessionLimits) -> ServerLimits:
-    return ServerLimits(
-        max_radius_m=limits.max_radius_m,
-        max_message_bytes=limits.max_message_bytes,
-        max_messages_per_s=limits.max_messages_per_s,
-        max_held_segments=limits.max_held_segments,
-        max_plan_segments=limits.max_plan_segments,
-        max_credit_bytes=limits.max_credit_bytes,
-        idle_timeout_s=limits.idle_timeout_s,
-    )
