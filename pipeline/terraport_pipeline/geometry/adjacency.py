@@ -1,8 +1,9 @@
 """Which faces touch: pairs over shared edges or shared vertices, and connected components.
 
-Faces are *contiguous* when they share an edge (thesis, section 3.5.5.2). Where more than two faces share one edge
-all of them are mutual neighbours. Half-edges are sorted by their lower vertex with a counting sort, which took 1.3 s
-for 12 M faces where an argsort of edge keys took 4.0 s and twice the memory.
+Faces are *contiguous* when they share an edge (thesis, section 3.5.5.2). Where more than two faces
+share one edge all of them are mutual neighbours. Half-edges are sorted by their lower vertex with a
+counting sort, which took 1.3 s for 12 M faces where an argsort of edge keys took 4.0 s and twice
+the memory.
 
 PURE: no I/O, no clock.
 """
@@ -18,9 +19,9 @@ import numpy.typing as npt
 __all__ = ["MAX_FACES_PER_EDGE", "components", "face_pairs", "vertex_pairs"]
 
 MAX_FACES_PER_EDGE: Final = 64
-"""All faces of an edge (or vertex) are mutual neighbours up to this many; beyond it each is paired with the next 63
-in face order. Keeps the pairs linear in the faces (a fan of 10^5 faces would make 5 x 10^9) and loses no
-connection. Real meshes have 2 per edge and about 6 per vertex."""
+"""All faces of an edge (or vertex) are mutual neighbours up to this many; beyond it each is paired
+with the next 63 in face order. Keeps the pairs linear in the faces (a fan of 10^5 faces would make
+5 x 10^9) and loses no connection. Real meshes have 2 per edge and about 6 per vertex."""
 
 _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
@@ -33,15 +34,16 @@ def face_pairs(faces: npt.NDArray[np.integer], n_vertices: int) -> tuple[_Int32,
     Parameters
     ----------
     faces : ndarray of shape (F, 3), integer
-        Vertex indices. Repeated faces and faces with a repeated corner are allowed; a corner pair with two equal
-        vertices is no edge.
+        Vertex indices. Repeated faces and faces with a repeated corner are allowed; a corner pair
+        with two equal vertices is no edge.
     n_vertices : int
         Number of vertices; every index must be below it.
 
     Returns
     -------
     pairs : ndarray of shape (P, 2), int32
-        Each pair once, lower face first, even where two faces share several edges. Sorted by the shared edge.
+        Each pair once, lower face first, even where two faces share several edges. Sorted by the
+        shared edge.
     edges : ndarray of shape (P, 2), int32
         Vertices of the shared edge, lower first; the lowest edge where a pair shares several.
 

@@ -1,21 +1,23 @@
-"""Colour as the Triangle Pool Algorithm sees it: sRGB to CIELAB, and the CIEDE2000 distance to white.
+"""Colour as the Triangle Pool Algorithm sees it: sRGB to CIELAB, and the CIEDE2000 distance to
+white.
 
-To white the CIEDE2000 formula has a closed form: white has no chroma, so the hue term and the rotation term vanish
-and only lightness and chroma remain,
+To white the CIEDE2000 formula has a closed form: white has no chroma, so the hue term and the
+rotation term vanish and only lightness and chroma remain,
 
 ``dE = sqrt((dL / S_L)^2 + (C' / S_C)^2)``.
 
-With this the distance is *blind to hue*: red and green of equal lightness and chroma are equally far from white
-(`segmentation.md`, section 1). Faithful to the thesis; said here so that nobody looks for it elsewhere.
+With this the distance is *blind to hue*: red and green of equal lightness and chroma are equally
+far from white (`segmentation.md`, section 1). Faithful to the thesis; said here so that nobody
+looks for it elsewhere.
 
 PURE: no I/O, no clock.
 
 References
 ----------
-G. Sharma, W. Wu, E. N. Dalal, "The CIEDE2000 color-difference formula: implementation notes, supplementary test data,
-and mathematical observations", Color Research and Application 30(1), 2005. Symbols as there, k_L = k_C = 1.
-IEC 61966-2-1:1999 (sRGB), D65 white.
-Thesis, section 3.5.4.1, equation (3.1): ``l_i``.
+G. Sharma, W. Wu, E. N. Dalal, "The CIEDE2000 color-difference formula: implementation notes,
+supplementary test data, and mathematical observations", Color Research and Application 30(1), 2005.
+Symbols as there, k_L = k_C = 1. IEC 61966-2-1:1999 (sRGB), D65 white. Thesis, section 3.5.4.1,
+equation (3.1): ``l_i``.
 """
 
 from __future__ import annotations
@@ -31,8 +33,9 @@ __all__ = ["face_colour_sums", "srgb_to_lab", "white_distance", "white_distance_
 _Float32 = npt.NDArray[np.float32]
 _Float64 = npt.NDArray[np.float64]
 
-# IEC 61966-2-1 linear RGB -> XYZ, each row divided by its own sum: white is then exactly (1, 1, 1), so a* = b* = 0
-# for every grey to the last bit. (With the rounded D65 white of the tables, grey gets a chroma of up to 0.01.)
+# IEC 61966-2-1 linear RGB -> XYZ, each row divided by its own sum: white is then exactly (1, 1, 1),
+# so a* = b* = 0 for every grey to the last bit. (With the rounded D65 white of the tables, grey
+# gets a chroma of up to 0.01.)
 _TO_XYZ: Final = np.array(
     [
         [0.4124564, 0.3575761, 0.1804375],
@@ -106,7 +109,8 @@ def face_colour_sums(
 ) -> npt.NDArray[np.uint16]:
     """Sum of the three vertex colours of every face.
 
-    The sum keeps the mean exact (in thirds) and does not depend on the corners' order, as a float mean would.
+    The sum keeps the mean exact (in thirds) and does not depend on the corners' order, as a float
+    mean would.
 
     Parameters
     ----------
@@ -143,7 +147,8 @@ def white_distance_of_sums(sums: npt.NDArray[np.uint16], parts: int) -> _Float32
 
     Notes
     -----
-    The sRGB curve becomes a table of ``255 * parts + 1`` entries, so a face costs three cube roots and no power.
+    The sRGB curve becomes a table of ``255 * parts + 1`` entries, so a face costs three cube roots
+    and no power.
     """
     table = _linear(np.arange(255 * parts + 1, dtype=np.float64) / (255.0 * parts))
     return _white_distance_of_sums(np.ascontiguousarray(sums), table, _TO_WHITE_XYZ)

@@ -1,16 +1,17 @@
 """Space-filling curves: the order in which faces and segments lie on disk.
 
-A curve gives one integer per position so that positions near each other in space mostly get integers near each
-other. Segments are numbered, and appended to the pack, along a Morton curve, so that one landing reads few long
-runs of the file. Positions are quantised with *one* scale for all axes (cubic cells), so a flat scene does not
-spend its bits on height.
+A curve gives one integer per position so that positions near each other in space mostly get
+integers near each other. Segments are numbered, and appended to the pack, along a Morton curve, so
+that one landing reads few long runs of the file. Positions are quantised with *one* scale for all
+axes (cubic cells), so a flat scene does not spend its bits on height.
 
 PURE: no I/O, no clock.
 
 References
 ----------
-G. M. Morton, "A computer oriented geodetic data base and a new technique in file sequencing", IBM, 1966.
-J. Skilling, "Programming the Hilbert curve", AIP Conference Proceedings 707, 2004 (the transpose form used here).
+G. M. Morton, "A computer oriented geodetic data base and a new technique in file sequencing", IBM,
+1966. J. Skilling, "Programming the Hilbert curve", AIP Conference Proceedings 707, 2004 (the
+transpose form used here).
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ def morton_codes(positions: npt.NDArray[np.floating]) -> _UInt64:
     Returns
     -------
     ndarray of shape (N,), uint64
-        Bits of the three quantised coordinates interleaved, x lowest. Equal cells give equal codes. Positions that
-        all coincide give 0.
+        Bits of the three quantised coordinates interleaved, x lowest. Equal cells give equal codes.
+        Positions that all coincide give 0.
 
     Raises
     ------

@@ -1,17 +1,19 @@
 """k-means of numbers on a line: exact, deterministic, without a start or a seed.
 
-On a line every optimal cluster is an interval of the sorted values, so the best partition is found by dynamic
-programming instead of Lloyd's iterations from random centres. Up to ``EXACT_VALUES`` distinct values the result is
-the global optimum. Beyond it the values are first counted into ``HISTOGRAM_BINS`` bins, the optimum over bins is found,
-and sorted Lloyd steps on the real values polish its borders (measured on 12 M values, k = 500: sum of squares 110.9
-with 4 096 bins, 109.7 with 65 536, against 497 for 2 000 Lloyd steps from quantiles).
+On a line every optimal cluster is an interval of the sorted values, so the best partition is found
+by dynamic programming instead of Lloyd's iterations from random centres. Up to ``EXACT_VALUES``
+distinct values the result is the global optimum. Beyond it the values are first counted into
+``HISTOGRAM_BINS`` bins, the optimum over bins is found, and sorted Lloyd steps on the real values
+polish its borders (measured on 12 M values, k = 500: sum of squares 110.9 with 4 096 bins, 109.7
+with 65 536, against 497 for 2 000 Lloyd steps from quantiles).
 
 PURE: no I/O, no clock.
 
 References
 ----------
-H. Wang, M. Song, "Ckmeans.1d.dp: optimal k-means clustering in one dimension by dynamic programming", The R Journal
-3(2), 2011; the row minima are found by divide and conquer (the cost matrix is totally monotone).
+H. Wang, M. Song, "Ckmeans.1d.dp: optimal k-means clustering in one dimension by dynamic
+programming", The R Journal 3(2), 2011; the row minima are found by divide and conquer (the cost
+matrix is totally monotone).
 """
 
 from __future__ import annotations
@@ -28,13 +30,16 @@ __all__ = ["EXACT_VALUES", "HISTOGRAM_BINS", "MAX_EXACT_CLUSTERS", "Clusters1D",
 EXACT_VALUES: Final = 4096
 """Distinct values up to which the optimum is exact."""
 HISTOGRAM_BINS: Final = 8192
-"""Bins beyond that; between the 4 096 and 16 384 measured to lose less than 1.2 % of the sum of squares."""
+"""Bins beyond that; between the 4 096 and 16 384 measured to lose less than 1.2 % of the sum of
+squares."""
 MAX_EXACT_CLUSTERS: Final = 1024
-"""Above this many clusters the dynamic programme's table (clusters x bins) is refused and Lloyd steps start from
-equal-count intervals; such k only arise from thresholds far below any useful one."""
+"""Above this many clusters the dynamic programme's table (clusters x bins) is refused and Lloyd
+steps start from equal-count intervals; such k only arise from thresholds far below any useful
+one."""
 _MAX_POLISH_STEPS: Final = 100
 _TIE: Final = 1e-12
-"""A split must beat another by this share of the total sum of squares, else the leftmost wins: rounding decides no tie."""
+"""A split must beat another by this share of the total sum of squares, else the leftmost wins:
+rounding decides no tie."""
 
 _Float32 = npt.NDArray[np.float32]
 _Float64 = npt.NDArray[np.float64]
@@ -57,20 +62,23 @@ class Clusters1D:
 
 
 def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
-    """Partition sorted values into at most k clusters of least total squared distance to their means.
+    """Partition sorted values into at most k clusters of least total squared distance to their
+    means.
 
     Parameters
     ----------
     ordered : ndarray of shape (N,), float32
         Ascending, finite, N >= 1.
     k : int
-        Number of clusters, >= 1. With fewer distinct values, every distinct value is its own cluster.
+        Number of clusters, >= 1. With fewer distinct values, every distinct value is its own
+        cluster.
 
     Returns
     -------
     Clusters1D
-        ``min(k, distinct values)`` clusters. Equal values are always in one cluster. Tie rule: of several optimal
-        partitions, the one whose last border lies leftmost, then the one before it, and so on.
+        ``min(k, distinct values)`` clusters. Equal values are always in one cluster. Tie rule: of
+        several optimal partitions, the one whose last border lies leftmost, then the one before it,
+        and so on.
 
     Raises
     ------
@@ -112,7 +120,8 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
 
 
 def _grouped(ordered: _Float32, starts: _Int64) -> tuple[_Float64, _Float64, _Float64]:
-    """Count, sum and sum of squares per group, about the overall mean (keeps the differences accurate)."""
+    """Count, sum and sum of squares per group, about the overall mean (keeps the differences
+    accurate)."""
     centred = ordered.astype(np.float64)
     centred -= centred.mean()
     counts = np.diff(np.append(starts, len(ordered))).astype(np.float64)
@@ -128,7 +137,8 @@ def _cost(n: _Float64, s: _Float64, q: _Float64, i: int, j: int) -> float:
 
 @numba.njit(cache=True)
 def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int) -> _Int64:
-    """First group of each cluster in the optimal partition of m groups into exactly k <= m clusters."""
+    """First group of each cluster in the optimal partition of m groups into exactly k <= m
+    clusters."""
     m = len(counts)
     n = np.zeros(m + 1)
     s = np.zeros(m + 1)
@@ -188,7 +198,8 @@ def _polish(ordered: _Float32, starts: _Int64) -> _Int64:
         ends = np.append(starts[1:], len(values))
         means = (prefix[ends] - prefix[starts]) / (ends - starts)
         middles = ((means[1:] + means[:-1]) * 0.5).astype(np.float32)
-        # Equal to the middle -> lower cluster; means lie inside their intervals, so borders stay ascending.
+        # Equal to the middle -> lower cluster; means lie inside their intervals, so borders stay
+        # ascending.
         moved = np.concatenate([[0], np.searchsorted(ordered, middles, side="right")])
         moved = np.unique(moved[moved < len(values)]).astype(np.int64)
         if len(moved) == len(starts) and (moved == starts).all():

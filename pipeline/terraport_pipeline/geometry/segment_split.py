@@ -18,13 +18,15 @@ _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
 
 _FILL: Final = 0.8
-"""Pieces aim at this share of ``max_faces``, so that they can take up crumbs of their neighbours afterwards."""
+"""Pieces aim at this share of ``max_faces``, so that they can take up crumbs of their neighbours
+afterwards."""
 
 
 def split_units(
     labels: _Int32, count: int, low: _Float32, high: _Float32, max_faces: int, max_extent_m: float
 ) -> tuple[_Int32, int]:
-    """Cut every unit over a bound across its longest side, at the rank that leaves equal shares, until none is.
+    """Cut every unit over a bound across its longest side, at the rank that leaves equal shares,
+    until none is.
 
     Parameters
     ----------
@@ -48,8 +50,9 @@ def split_units(
 
     Notes
     -----
-    The cut is at a rank of the face boxes' centres along the axis, not at the box's middle: sizes stay within a factor
-    of two for any density. Ties at the cut keep face order. Time O(F log(F / max_faces)).
+    The cut is at a rank of the face boxes' centres along the axis, not at the box's middle: sizes
+    stay within a factor of two for any density. Ties at the cut keep face order. Time O(F log(F /
+    max_faces)).
     """
     order = np.argsort(labels, kind="stable").astype(np.int32)
     starts = np.concatenate([[0], np.cumsum(np.bincount(labels, minlength=count))])
@@ -88,18 +91,18 @@ def _split(
                     least = min(least, low[order[i], axis])
                     most = max(most, high[order[i], axis])
                 side[axis] = most - least
-            axis = int(np.argmax(side))
+            longest = int(np.argmax(side))
             parts = (n + target - 1) // target if n > max_faces else 1
-            if side[axis] > max_extent_m:
+            if side[longest] > max_extent_m:
                 parts = max(parts, 2)
             if parts < 2 or n < 2:
                 for i in range(start, end):
                     pieces[order[i]] = count
                 count += 1
                 continue
-            rank = min(max(n * (parts // 2) // parts, 1), n - 1)
+            rank = int(min(max(n * (parts // 2) // parts, 1), n - 1))
             for i in range(start, end):
-                keys[i] = low[order[i], axis] + high[order[i], axis]
+                keys[i] = low[order[i], longest] + high[order[i], longest]
             cut = np.partition(keys[start:end], rank)[rank]
             below = 0
             for i in range(start, end):

@@ -1,19 +1,21 @@
-"""Streamable segments: pools merged until none is too small, split until none is too big or too wide.
+"""Streamable segments: pools merged until none is too small, split until none is too big or too
+wide.
 
 ``segmentation.md``, section 3. The steps:
 
 1. units = connected pieces of (fine pool, region);
-2. small units join the neighbour of most similar mean s in their region, in rounds, until each has ``min_faces``;
-   a whole region piece below ``min_faces`` joins a neighbour of another region;
-3. units over a bound are cut in space (``segment_split.py``); a cut that is not edge-connected falls into pieces;
-4. pieces below ``min_faces`` join a neighbour where both bounds hold; one that cannot is joined anyway, the union is
-   cut again, and step 4 repeated; then neighbours of other regions count too;
-5. debris (small units that touch nothing) joins the nearest segment within reach where the bounds hold, else its
-   likes nearby;
+2. small units join the neighbour of most similar mean s in their region, in rounds, until each has
+   ``min_faces``; a whole region piece below ``min_faces`` joins a neighbour of another region;
+3. units over a bound are cut in space (``segment_split.py``); a cut that is not edge-connected
+   falls into pieces;
+4. pieces below ``min_faces`` join a neighbour where both bounds hold; one that cannot is joined
+   anyway, the union is cut again, and step 4 repeated; then neighbours of other regions count too;
+5. debris (small units that touch nothing) joins the nearest segment within reach where the bounds
+   hold, else its likes nearby;
 6. segments are numbered along the Morton curve of their boxes' centres.
 
-``max_faces`` always holds. ``max_extent_m`` holds except for single faces that are wider. ``min_faces`` gives way to
-both, and every exception is counted.
+``max_faces`` always holds. ``max_extent_m`` holds except for single faces that are wider.
+``min_faces`` gives way to both, and every exception is counted.
 
 PURE: no I/O, no clock.
 """
@@ -47,13 +49,16 @@ _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
 
 _AUTO_EXTENT: Final = 2.0
-"""Automatic ``max_extent_m``: this many sides of the square that ``max_faces`` faces of mean area would fill."""
+"""Automatic ``max_extent_m``: this many sides of the square that ``max_faces`` faces of mean area
+would fill."""
 _REPAIR_ROUNDS: Final = 4
-"""Times step 4 joins over the bounds and cuts again; after four nothing was left on any mesh tried."""
+"""Times step 4 joins over the bounds and cuts again; after four nothing was left on any mesh
+tried."""
 _LENGTH_STEPS: Final = 2**20
 """Steps in the longest edge: finer than float32 rounding, and 2^43 edges fit an int64 sum."""
 _DEBRIS_REACH: Final = 0.25
-"""Debris joins a segment within this share of ``max_extent_m``: farther, the segment's box would swell for nothing."""
+"""Debris joins a segment within this share of ``max_extent_m``: farther, the segment's box would
+swell for nothing."""
 _DEBRIS_CANDIDATES: Final = 8
 
 
@@ -62,14 +67,18 @@ class SegmentOptions:
     """Size bounds of streamable segments."""
 
     min_faces: int = 2000
-    """Fewer faces only as a counted exception: below it, request and draw call cost more than the triangles. >= 1."""
+    """Fewer faces only as a counted exception: below it, request and draw call cost more than the
+    triangles. >= 1."""
     max_faces: int = 20000
-    """Never more faces: bounds the payload, and the hitch of one upload on a headset. >= min_faces."""
+    """Never more faces: bounds the payload, and the hitch of one upload on a headset. >=
+    min_faces."""
     max_extent_m: float | None = None
-    """Longest side of a segment's box, metres. None: twice the side of the square that ``max_faces`` faces of mean
-    area fill. Larger gives fewer segments, smaller wastes less at the rim of a landing."""
+    """Longest side of a segment's box, metres. None: twice the side of the square that
+    ``max_faces`` faces of mean area fill. Larger gives fewer segments, smaller wastes less at the
+    rim of a landing."""
     units: Literal["segments", "pools"] = "segments"
-    """``"pools"``: each fine pool is its own segment, nothing merged or split (the thesis's literal behaviour)."""
+    """``"pools"``: each fine pool is its own segment, nothing merged or split (the thesis's literal
+    behaviour)."""
 
     def __post_init__(self) -> None:
         """Refuse bounds that contradict each other before any work."""
@@ -115,7 +124,8 @@ class Segments:
     face_counts: _Int32
     """(S,) faces of every segment."""
     bounds: _Float32
-    """(S, 6) least and greatest corner of every segment's box: min xyz, max xyz, metres, the vertices' frame."""
+    """(S, 6) least and greatest corner of every segment's box: min xyz, max xyz, metres, the
+    vertices' frame."""
     main_region: _Int32
     """(S,) region that most of the segment's faces have (tie: lowest number)."""
     region_counts: _Int32
@@ -158,8 +168,9 @@ def build_segments(
     Returns
     -------
     Segments
-        Every face in exactly one segment; the same input gives the same bytes. Renumbering vertices and moving the
-        mesh change nothing but rounding; turning it changes where units are cut, because boxes lie along the axes.
+        Every face in exactly one segment; the same input gives the same bytes. Renumbering vertices
+        and moving the mesh change nothing but rounding; turning it changes where units are cut,
+        because boxes lie along the axes.
 
     Raises
     ------
@@ -254,7 +265,8 @@ def _face_boxes(
 def _auto_extent(
     vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], max_faces: int
 ) -> float:
-    """Twice the side of the square that ``max_faces`` faces of mean area fill; see ``SegmentOptions``."""
+    """Twice the side of the square that ``max_faces`` faces of mean area fill; see
+    ``SegmentOptions``."""
     corner = vertices[faces[:, 0]].astype(np.float64)
     normal = np.cross(vertices[faces[:, 1]] - corner, vertices[faces[:, 2]] - corner)
     area = 0.5 * float(np.sqrt((normal * normal).sum(axis=1)).sum())

@@ -2,10 +2,12 @@
 
 Thesis section 3.5, its symbols in brackets:
 
-1. index of every face [l_i]: CIEDE2000 of its mean vertex colour to white (3.1), or any scalar given;
+1. index of every face [l_i]: CIEDE2000 of its mean vertex colour to white (3.1), or any scalar
+   given;
 2. separation [d_i]: distance of the face's centre to one fixed point, over the largest (3.2);
 3. similarity [s_i] = mu * l_i + tau * d_i (3.3);
-4. k from chaining the sorted s with threshold Th (3.4); level 2 pools = 1-D k-means of s with that k;
+4. k from chaining the sorted s with threshold Th (3.4); level 2 pools = 1-D k-means of s with that
+   k;
 5. level 3 pools = connected components of the faces of each level 2 pool;
 6. small level 3 pools (faces / all < sTh, 3.5) join large ones (3.6).
 
@@ -14,13 +16,15 @@ Where the text is silent or cannot be meant, this module departs from it and say
 - *Scale.* l runs 0..100 in CIEDE2000 but Th = 0.7 and tau = 0.1 only make sense for 0..1:
   ``normalise="minmax"`` is the default (``segmentation.md``).
 - *k-means* is solved exactly (``kmeans_1d.py``) instead of from a random start.
-- *Refining* (3.6) runs in rounds. In each round every small pool that touches a large pool joins the one of nearest
-  mean s (the mean of the original large pool, as gamma_L is); what it touched then touches that large pool in the
-  next round. Small pools that can reach no large pool first join each other, each its most similar neighbour, until
-  one of the unions is large. Ties: nearer mean, then more faces, then lower number (pools are numbered by their first
-  face). What is left touches nothing: see ``islands``.
+- *Refining* (3.6) runs in rounds. In each round every small pool that touches a large pool joins
+  the one of nearest mean s (the mean of the original large pool, as gamma_L is); what it touched
+  then touches that large pool in the next round. Small pools that can reach no large pool first
+  join each other, each its most similar neighbour, until one of the unions is large. Ties: nearer
+  mean, then more faces, then lower number (pools are numbered by their first face). What is left
+  touches nothing: see ``islands``.
 
-PURE: no I/O, no clock. Time O(n log n) for the sort, everything else linear; peak about 90 bytes per face.
+PURE: no I/O, no clock. Time O(n log n) for the sort, everything else linear; peak about 90 bytes
+per face.
 """
 
 from __future__ import annotations
@@ -60,23 +64,27 @@ class TrianglePoolOptions:
     threshold: float = 0.7
     """[Th] width of a chained bin in s; larger gives fewer, larger pools. > 0."""
     small_threshold: float = 0.015
-    """[sTh] share of all faces below which a pool is small and joins a large one; 0 keeps every pool. 0..1."""
+    """[sTh] share of all faces below which a pool is small and joins a large one; 0 keeps every
+    pool. 0..1."""
     mu: float = 1.0
     """Weight of the colour (or scalar) index. >= 0."""
     tau: float = 0.1
     """Weight of the separation index. >= 0."""
     normalise: Literal["minmax", "max", "raw"] = "minmax"
-    """How l is scaled: to 0..``attribute_range`` by its least and largest value, by its largest magnitude only, or
-    not at all."""
+    """How l is scaled: to 0..``attribute_range`` by its least and largest value, by its largest
+    magnitude only, or not at all."""
     attribute_range: float = 1.0
-    """Upper end of the normalised l; 2 reproduces the thesis's results with shape diameters. > 0."""
+    """Upper end of the normalised l; 2 reproduces the thesis's results with shape diameters. >
+    0."""
     origin: Literal["min_corner", "first", "centroid"] = "min_corner"
-    """The point d is measured from: the least corner of the centres' box (independent of face order), the first
-    face's centre (the thesis), or the mean of the centres (independent of order and of rotation)."""
+    """The point d is measured from: the least corner of the centres' box (independent of face
+    order), the first face's centre (the thesis), or the mean of the centres (independent of order
+    and of rotation)."""
     contiguity: Literal["edge", "vertex"] = "edge"
     """Whether faces must share an edge, or only a vertex, to be neighbours."""
     islands: Literal["nearest", "stay"] = "nearest"
-    """Small pools from which no large pool can be reached join the pool of the nearest face, or stay as they are."""
+    """Small pools from which no large pool can be reached join the pool of the nearest face, or
+    stay as they are."""
 
     def __post_init__(self) -> None:
         """Refuse values outside their range before any work."""
@@ -123,7 +131,8 @@ class TrianglePools:
     count: int
     """Number of pools in ``labels``."""
     islands: int
-    """Level 3 unions that could reach no large pool (joined to the nearest, or left, by ``islands``)."""
+    """Level 3 unions that could reach no large pool (joined to the nearest, or left, by
+    ``islands``)."""
 
 
 def triangle_pools(
@@ -150,13 +159,14 @@ def triangle_pools(
     options : TrianglePoolOptions
         Parameters.
     pairs : ndarray of shape (P, 2), int32, optional
-        Neighbouring faces where the caller has them already (:func:`face_pairs`, or :func:`vertex_pairs` for
-        ``contiguity="vertex"``).
+        Neighbouring faces where the caller has them already (:func:`face_pairs`, or
+        :func:`vertex_pairs` for ``contiguity="vertex"``).
 
     Returns
     -------
     TrianglePools
-        Every face in exactly one pool. The same input gives the same bytes; renumbering vertices changes nothing.
+        Every face in exactly one pool. The same input gives the same bytes; renumbering vertices
+        changes nothing.
 
     Raises
     ------
@@ -167,7 +177,8 @@ def triangle_pools(
     --------
     Four triangles in a row, two dark and two light:
 
-    >>> vertices = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0], [2, 1, 0]], dtype=float)
+    >>> vertices = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0], [2, 1, 0]],
+    dtype=float)
     >>> faces = np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]])
     >>> triangle_pools(vertices, faces, scalar=np.array([0.0, 0.1, 0.9, 1.0])).labels.tolist()
     [0, 0, 1, 1]
@@ -256,7 +267,8 @@ def face_centres(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integ
 
 
 def chain_count(ordered: _Float32, threshold: float) -> int:
-    """Number of chained bins (3.4): a value more than ``threshold`` above its bin's first opens the next bin.
+    """Number of chained bins (3.4): a value more than ``threshold`` above its bin's first opens the
+    next bin.
 
     Parameters
     ----------
@@ -341,7 +353,8 @@ def _chain_count(ordered: _Float32, threshold: float) -> int:
 def _refine(
     labels: _Int32, count: int, pairs: _Int32, similarity: _Float32, smallest: float
 ) -> tuple[_Int32, npt.NDArray[np.bool_]]:
-    """Merge small pools; returns group per face and, per group, whether it reached no large pool."""
+    """Merge small pools; returns group per face and, per group, whether it reached no large
+    pool."""
     size = np.bincount(labels, minlength=count).astype(np.int64)
     mean = np.bincount(labels, weights=similarity, minlength=count) / size
     offsets, neighbours = _pool_graph(labels, pairs, count)
@@ -355,8 +368,9 @@ def _refine(
         joined, moved = _join_most_similar(offsets, neighbours, mean, size, loose)
         if not moved:
             break
-        # The loose pools were united among themselves: contract them, and look for large ones again. Pools that
-        # a flood reached keep out of it: no loose pool touches them, or the flood would have gone on.
+        # The loose pools were united among themselves: contract them, and look for large ones
+        # again. Pools that a flood reached keep out of it: no loose pool touches them, or the flood
+        # would have gone on.
         nodes, n_nodes = _number_by_first(joined)
         node_size = np.zeros(n_nodes, np.int64)
         np.add.at(node_size, nodes, size)
@@ -438,8 +452,8 @@ def _flood(
 ) -> _Int32:
     """Large pool that each pool joins (itself for large ones), -1 where none can be reached.
 
-    Rounds are breadth-first levels: a pool joins in the first round in which it touches a settled pool, so every
-    contact is looked at twice and no more.
+    Rounds are breadth-first levels: a pool joins in the first round in which it touches a settled
+    pool, so every contact is looked at twice and no more.
     """
     count = len(mean)
     target = np.full(count, -1, np.int32)
@@ -490,7 +504,8 @@ def _join_most_similar(
     size: _Int64,
     loose: npt.NDArray[np.bool_],
 ) -> tuple[_Int32, bool]:
-    """Unite every loose pool with its most similar loose neighbour; the lowest number names the union."""
+    """Unite every loose pool with its most similar loose neighbour; the lowest number names the
+    union."""
     count = len(mean)
     parent = np.arange(count).astype(np.int32)
     moved = False
@@ -528,8 +543,8 @@ def _join_nearest(
 ) -> _Int32:
     """Give each unreached group the group of the nearest face that was reached (centre to centre).
 
-    Ties in distance: the lowest face of the group decides, and of faces equally near to it the tree's first, which
-    depends on positions only.
+    Ties in distance: the lowest face of the group decides, and of faces equally near to it the
+    tree's first, which depends on positions only.
     """
     centres = face_centres(vertices, faces)
     lost = unreached[groups]

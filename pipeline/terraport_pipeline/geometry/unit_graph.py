@@ -1,9 +1,9 @@
 """The graph of mesh pieces ("units") that segments are merged from, and the merge steps on it.
 
-A unit is an edge-connected set of faces inside one pool and one region. Two units are neighbours when they share an
-edge; the *border* between them is the summed length of those edges. Lengths are held as whole numbers of a fixed
-fraction of the longest edge, so that sums are exact and no result depends on the order of summation, hence none on
-the numbering of the vertices.
+A unit is an edge-connected set of faces inside one pool and one region. Two units are neighbours
+when they share an edge; the *border* between them is the summed length of those edges. Lengths are
+held as whole numbers of a fixed fraction of the longest edge, so that sums are exact and no result
+depends on the order of summation, hence none on the numbering of the vertices.
 
 PURE: no I/O, no clock.
 """
@@ -34,8 +34,9 @@ _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
 
 _COMPACTNESS: Final = 0.25
-"""Weight of the border share against the difference of mean s when small units choose whom to join. 0 follows
-similarity alone and leaves ragged, interleaved segments; beyond 1 shape overrules colour."""
+"""Weight of the border share against the difference of mean s when small units choose whom to join.
+0 follows similarity alone and leaves ragged, interleaved segments; beyond 1 shape overrules
+colour."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +96,8 @@ def contract(graph: UnitGraph, nodes: _Int32, count: int) -> UnitGraph:
 
 
 def merge_units(units: Units, nodes: _Int32, count: int) -> Units:
-    """Facts of unions of units; a union's region is that of its largest unit (tie: lowest number)."""
+    """Facts of unions of units; a union's region is that of its largest unit (tie: lowest
+    number)."""
     size = np.zeros(count, np.int64)
     np.add.at(size, nodes, units.size)
     low = np.full((count, 3), np.inf, np.float32)
@@ -109,7 +111,8 @@ def merge_units(units: Units, nodes: _Int32, count: int) -> Units:
 
 
 def join_small(graph: UnitGraph, units: Units, min_faces: int, *, across_regions: bool) -> _Int32:
-    """One round in which every unit below ``min_faces`` joins its best neighbour, whatever the result's size.
+    """One round in which every unit below ``min_faces`` joins its best neighbour, whatever the
+    result's size.
 
     Parameters
     ----------
@@ -127,8 +130,8 @@ def join_small(graph: UnitGraph, units: Units, min_faces: int, *, across_regions
 
     Notes
     -----
-    Best is the least ``|mean s difference| + 0.25 * (1 - share of the unit's border)``; ties go to the longer border,
-    then the lower number.
+    Best is the least ``|mean s difference| + 0.25 * (1 - share of the unit's border)``; ties go to
+    the longer border, then the lower number.
     """
     return _join_small(
         graph.offsets, graph.neighbours, graph.border, units.size, units.total / units.size,
@@ -145,10 +148,11 @@ def join_within_bounds(
     *,
     across_regions: bool,
 ) -> _Int32:
-    """One round in which units below ``min_faces`` join a neighbour if the union keeps both upper bounds.
+    """One round in which units below ``min_faces`` join a neighbour if the union keeps both upper
+    bounds.
 
-    Smallest first; a unit that took part in a join waits for the next round, so that bounds are never exceeded by
-    two joins at once.
+    Smallest first; a unit that took part in a join waits for the next round, so that bounds are
+    never exceeded by two joins at once.
 
     Parameters
     ----------
