@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from numpy.typing import NDArray
 
 from .client_messages import Generation, Radius
@@ -166,12 +167,16 @@ class Plan(ServerMessage):
         return self._overlap()
 
     def _overlap(self) -> tuple[str, str] | None:
-        wanted = {int(segment) for segment in self.keep}
-        for name, ids in (("load", self.load["id"]), ("release", self.release)):
-            if not wanted.isdisjoint(ids.tolist()):
-                return (name, "got an id of keep, expected load, keep and release to be disjoint")
-            wanted.update(ids.tolist())
-        return None
+        # Each list holds an id once already, so a repetition is one across lists.
+        ids = np.sort(np.concatenate((self.load["id"], self.keep, self.release)))
+        if not (ids[1:] == ids[:-1]).any():
+            return None
+        text = "got an id of {}, expected load, keep and release to be disjoint"
+        if np.isin(self.load["id"], self.keep).any():
+            return ("load", text.format("keep"))
+        if np.isin(self.release, self.keep).any():
+            return ("release", text.format("keep"))
+        return ("release", text.format("load"))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -198,7 +203,9 @@ class Ready(ServerMessage):
     TYPE: ClassVar[str] = "ready"
 
     generation: Generation
-    delivered: Annotated[int, Integer(0, MAX_PLAN_SEGMENTS), "Segments of load that were sent whole"]
+    delivered: Annotated[
+        int, Integer(0, MAX_PLAN_SEGMENTS), "Segments of load that were sent whole"
+    ]
     payload_bytes: Annotated[
         int, Integer(0, MAX_INTEGER), "Payload bytes sent in this generation's frames"
     ]

@@ -1,0 +1,135 @@
+"""Time and bytes of a 1,000-segment plan on the wire: ``python benchmarks/wire.py [--smoke]``.
+
+Fixed data.  Prints one JSON object: per subprotocol the bytes of the plan and the best of several
+rounds of encoding and decoding; the same for a ``land`` and for payload frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from terraport_wire import (
+    LOAD_DTYPE,
+    MAX_CHUNK_BYTES,
+    Direction,
+    Land,
+    Message,
+    PayloadFrame,
+    Plan,
+    Subprotocol,
+    decode,
+    decode_frame,
+    encode,
+    frame_header,
+)
+
+SEED = 20261121
+
+
+def make_plan(segments: int) -> Plan:
+    """Return a plan whose load has `segments` rows of plausible sizes, and as many kept ids."""
+    draw = np.random.default_rng(SEED)
+    load = np.zeros(segments, dtype=LOAD_DTYPE)
+    load["id"] = draw.permutation(100_000)[:segments]
+    load["faces"] = draw.integers(2_000, 20_000, segments)
+    load["vertices"] = load["faces"] // 2 + 50
+    load["length"] = load["faces"] * 6
+    load["xxh3"] = draw.integers(0, 2**64 - 1, segments, dtype=np.uint64)
+    load["bounds"][:, :3] = draw.uniform(-500, 500, (segments, 3))
+    load["bounds"][:, 3:] = load["bounds"][:, :3] + draw.uniform(1, 20, (segments, 3))
+    keep = np.arange(100_000, 100_000 + segments, dtype=np.uint32)
+    load_bytes, faces = int(load["length"].sum()), int(load["faces"].sum())
+    return Plan(
+        generation=7,
+        position=(12.25, -3.5, 100.125),
+        radius_m=60.0,
+        release_radius_m=75.0,
+        effective_radius_m=60.0,
+        inner_count=segments // 8,
+        load=load,
+        keep=keep,
+        release=[],
+        load_bytes=load_bytes,
+        load_triangles=faces,
+        total_bytes=2 * load_bytes,
+        total_triangles=2 * faces,
+        omitted_segments=0,
+    )
+
+
+def best_us(work: Callable[[], object], rounds: int) -> float:
+    """Return the fastest of `rounds` runs in microseconds: the others measure the machine."""
+    work()
+    times = []
+    for _ in range(rounds):
+        start = time.perf_counter_ns()
+        work()
+        times.append(time.perf_counter_ns() - start)
+    return min(times) / 1000
+
+
+def measure(message: Message, rounds: int) -> dict[str, dict[str, float]]:
+    """Return bytes and times of a message by subprotocol; the round trip must hold."""
+    results = {}
+    for form in Subprotocol:
+        wire = encode(message, form)
+        assert decode(wire, form, message.DIRECTION) == message
+        results[form.name.lower()] = {
+            "bytes": len(wire.encode() if isinstance(wire, str) else wire),
+            "encode_us": round(best_us(lambda: encode(message, form), rounds), 1),  # noqa: B023
+            "decode_us": round(
+                best_us(lambda: decode(wire, form, message.DIRECTION), rounds),  # noqa: B023
+                1,
+            ),
+        }
+    return results
+
+
+def measure_frames(rounds: int) -> dict[str, float]:
+    """Return the times of one full frame: header alone (what the server writes), and decoding."""
+    numbers = {
+        "generation": 1,
+        "segment": 2,
+        "offset": 0,
+        "total": 2**20,
+        "length": MAX_CHUNK_BYTES,
+    }
+    data = frame_header(**numbers) + bytes(MAX_CHUNK_BYTES)
+    assert isinstance(decode_frame(data), PayloadFrame)
+    return {
+        "bytes": len(data),
+        "header_us": round(best_us(lambda: frame_header(**numbers), rounds), 2),
+        "decode_us": round(best_us(lambda: decode_frame(data), rounds), 2),
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--smoke", action="store_true", help="few segments, few rounds: runs it once"
+    )
+    options = parser.parse_args()
+    segments, rounds = (10, 2) if options.smoke else (1_000, 200)
+    assert Land.DIRECTION is Direction.CLIENT_TO_SERVER
+    land = Land(generation=7, position=(12.25, -3.5, 100.125), radius_m=60.0)
+    results = {
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "segments": segments,
+        "plan": measure(make_plan(segments), rounds),
+        "land": measure(land, rounds),
+        "frame": measure_frames(rounds),
+    }
+    print(json.dumps(results, indent=1))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

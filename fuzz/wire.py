@@ -1,0 +1,124 @@
+"""Fuzz the wire decoders: ``python fuzz/wire.py [--seconds N] [--seed N]``.
+
+Starts from the conformance corpus and mutates: flips, cuts, splices, number edges.  The decoders
+may return a value or raise `DecodeError`; a returned message must encode and decode to itself.
+Anything else, or an input that takes beyond a second, ends the run with the input in hexadecimal.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import time
+from pathlib import Path
+
+from terraport_wire import (
+    DecodeError,
+    Direction,
+    PayloadFrame,
+    Subprotocol,
+    Unknown,
+    decode,
+    decode_frame,
+    encode,
+    encode_frame,
+)
+
+CORPUS = Path(__file__).resolve().parents[1] / "tests" / "conformance" / "wire"
+LONGEST_SEED = 4096
+SLOWEST_S = 1.0
+EDGES = (b"\x00", b"\xff", b"\x80", b"\x7f", b"\xff\xff\xff\xff", b"\xc1", b"\xdd\xff\xff\xff\xff")
+EDGES += (
+    b"\xcb\x7f\xf8" + bytes(6),
+    b"NaN",
+    b"1e999",
+    b"null",
+    b"[",
+    b"}",
+    b'"',
+    b"\\ud800",
+    b"-0",
+)
+
+
+def mutate(data: bytes, seeds: list[bytes], draw: random.Random) -> bytes:
+    """Return `data` with one to four random changes."""
+    changed = bytearray(data)
+    for _ in range(draw.randint(1, 4)):
+        place = draw.randrange(len(changed) + 1)
+        way = draw.randrange(6)
+        if way == 0 and place < len(changed):
+            changed[place] ^= 1 << draw.randrange(8)
+        elif way == 1:
+            del changed[place:]
+        elif way == 2:
+            changed[place:place] = draw.choice(EDGES)
+        elif way == 3:
+            edge = draw.choice(EDGES)
+            changed[place : place + len(edge)] = edge
+        elif way == 4:
+            other = draw.choice(seeds)
+            start = draw.randrange(len(other) + 1)
+            changed[place:] = other[start:]
+        else:
+            del changed[place : place + draw.randint(1, 8)]
+    return bytes(changed)
+
+
+def check(data: bytes) -> int:
+    """Decode `data` in every way; return how many ways gave a value."""
+    values = 0
+    for direction in Direction:
+        values += _check_message(data, Subprotocol.MSGPACK, direction)
+        for errors in ("replace", "surrogateescape"):  # the second leaves lone surrogates
+            text = data.decode("utf-8", errors)
+            values += _check_message(text, Subprotocol.JSON, direction)
+    try:
+        frame = decode_frame(data)
+    except DecodeError:
+        return values
+    if isinstance(frame, PayloadFrame):
+        assert decode_frame(encode_frame(frame)) == frame
+    return values + 1
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    draw = random.Random(options.seed)
+    seeds = [path.read_bytes() for path in sorted(CORPUS.rglob("*.bin"))]
+    seeds = [data for data in seeds if len(data) <= LONGEST_SEED]
+    inputs = values = 0
+    end = time.monotonic() + options.seconds
+    while time.monotonic() < end:
+        data = mutate(draw.choice(seeds), seeds, draw)
+        start = time.monotonic()
+        try:
+            values += check(data)
+        except Exception:
+            print(f"input {inputs} of seed {options.seed}: {data.hex()}", file=sys.stderr)
+            raise
+        if time.monotonic() - start > SLOWEST_S:
+            print(f"slow input {inputs} of seed {options.seed}: {data.hex()}", file=sys.stderr)
+            return 1
+        inputs += 1
+    print(f"{inputs} inputs, {values} decoded to a value, the rest to a documented error")
+    return 0
+
+
+def _check_message(data: bytes | str, form: Subprotocol, direction: Direction) -> int:
+    try:
+        message = decode(data, form, direction)
+    except DecodeError:
+        return 0
+    if not isinstance(message, Unknown):
+        for other in Subprotocol:
+            assert decode(encode(message, other), other, direction) == message
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,97 @@
+"""The generated files are current, and the schemas agree with the decoder on the corpus."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from conformance.generate import CORPUS
+from referencing import Registry, Resource
+
+from terraport_wire import schema
+from terraport_wire.messages import MESSAGES, PARTS
+
+SPEC = Path(__file__).resolve().parents[2] / "spec"
+
+# Relations between fields, and ids once per table: the specification says them, JSON Schema cannot.
+_BEYOND_SCHEMA = frozenset(
+    {
+        "box_inverted",
+        "deadline_without_inner",
+        "direction_zero",
+        "held_twice",
+        "inner_beyond_radius",
+        "keep_and_release",
+        "load_and_keep",
+        "load_twice",
+        "omitted_without_reason",
+        "reason_without_omitted",
+        "sum_of_bytes",
+        "sum_of_triangles",
+        "total_below_load",
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def validators() -> dict[str, Any]:
+    schemas = {name: json.loads(text) for name, text in schema.schema_files().items()}
+    registry: Registry[Any] = Registry().with_resources(
+        (text["$id"], Resource.from_contents(text)) for text in schemas.values()
+    )
+    for text in schemas.values():
+        jsonschema.Draft202012Validator.check_schema(text)
+    return {
+        name.removesuffix(".json"): jsonschema.Draft202012Validator(text, registry=registry)
+        for name, text in schemas.items()
+    }
+
+
+def test_the_committed_files_are_what_the_script_writes() -> None:
+    assert schema.main([str(SPEC), "--check"]) == 0
+    on_disk = {path.name for path in (SPEC / "schema").iterdir()}
+    assert on_disk == set(schema.schema_files())
+
+
+def test_check_reports_a_stale_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (SPEC / "wire-protocol.md").read_text().replace("| `radius_m` |", "| `radius` |")
+    (tmp_path / "wire-protocol.md").write_text(text)
+    assert schema.main([str(tmp_path), "--check"]) == 1
+    assert "wire-protocol.md is not what terraport_wire.schema generates" in capsys.readouterr().err
+    assert schema.main([str(tmp_path)]) == 0
+    assert schema.main([str(tmp_path), "--check"]) == 0
+
+
+def test_the_specification_has_a_table_for_every_message_and_part() -> None:
+    text = (SPEC / "wire-protocol.md").read_text()
+    names = [name for messages in MESSAGES.values() for name in messages]
+    names += [part.wire_name() for part in PARTS]
+    for name in [*names, "error-codes"]:
+        assert text.count(f"<!-- generated: {name} -->") == 1
+
+
+@pytest.mark.parametrize(
+    "path", sorted((CORPUS / "good").glob("json-*.json")), ids=lambda p: p.stem
+)
+def test_good_messages_match_their_schema(path: Path, validators: dict[str, Any]) -> None:
+    facts = json.loads(path.read_bytes())
+    if "message" not in facts:
+        return
+    message = json.loads(path.with_suffix(".bin").read_bytes())
+    validators[message["type"]].validate(message)
+    validators[facts["direction"]].validate(message)
+
+
+@pytest.mark.parametrize(
+    "path", sorted((CORPUS / "bad").glob("json-*-*.json")), ids=lambda p: p.stem
+)
+def test_bad_fields_do_not_match_their_schema(path: Path, validators: dict[str, Any]) -> None:
+    facts = json.loads(path.read_bytes())
+    if facts["error"]["code"] != "invalid_field" or path.stem.endswith("radius_beyond_double"):
+        return
+    message = json.loads(path.with_suffix(".bin").read_bytes())
+    expected = path.stem.rsplit("-", 1)[1] in _BEYOND_SCHEMA
+    assert validators[message["type"]].is_valid(message) == expected
