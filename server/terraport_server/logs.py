@@ -1,0 +1,112 @@
+"""Structured log lines: one event, its fields, one line.
+
+A record's message is the event's name; its fields come by ``extra={"fields": {...}}``. As text
+``TIME LEVEL event key=value ...``, or as one JSON object a line.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import logging
+import sys
+from typing import Any
+
+__all__ = ["LOGGER", "OncePerMinute", "configure_logging", "log"]
+
+LOGGER = logging.getLogger("terraport.server")
+
+_MAX_REMEMBERED = 1024
+
+
+def log(event: str, *, level: int = logging.INFO, **fields: object) -> None:
+    """Write one event; fields that are ``None`` are left out."""
+    if LOGGER.isEnabledFor(level):
+        shown = {name: value for name, value in fields.items() if value is not None}
+        LOGGER.log(level, event, extra={"fields": shown})
+
+
+def configure_logging(level: str, form: str) -> None:
+    """Send the service's and uvicorn's records to standard error in one form.
+
+    Parameters
+    ----------
+    level
+        "debug", "info", "warning" or "error".
+    form
+        "text" or "json".
+    """
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_JsonFormatter() if form == "json" else _TextFormatter())
+    for name in ("terraport", "uvicorn"):
+        logger = logging.getLogger(name)
+        logger.handlers = [handler]
+        logger.propagate = False
+        logger.setLevel(level.upper())
+    # Each request and handshake would be a line: metrics count them.
+    logging.getLogger("uvicorn.access").disabled = True
+    logging.getLogger("uvicorn.error").addFilter(_is_no_handshake)
+
+
+class OncePerMinute:
+    """Lets one event of each kind through per minute, so that a flood costs one line.
+
+    Remembers a bounded number of kinds; beyond it everything is let through again.
+    """
+
+    def __init__(self) -> None:
+        self._seen: dict[tuple[str, ...], float] = {}
+
+    def first(self, kind: tuple[str, ...], now_s: float) -> bool:
+        """Whether this kind was not seen for a minute."""
+        last = self._seen.get(kind)
+        if last is not None and now_s - last < 60.0:
+            return False
+        if len(self._seen) >= _MAX_REMEMBERED:
+            self._seen.clear()
+        self._seen[kind] = now_s
+        return True
+
+
+class _TextFormatter(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        fields = " ".join(f"{name}={_shown(value)}" for name, value in _fields(record).items())
+        line = f"{_time(record)} {record.levelname.lower():7} {record.getMessage()}"
+        text = f"{line} {fields}".rstrip()
+        return text if record.exc_info is None else f"{text}\n{self._trace(record)}"
+
+    def _trace(self, record: logging.LogRecord) -> str:
+        assert record.exc_info is not None
+        return self.formatException(record.exc_info)
+
+
+class _JsonFormatter(logging.Formatter):
+    def format(self, record: logging.LogRecord) -> str:
+        line: dict[str, Any] = {
+            "time": _time(record),
+            "level": record.levelname.lower(),
+            "event": record.getMessage(),
+            **_fields(record),
+        }
+        if record.exc_info is not None:
+            line["trace"] = self.formatException(record.exc_info)
+        return json.dumps(line, default=str)
+
+
+def _is_no_handshake(record: logging.LogRecord) -> bool:
+    return "WebSocket" not in str(record.msg)
+
+
+def _fields(record: logging.LogRecord) -> dict[str, Any]:
+    fields = getattr(record, "fields", {})
+    return fields if isinstance(fields, dict) else {}
+
+
+def _time(record: logging.LogRecord) -> str:
+    moment = dt.datetime.fromtimestamp(record.created, tz=dt.UTC)
+    return moment.isoformat(timespec="milliseconds")
+
+
+def _shown(value: object) -> str:
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return json.dumps(text) if not text or any(c in text for c in ' "=\n\r\t') else text

@@ -1,0 +1,219 @@
+"""The scenes of a directory, kept open and kept current.
+
+A newer version is noticed by looking at ``scene.json`` again and again (its size, time and inode),
+opened beside the old one, and served to every session from then on. The old one stays open until
+the last session that began with it has ended.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, Literal
+
+from terraport_server.actions import SceneView
+from terraport_server.errors import UnknownSceneError
+from terraport_server.logs import log
+from terraport_server.selection import SegmentTable
+from terraport_store import Scene, StoreError, list_scenes
+
+__all__ = ["SceneRegistry", "ServedScene"]
+
+_MANIFEST: Final = "scene.json"
+
+_Stamp = tuple[int, int, int]
+
+
+class ServedScene:
+    """One version of one scene, open.
+
+    Whoever uses it beyond the current step of the event loop holds it: :meth:`hold` and
+    :meth:`release`, on the event loop's thread. It is closed when it is retired and nobody holds
+    it.
+    """
+
+    def __init__(self, scene_id: str, scene: Scene) -> None:
+        self.id = scene_id
+        self.scene = scene
+        self.version = scene.manifest.version
+        index = scene.index
+        self.view = SceneView(
+            id=scene_id,
+            version=self.version,
+            name=scene.manifest.name,
+            encodings={
+                encoding: SegmentTable(
+                    bounds=index.bounds,
+                    lengths=scene.index_for(encoding).length,
+                    hashes=scene.index_for(encoding).xxh3,
+                    faces=index.face_count,
+                    vertices=index.vertex_count,
+                )
+                for encoding in scene.manifest.encodings
+            },
+            within=scene.within,
+        )
+        self._holders = 0
+        self._retired = False
+        self.closed = False
+
+    @classmethod
+    def open(cls, scene_id: str, directory: Path, source: Literal["file", "mmap"]) -> ServedScene:
+        """Open the published version and build its R-tree. Blocks: call it in a thread.
+
+        Raises
+        ------
+        StoreError
+            When the scene is not there or not whole.
+        OSError
+            When a file cannot be read.
+        """
+        scene = Scene.open(directory, source=source)
+        # Built here, once, while no other thread knows the scene; asked on the loop's thread only.
+        _ = scene.spatial
+        return cls(scene_id, scene)
+
+    def hold(self) -> None:
+        """Keep it open."""
+        self._holders += 1
+
+    def release(self) -> None:
+        """Give up one hold."""
+        self._holders -= 1
+        self._close_if_idle()
+
+    def retire(self) -> None:
+        """Close it as soon as nobody holds it."""
+        self._retired = True
+        self._close_if_idle()
+
+    def _close_if_idle(self) -> None:
+        if self._retired and self._holders == 0 and not self.closed:
+            self.closed = True
+            self.scene.close()
+
+
+class SceneRegistry:
+    """The scenes of a directory. Lives on one event loop.
+
+    Parameters
+    ----------
+    directory
+        A folder of scenes, or one scene.
+    source
+        How payloads are read; see ``Scene.open``.
+    published
+        Called with the new version, on the event loop, when one replaces an older one.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        *,
+        source: Literal["file", "mmap"] = "file",
+        published: Callable[[ServedScene], None] | None = None,
+    ) -> None:
+        self._directory = directory
+        self._source = source
+        self._published = published
+        self._current: dict[str, ServedScene] = {}
+        self._retired: list[ServedScene] = []
+        self._stamps: dict[str, _Stamp] = {}
+
+    def ids(self) -> list[str]:
+        """Ids of the scenes that are served, ascending."""
+        return sorted(self._current)
+
+    def get(self, scene_id: str, version: str | None = None) -> ServedScene:
+        """Return a scene, newest version first.
+
+        Raises
+        ------
+        UnknownSceneError
+            When there is none of that id, or that version of it is not open any more.
+        """
+        served = self._current.get(scene_id)
+        if served is None:
+            raise UnknownSceneError(scene_id)
+        if version is None or served.version == version:
+            return served
+        for old in self._retired:
+            if old.id == scene_id and old.version == version and not old.closed:
+                return old
+        raise UnknownSceneError(scene_id, version)
+
+    async def refresh(self) -> None:
+        """Look at the directory once; open what is new, retire what was replaced or is gone.
+
+        A scene that cannot be opened is logged once per change, and what was served before stays.
+        """
+        found = await asyncio.to_thread(self._look)
+        for scene_id, (directory, stamp) in found.items():
+            if self._stamps.get(scene_id) == stamp:
+                continue
+            self._stamps[scene_id] = stamp
+            try:
+                served = await asyncio.to_thread(
+                    ServedScene.open, scene_id, directory, self._source
+                )
+            except (StoreError, OSError) as error:
+                log("scene not opened", level=logging.ERROR, scene=scene_id, reason=str(error))
+                continue
+            self._take(served)
+        for scene_id in self._stamps.keys() - found.keys():
+            del self._stamps[scene_id]
+            gone = self._current.pop(scene_id, None)
+            if gone is not None:
+                self._retire(gone)
+                log("scene gone", scene=scene_id, version=gone.version)
+        self._retired = [served for served in self._retired if not served.closed]
+
+    async def watch(self, period_s: float) -> None:
+        """Refresh again and again until cancelled."""
+        while True:
+            await asyncio.sleep(period_s)
+            try:
+                await self.refresh()
+            except (StoreError, OSError) as error:
+                log("scenes not listed", level=logging.ERROR, reason=str(error))
+
+    def close(self) -> None:
+        """Close every scene that nobody holds; the others follow when they are released."""
+        for served in [*self._current.values(), *self._retired]:
+            served.retire()
+        self._current.clear()
+        self._retired.clear()
+
+    def _take(self, served: ServedScene) -> None:
+        old = self._current.get(served.id)
+        if old is not None and old.version == served.version:
+            served.retire()  # the manifest was touched, not changed
+            return
+        self._current[served.id] = served
+        log(
+            "scene opened",
+            scene=served.id,
+            version=served.version,
+            segments=len(served.scene.index),
+        )
+        if old is not None:
+            self._retire(old)
+            if self._published is not None:
+                self._published(served)
+
+    def _retire(self, served: ServedScene) -> None:
+        self._retired.append(served)
+        served.retire()
+
+    def _look(self) -> dict[str, tuple[Path, _Stamp]]:
+        found = {}
+        for scene_id, directory in list_scenes(self._directory).items():
+            try:
+                status = (directory / _MANIFEST).stat()
+            except OSError:
+                continue  # gone since it was listed
+            stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
+            found[scene_id] = (directory, stamp)
+        return found

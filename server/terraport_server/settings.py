@@ -1,0 +1,172 @@
+"""Every setting of the service, with its default.
+
+Each is read from the environment or a ``.env`` file as ``TERRAPORT_`` and its name in capitals, and
+most have an option of ``terraport serve``. docs/topics/limits.md lists them all; a test compares.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, SecretStr
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from terraport_server.actions import SessionLimits
+from terraport_server.errors import SettingsError
+from terraport_wire import (
+    MAX_CLIENT_MESSAGE_BYTES,
+    MAX_HELD_SEGMENTS,
+    MAX_INTEGER,
+    MAX_PLAN_SEGMENTS,
+    MAX_RADIUS_M,
+    MAX_RELEASE_FACTOR,
+)
+
+__all__ = ["ENV_PREFIX", "Settings"]
+
+ENV_PREFIX = "TERRAPORT_"
+
+_Seconds = Annotated[float, Field(gt=0, le=86_400)]
+_Bytes = Annotated[int, Field(ge=1, le=MAX_INTEGER)]
+
+
+class Settings(BaseSettings):
+    """Settings of one server process; immutable.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        When a value is out of its range or not of its type.
+    """
+
+    model_config = SettingsConfigDict(
+        env_prefix=ENV_PREFIX, env_file=".env", extra="ignore", frozen=True
+    )
+
+    scenes_dir: Path = Path("scenes")
+    """A folder of scenes, or one scene."""
+    scene_poll_s: _Seconds = 1.0
+    """How often scene.json files are looked at for newer versions."""
+    payload_source: Literal["file", "mmap"] = "file"
+    """How payloads are read: "file" copies one at a time; "mmap" copies nothing, but a pack cut
+    short under it ends the process."""
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65_535)] = 8080
+    tls_certificate: Path | None = None
+    """PEM file; with tls_key the service speaks https and wss itself."""
+    tls_key: Path | None = None
+    forwarded_allow_ips: str = "127.0.0.1"
+    """Proxies whose X-Forwarded-For is believed, comma-separated."""
+
+    token: SecretStr | None = None
+    """One token that opens every scene."""
+    tokens_file: Path | None = None
+    """File of tokens, one a line: NAME TOKEN [SCENE ...]; no scene named = every scene."""
+    allow_open: bool = False
+    """Serve without any token although the host is not this machine alone."""
+    allowed_origins: tuple[str, ...] = ()
+    """Origins of web pages that may connect, beside the service's own; "*" = all."""
+
+    max_connections: Annotated[int, Field(ge=1)] = 1024
+    """Open connections of any kind; more are answered 503."""
+    max_sessions: Annotated[int, Field(ge=1)] = 256
+    max_sessions_per_ip: Annotated[int, Field(ge=1)] = 32
+    max_message_bytes: Annotated[int, Field(ge=1024, le=MAX_CLIENT_MESSAGE_BYTES)] = 1 << 20
+    max_messages_per_s: Annotated[float, Field(gt=0, le=1e9)] = 60.0
+    """Averaged over 10 s."""
+    max_radius_m: Annotated[float, Field(gt=0, le=MAX_RADIUS_M)] = 500.0
+    release_factor: Annotated[float, Field(ge=1, le=MAX_RELEASE_FACTOR)] = 1.25
+    """Release radius / load radius where the client does not say."""
+    max_held_segments: Annotated[int, Field(ge=0, le=MAX_HELD_SEGMENTS)] = MAX_HELD_SEGMENTS
+    max_plan_segments: Annotated[int, Field(ge=1, le=MAX_PLAN_SEGMENTS)] = MAX_PLAN_SEGMENTS
+    max_credit_bytes: _Bytes = 64 << 20
+    """Outstanding credit of one client; more is clamped."""
+    max_pending_actions: Annotated[int, Field(ge=1, le=10_000)] = 64
+    """Messages waiting for one client; above it the service stops reading from that client."""
+    handshake_timeout_s: _Seconds = 10.0
+    idle_timeout_s: _Seconds = 60.0
+    """Silence, pongs included, after which a client is closed."""
+    close_timeout_s: _Seconds = 5.0
+    """How long a closing client may take to read what is left."""
+    drain_timeout_s: _Seconds = 10.0
+    """How long open landings may take to finish after SIGTERM."""
+    reconnect_after_ms: Annotated[int, Field(ge=0, le=600_000)] = 1000
+    """What a draining service tells its clients."""
+
+    notsent_lowat_bytes: Annotated[int, Field(ge=0)] = 128 << 10
+    """TCP_NOTSENT_LOWAT of client sockets, so that a supersede is not stuck behind megabytes; 0 =
+    leave the system's."""
+    send_buffer_bytes: Annotated[int, Field(ge=0)] = 0
+    """SO_SNDBUF of client sockets; 0 = leave it to the system."""
+
+    max_picks: Annotated[int, Field(ge=1, le=1000)] = 8
+    """Picks of one client under way at once."""
+    pick_timeout_s: _Seconds = 2.0
+    pick_max_segments: Annotated[int, Field(ge=1)] = 64
+    """Segments that one pick may decode."""
+    pick_cache_bytes: Annotated[int, Field(ge=0)] = 64 << 20
+    """Decoded segments kept for picks, over all clients."""
+    pick_threads: Annotated[int, Field(ge=1, le=64)] = 1
+
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    log_format: Literal["text", "json"] = "text"
+
+    def session_limits(self, server: str) -> SessionLimits:
+        """Return what one client may do.
+
+        Parameters
+        ----------
+        server
+            Name and version of the service, for ``welcome``.
+        """
+        return SessionLimits(
+            server=server,
+            release_factor=self.release_factor,
+            max_radius_m=self.max_radius_m,
+            max_message_bytes=self.max_message_bytes,
+            max_messages_per_s=self.max_messages_per_s,
+            max_held_segments=self.max_held_segments,
+            max_plan_segments=self.max_plan_segments,
+            max_credit_bytes=self.max_credit_bytes,
+            max_picks=self.max_picks,
+            handshake_timeout_s=self.handshake_timeout_s,
+            idle_timeout_s=self.idle_timeout_s,
+            reconnect_after_ms=self.reconnect_after_ms,
+        )
+
+    def check(self) -> None:
+        """Refuse settings that cannot be served with, or not safely.
+
+        Raises
+        ------
+        SettingsError
+            When the directory is missing, when TLS is half configured, or when anyone on the
+            network could read the scenes and nobody said so.
+        """
+        if not self.scenes_dir.is_dir():
+            raise SettingsError("scenes_dir", f"{self.scenes_dir} is no directory, expected one")
+        if (self.tls_certificate is None) != (self.tls_key is None):
+            raise SettingsError("tls_key", "got one of tls_certificate and tls_key, expected both")
+        if self.is_open and not self.allow_open and not _is_loopback(self.host):
+            raise SettingsError(
+                "token",
+                f"got none while listening on {self.host}, expected a token or tokens file; "
+                "set allow_open (--allow-open) if everyone may read these scenes",
+            )
+
+    @property
+    def is_open(self) -> bool:
+        """Whether no token is asked for."""
+        return self.token is None and self.tokens_file is None
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
