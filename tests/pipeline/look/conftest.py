@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
+from terraport_payload import AttributeScale, Cover, SegmentMesh, encode_glb
 from terraport_pipeline.mixed_model import HandOffModel
+from terraport_store import (
+    AttributeInfo,
+    BuildInfo,
+    CrsInfo,
+    HandOff,
+    InputInfo,
+    SceneInfo,
+    SceneWriter,
+)
 
 
 def terrain_height(
@@ -112,3 +123,71 @@ def make_terrain() -> Callable[..., Terrain]:
 def make_model() -> Callable[..., HandOffModel]:
     """Cut into segments; see :func:`build_model`."""
     return build_model
+
+
+STEP_M = 2.0**-10
+GRADE = AttributeScale(offset=0.0, step=1e-4)
+
+
+def write_scene(path: Path, model: HandOffModel, detail: Terrain, base: Terrain) -> Path:
+    """Publish a model as a scene with two regions, an attribute, a CRS and a warning."""
+    normals = np.tile(np.float32([0, 1, 0]), (len(detail.vertices), 1))
+    with SceneWriter(path) as writer:
+        for segment in range(model.segment_count):
+            faces = model.detail_faces[model.segment_of_face == segment]
+            used, local = np.unique(faces, return_inverse=True)
+            positions = detail.vertices[used]
+            # A bench face is one region, the flats the other, split by where the tile lies.
+            region = int(positions[:, 0].mean() > 60)
+            mesh = SegmentMesh(
+                positions,
+                local.reshape(-1, 3).astype(np.uint32),
+                normals[used],
+                detail.colours[used],
+                np.full(len(used), region, np.uint16),
+                {"grade": np.clip(positions[:, 0] / 100, 0, 1)},
+            )
+            glb = encode_glb(mesh, step_m=STEP_M, attribute_scales={"grade": GRADE})
+            writer.add_segment(glb, region=region)
+        level = SegmentMesh(
+            base.vertices,
+            base.faces.astype(np.uint32),
+            np.tile(np.float32([0, 1, 0]), (len(base.vertices), 1)),
+            base.colours,
+        )
+        writer.set_base(
+            encode_glb(level, step_m=STEP_M, attribute_scales={}, keep_face_order=True),
+            Cover(model.cover_offsets.astype(np.uint32), model.cover_segments.astype(np.uint32)),
+        )
+        writer.set_regions({"regions": [{"id": 0}, {"id": 1}]})
+        writer.publish(
+            SceneInfo(
+                name="rolling <ground>",
+                origin=(500_000.0, 6_000_000.0, 120.0),
+                step_m=STEP_M,
+                points=123_456,
+                regions=2,
+                hand_off=HandOff(deviation_m=0.3, tolerance_m=model.tolerance_m),
+                build=BuildInfo(
+                    terraport="0.1.0",
+                    options={"seed": 7},
+                    input=InputInfo(name="ground.laz", bytes=9_999, xxh3="0" * 16),
+                    warnings=("12 points were outliers",),
+                ),
+                crs=CrsInfo(name="WGS 84 / UTM zone 33N", epsg=32633),
+                attributes=(
+                    AttributeInfo(
+                        name="grade", gltf_name="_GRADE", offset=0.0, step=1e-4, min=0.0, max=1.0
+                    ),
+                ),
+            )
+        )
+    return path
+
+
+@pytest.fixture(scope="session")
+def scene_path(
+    tmp_path_factory: pytest.TempPathFactory, model: HandOffModel, detail: Terrain, base: Terrain
+) -> Path:
+    """A published scene; tests must not change it (copy it first)."""
+    return write_scene(tmp_path_factory.mktemp("scenes") / "ground", model, detail, base)

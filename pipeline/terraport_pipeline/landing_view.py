@@ -1,0 +1,181 @@
+"""A landing to look at: where, what is loaded there, and the mixed model as a client draws it.
+
+At the rim of what is loaded, base and detail overlap by up to one base face. A client draws the
+base *pushed back* along the line of sight by the measured deviation of the two levels, so that it
+never pokes through detail; pictures do the same. Why, and why not sunk: see
+``docs/topics/hand-off.md``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.engines.cameras import Camera, eye_level, oblique
+from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.geometry.handoff_rays import hidden_base_faces
+from terraport_pipeline.model import Float32, Int32, UInt8
+from terraport_pipeline.scene_model import SceneModel
+from terraport_store import box_distances_m
+
+__all__ = [
+    "Landing",
+    "MixedMesh",
+    "choose_landing",
+    "mixed_mesh",
+    "view_from_above",
+    "view_from_eye",
+]
+
+EYE_HEIGHT_M: Final = 1.7
+LARGEST_RADIUS_M: Final = 60.0
+"""The default radius of a landing; small scenes take a fifth of their width."""
+
+BASE_TINT: Final = np.array([60, 120, 230])
+"""Mixed into base faces so that one sees where the base is shown."""
+
+LOOKS: Final = 48
+"""Bearings tried to find an open view."""
+
+
+@dataclass(frozen=True, slots=True)
+class Landing:
+    """A place to stand, and what is loaded around it."""
+
+    position: tuple[float, float, float]
+    """On the ground, metres, scene frame."""
+    radius_m: float
+    loaded: npt.NDArray[np.bool_]
+    """(S,) True where the segment's box comes within the radius."""
+
+
+@dataclass(frozen=True, slots=True)
+class MixedMesh:
+    """One mesh of loaded detail and shown base."""
+
+    vertices: Float32
+    faces: Int32
+    colours: UInt8
+    base_from: int
+    """The first face that belongs to the base."""
+
+
+def choose_landing(model: SceneModel, rays: RayScene) -> Landing:
+    """Land near the middle of the scene, on the surface, as a visitor would.
+
+    Parameters
+    ----------
+    model : SceneModel
+        The scene.
+    rays : RayScene
+        Its detail.
+
+    Returns
+    -------
+    Landing
+        The same for the same scene.
+    """
+    vertices = model.detail.vertices
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    middle = (low + high) / 2
+    # The vertex nearest to the middle: the scene may have no surface right there (an L, a ring).
+    near = vertices[np.argmin(np.square(vertices[:, [0, 2]] - middle[[0, 2]]).sum(axis=1))]
+    above = np.array([[near[0], high[1] + 1.0, near[2]]], dtype=np.float32)
+    t, _ = rays.closest_hit(above, [[0.0, -1.0, 0.0]])
+    height = float(above[0, 1] - t[0]) if np.isfinite(t[0]) else float(near[1])
+    position = (float(near[0]), height, float(near[2]))
+    width = float(np.max((high - low)[[0, 2]]))
+    radius = min(LARGEST_RADIUS_M, max(width / 5, 1.0))
+    distance = box_distances_m(model.segment_bounds, np.array(position))
+    return Landing(position, radius, distance <= radius)
+
+
+def mixed_mesh(
+    model: SceneModel, loaded: npt.NDArray[np.bool_], camera: Camera, *, tint: float = 0.45
+) -> MixedMesh:
+    """Put together what a client shows.
+
+    Parameters
+    ----------
+    model : SceneModel
+        The scene.
+    loaded : ndarray of shape (S,), bool
+        Segments that are loaded.
+    camera : Camera
+        From where it is looked at: the base is pushed back along its lines of sight.
+    tint : float
+        How much of :data:`BASE_TINT` base faces get; 0 leaves their colours.
+
+    Returns
+    -------
+    MixedMesh
+    """
+    hidden = hidden_base_faces(model.cover.offsets, model.cover.segments, loaded)
+    detail_faces = model.detail.faces[loaded[model.segment_of_face]]
+    base_faces = model.base.faces[~hidden] + np.int32(len(model.detail.vertices))
+    back = model.manifest.hand_off.deviation_m
+    base_vertices = model.base.vertices.astype(np.float64)
+    if camera.kind == "orthographic":
+        base_vertices = base_vertices + np.array(camera.forward) * back
+    else:
+        sight = base_vertices - np.array(camera.eye)
+        length = np.linalg.norm(sight, axis=1, keepdims=True)
+        base_vertices = base_vertices + sight / np.maximum(length, 1e-6) * back
+    tinted = model.base.colours * (1 - tint) + BASE_TINT * tint
+    return MixedMesh(
+        np.concatenate([model.detail.vertices, base_vertices.astype(np.float32)]),
+        np.concatenate([detail_faces, base_faces]),
+        np.concatenate([model.detail.colours, np.round(tinted).astype(np.uint8)]),
+        len(detail_faces),
+    )
+
+
+def view_from_eye(landing: Landing, rays: RayScene) -> Camera:
+    """Look from eye height into the direction with the longest open view over ground.
+
+    Parameters
+    ----------
+    landing : Landing
+        Where to stand.
+    rays : RayScene
+        The full detail.
+
+    Returns
+    -------
+    Camera
+    """
+    eye = np.array(landing.position) + np.array([0.0, EYE_HEIGHT_M, 0.0])
+    bearing = np.repeat(np.arange(LOOKS) * 2 * np.pi / LOOKS, 5)
+    pitch = np.tile(np.radians([-2.0, -5.0, -9.0, -14.0, -22.0]), LOOKS)
+    headings = np.stack(
+        [np.sin(bearing) * np.cos(pitch), np.sin(pitch), -np.cos(bearing) * np.cos(pitch)], axis=1
+    )
+    t, _ = rays.closest_hit(np.broadcast_to(eye, headings.shape), headings)
+    # Sky counts nothing, near walls little: the logarithm keeps one far hit from deciding alone.
+    worth = np.where(np.isfinite(t), np.log1p(np.minimum(t, 4 * landing.radius_m)), 0.0)
+    score = worth.reshape(LOOKS, 5).sum(axis=1)
+    spread = sum(np.roll(score, shift) for shift in (-2, -1, 0, 1, 2))
+    return eye_level(eye, azimuth_deg=360.0 / LOOKS * int(np.argmax(spread)), pitch_deg=-8.0)
+
+
+def view_from_above(landing: Landing, aspect: float) -> Camera:
+    """Look down obliquely on the landing and its surroundings.
+
+    Parameters
+    ----------
+    landing : Landing
+        Where.
+    aspect : float
+        Width over height of the picture.
+
+    Returns
+    -------
+    Camera
+    """
+    reach = landing.radius_m * 1.9
+    turn = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    ring = np.stack([np.cos(turn), np.zeros(36), np.sin(turn)], axis=1) * reach
+    return oblique(np.array(landing.position) + ring, aspect=aspect, elevation_deg=42.0)

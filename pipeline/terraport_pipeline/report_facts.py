@@ -1,0 +1,315 @@
+"""What a report says in words and numbers, taken from a scene's manifest, index and records."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from terraport_pipeline.engines.palettes import distinct_colours
+from terraport_pipeline.histogram import Histogram, histogram
+from terraport_store import DamagedSceneError, Scene
+
+__all__ = ["ReportFacts", "collect_facts", "format_bytes", "read_build_record"]
+
+MAX_REGIONS: Final = 20
+"""Largest regions that the table lists."""
+
+MAX_RECORD_BYTES: Final = 4 << 20
+"""Largest build.json that is read."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFacts:
+    """Everything the page says beside the pictures."""
+
+    name: str
+    place: str
+    """CRS and size, one line."""
+    cards: tuple[dict[str, str], ...]
+    warnings: tuple[str, ...]
+    has_input: bool
+    segment_faces: Histogram
+    segment_bytes: Histogram
+    regions: tuple[dict[str, Any], ...]
+    region_columns: tuple[str, ...]
+    regions_note: str
+    files: tuple[dict[str, Any], ...]
+    attributes: tuple[dict[str, str], ...]
+    stages: tuple[dict[str, Any], ...]
+    stages_note: str
+    details: tuple[dict[str, str], ...]
+    options: str
+    terraport: str
+
+
+def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
+    """Read what a report says.
+
+    Parameters
+    ----------
+    scene : Scene
+        Open.
+    has_input : bool
+        Whether there is a picture of the input.
+
+    Returns
+    -------
+    ReportFacts
+    """
+    manifest, index = scene.manifest, scene.index
+    faces, lengths = histogram(index.face_count), histogram(index.length)
+    assert faces is not None  # a scene has at least one segment
+    assert lengths is not None
+    columns, regions, note = _regions(scene)
+    stages, stages_note = _stages(read_build_record(scene.path))
+    total = sum(info.bytes for info in manifest.files.values())
+    size = np.array(manifest.bounds.max) - np.array(manifest.bounds.min)
+    crs = manifest.crs.name if manifest.crs else "no coordinate reference system stated"
+    return ReportFacts(
+        name=manifest.name,
+        place=f"{crs} · {size[0]:,.0f} m east-west, {size[2]:,.0f} m north-south, "
+        f"{size[1]:,.1f} m high",
+        cards=_cards(scene, total),
+        warnings=manifest.build.warnings,
+        has_input=has_input,
+        segment_faces=faces,
+        segment_bytes=lengths,
+        regions=regions,
+        region_columns=columns,
+        regions_note=note,
+        files=tuple(
+            {"name": key, "bytes": info.bytes, "share": info.bytes / max(1, total)}
+            for key, info in sorted(manifest.files.items(), key=lambda item: -item[1].bytes)
+        ),
+        attributes=tuple(
+            {
+                "name": one.name,
+                "min": "" if one.min is None else f"{one.min:.6g}",
+                "max": "" if one.max is None else f"{one.max:.6g}",
+                "step": f"{one.step:.3g}",
+            }
+            for one in manifest.attributes
+        ),
+        stages=stages,
+        stages_note=stages_note,
+        details=_details(scene),
+        options=json.dumps(manifest.build.options, indent=1) if manifest.build.options else "",
+        terraport=manifest.build.terraport,
+    )
+
+
+def read_build_record(scene_path: Path) -> dict[str, Any]:
+    """Read what the build said of itself.
+
+    Parameters
+    ----------
+    scene_path : Path
+        The scene directory.
+
+    Returns
+    -------
+    dict
+        Contents of build.json; empty when it is not there or not a JSON object: a report does not
+        fail for want of timings.
+    """
+    try:
+        with (scene_path / "build.json").open("rb") as file:
+            data = file.read(MAX_RECORD_BYTES + 1)
+        record = json.loads(data) if len(data) <= MAX_RECORD_BYTES else {}
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return record if isinstance(record, dict) else {}
+
+
+def format_bytes(count: float) -> str:
+    """Write a size for people.
+
+    Examples
+    --------
+    >>> format_bytes(999), format_bytes(1_234_567)
+    ('999 B', '1.23 MB')
+    """
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000 or unit == "GB":
+            return f"{count:.0f} B" if unit == "B" else f"{count:.3g} {unit}"
+        count /= 1000
+    raise AssertionError  # pragma: no cover - the last unit always returns
+
+
+def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:
+    manifest = scene.manifest
+    counts = manifest.counts
+    payload = manifest.encodings["glb"].payload_bytes
+    return (
+        {"label": "points", "value": f"{counts.points:,}", "note": "used of the survey"},
+        {
+            "label": "detail",
+            "value": f"{counts.detail_faces:,}",
+            "note": f"triangles, {counts.detail_vertices:,} vertices",
+        },
+        {
+            "label": "base",
+            "value": f"{counts.base_faces:,}",
+            "note": f"triangles, {format_bytes(manifest.files['base.glb'].bytes)}",
+        },
+        {
+            "label": "segments",
+            "value": f"{counts.segments:,}",
+            "note": f"{format_bytes(payload / max(1, counts.segments))} on average",
+        },
+        {"label": "regions", "value": f"{counts.regions:,}", "note": ""},
+        {
+            "label": "scene",
+            "value": format_bytes(total_bytes),
+            "note": f"{payload / max(1, counts.detail_faces):.2f} bytes per triangle",
+        },
+    )
+
+
+def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...], str]:
+    """Table of the largest regions: columns, rows, and a note."""
+    try:
+        listed = scene.regions.get("regions", [])
+    except DamagedSceneError as error:
+        return (), (), str(error)
+    rows = [row for row in listed if isinstance(row, Mapping)]
+    rows.sort(key=lambda row: -_number(row.get("area_m2"), _number(row.get("faces"), 0.0)))
+    shown = rows[:MAX_REGIONS]
+    colours = distinct_colours(len(listed))
+    columns: tuple[str, ...] = ("area m²", "triangles", "mean colour", "slope", "height m")
+    table: list[dict[str, Any]] = []
+    for row in shown:
+        number = int(_number(row.get("id"), 0))
+        colour = colours[number] if 0 <= number < len(colours) else (128, 128, 128)
+        label = row.get("label")
+        table.append(
+            {
+                "name": f"{number}" + (f" · {label}" if label else ""),
+                "colour": _css(colour),
+                "cells": _region_cells(row),
+            }
+        )
+    # A column that nobody filled is not shown.
+    filled = [
+        any(row["cells"][index]["text"] or row["cells"][index]["swatch"] for row in table)
+        for index in range(len(columns))
+    ]
+    for row in table:
+        row["cells"] = [cell for cell, full in zip(row["cells"], filled, strict=True) if full]
+    columns = tuple(column for column, full in zip(columns, filled, strict=True) if full)
+    note = f"The {len(shown)} largest of {len(rows)} regions; the colour is that of the picture."
+    return columns, tuple(table), note
+
+
+def _region_cells(row: Mapping[str, Any]) -> list[dict[str, str]]:
+    mean, heights = row.get("mean_colour"), row.get("height_m")
+    slope = row.get("slope_deg")
+    if isinstance(slope, Mapping):
+        slope = slope.get("mean")
+    if isinstance(heights, Mapping):
+        heights = [heights.get("min"), heights.get("max")]
+    area, faces = _number(row.get("area_m2"), np.nan), _number(row.get("faces"), np.nan)
+    steep = _number(slope, np.nan)
+    texts = (
+        "" if np.isnan(area) else f"{area:,.0f}",
+        "" if np.isnan(faces) else f"{faces:,.0f}",
+        "",
+        "" if np.isnan(steep) else f"{steep:.0f}°",
+        " to ".join(f"{height:.1f}" for height in heights or []) if _is_numbers(heights, 2) else "",
+    )
+    cells = [{"text": text, "swatch": ""} for text in texts]
+    cells[2]["swatch"] = _css(mean) if _is_numbers(mean, 3) else ""
+    return cells
+
+
+def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]:
+    listed = [row for row in record.get("stages", []) if isinstance(row, Mapping)]
+    seconds = [_number(row.get("seconds"), 0.0) for row in listed]
+    whole = sum(seconds)
+    rows = []
+    for row, spent in zip(listed, seconds, strict=True):
+        memory = _number(row.get("peak_memory_bytes"), _number(row.get("peak_bytes"), 0.0))
+        facts = row.get("facts")
+        told = (
+            ", ".join(f"{key} {_value(value)}" for key, value in facts.items())
+            if isinstance(facts, Mapping)
+            else ""
+        )
+        skipped = bool(row.get("skipped") or row.get("reused"))
+        rows.append(
+            {
+                "name": str(row.get("name", "?")),
+                "seconds": "reused" if skipped else f"{spent:,.1f}",
+                "share": 0.0 if skipped or not whole else spent / whole,
+                "memory": format_bytes(memory) if memory else "",
+                "result": told,
+            }
+        )
+    total = _number(record.get("seconds"), whole)
+    return tuple(rows), f"{total:,.1f} seconds in all." if rows else ""
+
+
+def _details(scene: Scene) -> tuple[dict[str, str], ...]:
+    manifest = scene.manifest
+    source, limits = manifest.build.input, manifest.limits
+    origin = ", ".join(f"{value:,.3f}" for value in manifest.origin)
+    rows = [
+        ("version", manifest.version),
+        ("input", f"{source.name}, {format_bytes(source.bytes)}" if source else "not stated"),
+        ("colour", "yes" if manifest.has_colour else "none in the survey: everything is grey"),
+        ("coordinate reference system", _crs(scene)),
+        ("origin (east, north, height)", f"{origin} m"),
+        ("grid step", f"{manifest.step_m * 1000:.4g} mm"),
+        (
+            "base to detail",
+            f"{manifest.hand_off.deviation_m:.3g} m apart (99.9th percentile)",
+        ),
+        (
+            "cover",
+            f"segments within {manifest.hand_off.tolerance_m:.3g} m lie over a base face",
+        ),
+        ("largest segment", f"{limits.max_segment_faces:,} triangles"),
+        ("largest payload", format_bytes(limits.max_segment_bytes)),
+        ("widest segment", f"{limits.max_extent_m:.1f} m"),
+        ("format", f"{manifest.format} {manifest.format_version}"),
+    ]
+    return tuple({"label": label, "value": value} for label, value in rows)
+
+
+def _crs(scene: Scene) -> str:
+    crs = scene.manifest.crs
+    if crs is None:
+        return "not stated by the survey"
+    return f"{crs.name} (EPSG:{crs.epsg})" if crs.epsg else crs.name
+
+
+def _css(colour: Any) -> str:
+    red, green, blue = (max(0, min(255, round(float(value)))) for value in colour)
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def _is_numbers(value: Any, count: int) -> bool:
+    return (
+        isinstance(value, list)
+        and len(value) == count
+        and all(isinstance(one, int | float) for one in value)
+    )
+
+
+def _number(value: object, default: float) -> float:
+    return (
+        float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default
+    )
+
+
+def _value(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}"
+    return f"{value:,.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,395 @@
+"""The pictures of a report, each with the words that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.engines.cameras import Camera, oblique
+from terraport_pipeline.engines.palettes import (
+    RAMP_STOPS,
+    distinct_colours,
+    ramp_colours,
+    value_range,
+)
+from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
+from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.handoff import WorstRay
+from terraport_pipeline.landing_view import (
+    Landing,
+    choose_landing,
+    mixed_mesh,
+    view_from_above,
+    view_from_eye,
+)
+from terraport_pipeline.model import Float32, UInt8
+from terraport_pipeline.scene_model import SceneModel
+
+__all__ = ["InputCloud", "Legend", "Picture", "PictureOptions", "PictureTaker"]
+
+PHOTO_RELIEF: Final = 0.55
+"""Photographed colours hold the light of the day already."""
+
+FLAT_RELIEF: Final = 0.8
+"""Flat colours need the light to show the shape, but must stay apart in the shade."""
+
+FRAMING_POINTS: Final = 20_000
+"""Vertices looked at to frame the overview."""
+
+MAX_ATTRIBUTES: Final = 4
+"""Attributes drawn; further ones are named in a table only."""
+
+MAX_POINTS: Final = 3_000_000
+"""Points of the input drawn; a larger cloud is thinned evenly."""
+
+WORST_DISTANCE_M: Final = 12.0
+"""The picture of the worst place is taken from at most this far."""
+
+
+@dataclass(frozen=True, slots=True)
+class Legend:
+    """What a ramp's ends mean."""
+
+    low: float
+    high: float
+    label: str
+    stops: tuple[str, ...] = RAMP_STOPS
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """One picture and its words."""
+
+    key: str
+    title: str
+    alt: str
+    """What it shows, for those who do not see it."""
+    caption: str
+    jpeg: bytes = field(repr=False)
+    width: int
+    height: int
+    legend: Legend | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PictureOptions:
+    """Size and fineness."""
+
+    width: int = 1280
+    height: int = 720
+    supersample: int = 2
+    quality: int = 84
+    """JPEG, 1..95."""
+
+
+@dataclass(frozen=True, slots=True)
+class InputCloud:
+    """Points of the survey, as far as the build kept them."""
+
+    points: Float32
+    """(N, 3) metres, scene frame."""
+    colours: UInt8
+    """(N, 3) sRGB."""
+    spacing_m: float
+    total: int
+    """Points of the survey, of which these may be a part."""
+
+
+class PictureTaker:
+    """Takes the pictures of one scene; ray scenes are built once and kept.
+
+    Parameters
+    ----------
+    model : SceneModel
+        The scene.
+    options : PictureOptions, optional
+        Size and fineness.
+    """
+
+    def __init__(self, model: SceneModel, options: PictureOptions | None = None) -> None:
+        self._model = model
+        self._options = options or PictureOptions()
+        self.detail_rays = RayScene(model.detail.vertices, model.detail.faces)
+        self.base_rays = RayScene(model.base.vertices, model.base.faces)
+        self._aspect = self._options.width / self._options.height
+        vertices = model.detail.vertices
+        thin = vertices[:: max(1, len(vertices) // FRAMING_POINTS)]
+        self._camera = oblique(thin, aspect=self._aspect)
+        self.landing: Landing = choose_landing(model, self.detail_rays)
+
+    def overview(self, cloud: InputCloud | None = None) -> Iterator[Picture]:
+        """Take the pictures of the whole scene, one after the other.
+
+        Parameters
+        ----------
+        cloud : InputCloud, optional
+            Drawn first where there is one.
+
+        Yields
+        ------
+        Picture
+            Input, detail, base, regions, segments, attributes; all from one camera.
+        """
+        counts, detail = self._model.manifest.counts, self._model.detail
+        if cloud is not None:
+            yield self._input(cloud)
+        yield self._detail_picture(
+            "detail",
+            "Full detail",
+            "The full detail of the scene, seen obliquely from above",
+            f"{counts.detail_faces:,} triangles in {counts.segments:,} segments; a client never "
+            "holds all of them.",
+            colours=detail.colours,
+            relief=PHOTO_RELIEF,
+        )
+        yield self._base()
+        yield from self._labels()
+        for name in list(detail.attributes)[:MAX_ATTRIBUTES]:
+            yield self._attribute(name)
+
+    def hand_off(self) -> Iterator[Picture]:
+        """Take the pictures of a landing: from above, and from eye height.
+
+        Yields
+        ------
+        Picture
+            The base is tinted blue where it is shown, but for one picture as a client shows it.
+        """
+        landing, total = self.landing, self._model.manifest.counts.segments
+        loaded = int(landing.loaded.sum())
+        where = f"{landing.radius_m:.0f} m around the middle of the scene"
+        yield self._mixed(
+            "hand-off-above",
+            "Hand-off from above",
+            "The mixed model from above: full detail around the landing, the base tinted blue "
+            "around it",
+            f"A landing {where}: {loaded:,} of {total:,} segments loaded; the base, tinted blue, "
+            "is shown wherever not all segments over it are.",
+            view_from_above(landing, self._aspect),
+            landing.loaded,
+            tint=0.45,
+        )
+        eye = view_from_eye(landing, self.detail_rays)
+        yield self._mixed(
+            "hand-off-eye-tinted",
+            "Hand-off at eye height, base tinted",
+            "The view of a visitor at the landing, the base tinted blue in the distance",
+            "The same landing from eye height: where the blue begins, the base takes over.",
+            eye,
+            landing.loaded,
+            tint=0.45,
+        )
+        yield self._mixed(
+            "hand-off-eye",
+            "Hand-off at eye height, as seen",
+            "The view of a visitor at the landing, as a client shows it",
+            "The same view as a client shows it.",
+            eye,
+            landing.loaded,
+            tint=0.0,
+        )
+
+    def worst_place(self, worst: WorstRay) -> Picture:
+        """Take the picture of the place where the proof of the hand-off fared worst.
+
+        Parameters
+        ----------
+        worst : WorstRay
+            From the proof.
+
+        Returns
+        -------
+        Picture
+            Seen along the ray, from nearby.
+        """
+        heading, target = np.array(worst.direction), np.array(worst.target)
+        distance = min(float(np.linalg.norm(target - np.array(worst.origin))), WORST_DISTANCE_M)
+        eye = target - heading * distance
+        # Looking straight down has no bearing of its own: north up.
+        level = np.hypot(heading[0], heading[2])
+        right = (
+            np.array([-heading[2], 0.0, heading[0]]) / level
+            if level > 1e-6
+            else np.array([1.0, 0, 0])
+        )
+        up = np.cross(right, heading)
+        camera = Camera(
+            "perspective", _triple(eye), _triple(right), _triple(up), _triple(heading), 0.5
+        )
+        loaded = np.zeros(len(self._model.segment_bounds), dtype=np.bool_)
+        loaded[list(worst.loaded)] = True
+        what = "a hole" if worst.hole else f"{worst.distance_m:.3f} m from the full detail"
+        return self._mixed(
+            "worst",
+            "Worst place of the hand-off",
+            f"The mixed model at the place where the proof fared worst: {what}, in the middle",
+            f"Where the proof fared worst ({what}, ringed), seen along that ray ({worst.kind}), "
+            f"{len(worst.loaded):,} segments loaded; the base is tinted blue.",
+            camera,
+            loaded,
+            tint=0.45,
+            ring=True,
+        )
+
+    def _input(self, cloud: InputCloud) -> Picture:
+        step = max(1, -(-len(cloud.points) // MAX_POINTS))
+        options = self._options
+        # One pixel per pixel: a splat has no edge worth smoothing.
+        image = render_points(
+            cloud.points[::step],
+            cloud.colours[::step],
+            self._camera,
+            (options.width, options.height),
+            spacing_m=cloud.spacing_m * step**0.5,
+        )
+        shown = len(cloud.points[::step])
+        part = "" if shown == cloud.total else f", of which {shown:,} are drawn"
+        return self._picture(
+            "input",
+            "Input",
+            "The survey's point cloud, seen obliquely from above",
+            f"{cloud.total:,} points{part}.",
+            image,
+        )
+
+    def _base(self) -> Picture:
+        base, counts = self._model.base, self._model.manifest.counts
+        options = self._options
+        image = render_mesh(
+            base.vertices,
+            base.faces,
+            self._camera,
+            (options.width, options.height),
+            colours=base.colours,
+            relief=PHOTO_RELIEF,
+            supersample=options.supersample,
+            scene=self.base_rays,
+        )
+        share = counts.base_faces / max(1, counts.detail_faces)
+        return self._picture(
+            "base",
+            "Base mesh",
+            "The base mesh of the scene, seen obliquely from above",
+            f"{counts.base_faces:,} triangles ({share:.1%} of the detail), always there.",
+            image,
+        )
+
+    def _labels(self) -> Iterator[Picture]:
+        model, counts = self._model, self._model.manifest.counts
+        region = model.region_of_face
+        if (region >= 0).any():
+            yield self._detail_picture(
+                "regions",
+                "Regions",
+                "The detail with each region in a colour of its own",
+                f"{counts.regions:,} regions: pieces of like colour; a pick names one.",
+                face_colours=distinct_colours(int(region.max()) + 1)[np.maximum(region, 0)],
+                relief=FLAT_RELIEF,
+            )
+        yield self._detail_picture(
+            "segments",
+            "Segments",
+            "The detail with each segment in a colour of its own",
+            f"{counts.segments:,} segments: the pieces that are streamed.",
+            face_colours=distinct_colours(counts.segments)[model.segment_of_face],
+            relief=FLAT_RELIEF,
+        )
+
+    def _attribute(self, name: str) -> Picture:
+        values = self._model.detail.attributes[name]
+        low, high = value_range(values)
+        missing = float(np.isnan(values).mean())
+        gap = f" {missing:.1%} of the vertices have no value (grey)." if missing else ""
+        return self._detail_picture(
+            f"attribute-{name}",
+            f"Attribute {name}",
+            f"The detail coloured by {name}, from dark violet (low) to yellow (high)",
+            f"{name} from {low:.4g} to {high:.4g} (1st and 99th percentile).{gap}",
+            colours=ramp_colours(values, low, high),
+            relief=FLAT_RELIEF,
+            legend=Legend(low, high, name),
+        )
+
+    def _detail_picture(
+        self,
+        key: str,
+        title: str,
+        alt: str,
+        caption: str,
+        *,
+        relief: float,
+        colours: UInt8 | None = None,
+        face_colours: UInt8 | None = None,
+        legend: Legend | None = None,
+    ) -> Picture:
+        detail, options = self._model.detail, self._options
+        image = render_mesh(
+            detail.vertices,
+            detail.faces,
+            self._camera,
+            (options.width, options.height),
+            colours=colours,
+            face_colours=face_colours,
+            normals=detail.normals,
+            relief=relief,
+            supersample=options.supersample,
+            scene=self.detail_rays,
+        )
+        return self._picture(key, title, alt, caption, image, legend)
+
+    def _mixed(
+        self,
+        key: str,
+        title: str,
+        alt: str,
+        caption: str,
+        camera: Camera,
+        loaded: npt.NDArray[np.bool_],
+        *,
+        tint: float,
+        ring: bool = False,
+    ) -> Picture:
+        mesh, options = mixed_mesh(self._model, loaded, camera, tint=tint), self._options
+        image = render_mesh(
+            mesh.vertices,
+            mesh.faces,
+            camera,
+            (options.width, options.height),
+            colours=mesh.colours,
+            relief=PHOTO_RELIEF,
+            supersample=options.supersample,
+        )
+        if ring:
+            _draw_ring(image)
+        return self._picture(key, title, alt, caption, image)
+
+    def _picture(
+        self,
+        key: str,
+        title: str,
+        alt: str,
+        caption: str,
+        image: UInt8,
+        legend: Legend | None = None,
+    ) -> Picture:
+        data = encode_jpeg(image, self._options.quality)
+        height, width = image.shape[:2]
+        return Picture(key, title, alt, caption, data, width, height, legend)
+
+
+def _draw_ring(image: UInt8) -> None:
+    """Draw a ring around the middle, white within black so that it shows on any ground."""
+    height, width = image.shape[:2]
+    row, column = np.ogrid[:height, :width]
+    away = np.hypot(row - height / 2, column - width / 2)
+    radius = height / 12
+    image[np.abs(away - radius) < 4] = (20, 20, 20)
+    image[np.abs(away - radius) < 2] = (255, 255, 255)
+
+
+def _triple(vector: npt.NDArray[np.floating]) -> tuple[float, float, float]:
+    return float(vector[0]), float(vector[1]), float(vector[2])
