@@ -1,0 +1,55 @@
+"""Decimation by fast-simplification (quadric error metrics with a rising threshold).
+
+M. Garland and P. Heckbert, "Surface simplification using quadric error metrics", SIGGRAPH 1997.
+"""
+
+from __future__ import annotations
+
+import threading
+
+import fast_simplification
+import numpy as np
+
+from terraport_pipeline.model import Float32, Int32
+
+__all__ = ["decimate"]
+
+_LOCK = threading.Lock()
+"""The library keeps its mesh in a global: one call at a time."""
+
+_AGGRESSION = 5.0
+"""How fast the threshold rises; lower follows the error order more closely (the library's default
+is 7)."""
+
+
+def decimate(vertices: Float32, faces: Int32, *, max_faces: int) -> tuple[Float32, Int32]:
+    """Reduce a mesh to about a number of faces, leaving its border where it is.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+        Metres.
+    faces : ndarray of shape (F, 3), int32
+    max_faces : int
+        Wanted. More can be left where the border alone needs more.
+
+    Returns
+    -------
+    vertices : ndarray of shape (V', 3), float32
+    faces : ndarray of shape (F', 3), int32
+        Without faces that use a vertex twice. The input itself when it is small enough.
+    """
+    if len(faces) <= max_faces:
+        return vertices, faces
+    with _LOCK:
+        points, triangles = fast_simplification.simplify(
+            vertices.astype(np.float64),
+            np.ascontiguousarray(faces),
+            target_count=max_faces,
+            agg=_AGGRESSION,
+            preserve_border=True,
+        )
+    triangles = np.asarray(triangles, dtype=np.int32)
+    a, b, c = triangles.T
+    proper = (a != b) & (b != c) & (c != a)
+    return np.asarray(points, dtype=np.float32), np.ascontiguousarray(triangles[proper])

@@ -1,0 +1,299 @@
+"""Screened Poisson surface reconstruction by PoissonRecon, as pycolmap ships it.
+
+M. Kazhdan and H. Hoppe, "Screened Poisson surface reconstruction", ACM Transactions on Graphics
+32(3), 2013.
+
+Files in, files out, one child process per reconstruction (see
+:mod:`terraport_pipeline.engines.poisson_child`). The solver reports no progress; the caller's
+`tick` is called with the seconds gone by.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from terraport_pipeline.errors import EngineError, ResourceError
+from terraport_pipeline.model import Float32, Int32
+
+__all__ = ["Forecast", "depth_for", "forecast", "reconstruct"]
+
+POINT_WEIGHT = 2.0
+"""Weight of passing through the samples against smoothness; PoissonRecon's own default is 4 for
+clean scans."""
+
+SCALE = 1.1
+"""The solver's cube is this much wider than the cloud's longest side."""
+
+_FACES_PER_CELL = 3.5
+"""Faces per cell of the cube's cross section that the surface passes (measured on terrain, depths
+9 and 10)."""
+
+_FACES_PER_POINT = 6.6
+"""Faces per sample at which finer cells add no more (measured: 4.1 to 6.6)."""
+
+_BASE_BYTES = 250 * 2**20
+"""A child's memory before it solves: interpreter, pycolmap, buffers."""
+
+_BYTES_PER_FACE = 420
+"""Peak memory per face made (measured 380 to 390, depths 9 to 13), with a tenth on top."""
+
+_BYTES_PER_POINT = 120
+"""Peak memory per sample while the tree is built."""
+
+_SECONDS_PER_FACE = 32e-6
+"""One thread of this project's reference machine: 2.87 M faces in 87 s."""
+
+_POLL_S = 0.1
+_ATTEMPTS = 2
+"""A second attempt costs minutes, a failed build hours: crashes of the solver are rare and not
+repeatable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """What one reconstruction is expected to cost."""
+
+    faces: int
+    memory_bytes: int
+    seconds: float
+
+
+def depth_for(asked: int, extent_m: float, spacing_m: float) -> int:
+    """Octree depth at which a cell is about one sample spacing, at most `asked`.
+
+    Finer cells add no detail, only the noise of single samples.
+
+    Examples
+    --------
+    >>> depth_for(13, extent_m=400.0, spacing_m=0.4)
+    10
+    """
+    useful = round(float(np.log2(max(SCALE * extent_m / spacing_m, 2.0))))
+    return max(1, min(asked, useful))
+
+
+def forecast(point_count: int, depth: int, extent_m: float, area_m2: float) -> Forecast:
+    """Estimate the cost of a reconstruction.
+
+    Parameters
+    ----------
+    point_count : int
+    depth : int
+        Octree depth.
+    extent_m : float
+        Longest side of the cloud's box.
+    area_m2 : float
+        Area of the sampled surface: points times the square of the areal spacing.
+
+    Returns
+    -------
+    Forecast
+        Within about a factor of 1.5 on the surveys it was fitted to.
+    """
+    cell_m = SCALE * extent_m / 2**depth
+    by_cells = _FACES_PER_CELL * area_m2 / cell_m**2
+    faces = int(min(by_cells, _FACES_PER_POINT * point_count)) + 1000
+    memory = _BASE_BYTES + _BYTES_PER_FACE * faces + _BYTES_PER_POINT * point_count
+    return Forecast(faces, memory, 1.5 + _SECONDS_PER_FACE * faces + 4e-6 * point_count)
+
+
+def reconstruct(
+    points: Float32,
+    normals: Float32,
+    depths: Sequence[int],
+    directory: Path,
+    *,
+    side_by_side: bool,
+    max_memory_bytes: int | None = None,
+    point_weight: float = POINT_WEIGHT,
+    tick: Callable[[float], None] = lambda _: None,
+) -> list[tuple[Float32, Int32]]:
+    """Reconstruct one cloud at several depths.
+
+    Parameters
+    ----------
+    points, normals : ndarray of shape (N, 3), float32
+        Metres, unit; scene frame.
+    depths : sequence of int
+        One reconstruction each; the result does not depend on the others.
+    directory : Path
+        For the PLY files; they are deleted before this returns or raises.
+    side_by_side : bool
+        Run all at once instead of one after the other. Same bytes either way.
+    max_memory_bytes : int, optional
+        The children are stopped when together they pass this.
+    point_weight : float
+    tick : callable
+        Called ten times a second with the seconds since the last call.
+
+    Returns
+    -------
+    list of (vertices float32 (V, 3), faces int32 (F, 3))
+        In the order of `depths`. Closed surfaces: trimming is the caller's.
+
+    Raises
+    ------
+    EngineError
+        A child failed twice; the message ends with what it printed.
+    ResourceError
+        More memory than allowed, or the disk is full.
+    """
+    source = directory / "poisson-in.ply"
+    made = [source]
+    try:
+        _write_ply(source, points, normals)
+        jobs = []
+        for place, depth in enumerate(depths):
+            target = directory / f"poisson-{place}-depth{depth}.ply"
+            made += [target, target.with_suffix(".log")]
+            jobs.append(_Job(source, target, depth, point_weight))
+        for group in [jobs] if side_by_side else [[job] for job in jobs]:
+            _run_group(group, max_memory_bytes, tick)
+        return [_read_ply(job.target) for job in jobs]
+    finally:
+        for path in made:
+            path.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    source: Path
+    target: Path
+    depth: int
+    point_weight: float
+
+    def command(self) -> list[str]:
+        module = "terraport_pipeline.engines.poisson_child"
+        numbers = [str(self.depth), repr(self.point_weight), str(os.getpid())]
+        return [sys.executable, "-m", module, str(self.source), str(self.target), *numbers]
+
+
+def _run_group(
+    jobs: Sequence[_Job], max_memory_bytes: int | None, tick: Callable[[float], None]
+) -> None:
+    """Run children to their end, each again once if it fails."""
+    waiting = list(jobs)
+    for attempt in range(1, _ATTEMPTS + 1):
+        with contextlib.ExitStack() as stack:
+            running = [(job, stack.enter_context(_child(job))) for job in waiting]
+            _wait([process for _, process in running], max_memory_bytes, tick)
+            failed = [(job, process) for job, process in running if not _succeeded(job, process)]
+        if not failed:
+            return
+        if attempt == _ATTEMPTS:
+            _raise_failure(*failed[0])
+        waiting = [job for job, _ in failed]
+
+
+@contextlib.contextmanager
+def _child(job: _Job) -> Iterator[subprocess.Popen[bytes]]:
+    """Start a child; whatever happens, it is gone at the end."""
+    with job.target.with_suffix(".log").open("wb") as log:
+        process = subprocess.Popen(
+            job.command(), stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT
+        )
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+            process.wait()
+
+
+def _wait(
+    processes: Sequence[subprocess.Popen[bytes]],
+    max_memory_bytes: int | None,
+    tick: Callable[[float], None],
+) -> None:
+    last = time.monotonic()
+    while any(process.poll() is None for process in processes):
+        time.sleep(_POLL_S)
+        now = time.monotonic()
+        tick(now - last)
+        last = now
+        used = sum(_resident_bytes(process.pid) for process in processes if process.poll() is None)
+        if max_memory_bytes is not None and used > max_memory_bytes:
+            raise ResourceError(
+                f"reconstruction uses {used / 2**30:.1f} GiB, allowed are "
+                f"{max_memory_bytes / 2**30:.1f} GiB (--max-memory); lower --detail-depth, "
+                "or thin the survey with --max-points"
+            )
+
+
+def _resident_bytes(pid: int) -> int:
+    try:
+        return int(psutil.Process(pid).memory_info().rss)
+    except psutil.Error:
+        return 0
+
+
+def _succeeded(job: _Job, process: subprocess.Popen[bytes]) -> bool:
+    return process.returncode == 0 and job.target.is_file() and job.target.stat().st_size > 0
+
+
+def _raise_failure(job: _Job, process: subprocess.Popen[bytes]) -> None:
+    said = job.target.with_suffix(".log").read_bytes()[-2000:].decode("utf-8", "replace").strip()
+    if process.returncode == -9:
+        raise ResourceError(
+            f"the system killed the reconstruction at depth {job.depth} (out of memory?); "
+            "lower --detail-depth, or thin the survey with --max-points"
+        )
+    if "No space left" in said or "File too large" in said:
+        raise ResourceError(
+            f"no space left in {job.target.parent} for the reconstruction; "
+            "free some, or give --work another disk"
+        )
+    raise EngineError(
+        f"Poisson reconstruction at depth {job.depth} ended with exit code {process.returncode}, "
+        f"{_ATTEMPTS} times; it printed: {said or 'nothing'}"
+    )
+
+
+def _write_ply(path: Path, points: Float32, normals: Float32) -> None:
+    names = ("x", "y", "z", "nx", "ny", "nz")
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
+    header += [f"property float {name}" for name in names] + ["end_header", ""]
+    with path.open("wb") as file:
+        file.write("\n".join(header).encode("ascii"))
+        np.hstack([points, normals]).astype("<f4", copy=False).tofile(file)
+
+
+def _read_ply(path: Path) -> tuple[Float32, Int32]:
+    """Read what PoissonRecon writes: float positions first, then lists of three int indices."""
+    with path.open("rb") as file:
+        header: list[str] = []
+        while not header or header[-1] != "end_header":
+            line = file.readline(256)
+            if not line.endswith(b"\n") or len(header) > 64:
+                raise EngineError(f"{path.name}: no PLY header within {file.tell()} bytes")
+            header.append(line.decode("ascii", "replace").strip())
+        sizes = {"char": 1, "uchar": 1, "short": 2, "ushort": 2, "int": 4, "uint": 4, "float": 4}
+        count = {row.split()[1]: int(row.split()[2]) for row in header if row.startswith("element")}
+        stride = sum(
+            sizes[row.split()[1]]
+            for row in header
+            if row.startswith("property") and not row.startswith("property list")
+        )
+        if header[1] != "format binary_little_endian 1.0" or (
+            "property list int int vertex_indices" not in header
+        ):
+            raise EngineError(f"{path.name}: unexpected PLY layout {header[1:]}")
+        raw = np.fromfile(file, dtype=np.uint8, count=stride * count["vertex"])
+        lists = np.fromfile(file, dtype="<i4", count=4 * count["face"])
+    if len(raw) != stride * count["vertex"] or len(lists) != 4 * count["face"]:
+        raise EngineError(f"{path.name}: shorter than its header says; was the disk full?")
+    lists = lists.reshape(-1, 4)
+    if len(lists) and not (lists[:, 0] == 3).all():
+        raise EngineError(f"{path.name}: holds faces that are not triangles")
+    vertices = raw.reshape(-1, stride)[:, :12].copy().view("<f4").astype(np.float32)
+    return vertices, np.ascontiguousarray(lists[:, 1:]).astype(np.int32)

@@ -1,0 +1,329 @@
+"""Normals of a cloud, consistently oriented out of the ground.
+
+Direction: principal component analysis of each point's k nearest neighbours (the eigenvector of
+the smallest eigenvalue).
+
+Sign, for a surface that is terrain but may overhang:
+
+1. A point is *certain* when its normal is not steep and nothing stands above it that its own
+tangent plane does not
+   explain: then it faces up. Undersides of overhangs and the ground beneath them are not certain.
+2. The signs spread from the certain points best-first over the neighbour graph. The cost of an
+edge is small where the
+   two normals are parallel and the edge lies in both tangent planes, so the sign walks round a lip
+   and does not jump from an underside to the ground below it.
+3. Points that nothing reaches face up.
+
+The spreading follows Hoppe, DeRose, Duchamp, McDonald and Stuetzle, "Surface reconstruction from
+unorganized points", SIGGRAPH 1992, with the in-plane term of König and Gumhold, "Consistent
+propagation of normal orientations in point clouds", VMV 2009, and many seeds instead of one.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.geometry.spacing import Neighbours
+from terraport_pipeline.model import Float32, Int32
+
+__all__ = ["certain_mask", "estimate_normals", "orient_normals"]
+
+Mask = npt.NDArray[np.bool_]
+
+_SWEEPS = 12
+"""Jacobi sweeps at most; three by three matrices converge to float64 in five or six."""
+
+_CELL_SPACINGS = 1.5
+"""Side of the columns in which :func:`certain_mask` looks up, in areal spacings.
+
+Three by three of them are looked at: about twenty samples, so that a gap between the samples of a
+roof does not open the sky to what lies below it.
+"""
+
+
+def estimate_normals(
+    points: Float32, neighbours: Neighbours, *, k: int = 16
+) -> tuple[Float32, Float32]:
+    """Estimate the tangent plane at every point.
+
+    Parameters
+    ----------
+    points : ndarray of shape (N, 3), float32
+        Metres.
+    neighbours : Neighbours
+        Of all points; the first `k` of each are used, with the point itself.
+    k : int
+
+    Returns
+    -------
+    normals : ndarray of shape (N, 3), float32
+        Unit, sign arbitrary.
+    curvature : ndarray of shape (N,), float32
+        Smallest eigenvalue over the sum of the three, 0 (plane) to 1/3 (no surface at all).
+    """
+    k = min(k, neighbours.indices.shape[1])
+    normals = np.empty((len(points), 3), dtype=np.float32)
+    curvature = np.empty(len(points), dtype=np.float32)
+    _fit_planes(points, np.ascontiguousarray(neighbours.indices[:, :k]), normals, curvature)
+    return normals, curvature
+
+
+def certain_mask(
+    points: Float32, normals: Float32, *, spacing_m: float, steepest: float = 0.5
+) -> Mask:
+    """Mark the points that must face up: not steep, and open to the sky.
+
+    Parameters
+    ----------
+    points : ndarray of shape (N, 3), float32
+        Metres, scene frame (Y up).
+    normals : ndarray of shape (N, 3), float32
+        Unit, sign ignored.
+    spacing_m : float
+        Areal spacing.
+    steepest : float
+        Smallest vertical component of a certain normal (0.5 is a slope of 60 degrees).
+
+    Returns
+    -------
+    ndarray of shape (N,), bool
+    """
+    cell_m = _CELL_SPACINGS * spacing_m
+    low = points.min(axis=0)
+    column = ((points[:, ::2] - low[::2]) / cell_m).astype(np.int64) + 1
+    width = int(column[:, 0].max()) + 2
+    key = column[:, 1] * width + column[:, 0]
+    cells, cell = np.unique(key, return_inverse=True)
+    top = np.full(len(cells), -np.inf, dtype=np.float32)
+    np.maximum.at(top, cell, points[:, 1])
+    roof = top.copy()
+    for step in (-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1):
+        place = np.minimum(np.searchsorted(cells, cells + step), len(cells) - 1)
+        there = cells[place] == cells + step
+        np.maximum(roof, np.where(there, top[place], -np.inf), out=roof)
+    upright = np.abs(normals[:, 1])
+    slope = np.sqrt(np.maximum(1.0 - upright**2, 0.0)) / np.maximum(upright, 1e-3)
+    # What a tangent plane explains: the rise over two columns' diagonal, and two spacings for
+    # noise and curvature.
+    explained_m = slope * (2.0 * np.sqrt(2.0) * cell_m) + 2.0 * spacing_m
+    certain: Mask = (upright >= steepest) & (roof[cell] - points[:, 1] <= explained_m)
+    return certain
+
+
+def orient_normals(
+    points: Float32, normals: Float32, neighbours: Neighbours, *, spacing_m: float, k: int = 10
+) -> tuple[Float32, int, int]:
+    """Turn normals out of the ground; see the module's text for the rule.
+
+    Parameters
+    ----------
+    points : ndarray of shape (N, 3), float32
+        Metres, scene frame (Y up).
+    normals : ndarray of shape (N, 3), float32
+        Unit, sign arbitrary; not modified.
+    neighbours : Neighbours
+        Of all points; signs spread over the first `k`.
+    spacing_m : float
+        Areal spacing.
+    k : int
+
+    Returns
+    -------
+    normals : ndarray of shape (N, 3), float32
+    spread : int
+        Points that got their sign from a neighbour.
+    guessed : int
+        Points that nothing reached; they face up.
+    """
+    k = min(k, neighbours.indices.shape[1])
+    certain = certain_mask(points, normals, spacing_m=spacing_m)
+    oriented = np.where((normals[:, 1] < 0)[:, None], -normals, normals)
+    graph = np.ascontiguousarray(neighbours.indices[:, :k])
+    starts, links = _reverse_graph(graph)
+    reached = _spread_signs(points, oriented, certain, graph, starts, links)
+    guessed = int((~reached).sum())
+    return oriented, int(len(points) - certain.sum() - guessed), guessed
+
+
+@numba.njit(parallel=True, cache=True)
+def _fit_planes(
+    points: Float32, indices: Int32, normals: Float32, curvature: Float32
+) -> None:  # pragma: no cover - compiled
+    """Covariance of each neighbourhood and its smallest eigenvector by Jacobi rotations."""
+    count, k = indices.shape
+    for point in numba.prange(count):
+        # Offsets from the point itself: it adds nothing to the sums, only to the count.
+        mean = np.zeros(3)
+        matrix = np.zeros((3, 3))
+        offset = np.empty(3)
+        for place in range(k):
+            for axis in range(3):
+                offset[axis] = points[indices[point, place], axis] - points[point, axis]
+                mean[axis] += offset[axis] / (k + 1)
+            for row in range(3):
+                for col in range(row, 3):
+                    matrix[row, col] += offset[row] * offset[col]
+        for row in range(3):
+            for col in range(row, 3):
+                matrix[row, col] -= (k + 1) * mean[row] * mean[col]
+        matrix[1, 0], matrix[2, 0], matrix[2, 1] = matrix[0, 1], matrix[0, 2], matrix[1, 2]
+        vectors = np.eye(3)
+        for _ in range(_SWEEPS):
+            off = matrix[0, 1] ** 2 + matrix[0, 2] ** 2 + matrix[1, 2] ** 2
+            scale = matrix[0, 0] ** 2 + matrix[1, 1] ** 2 + matrix[2, 2] ** 2
+            if off <= 1e-28 * scale or scale == 0.0:
+                break
+            for p in range(2):
+                for q in range(p + 1, 3):
+                    if matrix[p, q] == 0.0:
+                        continue
+                    theta = (matrix[q, q] - matrix[p, p]) / (2.0 * matrix[p, q])
+                    t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
+                    if theta < 0.0:
+                        t = -t
+                    c = 1.0 / np.sqrt(t * t + 1.0)
+                    s = t * c
+                    for row in range(3):
+                        left, right = matrix[row, p], matrix[row, q]
+                        matrix[row, p], matrix[row, q] = c * left - s * right, s * left + c * right
+                    for col in range(3):
+                        left, right = matrix[p, col], matrix[q, col]
+                        matrix[p, col], matrix[q, col] = c * left - s * right, s * left + c * right
+                    for row in range(3):
+                        left, right = vectors[row, p], vectors[row, q]
+                        vectors[row, p], vectors[row, q] = (
+                            c * left - s * right,
+                            s * left + c * right,
+                        )
+        small = 0
+        for axis in range(1, 3):
+            if matrix[axis, axis] < matrix[small, small]:
+                small = axis
+        length = np.sqrt(vectors[0, small] ** 2 + vectors[1, small] ** 2 + vectors[2, small] ** 2)
+        for axis in range(3):
+            normals[point, axis] = vectors[axis, small] / length
+        total = matrix[0, 0] + matrix[1, 1] + matrix[2, 2]
+        curvature[point] = max(matrix[small, small], 0.0) / total if total > 0.0 else 0.0
+
+
+@numba.njit(cache=True)
+def _reverse_graph(graph: Int32) -> tuple[npt.NDArray[np.int64], Int32]:  # pragma: no cover
+    """Who has me as neighbour, as CSR: signs must spread against the direction of kNN edges too."""
+    count, k = graph.shape
+    starts = np.zeros(count + 1, dtype=np.int64)
+    for point in range(count):
+        for place in range(k):
+            starts[graph[point, place] + 1] += 1
+    for point in range(count):
+        starts[point + 1] += starts[point]
+    fill = starts[:-1].copy()
+    links = np.empty(count * k, dtype=np.int32)
+    for point in range(count):
+        for place in range(k):
+            other = graph[point, place]
+            links[fill[other]] = point
+            fill[other] += 1
+    return starts, links
+
+
+@numba.njit(cache=True)
+def _spread_signs(
+    points: Float32,
+    normals: Float32,
+    certain: Mask,
+    graph: Int32,
+    starts: npt.NDArray[np.int64],
+    links: Int32,
+) -> Mask:  # pragma: no cover - compiled
+    """Best-first spreading; turns `normals` in place and returns which points have a sign."""
+    count = len(points)
+    settled = certain.copy()
+    best = np.full(count, np.inf, dtype=np.float32)
+    parent = np.full(count, -1, dtype=np.int32)
+    heap = [(np.float32(0.0), np.int32(-1))]
+    heap.pop()
+    for point in range(count):
+        if certain[point]:
+            _offer(point, points, normals, settled, graph, starts, links, best, parent, heap)
+    while len(heap) > 0:
+        cost, point = _pop(heap)
+        if settled[point] or cost != best[point]:
+            continue
+        dot = 0.0
+        for axis in range(3):
+            dot += normals[point, axis] * normals[parent[point], axis]
+        if dot < 0.0:
+            for axis in range(3):
+                normals[point, axis] = -normals[point, axis]
+        settled[point] = True
+        _offer(point, points, normals, settled, graph, starts, links, best, parent, heap)
+    return settled
+
+
+@numba.njit(cache=True)
+def _offer(  # type: ignore[no-untyped-def]
+    point, points, normals, settled, graph, starts, links, best, parent, heap
+):  # pragma: no cover - compiled
+    """Offer a settled point's sign to the neighbours that still lack one."""
+    k = graph.shape[1]
+    incoming = starts[point + 1] - starts[point]
+    for place in range(k + incoming):
+        other = graph[point, place] if place < k else links[starts[point] + place - k]
+        if settled[other]:
+            continue
+        dot = 0.0
+        along = 0.0
+        across = 0.0
+        length = 0.0
+        for axis in range(3):
+            step = points[other, axis] - points[point, axis]
+            dot += normals[point, axis] * normals[other, axis]
+            along += step * normals[point, axis]
+            across += step * normals[other, axis]
+            length += step * step
+        lift = 0.5 * (abs(along) + abs(across)) / np.sqrt(length) if length > 0.0 else 0.0
+        cost = np.float32(1.0 - abs(dot) + lift)
+        if cost < best[other] or (cost == best[other] and point < parent[other]):
+            best[other] = cost
+            parent[other] = point
+            _push(heap, cost, np.int32(other))
+
+
+@numba.njit(cache=True)
+def _push(heap, cost, point):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Binary heap ordered by (cost, point), so that ties have one order."""
+    heap.append((cost, point))
+    child = len(heap) - 1
+    while child > 0:
+        up = (child - 1) >> 1
+        if heap[up] <= heap[child]:
+            break
+        heap[up], heap[child] = heap[child], heap[up]
+        child = up
+
+
+@numba.njit(cache=True)
+def _pop(heap):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+    """Take the smallest entry."""
+    first = heap[0]
+    last = heap.pop()
+    size = len(heap)
+    if size == 0:
+        return first
+    heap[0] = last
+    node = 0
+    while True:
+        child = 2 * node + 1
+        if child >= size:
+            break
+        if child + 1 < size and heap[child + 1] < heap[child]:
+            child += 1
+        if heap[node] <= heap[child]:
+            break
+        heap[node], heap[child] = heap[child], heap[node]
+        node = child
+    return first

@@ -1,0 +1,99 @@
+"""Points that do not belong to any surface: exact copies and statistical outliers.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.geometry.spacing import Neighbours
+from terraport_pipeline.model import Float64
+
+__all__ = ["duplicate_mask", "outlier_mask"]
+
+Mask = npt.NDArray[np.bool_]
+
+_MIXERS = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)
+"""Odd 64-bit multipliers, one per axis (the primes of xxHash): they spread equal low bits."""
+
+_MAD_TO_SIGMA = 1.4826
+"""Median absolute deviation of a normal distribution, as its standard deviation."""
+
+
+def duplicate_mask(points: Float64) -> Mask:
+    """Mark every point that repeats an earlier one exactly.
+
+    Parameters
+    ----------
+    points : ndarray of shape (N, 3), float64
+        Any frame.
+
+    Returns
+    -------
+    ndarray of shape (N,), bool
+        True for copies. The first in file order stays.
+
+    Notes
+    -----
+    Rows are compared by a 64-bit hash and then by value, so two different points are never merged;
+    the sort of one key is five times faster than `np.unique` over rows.
+
+    Examples
+    --------
+    >>> duplicate_mask(np.array([[1.0, 2, 3], [1, 2, 4], [1, 2, 3]])).tolist()
+    [False, False, True]
+    """
+    bits = np.ascontiguousarray(points + 0.0).view(np.uint64)  # + 0.0 turns -0.0 into 0.0
+    key = np.zeros(len(points), dtype=np.uint64)
+    for axis, mixer in enumerate(_MIXERS):
+        key ^= bits[:, axis] * np.uint64(mixer)
+        key ^= key >> np.uint64(29)
+        key *= np.uint64(_MIXERS[0])
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    same &= (points[order[1:]] == points[order[:-1]]).all(axis=1)
+    mask = np.zeros(len(points), dtype=bool)
+    mask[order[1:][same]] = True
+    return mask
+
+
+def outlier_mask(
+    neighbours: Neighbours, *, ratio: float = 3.0, deviations: float = 3.0, k: int = 8
+) -> Mask:
+    """Mark points that stand alone beside a denser surface.
+
+    A point is an outlier when the mean distance to its k neighbours is
+
+    - more than `ratio` times the median of its neighbours' own mean distances, *and*
+    - more than `deviations` robust standard deviations above the cloud's median, on a log scale.
+
+    The first test spares thinly sampled ground (its neighbours are as thin), the second spares the
+    denser parts' rims.
+
+    Parameters
+    ----------
+    neighbours : Neighbours
+        Of all points.
+    ratio : float
+        See above; larger keeps more.
+    deviations : float
+        See above; larger keeps more.
+    k : int
+        Neighbours that count; all are used where there are fewer.
+
+    Returns
+    -------
+    ndarray of shape (N,), bool
+        True for outliers.
+    """
+    k = min(k, neighbours.indices.shape[1])
+    mean_m = np.maximum(neighbours.distances[:, :k].mean(axis=1), np.float32(1e-12))
+    around_m = np.median(mean_m[neighbours.indices[:, :k]], axis=1)
+    logs = np.log(mean_m)
+    middle = float(np.median(logs))
+    sigma = _MAD_TO_SIGMA * float(np.median(np.abs(logs - middle)))
+    alone: Mask = mean_m > ratio * around_m
+    alone &= logs > middle + deviations * sigma
+    return alone

@@ -1,0 +1,155 @@
+"""Cut a closed Poisson surface back to where samples support it.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from terraport_pipeline.model import Float32, Int32
+
+__all__ = ["compact", "island_mask", "near_mask", "support_mask"]
+
+Mask = npt.NDArray[np.bool_]
+
+_CHUNK = 500_000
+"""Vertices per nearest-neighbour query; bounds its scratch to 8 MB."""
+
+_DENSITY_SPAN = 3.0
+"""Local spacings count up to this factor above the cloud's, so that a hole's rim cannot bridge the
+hole."""
+
+
+def support_mask(
+    vertices: Float32,
+    faces: Int32,
+    tree: cKDTree,
+    local_spacing_m: Float32,
+    *,
+    spacings: float = 4.0,
+    workers: int = -1,
+) -> Mask:
+    """Mark the faces whose three vertices all lie near a sample.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+        Metres, scene frame.
+    faces : ndarray of shape (F, 3), int32
+    tree : cKDTree
+        Over the N samples, metres, scene frame.
+    local_spacing_m : ndarray of shape (N,), float32
+        Areal spacing around each sample.
+    spacings : float
+        A vertex is supported within this many spacings of its nearest sample.
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    ndarray of shape (F,), bool
+        True for supported faces.
+    """
+    middle_m = float(np.median(local_spacing_m))
+    reach_m = spacings * np.clip(local_spacing_m, middle_m, _DENSITY_SPAN * middle_m)
+    supported = np.empty(len(vertices), dtype=bool)
+    for begin in range(0, len(vertices), _CHUNK):
+        here = slice(begin, begin + _CHUNK)
+        distance_m, index = tree.query(vertices[here], workers=workers)
+        supported[here] = distance_m <= reach_m[index]
+    whole: Mask = supported[faces].all(axis=1)
+    return whole
+
+
+def near_mask(
+    vertices: Float32,
+    faces: Int32,
+    tree: cKDTree,
+    *,
+    margin_m: float,
+    workers: int = -1,
+) -> Mask:
+    """Mark the faces that come within a margin of any of the points.
+
+    Conservative: a face is kept when its centre lies within ``margin_m`` plus its own radius of a
+    point.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+        Metres.
+    faces : ndarray of shape (F, 3), int32
+    tree : cKDTree
+        Over the points to be covered (the detail mesh's vertices), metres.
+    margin_m : float
+    workers : int
+        Threads; the result does not depend on it.
+
+    Returns
+    -------
+    ndarray of shape (F,), bool
+    """
+    near = np.empty(len(faces), dtype=bool)
+    for begin in range(0, len(faces), _CHUNK):
+        here = slice(begin, begin + _CHUNK)
+        corners = vertices[faces[here]]
+        centre = corners.mean(axis=1)
+        radius_m = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
+        limit_m = margin_m + radius_m
+        distance_m, _ = tree.query(
+            centre, distance_upper_bound=float(limit_m.max()) * 1.001 + 1e-9, workers=workers
+        )
+        near[here] = distance_m <= limit_m
+    return near
+
+
+def island_mask(faces: Int32, vertex_count: int, *, min_faces: int) -> tuple[Mask, int]:
+    """Mark the faces of connected pieces that are large enough.
+
+    Parameters
+    ----------
+    faces : ndarray of shape (F, 3), int32
+    vertex_count : int
+    min_faces : int
+        Pieces (connected by shared vertices) below this are islands. The largest piece always
+        stays.
+
+    Returns
+    -------
+    keep : ndarray of shape (F,), bool
+    dropped : int
+        Number of islands.
+    """
+    if not len(faces):
+        return np.zeros(0, dtype=bool), 0
+    rows = np.concatenate([faces[:, 0], faces[:, 1]])
+    columns = np.concatenate([faces[:, 1], faces[:, 2]])
+    links = coo_matrix(
+        (np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(vertex_count, vertex_count)
+    )
+    _, label = connected_components(links, directed=False)
+    piece = label[faces[:, 0]]
+    sizes = np.bincount(piece)
+    large = sizes >= min_faces
+    large[int(sizes.argmax())] = True
+    return large[piece], int(((sizes > 0) & ~large).sum())
+
+
+def compact(vertices: Float32, faces: Int32, keep: Mask) -> tuple[Float32, Int32]:
+    """Keep some faces and only the vertices that they use, both in their old order.
+
+    Returns
+    -------
+    vertices : ndarray of shape (V', 3), float32
+    faces : ndarray of shape (F', 3), int32
+    """
+    kept = faces[keep]
+    used = np.zeros(len(vertices), dtype=bool)
+    used[kept.ravel()] = True
+    renumbered = np.cumsum(used, dtype=np.int64) - 1
+    return vertices[used], renumbered[kept].astype(np.int32)
