@@ -108,7 +108,7 @@ def vertex_pairs(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int32:
 def components(
     n_items: int, pairs: _Int32, *, labels: npt.NDArray[np.integer] | None = None
 ) -> tuple[_Int32, int]:
-    """Connected components of a graph, optionally only over pairs with equal labels.
+    """Find connected components of a graph, optionally only over pairs with equal labels.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def _emit_pairs(
                     continue  # a face with a repeated corner meets the same edge twice
                 for y in range(x + 1, min(end, x + MAX_FACES_PER_EDGE)):
                     f, g = face[x], face[y]
-                    if f == g or face[y] == face[y - 1] and y - 1 > x:
+                    if f == g or (y - 1 > x and face[y] == face[y - 1]):
                         continue
                     if _share_lower_edge(faces, f, g, v, high[i]):
                         continue

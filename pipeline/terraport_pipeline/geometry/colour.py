@@ -1,5 +1,4 @@
-"""Colour as the Triangle Pool Algorithm sees it: sRGB to CIELAB, and the CIEDE2000 distance to
-white.
+"""Colour as the Triangle Pool Algorithm sees it: the CIEDE2000 distance to white.
 
 To white the CIEDE2000 formula has a closed form: white has no chroma, so the hue term and the
 rotation term vanish and only lightness and chroma remain,
@@ -124,7 +123,7 @@ def face_colour_sums(
     ndarray of shape (F, 3), uint16
         0..765; divide by 3 for the face colour.
     """
-    sums = colours[faces[:, 0]].astype(np.uint16)
+    sums: npt.NDArray[np.uint16] = colours[faces[:, 0]].astype(np.uint16)
     sums += colours[faces[:, 1]]
     sums += colours[faces[:, 2]]
     return sums
@@ -174,7 +173,7 @@ def _lab(linear: _Float64) -> _Float64:
 
 @numba.njit(cache=True)
 def _to_white(lightness: float, a: float, b: float) -> float:
-    """Closed form of CIEDE2000 against (100, 0, 0): C_1 = 0, so dH' = 0 and R_T has no effect."""
+    """Evaluate CIEDE2000 against (100, 0, 0): C_1 = 0, so dH' = 0 and R_T has no effect."""
     half = 0.5 * np.sqrt(a * a + b * b)
     pow7 = half * half * half
     pow7 = pow7 * pow7 * half

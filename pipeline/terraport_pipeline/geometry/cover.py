@@ -1,5 +1,4 @@
-"""Which segments lie over each face of the base mesh, so that the base can be hidden under loaded
-detail.
+"""Which segments lie over each face of the base mesh, so that detail can replace it.
 
 At run time a base face is hidden **iff all segments of its list are loaded**; a face with an empty
 list is never hidden. The lists must leave no hole for *any* subset of loaded segments. A list that
@@ -57,28 +56,31 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numba
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+
+from terraport_pipeline.geometry.columns import (
+    Grid,
+    Runs,
+    cell_span,
+    fit_grid,
+    meets_square,
+    rasterise,
+    segment_runs,
+)
+from terraport_pipeline.geometry.far_detail import far_detail, median_edge
 
 __all__ = ["BaseCover", "build_cover"]
 
 _Float64 = npt.NDArray[np.float64]
-_Float32 = npt.NDArray[np.float32]
 _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
+_UInt8 = npt.NDArray[np.uint8]
 _UInt32 = npt.NDArray[np.uint32]
 
-_MAX_CELLS: Final = 2**24
-"""Cells of the grid at most (64 MiB of offsets); beyond it cells grow, which lengthens lists and
-breaks nothing."""
-_NEAREST_VERTICES: Final = 4
-_FAR: Final = 32.0
-"""Rule 2 looks this many tolerances (or four base edges) far; detail beyond it has no base to speak
-of."""
+_COVERED, _BARE, _PARTLY = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -163,42 +165,27 @@ def build_cover(
             np.zeros(n_base + 1, np.uint32), np.zeros(0, np.uint32), tolerance_m,
             reach_m or 2.0 * tolerance_m, n_base, 0, 0, n_detail,
         )  # fmt: skip
-    base_v, base_f = _contiguous(base_vertices, base_faces)
-    detail_v, detail_f = _contiguous(detail_vertices, detail_faces)
-    cell_m = max(tolerance_m, _median_edge(detail_v, detail_f))
-    reach = max(2.0 * tolerance_m, cell_m) if reach_m is None else reach_m
-    grid = _grid(base_v, base_f, detail_v, detail_f, cell_m, reach)
-    cell_m = grid.cell_m
-    reach = max(reach, cell_m) if reach_m is None else reach
+    base = _contiguous(base_vertices, base_faces)
+    detail = _contiguous(detail_vertices, detail_faces)
+    segment = np.ascontiguousarray(segment_of_face, np.int32)
+    cell_m = max(tolerance_m, median_edge(*detail))
+    wanted_m = 2.0 * tolerance_m if reach_m is None else reach_m
+    grid = fit_grid([base, detail], cell_m, wanted_m)
+    reach = max(wanted_m, grid.cell_m) if reach_m is None else reach_m
     # (1) detail columns as runs of (segment, lowest, highest)
-    starts, entries = _rasterise(detail_v, detail_f, grid.x, grid.z, cell_m, grid.nx, grid.nz, 0.0)
-    offsets, segment, low, high = _runs(
-        starts, entries, detail_v, detail_f, np.ascontiguousarray(segment_of_face, np.int32)
-    )
-    del starts, entries
+    runs = segment_runs(*rasterise(*detail, grid, 0.0), *detail, segment)
     # (2) detail faces that no base face is close to
-    extra_base, extra_segment, far, baseless = _far_detail(
-        base_v, base_f, detail_v, detail_f, segment_of_face, grid, reach, tolerance_m
-    )
+    far = far_detail(base, detail, segment, grid, reach_m=reach, tolerance_m=tolerance_m)
     # (3) union per base face
     rows, members, status = _unite(
-        base_v, base_f, grid.x, grid.z, cell_m, grid.nx, grid.nz, reach,
-        offsets, segment, low, high, np.inf if max_gap_m is None else max_gap_m,
-        extra_base, extra_segment, int(segment_of_face.max()) + 1, hide_partly_covered,
+        *base, grid, reach, runs, np.inf if max_gap_m is None else max_gap_m,
+        far.offsets, far.segment, int(segment.max()) + 1, hide_partly_covered,
     )  # fmt: skip
     return BaseCover(
-        rows.astype(np.uint32), members.astype(np.uint32), cell_m, reach,
-        int(np.count_nonzero(status == 1)), int(np.count_nonzero(status == 2)), far, baseless,
+        rows.astype(np.uint32), members.astype(np.uint32), grid.cell_m, reach,
+        int(np.count_nonzero(status == _BARE)), int(np.count_nonzero(status == _PARTLY)),
+        far.far_faces, far.baseless_faces,
     )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    x: float
-    z: float
-    cell_m: float
-    nx: int
-    nz: int
 
 
 def _validate_inputs(
@@ -242,255 +229,12 @@ def _contiguous(
     return np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32)
 
 
-def _median_edge(vertices: _Float64, faces: _Int32) -> float:
-    edges = vertices[faces[:, 0]] - vertices[faces[:, 1]]
-    return float(np.sqrt(np.median((edges * edges).sum(axis=1))))
-
-
-def _grid(
-    base_v: _Float64,
-    base_f: _Int32,
-    detail_v: _Float64,
-    detail_f: _Int32,
-    cell_m: float,
-    reach: float,
-) -> _Grid:
-    """Grid over both meshes with a margin; cells grow until there are at most ``_MAX_CELLS``."""
-    used = (base_v[:, ::2], detail_v[:, ::2])
-    low = np.minimum(used[0].min(axis=0), used[1].min(axis=0))
-    side = np.maximum(used[0].max(axis=0), used[1].max(axis=0)) - low
-    while True:
-        margin = max(reach, cell_m) + 2.0 * cell_m
-        n = np.floor((side + 2.0 * margin) / cell_m) + 1
-        if n[0] * n[1] <= _MAX_CELLS:
-            return _Grid(
-                float(low[0] - margin), float(low[1] - margin), cell_m, int(n[0]), int(n[1])
-            )
-        cell_m *= 1.25
-
-
-def _far_detail(
-    base_v: _Float64,
-    base_f: _Int32,
-    detail_v: _Float64,
-    detail_f: _Int32,
-    segment_of_face: npt.NDArray[np.integer],
-    grid: _Grid,
-    reach: float,
-    tolerance_m: float,
-) -> tuple[_Int64, _Int32, int, int]:
-    """Rule 2: extra (base face, segment) pairs as CSR over base faces, and the two counts."""
-    starts, entries = _rasterise(
-        base_v, base_f, grid.x, grid.z, grid.cell_m, grid.nx, grid.nz, reach
-    )
-    state = _match(
-        detail_v, detail_f, base_v, base_f, starts, entries, grid.x, grid.z, grid.cell_m, grid.nz,
-        2.0 * tolerance_m,
-    )  # fmt: skip
-    far = np.flatnonzero(state > 0)
-    baseless = int(np.count_nonzero(state == 2))
-    none = np.zeros(len(base_f) + 1, np.int64), np.zeros(0, np.int32)
-    if len(far) == 0:
-        return *none, 0, baseless
-    vertex_ids = np.unique(base_f)
-    limit = max(_FAR * tolerance_m, 4.0 * _median_edge(base_v, base_f))
-    k = min(_NEAREST_VERTICES, len(vertex_ids))
-    centres = detail_v[detail_f[far]].mean(axis=1)
-    distance, nearest = cKDTree(base_v[vertex_ids]).query(
-        centres, k=k, distance_upper_bound=limit, workers=-1
-    )
-    found = np.isfinite(distance).reshape(len(far), k)
-    vertex = vertex_ids[nearest.reshape(len(far), k)[found]]
-    segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[found]
-    wanted = np.unique(np.stack([vertex, segment], axis=1).astype(np.int64), axis=0)
-    corner = base_f.ravel()
-    by_vertex = np.argsort(corner, kind="stable")
-    row = np.searchsorted(corner[by_vertex], wanted[:, 0])
-    length = np.searchsorted(corner[by_vertex], wanted[:, 0], side="right") - row
-    within = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
-    base = by_vertex[np.repeat(row, length) + within] // 3
-    pairs = np.unique(np.stack([base, np.repeat(wanted[:, 1], length)], axis=1), axis=0)
-    offsets = np.searchsorted(pairs[:, 0], np.arange(len(base_f) + 1)).astype(np.int64)
-    return offsets, pairs[:, 1].astype(np.int32), len(far), baseless
-
-
 @numba.njit(cache=True)
-def _touches(
-    ax: float,
-    az: float,
-    bx: float,
-    bz: float,
-    cx: float,
-    cz: float,
-    x: float,
-    z: float,
-    half: float,
-) -> bool:
-    """Whether a triangle's projection meets the square of centre (x, z); its boxes are known to."""
-    for _ in range(3):
-        nx, nz = az - bz, bx - ax
-        radius = half * (abs(nx) + abs(nz))
-        centre = nx * (x - ax) + nz * (z - az)
-        apex = nx * (cx - ax) + nz * (cz - az)
-        if centre - radius > max(apex, 0.0) or centre + radius < min(apex, 0.0):
-            return False
-        ax, az, bx, bz, cx, cz = bx, bz, cx, cz, ax, az
-    return True
-
-
-@numba.njit(cache=True)
-def _rasterise(
-    vertices: _Float64,
-    faces: _Int32,
-    x0: float,
-    z0: float,
-    cell: float,
-    nx: int,
-    nz: int,
-    grow: float,
-) -> tuple[_Int64, _Int32]:
-    """Faces in every column as CSR over cells; faces ascend within a cell."""
-    starts = np.zeros(nx * nz + 1, np.int64)
-    entries = np.empty(0, np.int32)
-    half = (0.5 * cell + grow) * (1.0 + 1e-6)
-    edge = grow + 1e-6 * cell  # rounding must never lose a cell
-    for fill in range(2):
-        for f in range(len(faces)):
-            a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-            ax, az = vertices[a, 0], vertices[a, 2]
-            bx, bz = vertices[b, 0], vertices[b, 2]
-            cx, cz = vertices[c, 0], vertices[c, 2]
-            i0 = int((min(ax, bx, cx) - edge - x0) / cell)
-            i1 = int((max(ax, bx, cx) + edge - x0) / cell)
-            j0 = int((min(az, bz, cz) - edge - z0) / cell)
-            j1 = int((max(az, bz, cz) + edge - z0) / cell)
-            for i in range(i0, i1 + 1):
-                for j in range(j0, j1 + 1):
-                    x, z = x0 + (i + 0.5) * cell, z0 + (j + 0.5) * cell
-                    if not _touches(ax, az, bx, bz, cx, cz, x, z, half):
-                        continue
-                    cell_id = i * nz + j
-                    if fill == 0:
-                        starts[cell_id] += 1
-                    else:
-                        starts[cell_id] -= 1
-                        entries[starts[cell_id]] = f
-        if fill == 0:
-            total = 0
-            for cell_id in range(nx * nz + 1):
-                total += starts[cell_id]
-                starts[cell_id] = total
-            entries = np.empty(total, np.int32)
-    return starts, entries
-
-
-@numba.njit(cache=True)
-def _runs(
-    starts: _Int64, entries: _Int32, vertices: _Float64, faces: _Int32, segment_of_face: _Int32
-) -> tuple[_Int64, _Int32, _Float32, _Float32]:
-    """Per column one run (segment, lowest, highest) for each segment in it."""
-    n_cells = len(starts) - 1
-    offsets = np.zeros(n_cells + 1, np.int64)
-    last = np.full(segment_of_face.max() + 1, -1, np.int64)  # run of the segment in this column
-    total = 0
-    for q in range(n_cells):
-        begin = total
-        for e in range(starts[q], starts[q + 1]):
-            s = segment_of_face[entries[e]]
-            if last[s] < begin:
-                last[s] = total
-                total += 1
-    segment = np.empty(total, np.int32)
-    low = np.full(total, np.inf, np.float32)
-    high = np.full(total, -np.inf, np.float32)
-    last[:] = -1
-    total = 0
-    for q in range(n_cells):
-        begin = total
-        for e in range(starts[q], starts[q + 1]):
-            f = entries[e]
-            s = segment_of_face[f]
-            if last[s] < begin:
-                last[s] = total
-                segment[total] = s
-                total += 1
-            a, b, c = (
-                vertices[faces[f, 0], 1], vertices[faces[f, 1], 1], vertices[faces[f, 2], 1],
-            )  # fmt: skip
-            low[last[s]] = min(low[last[s]], min(a, b, c))
-            high[last[s]] = max(high[last[s]], max(a, b, c))
-        offsets[q + 1] = total
-    return offsets, segment, low, high
-
-
-@numba.njit(cache=True)
-def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> float:
-    """Squared distance of point p to triangle abc (Ericson, Real-Time Collision Detection, 5.1)."""
-    ab, ac, ap = b - a, c - a, p - a
-    d1, d2 = np.dot(ab, ap), np.dot(ac, ap)
-    bp = p - b
-    d3, d4 = np.dot(ab, bp), np.dot(ac, bp)
-    cp = p - c
-    d5, d6 = np.dot(ab, cp), np.dot(ac, cp)
-    if d1 <= 0.0 and d2 <= 0.0:
-        gap = ap
-    elif d3 >= 0.0 and d4 <= d3:
-        gap = bp
-    elif d6 >= 0.0 and d5 <= d6:
-        gap = cp
-    else:
-        va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-        if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-            gap = ap - ab * (d1 / (d1 - d3))
-        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-            gap = ap - ac * (d2 / (d2 - d6))
-        elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-            gap = bp - (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)))
-        else:
-            total = va + vb + vc
-            gap = ap - ab * (vb / total) - ac * (vc / total) if total > 0.0 else ap
-    return np.dot(gap, gap)  # type: ignore[no-any-return]
-
-
-@numba.njit(cache=True)
-def _match(
-    vertices: _Float64,
-    faces: _Int32,
-    base_v: _Float64,
-    base_f: _Int32,
-    starts: _Int64,
-    entries: _Int32,
-    x0: float,
-    z0: float,
-    cell: float,
-    nz: int,
-    limit: float,
-) -> npt.NDArray[np.uint8]:
-    """State of each face: 0 a base face of its centre's column is within the limit, 1 none, 2
-    bare."""
-    state = np.empty(len(faces), np.uint8)
-    for f in range(len(faces)):
-        p = (vertices[faces[f, 0]] + vertices[faces[f, 1]] + vertices[faces[f, 2]]) / 3.0
-        q = int((p[0] - x0) / cell) * nz + int((p[2] - z0) / cell)
-        state[f] = 2
-        for e in range(starts[q], starts[q + 1]):
-            b = entries[e]
-            gap = _distance_squared(
-                p, base_v[base_f[b, 0]], base_v[base_f[b, 1]], base_v[base_f[b, 2]]
-            )
-            state[f] = 1
-            if gap <= limit * limit:
-                state[f] = 0
-                break
-    return state
-
-
-@numba.njit(cache=True)
-def _is_bare(offsets: _Int64, i: int, j: int, nx: int, nz: int) -> bool:
+def _is_bare(runs: Runs, i: int, j: int, grid: Grid) -> bool:
     """Whether neither this cell nor any around it holds detail."""
-    for u in range(max(i - 1, 0), min(i + 2, nx)):
-        for v in range(max(j - 1, 0), min(j + 2, nz)):
-            if offsets[u * nz + v] < offsets[u * nz + v + 1]:
+    for u in range(max(i - 1, 0), min(i + 2, grid.nx)):
+        for v in range(max(j - 1, 0), min(j + 2, grid.nz)):
+            if runs.offsets[u * grid.nz + v] < runs.offsets[u * grid.nz + v + 1]:
                 return False
     return True
 
@@ -499,70 +243,49 @@ def _is_bare(offsets: _Int64, i: int, j: int, nx: int, nz: int) -> bool:
 def _unite(
     vertices: _Float64,
     faces: _Int32,
-    x0: float,
-    z0: float,
-    cell: float,
-    nx: int,
-    nz: int,
+    grid: Grid,
     grow: float,
-    offsets: _Int64,
-    segment: _Int32,
-    low: _Float32,
-    high: _Float32,
+    runs: Runs,
     max_gap: float,
     extra_offsets: _Int64,
     extra_segment: _Int32,
     n_segments: int,
     hide_partly_covered: bool,
-) -> tuple[_Int64, _Int32, npt.NDArray[np.uint8]]:
-    """Lists of all base faces; status 1 = no detail near, 2 = reaches beyond the detail."""
+) -> tuple[_Int64, _Int32, _UInt8]:
+    """Unite the runs of every base face's columns; returns CSR lists and each face's status."""
     rows = np.zeros(len(faces) + 1, np.int64)
     members = np.empty(4 * len(faces) + 16, np.int32)
-    status = np.zeros(len(faces), np.uint8)
+    status = np.full(len(faces), _COVERED, np.uint8)
     seen = np.full(n_segments, -1, np.int64)
     found = np.empty(n_segments, np.int32)
+    cell = grid.cell_m
     half = (0.5 * cell + grow) * (1.0 + 1e-6)
-    edge = grow + 1e-6 * cell
     for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, az = vertices[a, 0], vertices[a, 2]
-        bx, bz = vertices[b, 0], vertices[b, 2]
-        cx, cz = vertices[c, 0], vertices[c, 2]
-        least = min(vertices[a, 1], vertices[b, 1], vertices[c, 1])
-        most = max(vertices[a, 1], vertices[b, 1], vertices[c, 1])
-        count = 0
+        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        least, most = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
+        middle = (a + b + c) / 3.0
         partly = _is_bare(
-            offsets, int(((ax + bx + cx) / 3.0 - x0) / cell), int(((az + bz + cz) / 3.0 - z0) /
-            cell), nx, nz,
-        )  # fmt: skip
-        for i in range(
-            int((min(ax, bx, cx) - edge - x0) / cell), int((max(ax, bx, cx) + edge - x0) / cell) + 1
-        ):
-            for j in range(
-                int((min(az, bz, cz) - edge - z0) / cell),
-                int((max(az, bz, cz) + edge - z0) / cell) + 1,
-            ):
-                x, z = x0 + (i + 0.5) * cell, z0 + (j + 0.5) * cell
-                if not _touches(ax, az, bx, bz, cx, cz, x, z, half):
+            runs, int((middle[0] - grid.x) / cell), int((middle[2] - grid.z) / cell), grid
+        )
+        i0, i1 = cell_span(a[0], b[0], c[0], grid.x, cell, grow)
+        j0, j1 = cell_span(a[2], b[2], c[2], grid.z, cell, grow)
+        count = 0
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                x, z = grid.x + (i + 0.5) * cell, grid.z + (j + 0.5) * cell
+                if not meets_square(a, b, c, x, z, half):
                     continue
-                q = i * nz + j
-                if offsets[q] == offsets[q + 1]:
-                    # The cell's centre inside the face (a square of no size) and bare: beyond the
-                    # detail.
-                    if (
-                        not partly
-                        and _touches(ax, az, bx, bz, cx, cz, x, z, 0.0)
-                        and min(ax, bx, cx) <= x <= max(ax, bx, cx)
-                        and min(az, bz, cz) <= z <= max(az, bz, cz)
-                    ):
-                        partly = _is_bare(offsets, i, j, nx, nz)
+                start, end = runs.offsets[i * grid.nz + j], runs.offsets[i * grid.nz + j + 1]
+                if start == end:  # rule 3 asks for the cell's centre inside the face itself
+                    if not partly and _holds(a, b, c, x, z):
+                        partly = _is_bare(runs, i, j, grid)
                     continue
                 nearest = np.inf
-                for e in range(offsets[q], offsets[q + 1]):
-                    nearest = min(nearest, max(low[e] - most, least - high[e], 0.0))
-                for e in range(offsets[q], offsets[q + 1]):
-                    s = segment[e]
-                    gap = max(low[e] - most, least - high[e], 0.0)
+                for e in range(start, end):
+                    nearest = min(nearest, max(runs.low[e] - most, least - runs.high[e], 0.0))
+                for e in range(start, end):
+                    s = runs.segment[e]
+                    gap = max(runs.low[e] - most, least - runs.high[e], 0.0)
                     if seen[s] != f and (gap <= max_gap or gap <= nearest):
                         seen[s] = f
                         found[count] = s
@@ -574,9 +297,9 @@ def _unite(
                 found[count] = s
                 count += 1
         if count == 0:
-            status[f] = 1
+            status[f] = _BARE
         elif partly and not hide_partly_covered:
-            status[f] = 2
+            status[f] = _PARTLY
             count = 0
         begin = rows[f]
         if begin + count > len(members):
@@ -586,3 +309,13 @@ def _unite(
         members[begin : begin + count] = np.sort(found[:count])
         rows[f + 1] = begin + count
     return rows, members[: rows[len(faces)]].copy(), status
+
+
+@numba.njit(cache=True)
+def _holds(a: _Float64, b: _Float64, c: _Float64, x: float, z: float) -> bool:
+    """Whether (x, z) lies in the projection of triangle abc: a square of no size meets it."""
+    return (
+        min(a[0], b[0], c[0]) <= x <= max(a[0], b[0], c[0])
+        and min(a[2], b[2], c[2]) <= z <= max(a[2], b[2], c[2])
+        and meets_square(a, b, c, x, z, 0.0)
+    )

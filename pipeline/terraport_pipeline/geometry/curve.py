@@ -54,11 +54,12 @@ def morton_codes(positions: npt.NDArray[np.floating]) -> _UInt64:
     [0, 1, 2]
     """
     cells = _quantise(positions)
-    return (
+    codes: _UInt64 = (
         _spread(cells[:, 0])
         | _spread(cells[:, 1]) << np.uint64(1)
         | (_spread(cells[:, 2]) << np.uint64(2))
     )
+    return codes
 
 
 def morton_order(positions: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:

@@ -62,8 +62,7 @@ class Clusters1D:
 
 
 def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
-    """Partition sorted values into at most k clusters of least total squared distance to their
-    means.
+    """Partition sorted values into k clusters of least squared distance to their means.
 
     Parameters
     ----------
@@ -97,7 +96,7 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
     steps = ordered[1:] > ordered[:-1]
     if not (steps | (ordered[1:] == ordered[:-1])).all():
         bad = int(np.flatnonzero(~(steps | (ordered[1:] == ordered[:-1])))[0])
-        msg = f"value {bad + 1} is {ordered[bad + 1]} after {ordered[bad]}, expected ascending numbers"
+        msg = f"value {bad + 1} is {ordered[bad + 1]} after {ordered[bad]}, expected ascending"
         raise ValueError(msg)
     firsts = np.concatenate([[0], np.flatnonzero(steps) + 1]).astype(np.int64)
     k = min(k, len(firsts))
@@ -120,8 +119,7 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
 
 
 def _grouped(ordered: _Float32, starts: _Int64) -> tuple[_Float64, _Float64, _Float64]:
-    """Count, sum and sum of squares per group, about the overall mean (keeps the differences
-    accurate)."""
+    """Count, sum and sum of squares per group, about the overall mean for accuracy."""
     centred = ordered.astype(np.float64)
     centred -= centred.mean()
     counts = np.diff(np.append(starts, len(ordered))).astype(np.float64)
@@ -132,13 +130,12 @@ def _grouped(ordered: _Float32, starts: _Int64) -> tuple[_Float64, _Float64, _Fl
 def _cost(n: _Float64, s: _Float64, q: _Float64, i: int, j: int) -> float:
     """Sum of squares of groups i..j-1 about their mean, from prefix sums."""
     total = s[j] - s[i]
-    return max(q[j] - q[i] - total * total / (n[j] - n[i]), 0.0)
+    return float(max(q[j] - q[i] - total * total / (n[j] - n[i]), 0.0))
 
 
 @numba.njit(cache=True)
 def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int) -> _Int64:
-    """First group of each cluster in the optimal partition of m groups into exactly k <= m
-    clusters."""
+    """First group of each cluster in the optimal partition of m groups into k <= m clusters."""
     m = len(counts)
     n = np.zeros(m + 1)
     s = np.zeros(m + 1)

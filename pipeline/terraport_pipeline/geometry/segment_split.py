@@ -25,8 +25,7 @@ afterwards."""
 def split_units(
     labels: _Int32, count: int, low: _Float32, high: _Float32, max_faces: int, max_extent_m: float
 ) -> tuple[_Int32, int]:
-    """Cut every unit over a bound across its longest side, at the rank that leaves equal shares,
-    until none is.
+    """Cut every unit over a bound across its longest side, at equal shares, until none is.
 
     Parameters
     ----------
@@ -91,7 +90,10 @@ def _split(
                     least = min(least, low[order[i], axis])
                     most = max(most, high[order[i], axis])
                 side[axis] = most - least
-            longest = int(np.argmax(side))
+            longest = 0  # ties: x before y before z
+            for axis in range(1, 3):
+                if side[axis] > side[longest]:
+                    longest = axis
             parts = (n + target - 1) // target if n > max_faces else 1
             if side[longest] > max_extent_m:
                 parts = max(parts, 2)
@@ -100,7 +102,9 @@ def _split(
                     pieces[order[i]] = count
                 count += 1
                 continue
-            rank = int(min(max(n * (parts // 2) // parts, 1), n - 1))
+            rank = n * (parts // 2) // parts  # below n, since parts // 2 < parts
+            if rank < 1:
+                rank += 1
             for i in range(start, end):
                 keys[i] = low[order[i], longest] + high[order[i], longest]
             cut = np.partition(keys[start:end], rank)[rank]

@@ -1,5 +1,4 @@
-"""Streamable segments: pools merged until none is too small, split until none is too big or too
-wide.
+"""Streamable segments: pools merged until none is too small, split until none is too big.
 
 ``segmentation.md``, section 3. The steps:
 
@@ -27,10 +26,18 @@ from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from terraport_pipeline.geometry.adjacency import components, face_pairs
-from terraport_pipeline.geometry.curve import morton_codes, morton_order
+from terraport_pipeline.geometry.curve import morton_codes
+from terraport_pipeline.geometry.face_measures import (
+    automatic_extent,
+    dense_labels,
+    edge_steps,
+    face_boxes,
+    first_faces,
+    label_boxes,
+)
+from terraport_pipeline.geometry.segment_debris import DebrisCounts, join_debris
 from terraport_pipeline.geometry.segment_split import split_units
 from terraport_pipeline.geometry.unit_graph import (
     UnitGraph,
@@ -48,18 +55,9 @@ _Float32 = npt.NDArray[np.float32]
 _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
 
-_AUTO_EXTENT: Final = 2.0
-"""Automatic ``max_extent_m``: this many sides of the square that ``max_faces`` faces of mean area
-would fill."""
 _REPAIR_ROUNDS: Final = 4
 """Times step 4 joins over the bounds and cuts again; after four nothing was left on any mesh
 tried."""
-_LENGTH_STEPS: Final = 2**20
-"""Steps in the longest edge: finer than float32 rounding, and 2^43 edges fit an int64 sum."""
-_DEBRIS_REACH: Final = 0.25
-"""Debris joins a segment within this share of ``max_extent_m``: farther, the segment's box would
-swell for nothing."""
-_DEBRIS_CANDIDATES: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,19 +183,22 @@ def build_segments(
             empty, 0, empty, np.zeros((0, 6), np.float32), empty, empty,
             options.max_extent_m or 0.0, SegmentExceptions(),
         )  # fmt: skip
-    low, high = _face_boxes(vertices, faces)
-    extent_m = options.max_extent_m or _auto_extent(vertices, faces, options.max_faces)
+    low, high = face_boxes(vertices, faces)
+    extent_m = options.max_extent_m or automatic_extent(vertices, faces, options.max_faces)
     neighbours, shared = face_pairs(faces, len(vertices)) if pairs is None else pairs
     if options.units == "pools":
-        labels, debris = _dense(pools_fine), (0, 0)
+        labels, debris = dense_labels(pools_fine), DebrisCounts()
     else:
         mesh = _MeshFacts(
-            neighbours, _edge_steps(vertices, shared), similarity, regions, low, high,
+            neighbours, edge_steps(vertices, shared), similarity, regions, low, high,
             options.min_faces, options.max_faces, extent_m,
         )  # fmt: skip
         state = _merge_pools(mesh, pools_fine)
         state = _cut_and_repair(mesh, state)
-        labels, debris = _join_debris(mesh, state)
+        labels, debris = join_debris(
+            state.labels, state.units, np.diff(state.graph.offsets) > 0, low, high,
+            min_faces=options.min_faces, max_faces=options.max_faces, max_extent_m=extent_m,
+        )  # fmt: skip
     return _finish(labels, neighbours, regions, low, high, options, extent_m, debris)
 
 
@@ -252,81 +253,22 @@ def _validate_inputs(
         raise ValueError(msg)
 
 
-def _face_boxes(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]
-) -> tuple[_Float32, _Float32]:
-    positions = vertices.astype(np.float32, copy=False)
-    a, b, c = positions[faces[:, 0]], positions[faces[:, 1]], positions[faces[:, 2]]
-    low = np.minimum(a, b)
-    high = np.maximum(a, b)
-    return np.minimum(low, c, out=low), np.maximum(high, c, out=high)
-
-
-def _auto_extent(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], max_faces: int
-) -> float:
-    """Twice the side of the square that ``max_faces`` faces of mean area fill; see
-    ``SegmentOptions``."""
-    corner = vertices[faces[:, 0]].astype(np.float64)
-    normal = np.cross(vertices[faces[:, 1]] - corner, vertices[faces[:, 2]] - corner)
-    area = 0.5 * float(np.sqrt((normal * normal).sum(axis=1)).sum())
-    side = _AUTO_EXTENT * float(np.sqrt(area * max_faces / len(faces)))
-    if side > 0.0:
-        return side
-    return max(
-        float(np.ptp(vertices, axis=0).max()), 1.0
-    )  # every face has zero area: do not cut by width
-
-
-def _edge_steps(vertices: npt.NDArray[np.floating], edges: _Int32) -> _Int64:
-    """Edge lengths as whole steps, at least 1."""
-    if len(edges) == 0:
-        return np.zeros(0, np.int64)
-    along = vertices[edges[:, 0]].astype(np.float64)
-    along -= vertices[edges[:, 1]]
-    length = np.sqrt((along * along).sum(axis=1))
-    longest = float(length.max())
-    if longest > 0.0:
-        length *= _LENGTH_STEPS / longest
-    return np.maximum(np.rint(length), 1.0).astype(np.int64)
-
-
-def _dense(labels: npt.NDArray[np.integer]) -> _Int32:
-    """Labels as 0.. without gaps, in their own order."""
-    return np.unique(labels, return_inverse=True)[1].astype(np.int32)
-
-
 def _measure(mesh: _MeshFacts, labels: _Int32, count: int, region: _Int32) -> Units:
     """Facts of units from their faces."""
     size = np.bincount(labels, minlength=count).astype(np.int64)
-    total = np.bincount(labels, weights=mesh.similarity, minlength=count)
-    low, high = _boxes(labels, size, mesh.low, mesh.high)
+    total = np.bincount(labels, weights=mesh.similarity, minlength=count).astype(np.float64)
+    low, high = label_boxes(labels, size, mesh.low, mesh.high)
     return Units(size, total, region, low, high)
-
-
-def _boxes(
-    labels: _Int32, size: _Int64, low: _Float32, high: _Float32
-) -> tuple[_Float32, _Float32]:
-    """Box of the faces of every label; every label occurs."""
-    order = np.argsort(labels, kind="stable")
-    starts = np.cumsum(size) - size
-    return np.minimum.reduceat(low[order], starts), np.maximum.reduceat(high[order], starts)
-
-
-def _first_face(labels: _Int32, count: int) -> _Int64:
-    first = np.zeros(count, np.int64)
-    first[labels[::-1]] = np.arange(len(labels) - 1, -1, -1)
-    return first
 
 
 def _merged(state: _State, parent: _Int32) -> _State:
     """State after unions; ``parent`` names each unit's union by its lowest unit."""
     roots, nodes = np.unique(parent, return_inverse=True)
-    nodes = nodes.astype(np.int32)
+    numbered: _Int32 = nodes.astype(np.int32)
     return _State(
-        nodes[state.labels],
-        contract(state.graph, nodes, len(roots)),
-        merge_units(state.units, nodes, len(roots)),
+        np.take(numbered, state.labels),
+        contract(state.graph, numbered, len(roots)),
+        merge_units(state.units, numbered, len(roots)),
     )
 
 
@@ -335,11 +277,11 @@ def _moved(parent: _Int32) -> bool:
 
 
 def _merge_pools(mesh: _MeshFacts, pools: _Int32) -> _State:
-    """Steps 1 and 2."""
+    """Do steps 1 and 2."""
     a, b = mesh.pairs[:, 0], mesh.pairs[:, 1]
     same = (pools[a] == pools[b]) & (mesh.regions[a] == mesh.regions[b])
     labels, count = components(len(pools), mesh.pairs[same])
-    region = mesh.regions[_first_face(labels, count)]
+    region = mesh.regions[first_faces(labels, count)]
     graph = unit_graph(labels, count, mesh.pairs, mesh.lengths)
     state = _State(labels, graph, _measure(mesh, labels, count, region))
     for across in (False, True):
@@ -363,7 +305,7 @@ def _join_in_bounds(mesh: _MeshFacts, state: _State, *, across_regions: bool) ->
 
 
 def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
-    """Steps 3 and 4."""
+    """Do steps 3 and 4."""
     for attempt in range(_REPAIR_ROUNDS):
         pieces, _ = split_units(
             state.labels,
@@ -374,7 +316,7 @@ def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
             mesh.max_extent_m,
         )
         labels, count = components(len(pieces), mesh.pairs, labels=pieces)
-        region = state.units.region[state.labels[_first_face(labels, count)]]
+        region = state.units.region[state.labels[first_faces(labels, count)]]
         graph = unit_graph(labels, count, mesh.pairs, mesh.lengths)
         state = _State(labels, graph, _measure(mesh, labels, count, region))
         state = _join_in_bounds(mesh, state, across_regions=False)
@@ -386,78 +328,6 @@ def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
     return _join_in_bounds(mesh, state, across_regions=True)
 
 
-def _join_debris(mesh: _MeshFacts, state: _State) -> tuple[_Int32, tuple[int, int]]:
-    """Step 5; returns labels without gaps, and the counts of debris joined and left alone."""
-    units = state.units
-    touching = np.diff(state.graph.offsets) > 0
-    is_debris = (units.size < mesh.min_faces) & ~touching
-    n_debris = int(np.count_nonzero(is_debris))
-    if n_debris == 0:
-        return state.labels, (0, 0)
-    group = np.arange(len(units.size))
-    size, low, high = units.size.copy(), units.low.copy(), units.high.copy()
-    reach_m = _DEBRIS_REACH * mesh.max_extent_m
-
-    def join(unit: int, target: int) -> bool:
-        """Join if the bounds hold."""
-        joint_low = np.minimum(low[unit], low[target])
-        joint_high = np.maximum(high[unit], high[target])
-        side = float((joint_high - joint_low).max())
-        if size[unit] + size[target] > mesh.max_faces or side > mesh.max_extent_m:
-            return False
-        size[target] += size[unit]
-        low[target], high[target] = joint_low, joint_high
-        group[unit] = target
-        return True
-
-    on_debris = is_debris[state.labels]
-    if not on_debris.all():
-        for unit, candidates in _near_segments(mesh, state.labels, on_debris, reach_m):
-            for target in candidates:
-                if join(unit, target):
-                    break
-    # What found no segment gathers along the curve, each cluster until it is large enough.
-    alone = np.flatnonzero(is_debris & (group == np.arange(len(group))))
-    head = -1
-    heads = set()
-    for unit in alone[morton_order((units.low[alone] + units.high[alone]) * np.float32(0.5))]:
-        if head >= 0 and size[head] < mesh.min_faces:
-            gap = np.maximum(np.maximum(low[unit] - high[head], low[head] - high[unit]), 0.0)
-            if float(np.sqrt((gap * gap).sum())) <= reach_m and join(int(unit), head):
-                heads.add(head)
-                continue
-        head = int(unit)
-    n_alone = sum(1 for unit in alone if group[unit] == unit and unit not in heads)
-    labels = _dense(group[state.labels])
-    return labels, (n_debris - n_alone, n_alone)
-
-
-def _near_segments(
-    mesh: _MeshFacts, labels: _Int32, on_debris: npt.NDArray[np.bool_], reach_m: float
-) -> list[tuple[int, list[int]]]:
-    """For every debris unit the segments near it, nearest first; only units that have one."""
-    centres = (mesh.low + mesh.high) * np.float32(0.5)
-    kept = np.flatnonzero(~on_debris)
-    lost = np.flatnonzero(on_debris)
-    neighbours = min(_DEBRIS_CANDIDATES, len(kept))
-    tree = cKDTree(centres[kept], balanced_tree=False, compact_nodes=False)
-    distance, index = tree.query(
-        centres[lost], k=neighbours, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=-1
-    )
-    distance = distance.reshape(len(lost), neighbours)
-    index = index.reshape(len(lost), neighbours)
-    found = np.isfinite(distance)
-    unit = np.repeat(labels[lost], neighbours).reshape(index.shape)[found]
-    target = labels[kept[index[found]]]
-    order = np.lexsort((target, distance[found], unit))
-    near: dict[int, list[int]] = {}
-    for u, t in zip(unit[order].tolist(), target[order].tolist(), strict=True):
-        targets = near.setdefault(u, [])
-        if t not in targets and len(targets) < _DEBRIS_CANDIDATES:
-            targets.append(t)
-    return list(near.items())
-
-
 def _finish(
     labels: _Int32,
     pairs: _Int32,
@@ -466,13 +336,13 @@ def _finish(
     high: _Float32,
     options: SegmentOptions,
     extent_m: float,
-    debris: tuple[int, int],
+    debris: DebrisCounts,
 ) -> Segments:
-    """Step 6, and the facts of every segment."""
+    """Do step 6, and measure every segment."""
     size = np.bincount(labels).astype(np.int64)
     count = len(size)
-    least, most = _boxes(labels, size, low, high)
-    first = _first_face(labels, count)
+    least, most = label_boxes(labels, size, low, high)
+    first = first_faces(labels, count)
     order = np.lexsort((first, morton_codes((least + most) * np.float32(0.5))))
     number = np.empty(count, np.int32)
     number[order] = np.arange(count, dtype=np.int32)
@@ -486,15 +356,15 @@ def _finish(
     main = region[by_share[np.searchsorted(owner[by_share], np.arange(count))]]
     region_counts = np.bincount(owner, minlength=count).astype(np.int32)
     pieces, n_pieces = components(len(labels), pairs, labels=labels)
-    parts = np.bincount(labels[_first_face(pieces, n_pieces)], minlength=count)
+    parts = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)
     exceptions = SegmentExceptions(
         below_min_faces=int(np.count_nonzero(size < options.min_faces)),
         above_max_faces=int(np.count_nonzero(size > options.max_faces)),
         above_max_extent=int(np.count_nonzero((most - least).max(axis=1) > extent_m)),
         across_regions=int(np.count_nonzero(region_counts > 1)),
         disconnected=int(np.count_nonzero(parts > 1)),
-        debris_joined=debris[0],
-        debris_alone=debris[1],
+        debris_joined=debris.joined,
+        debris_alone=debris.alone,
     )
     return Segments(
         labels, count, size.astype(np.int32), np.concatenate([least, most], axis=1),

@@ -96,8 +96,7 @@ def contract(graph: UnitGraph, nodes: _Int32, count: int) -> UnitGraph:
 
 
 def merge_units(units: Units, nodes: _Int32, count: int) -> Units:
-    """Facts of unions of units; a union's region is that of its largest unit (tie: lowest
-    number)."""
+    """Facts of unions of units; a union's region is its largest unit's (tie: lowest number)."""
     size = np.zeros(count, np.int64)
     np.add.at(size, nodes, units.size)
     low = np.full((count, 3), np.inf, np.float32)
@@ -106,13 +105,12 @@ def merge_units(units: Units, nodes: _Int32, count: int) -> Units:
     np.maximum.at(high, nodes, units.high)
     order = np.lexsort((np.arange(len(nodes)), -units.size, nodes))
     first = order[np.searchsorted(nodes[order], np.arange(count))]
-    total = np.bincount(nodes, weights=units.total, minlength=count)
+    total = np.bincount(nodes, weights=units.total, minlength=count).astype(np.float64)
     return Units(size, total, units.region[first], low, high)
 
 
 def join_small(graph: UnitGraph, units: Units, min_faces: int, *, across_regions: bool) -> _Int32:
-    """One round in which every unit below ``min_faces`` joins its best neighbour, whatever the
-    result's size.
+    """Let every unit below ``min_faces`` join its best neighbour once, whatever the size.
 
     Parameters
     ----------
@@ -148,8 +146,7 @@ def join_within_bounds(
     *,
     across_regions: bool,
 ) -> _Int32:
-    """One round in which units below ``min_faces`` join a neighbour if the union keeps both upper
-    bounds.
+    """Let units below ``min_faces`` join a neighbour once if the union keeps both upper bounds.
 
     Smallest first; a unit that took part in a join waits for the next round, so that bounds are
     never exceeded by two joins at once.

@@ -1,0 +1,168 @@
+"""Detail that lies far from the base, and the base faces that stand in for it.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from terraport_pipeline.geometry.columns import Grid, rasterise
+
+__all__ = ["FarDetail", "far_detail", "median_edge"]
+
+_Float64 = npt.NDArray[np.float64]
+_Int32 = npt.NDArray[np.int32]
+_Int64 = npt.NDArray[np.int64]
+
+_NEAREST_VERTICES: Final = 4
+"""Base vertices whose faces stand in for a far detail face; more would only hide the base later."""
+_FAR: Final = 32.0
+"""Looks this many tolerances (or four base edges) far; detail beyond has no base to speak of."""
+_CLOSE, _ALONE, _BASELESS = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FarDetail:
+    """Pairs (base face, segment) as CSR over base faces, and the two counts."""
+
+    offsets: _Int64
+    """(B+1,) row starts."""
+    segment: _Int32
+    """(N,) segment numbers, each once per base face, ascending."""
+    far_faces: int
+    """Detail faces with no base face close by."""
+    baseless_faces: int
+    """Of these, faces with no base face in their column at all."""
+
+
+def far_detail(
+    base: tuple[_Float64, _Int32],
+    detail: tuple[_Float64, _Int32],
+    segment_of_face: _Int32,
+    grid: Grid,
+    *,
+    reach_m: float,
+    tolerance_m: float,
+) -> FarDetail:
+    """Find detail faces far from the base, and the base faces nearest to them.
+
+    Parameters
+    ----------
+    base, detail : (vertices, faces)
+        Float64 (V, 3) in metres, Y up, and int32 (F, 3).
+    segment_of_face : ndarray of shape (F,), int32
+        Segment of every detail face.
+    grid : Grid
+        Columns over both meshes.
+    reach_m : float
+        How far beyond its column a base face is looked for, metres.
+    tolerance_m : float
+        A detail face is close when its centre is within twice this of such a base face.
+
+    Returns
+    -------
+    FarDetail
+        For every far detail face its segment is entered at all base faces around the four nearest
+        base vertices. Of base vertices equally near the tree's first ones are taken.
+    """
+    base_vertices, base_faces = base
+    vertices, faces = detail
+    starts, entries = rasterise(base_vertices, base_faces, grid, reach_m)
+    state = _match(
+        vertices, faces, base_vertices, base_faces, starts, entries, grid, 2.0 * tolerance_m
+    )
+    baseless = int(np.count_nonzero(state == _BASELESS))
+    far = np.flatnonzero(state != _CLOSE)
+    if len(far) == 0:
+        return FarDetail(np.zeros(len(base_faces) + 1, np.int64), np.zeros(0, np.int32), 0, 0)
+    vertex_ids = np.unique(base_faces)
+    limit = max(_FAR * tolerance_m, 4.0 * median_edge(base_vertices, base_faces))
+    k = min(_NEAREST_VERTICES, len(vertex_ids))
+    centres = vertices[faces[far]].mean(axis=1)
+    distance, nearest = cKDTree(base_vertices[vertex_ids]).query(
+        centres, k=k, distance_upper_bound=limit, workers=-1
+    )
+    found = np.isfinite(distance).reshape(len(far), k)
+    vertex = vertex_ids[nearest.reshape(len(far), k)[found]]
+    segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[found]
+    wanted = np.unique(np.stack([vertex, segment], axis=1).astype(np.int64), axis=0)
+    # every wanted (vertex, segment) becomes (face, segment) for all faces around the vertex
+    corner = base_faces.ravel()
+    by_vertex = np.argsort(corner, kind="stable")
+    row = np.searchsorted(corner[by_vertex], wanted[:, 0])
+    length = np.searchsorted(corner[by_vertex], wanted[:, 0], side="right") - row
+    within = np.arange(length.sum()) - np.repeat(np.cumsum(length) - length, length)
+    face = by_vertex[np.repeat(row, length) + within] // 3
+    pairs = np.unique(np.stack([face, np.repeat(wanted[:, 1], length)], axis=1), axis=0)
+    offsets = np.searchsorted(pairs[:, 0], np.arange(len(base_faces) + 1)).astype(np.int64)
+    return FarDetail(offsets, pairs[:, 1].astype(np.int32), len(far), baseless)
+
+
+def median_edge(vertices: _Float64, faces: _Int32) -> float:
+    """Median length of the faces' first edges, metres."""
+    edges = vertices[faces[:, 0]] - vertices[faces[:, 1]]
+    return float(np.sqrt(np.median((edges * edges).sum(axis=1))))
+
+
+@numba.njit(cache=True)
+def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> float:
+    """Squared distance of point p to triangle abc (Ericson, Real-Time Collision Detection, 5.1)."""
+    ab, ac, ap, bp, cp = b - a, c - a, p - a, p - b, p - c
+    d1, d2 = np.dot(ab, ap), np.dot(ac, ap)
+    d3, d4 = np.dot(ab, bp), np.dot(ac, bp)
+    d5, d6 = np.dot(ab, cp), np.dot(ac, cp)
+    if d1 <= 0.0 and d2 <= 0.0:
+        gap = ap
+    elif d3 >= 0.0 and d4 <= d3:
+        gap = bp
+    elif d6 >= 0.0 and d5 <= d6:
+        gap = cp
+    else:
+        va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+        if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+            gap = ap - ab * (d1 / (d1 - d3))
+        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+            gap = ap - ac * (d2 / (d2 - d6))
+        elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
+            gap = bp - (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)))
+        else:
+            total = va + vb + vc
+            gap = ap - ab * (vb / total) - ac * (vc / total) if total > 0.0 else ap
+    return float(np.dot(gap, gap))
+
+
+@numba.njit(cache=True)
+def _match(
+    vertices: _Float64,
+    faces: _Int32,
+    base_vertices: _Float64,
+    base_faces: _Int32,
+    starts: _Int64,
+    entries: _Int32,
+    grid: Grid,
+    limit: float,
+) -> npt.NDArray[np.uint8]:
+    """Say of each detail face whether a base face entered in its centre's column is close to it."""
+    state = np.empty(len(faces), np.uint8)
+    for f in range(len(faces)):
+        p = (vertices[faces[f, 0]] + vertices[faces[f, 1]] + vertices[faces[f, 2]]) / 3.0
+        q = int((p[0] - grid.x) / grid.cell_m) * grid.nz + int((p[2] - grid.z) / grid.cell_m)
+        state[f] = _BASELESS
+        for e in range(starts[q], starts[q + 1]):
+            a, b, c = (
+                base_vertices[base_faces[entries[e], 0]],
+                base_vertices[base_faces[entries[e], 1]],
+                base_vertices[base_faces[entries[e], 2]],
+            )
+            state[f] = _ALONE
+            if _distance_squared(p, a, b, c) <= limit * limit:
+                state[f] = _CLOSE
+                break
+    return state

@@ -1,0 +1,290 @@
+"""The last step of the Triangle Pool Algorithm: small pools join large ones (thesis, 3.6).
+
+The rule and its ties are stated in ``triangle_pool.py``.
+
+PURE: no I/O, no clock. Time is linear in the contacts between pools; peak about 12 bytes per
+contact.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from terraport_pipeline.geometry.face_measures import face_centres
+
+__all__ = ["join_nearest", "number_by_first", "refine_pools"]
+
+_Bool = npt.NDArray[np.bool_]
+_Float32 = npt.NDArray[np.float32]
+_Float64 = npt.NDArray[np.float64]
+_Int32 = npt.NDArray[np.int32]
+_Int64 = npt.NDArray[np.int64]
+
+
+def refine_pools(
+    labels: _Int32, count: int, pairs: _Int32, similarity: _Float32, smallest: float
+) -> tuple[_Int32, _Bool]:
+    """Merge small level 3 pools.
+
+    Parameters
+    ----------
+    labels : ndarray of shape (F,), int32
+        Level 3 pool of every face, 0..count-1.
+    count : int
+        Number of pools.
+    pairs : ndarray of shape (P, 2), int32
+        Neighbouring faces.
+    similarity : ndarray of shape (F,), float32
+        Similarity index s.
+    smallest : float
+        Pools with fewer faces are small.
+
+    Returns
+    -------
+    groups : ndarray of shape (F,), int32
+        Merged pool of every face, 0..
+    unreached : ndarray of shape (groups,), bool
+        Whether the merged pool is small still, because it could reach no large one.
+    """
+    size = np.bincount(labels, minlength=count).astype(np.int64)
+    mean = np.bincount(labels, weights=similarity, minlength=count) / size
+    offsets, neighbours = _pool_graph(labels, pairs, count)
+    group = np.arange(count, dtype=np.int32)  # pool -> node of the current graph
+    while True:
+        large = size >= smallest
+        target = _flood(offsets, neighbours, mean, size, large)
+        loose = target < 0
+        if not loose.any():
+            break
+        joined, moved = _join_most_similar(offsets, neighbours, mean, size, loose)
+        if not moved:
+            break
+        # The loose pools were united among themselves: contract them, and look for large ones
+        # again. Pools that a flood reached keep out of it: no loose pool touches them, or the flood
+        # would have gone on.
+        nodes, n_nodes = number_by_first(joined)
+        node_size = np.zeros(n_nodes, np.int64)
+        np.add.at(node_size, nodes, size)
+        weighted = np.bincount(nodes, weights=mean * size, minlength=n_nodes)
+        offsets, neighbours = _contract(offsets, neighbours, nodes, n_nodes)
+        group = nodes[group]
+        size, mean = node_size, weighted / node_size
+    target = np.where(target < 0, np.arange(len(target), dtype=np.int32), target)
+    merged, n_groups = number_by_first(target)
+    unreached = np.zeros(n_groups, np.bool_)
+    unreached[merged[loose]] = True
+    return merged[group][labels], unreached
+
+
+def join_nearest(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    groups: _Int32,
+    unreached: _Bool,
+) -> _Int32:
+    """Give each unreached group the group of the nearest face that was reached, centre to centre.
+
+    Parameters
+    ----------
+    vertices, faces
+        The mesh.
+    groups : ndarray of shape (F,), int32
+        Merged pools.
+    unreached : ndarray of shape (G,), bool
+        Groups to give away; at least one is and one is not.
+
+    Returns
+    -------
+    ndarray of shape (F,), int32
+        Groups, with gaps in the numbering. Ties in distance: the lowest face of the group decides,
+        and of faces equally near to it the lowest.
+    """
+    centres = face_centres(vertices, faces)
+    lost = unreached[groups]
+    kept_faces = np.flatnonzero(~lost)
+    lost_faces = np.flatnonzero(lost)
+    tree = cKDTree(centres[kept_faces])
+    distance = tree.query(centres[lost_faces], workers=-1)[0]
+    order = np.lexsort((lost_faces, distance, groups[lost_faces]))
+    owner = groups[lost_faces][order]
+    chosen = order[np.concatenate([[True], owner[1:] != owner[:-1]])]
+    mapping = np.arange(len(unreached), dtype=np.int32)
+    around = tree.query_ball_point(
+        centres[lost_faces[chosen]], distance[chosen] * (1.0 + 1e-9), workers=-1, return_sorted=True
+    )
+    for face, near in zip(lost_faces[chosen], around, strict=True):
+        candidates = kept_faces[near]
+        gap = centres[candidates] - centres[face]
+        mapping[groups[face]] = groups[candidates[np.argmin((gap * gap).sum(axis=1))]]
+    return np.take(mapping, groups)
+
+
+def number_by_first(labels: _Int32) -> tuple[_Int32, int]:
+    """Renumber labels to 0.. in order of first appearance; returns them and their count."""
+    numbered, count = _renumber(labels, int(labels.max()) + 1 if len(labels) else 0)
+    return numbered, int(count)
+
+
+@numba.njit(cache=True)
+def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int32]:
+    """Neighbouring pools as CSR; a neighbour appears once per shared edge."""
+    offsets = np.zeros(count + 1, np.int64)
+    for i in range(len(pairs)):
+        a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
+        if a != b:
+            offsets[a + 1] += 1
+            offsets[b + 1] += 1
+    for i in range(count):
+        offsets[i + 1] += offsets[i]
+    neighbours = np.empty(offsets[count], np.int32)
+    cursor = offsets[:-1].copy()
+    for i in range(len(pairs)):
+        a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
+        if a != b:
+            neighbours[cursor[a]] = b
+            cursor[a] += 1
+            neighbours[cursor[b]] = a
+            cursor[b] += 1
+    return offsets, neighbours
+
+
+@numba.njit(cache=True)
+def _contract(
+    offsets: _Int64, neighbours: _Int32, nodes: _Int32, n_nodes: int
+) -> tuple[_Int64, _Int32]:
+    """Build the same graph between groups of nodes."""
+    new = np.zeros(n_nodes + 1, np.int64)
+    for i in range(len(offsets) - 1):
+        for e in range(offsets[i], offsets[i + 1]):
+            if nodes[neighbours[e]] != nodes[i]:
+                new[nodes[i] + 1] += 1
+    for i in range(n_nodes):
+        new[i + 1] += new[i]
+    kept = np.empty(new[n_nodes], np.int32)
+    cursor = new[:-1].copy()
+    for i in range(len(offsets) - 1):
+        for e in range(offsets[i], offsets[i + 1]):
+            if nodes[neighbours[e]] != nodes[i]:
+                kept[cursor[nodes[i]]] = nodes[neighbours[e]]
+                cursor[nodes[i]] += 1
+    return new, kept
+
+
+@numba.njit(cache=True)
+def _better(
+    difference: float, size: int, number: int, best_difference: float, best_size: int, best: int
+) -> bool:
+    """Tie rule of all joins: nearer mean, then more faces, then lower number."""
+    if best < 0 or difference < best_difference:
+        return True
+    if difference > best_difference:
+        return False
+    return size > best_size or (size == best_size and number < best)
+
+
+@numba.njit(cache=True)
+def _flood(
+    offsets: _Int64,
+    neighbours: _Int32,
+    mean: _Float64,
+    size: _Int64,
+    large: _Bool,
+) -> _Int32:
+    """Large pool that each pool joins (itself for large ones), -1 where none can be reached.
+
+    Rounds are breadth-first levels: a pool joins in the first round in which it touches a settled
+    pool, so every contact is looked at twice and no more.
+    """
+    count = len(mean)
+    target = np.full(count, -1, np.int32)
+    queued = large.copy()
+    front = np.empty(count, np.int32)
+    choice = np.empty(count, np.int32)
+    begin = end = 0
+    for p in range(count):
+        if large[p]:
+            target[p] = p
+            for e in range(offsets[p], offsets[p + 1]):
+                q = neighbours[e]
+                if not queued[q]:
+                    queued[q] = True
+                    front[end] = q
+                    end += 1
+    while begin < end:
+        for i in range(begin, end):
+            p = front[i]
+            best, best_difference, best_size = -1, np.inf, 0
+            for e in range(offsets[p], offsets[p + 1]):
+                t = target[neighbours[e]]
+                if t < 0 or t == best:
+                    continue
+                difference = abs(mean[t] - mean[p])
+                if _better(difference, size[t], t, best_difference, best_size, best):
+                    best, best_difference, best_size = t, difference, size[t]
+            choice[i] = best
+        stop = end
+        for i in range(begin, stop):
+            target[front[i]] = choice[i]
+        for i in range(begin, stop):
+            for e in range(offsets[front[i]], offsets[front[i] + 1]):
+                q = neighbours[e]
+                if not queued[q]:
+                    queued[q] = True
+                    front[end] = q
+                    end += 1
+        begin = stop
+    return target
+
+
+@numba.njit(cache=True)
+def _join_most_similar(
+    offsets: _Int64,
+    neighbours: _Int32,
+    mean: _Float64,
+    size: _Int64,
+    loose: _Bool,
+) -> tuple[_Int32, bool]:
+    """Unite every loose pool with its most similar loose neighbour, named by the lowest number."""
+    count = len(mean)
+    parent = np.arange(count).astype(np.int32)
+    moved = False
+    for p in range(count):
+        if not loose[p]:
+            continue
+        best, best_difference, best_size = -1, np.inf, 0
+        for e in range(offsets[p], offsets[p + 1]):
+            q = neighbours[e]
+            if not loose[q] or q == best:
+                continue
+            difference = abs(mean[q] - mean[p])
+            if _better(difference, size[q], q, best_difference, best_size, best):
+                best, best_difference, best_size = q, difference, size[q]
+        if best >= 0:
+            moved = True
+            a, b = p, best
+            while parent[a] != a:
+                parent[a] = parent[parent[a]]
+                a = parent[a]
+            while parent[b] != b:
+                parent[b] = parent[parent[b]]
+                b = parent[b]
+            parent[max(a, b)] = min(a, b)
+    for p in range(count):  # roots are the lowest of their union, so one ascending pass flattens
+        parent[p] = parent[parent[p]]
+    return parent, moved
+
+
+@numba.njit(cache=True)
+def _renumber(labels: _Int32, limit: int) -> tuple[_Int32, int]:
+    number = np.full(limit, -1, np.int32)
+    numbered = np.empty(len(labels), np.int32)
+    count = 0
+    for i in range(len(labels)):
+        if number[labels[i]] < 0:
+            number[labels[i]] = count
+            count += 1
+        numbered[i] = number[labels[i]]
+    return numbered, count

@@ -1,0 +1,144 @@
+"""Debris: small pieces that touch nothing, gathered lest each becomes a segment.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from terraport_pipeline.geometry.curve import morton_order
+from terraport_pipeline.geometry.face_measures import dense_labels
+from terraport_pipeline.geometry.unit_graph import Units
+
+__all__ = ["DebrisCounts", "join_debris"]
+
+_Bool = npt.NDArray[np.bool_]
+_Float32 = npt.NDArray[np.float32]
+_Int32 = npt.NDArray[np.int32]
+
+_DEBRIS_REACH: Final = 0.25
+"""Debris joins a segment within this share of ``max_extent_m``: farther, the segment's box would
+swell for nothing."""
+_DEBRIS_CANDIDATES: Final = 8
+"""Nearest faces looked at per debris face; the first segments among them whose bounds allow it take
+the debris."""
+
+
+@dataclass(frozen=True, slots=True)
+class DebrisCounts:
+    """What became of debris."""
+
+    joined: int = 0
+    """Pieces that joined a segment or each other."""
+    alone: int = 0
+    """Pieces left as they were."""
+
+
+def join_debris(
+    labels: _Int32,
+    units: Units,
+    touching: _Bool,
+    low: _Float32,
+    high: _Float32,
+    *,
+    min_faces: int,
+    max_faces: int,
+    max_extent_m: float,
+) -> tuple[_Int32, DebrisCounts]:
+    """Give debris to the nearest segment within reach, or to its likes nearby.
+
+    Parameters
+    ----------
+    labels : ndarray of shape (F,), int32
+        Unit of every face.
+    units : Units
+        The units.
+    touching : ndarray of shape (U,), bool
+        Whether the unit shares an edge with another.
+    low, high : ndarray of shape (F, 3), float32
+        Box of every face, metres.
+    min_faces, max_faces : int
+        Size bounds; debris is a unit below ``min_faces`` that touches nothing.
+    max_extent_m : float
+        Longest side of a segment's box, metres.
+
+    Returns
+    -------
+    labels : ndarray of shape (F,), int32
+        Without gaps.
+    counts : DebrisCounts
+
+    Notes
+    -----
+    Debris is placed in order of its number; a segment that it would take over a bound is passed
+    over for the next nearest. What finds no segment is strung along a Morton curve and gathered
+    into clusters, each closed when it has ``min_faces`` or the next piece lies out of reach.
+    """
+    is_debris = (units.size < min_faces) & ~touching
+    n_debris = int(np.count_nonzero(is_debris))
+    if n_debris == 0:
+        return labels, DebrisCounts()
+    group = np.arange(len(units.size))
+    size, least, most = units.size.copy(), units.low.copy(), units.high.copy()
+    reach_m = _DEBRIS_REACH * max_extent_m
+
+    def joins(unit: int, target: int) -> bool:
+        joint_least = np.minimum(least[unit], least[target])
+        joint_most = np.maximum(most[unit], most[target])
+        side = float((joint_most - joint_least).max())
+        if size[unit] + size[target] > max_faces or side > max_extent_m:
+            return False
+        size[target] += size[unit]
+        least[target], most[target] = joint_least, joint_most
+        group[unit] = target
+        return True
+
+    on_debris = is_debris[labels]
+    centres = (low + high) * np.float32(0.5)
+    if not on_debris.all():
+        for unit, candidates in _near_segments(centres, labels, on_debris, reach_m):
+            any(joins(unit, target) for target in candidates)  # stops at the first that may
+    alone = np.flatnonzero(is_debris & (group == np.arange(len(group))))
+    head = -1
+    heads = set()
+    for unit in alone[
+        morton_order((units.low[alone] + units.high[alone]) * np.float32(0.5))
+    ].tolist():
+        if head >= 0 and size[head] < min_faces:
+            gap = np.maximum(np.maximum(least[unit] - most[head], least[head] - most[unit]), 0.0)
+            if float(np.sqrt((gap * gap).sum())) <= reach_m and joins(unit, head):
+                heads.add(head)
+                continue
+        head = unit
+    n_alone = sum(1 for unit in alone.tolist() if group[unit] == unit and unit not in heads)
+    return dense_labels(group[labels]), DebrisCounts(n_debris - n_alone, n_alone)
+
+
+def _near_segments(
+    centres: _Float32, labels: _Int32, on_debris: _Bool, reach_m: float
+) -> list[tuple[int, list[int]]]:
+    """List for every debris unit the segments near it, nearest first; only units that have one."""
+    kept = np.flatnonzero(~on_debris)
+    lost = np.flatnonzero(on_debris)
+    k = min(_DEBRIS_CANDIDATES, len(kept))
+    tree = cKDTree(centres[kept], balanced_tree=False, compact_nodes=False)
+    distance, index = tree.query(
+        centres[lost], k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=-1
+    )
+    distance, index = distance.reshape(len(lost), k), index.reshape(len(lost), k)
+    found = np.isfinite(distance)
+    unit = np.repeat(labels[lost], k).reshape(index.shape)[found]
+    target = labels[kept[index[found]]]
+    order = np.lexsort((target, distance[found], unit))
+    near: dict[int, list[int]] = {}
+    for u, t in zip(unit[order].tolist(), target[order].tolist(), strict=True):
+        targets = near.setdefault(u, [])
+        if t not in targets and len(targets) < _DEBRIS_CANDIDATES:
+            targets.append(t)
+    return list(near.items())
