@@ -129,7 +129,7 @@ STEP_M = 2.0**-10
 GRADE = AttributeScale(offset=0.0, step=1e-4)
 
 
-def write_scene(path: Path, model: HandOffModel, detail: Terrain, base: Terrain) -> Path:
+def publish_scene(path: Path, model: HandOffModel, detail: Terrain, base: Terrain) -> Path:
     """Publish a model as a scene with two regions, an attribute, a CRS and a warning."""
     normals = np.tile(np.float32([0, 1, 0]), (len(detail.vertices), 1))
     with SceneWriter(path) as writer:
@@ -190,4 +190,10 @@ def scene_path(
     tmp_path_factory: pytest.TempPathFactory, model: HandOffModel, detail: Terrain, base: Terrain
 ) -> Path:
     """A published scene; tests must not change it (copy it first)."""
-    return write_scene(tmp_path_factory.mktemp("scenes") / "ground", model, detail, base)
+    return publish_scene(tmp_path_factory.mktemp("scenes") / "ground", model, detail, base)
+
+
+@pytest.fixture(scope="session")
+def write_scene() -> Callable[..., Path]:
+    """Publish another model; see :func:`publish_scene`."""
+    return publish_scene

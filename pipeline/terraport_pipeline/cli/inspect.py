@@ -1,0 +1,131 @@
+"""``terraport inspect``: what is in a scene."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.inspection import inspect_scene
+from terraport_pipeline.report_facts import format_bytes
+
+__all__ = ["inspect", "register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("inspect")(inspect)
+
+
+def inspect(
+    scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Show what is in a scene: counts, sizes, segments, attributes, coordinates, versions.
+
+    Reads the manifest and the index only, so it answers at once however large the scene is.
+
+    For example:
+
+        terraport inspect scenes/quarry
+
+        terraport inspect scenes/quarry --json | jq .segments.faces
+    """
+    with reporting_errors(Console(stderr=True)):
+        found = inspect_scene(scene)
+    if as_json:
+        typer.echo(json.dumps(found, indent=1))
+    else:
+        Console().print(_tables(found))
+
+
+def _tables(found: Mapping[str, Any]) -> Group:
+    heading = Text.assemble((str(found["name"]), "bold"), f"  version {found['version'][:12]}")
+    warnings = [Text(f"to know: {text}", style="yellow") for text in found["build"]["warnings"]]
+    return Group(heading, _summary(found), _segments(found), _files(found), *warnings)
+
+
+def _summary(found: Mapping[str, Any]) -> Table:
+    counts, place = found["counts"], found["place"]
+    size, crs, outline = place["size_m"], place["crs"], place["bounds_crs"]
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column()
+    named = "not stated" if crs is None else crs["name"]
+    if crs is not None and crs["epsg"]:
+        named += f" (EPSG:{crs['epsg']})"
+    table.add_row("coordinates", named)
+    table.add_row("origin", ", ".join(f"{value:,.3f}" for value in place["origin"]) + " m")
+    table.add_row(
+        "size",
+        f"{size['east_west']:,.1f} m east-west, {size['north_south']:,.1f} m north-south, "
+        f"{size['height']:,.1f} m high",
+    )
+    for axis, (low, high) in outline.items():
+        table.add_row(axis, f"{low:,.2f} .. {high:,.2f} m")
+    table.add_row("points", f"{counts['points']:,}")
+    table.add_row(
+        "detail", f"{counts['detail_faces']:,} triangles, {counts['detail_vertices']:,} vertices"
+    )
+    table.add_row(
+        "base", f"{counts['base_faces']:,} triangles, {counts['base_vertices']:,} vertices"
+    )
+    table.add_row("segments", f"{counts['segments']:,} in {counts['regions']:,} regions")
+    table.add_row("colour", "yes" if found["has_colour"] else "none in the survey (grey)")
+    for one in found["attributes"]:
+        low, high = (one[end] for end in ("min", "max"))
+        span = "no values" if low is None else f"{low:.6g} .. {high:.6g}"
+        table.add_row(f"attribute {one['name']}", f"{span}, step {one['step']:.3g}")
+    hand_off = found["hand_off"]
+    table.add_row(
+        "hand-off",
+        f"levels {hand_off['deviation_m']:.3g} m apart, cover within "
+        f"{hand_off['tolerance_m']:.3g} m, "
+        f"{found['cover']['base_faces_never_hidden']:,} base faces never hidden",
+    )
+    table.add_row("grid step", f"{place['grid_step_m'] * 1000:.4g} mm")
+    source = found["build"]["input"]
+    table.add_row("input", f"{source['name']}, {format_bytes(source['bytes'])}" if source else "-")
+    table.add_row("built by", f"terraport {found['build']['terraport']}")
+    table.add_row("on disk", ", ".join(found["versions_on_disk"]))
+    return table
+
+
+def _segments(found: Mapping[str, Any]) -> Table:
+    table = Table(title="Segments", title_justify="left", title_style="bold")
+    table.add_column("")
+    names = ("min", "p10", "median", "p90", "max", "mean")
+    for name in names:
+        table.add_column(name, justify="right")
+    spreads = found["segments"]
+    for label, key, form in (
+        ("triangles", "faces", "{:,.0f}"),
+        ("bytes", "bytes", "{:,.0f}"),
+        ("widest side m", "extent_m", "{:,.2f}"),
+    ):
+        table.add_row(label, *(form.format(spreads[key][name]) for name in names))
+    over = found["cover"]["segments_per_base_face"]
+    table.add_row("segments per base face", *(f"{over[name]:,.1f}" for name in names))
+    return table
+
+
+def _files(found: Mapping[str, Any]) -> Table:
+    table = Table(title="Files", title_justify="left", title_style="bold")
+    table.add_column("")
+    table.add_column("bytes", justify="right")
+    table.add_column("share", justify="right")
+    for name, size in sorted(found["files"].items(), key=lambda item: -int(item[1])):
+        table.add_row(name, f"{size:,}", f"{size / max(1, found['bytes']):.1%}")
+    table.add_row(
+        "in all",
+        f"{found['bytes']:,}",
+        f"{found['segments']['bytes_per_face']:.2f} bytes per triangle",
+    )
+    return table

@@ -1,0 +1,63 @@
+"""``terraport report``: one HTML page about a scene."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.progress import RichProgress
+from terraport_pipeline.report import ReportOptions, write_report
+from terraport_pipeline.report_facts import format_bytes
+from terraport_pipeline.report_pictures import PictureOptions
+
+__all__ = ["register", "report"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("report")(report)
+
+
+def report(
+    scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="The page; SCENE/report.html by default."),
+    ] = None,
+    width: Annotated[
+        int, typer.Option(help="Width of the pictures, pixels.", min=160, max=3840)
+    ] = 1280,
+    rays: Annotated[
+        int, typer.Option(help="Rays of the hand-off's proof; 0 leaves it out.", min=0)
+    ] = 200_000,
+    subsets: Annotated[int, typer.Option(help="Random sets of loaded segments.", min=1)] = 40,
+) -> None:
+    """Write one HTML page about a scene: pictures, counts, hand-off, sizes, timings.
+
+    The page holds everything itself and asks nothing of the network: send it as it is. In the scene
+    directory, the server offers it as /scenes/{id}/report.
+
+    For example:
+
+        terraport report scenes/quarry
+
+        terraport report scenes/quarry -o quarry.html --width 1920
+    """
+    errors = Console(stderr=True)
+    start = time.perf_counter()
+    with reporting_errors(errors):
+        options = ReportOptions(PictureOptions(width, width * 9 // 16), rays, subsets)
+        with RichProgress(errors) as progress:
+            result = write_report(scene, output, options, progress=progress)
+    seconds = time.perf_counter() - start
+    Console().print(
+        f"{result.path}  {format_bytes(result.bytes)}, {len(result.pictures)} pictures, "
+        f"{seconds:,.1f} s",
+        highlight=False,
+        soft_wrap=True,
+    )

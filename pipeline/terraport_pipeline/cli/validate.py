@@ -1,0 +1,185 @@
+"""``terraport validate``: is a scene whole, and does its hand-off leave holes."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.handoff import HandOffOptions, HandOffReport
+from terraport_pipeline.progress import RichProgress
+from terraport_pipeline.validation import ValidationOptions, ValidationResult, validate
+
+__all__ = ["register", "validate_command"]
+
+MAX_SHOWN: Final = 20
+"""Findings printed; ``--json`` has all of them."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("validate")(validate_command)
+
+
+def validate_command(
+    scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
+    rays: Annotated[int, typer.Option(help="Rays that look for holes; 0: none.")] = 1_000_000,
+    subsets: Annotated[int, typer.Option(help="Random sets of loaded segments.")] = 100,
+    seed: Annotated[int, typer.Option(help="Same seed, same rays.")] = 0,
+    khronos: Annotated[
+        bool | None,
+        typer.Option(
+            "--khronos/--no-khronos",
+            help="Run the Khronos glTF validator on a sample; by default where Node is at hand.",
+            show_default=False,
+        ),
+    ] = None,
+    sample: Annotated[int, typer.Option(help="Segments that it looks at.", min=1)] = 32,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Check a scene: every hash and payload, holes between base and detail, the glTF.
+
+    The hand-off is proved by rays: straight down, oblique, and from eye height, at random sets of
+    loaded segments. A ray that meets the full detail must meet what a client would show.
+
+    Exit code 0: nothing found. 1: something is wrong. 2: wrong options.
+
+    For example:
+
+        terraport validate scenes/quarry
+
+        terraport validate scenes/quarry --rays 100000 --subsets 20 --no-khronos
+    """
+    errors = Console(stderr=True)
+    start = time.perf_counter()
+    with reporting_errors(errors):
+        options = ValidationOptions(
+            HandOffOptions(rays, subsets, seed) if rays else None, khronos, sample
+        )
+        with RichProgress(errors) as progress:
+            result = validate(scene, options, progress=progress)
+    seconds = time.perf_counter() - start
+    if as_json:
+        typer.echo(json.dumps(_plain(result), indent=1))
+    else:
+        _show(Console(), result, seconds)
+    if result.problems:
+        raise typer.Exit(1)
+
+
+def _show(console: Console, result: ValidationResult, seconds: float) -> None:
+    version = result.manifest.version[:12] if result.manifest else "not readable"
+    table = Table(title=f"{result.path.name}  version {version}", title_justify="left")
+    table.add_column("check")
+    table.add_column("result")
+    table.add_column("found", overflow="fold")
+    broken = sum(finding.severity == "error" for finding in result.findings)
+    counts = result.manifest.counts if result.manifest else None
+    seen = f"{counts.segments:,} payloads, every hash, count and box" if counts else ""
+    table.add_row("store", _verdict(broken), seen if not broken else f"{broken:,} errors")
+    report = result.hand_off
+    if report is None:
+        table.add_row("hand-off", Text("not run", "yellow"), result.hand_off_not_run)
+    else:
+        table.add_row("hand-off", _verdict(report.holes), _hand_off_line(report))
+    gltf = result.gltf
+    if gltf.not_run:
+        table.add_row("glTF (Khronos)", Text("not run", "yellow"), gltf.not_run)
+    else:
+        table.add_row(
+            "glTF (Khronos)",
+            _verdict(gltf.errors),
+            f"{gltf.checked} payloads: {gltf.errors} errors, {gltf.warnings} warnings",
+        )
+    table.caption = f"{seconds:,.1f} s"
+    console.print(table)
+    if report is not None:
+        console.print(_kinds(report))
+        _show_worst(console, report)
+    for finding in result.findings[:MAX_SHOWN]:
+        console.print(str(finding), markup=False, highlight=False)
+    for message in gltf.messages[:MAX_SHOWN]:
+        console.print(f"glTF {message.name}: {message.code}: {message.text}", markup=False)
+    left = len(result.findings) - MAX_SHOWN
+    if left > 0:
+        console.print(f"... and {left:,} more findings (--json lists them)")
+
+
+def _hand_off_line(report: HandOffReport) -> str:
+    distance = report.distance_m
+    holes = f"{report.holes:,} holes ({report.holes_per_million:,.1f} per million rays)"
+    if report.holes:
+        holes += f": {report.holes_hidden:,} hidden too early, {report.holes_uncovered:,} no base"
+    return (
+        f"{holes} in {report.hits:,} rays over {report.subsets} subsets; "
+        f"distance p50 {distance['p50']:.3g} m, p99 {distance['p99']:.3g} m, "
+        f"p99.9 {distance['p99.9']:.3g} m, tolerance {report.tolerance_m:.3g} m"
+    )
+
+
+def _kinds(report: HandOffReport) -> Table:
+    table = Table(title="Rays", title_justify="left")
+    for name in ("from", "cast", "met detail", "strict misses", "holes"):
+        table.add_column(name, justify="left" if name == "from" else "right")
+    for kind in report.kinds:
+        table.add_row(
+            kind.kind,
+            *(f"{n:,}" for n in (kind.rays, kind.hits, kind.strict_misses, kind.holes)),
+        )
+    table.caption = f"base before loaded detail (rim): {report.overlap:.2%} of the hits on it"
+    return table
+
+
+def _show_worst(console: Console, report: HandOffReport) -> None:
+    worst = report.worst
+    if worst is None:
+        return
+    where = ", ".join(f"{value:.2f}" for value in worst.target)
+    what = "hole" if worst.hole else f"{worst.distance_m:.3g} m"
+    console.print(
+        f"worst place: {what} at ({where}) scene m, {worst.kind} ray, "
+        f"{len(worst.loaded):,} segments loaded",
+        highlight=False,
+    )
+
+
+def _verdict(problems: int) -> Text:
+    return Text("failed", "bold red") if problems else Text("good", "green")
+
+
+def _plain(result: ValidationResult) -> dict[str, Any]:
+    report = result.hand_off
+    return {
+        "scene": str(result.path),
+        "version": result.manifest.version if result.manifest else None,
+        "problems": result.problems,
+        "findings": [asdict(finding) for finding in result.findings],
+        "hand_off": None
+        if report is None
+        else {
+            **asdict(report),
+            "holes": report.holes,
+            "holes_per_million": report.holes_per_million,
+            # JSON has no infinity: a distance that was not found is null.
+            "distance_m": _finite(report.distance_m),
+            "down_distance_m": _finite(report.down_distance_m),
+            "worst": None if report.worst is None else _finite(asdict(report.worst)),
+        },
+        "hand_off_not_run": result.hand_off_not_run,
+        "gltf": asdict(result.gltf),
+    }
+
+
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    return {
+        key: None if isinstance(value, float) and value in {float("inf"), float("-inf")} else value
+        for key, value in values.items()
+    }

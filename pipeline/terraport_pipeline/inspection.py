@@ -1,0 +1,108 @@
+"""``terraport inspect``: what is in a scene, from its manifest and index alone.
+
+No payload is read, so a scene of any size answers at once.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_store import Manifest, Scene
+
+__all__ = ["inspect_scene"]
+
+PERCENTILES: Final = (("min", 0), ("p10", 10), ("median", 50), ("p90", 90), ("max", 100))
+
+
+def inspect_scene(scene_path: Path) -> dict[str, Any]:
+    """Describe a scene.
+
+    Parameters
+    ----------
+    scene_path : Path
+        The scene directory.
+
+    Returns
+    -------
+    dict
+        Plain values, ready for JSON: ``name``, ``version``, ``format``, ``place`` (crs, origin,
+        bounds, size), ``counts``, ``segments`` (distribution of ``faces``, ``bytes``, ``extent_m``,
+        ``bytes_per_face``), ``cover``, ``hand_off``, ``attributes``, ``files``, ``encodings``,
+        ``limits``, ``build`` and ``versions_on_disk``.
+
+    Raises
+    ------
+    SceneNotFoundError, DamagedSceneError
+        When there is no scene, or its manifest, index or cover cannot be read.
+    """
+    with Scene.open(scene_path) as scene:
+        manifest, index = scene.manifest, scene.index
+        faces = index.face_count.astype(np.int64)
+        lengths = index.length.astype(np.int64)
+        sides = (index.bounds[:, 3:] - index.bounds[:, :3]).max(axis=1)
+        offsets = scene.cover.offsets.astype(np.int64)
+        over = offsets[1:] - offsets[:-1]
+        return {
+            "name": manifest.name,
+            "version": manifest.version,
+            "format": f"{manifest.format} {manifest.format_version}",
+            "place": _place(manifest),
+            "counts": manifest.counts.model_dump(),
+            "has_colour": manifest.has_colour,
+            "segments": {
+                "faces": _spread(faces),
+                "bytes": _spread(lengths),
+                "extent_m": _spread(sides),
+                "bytes_per_face": round(float(lengths.sum() / faces.sum()), 3),
+            },
+            "cover": {
+                "entries": int(over.sum()),
+                "base_faces_never_hidden": int((over == 0).sum()),
+                "segments_per_base_face": _spread(over),
+            },
+            "hand_off": manifest.hand_off.model_dump(),
+            "attributes": [one.model_dump() for one in manifest.attributes],
+            "encodings": {key: one.model_dump() for key, one in manifest.encodings.items()},
+            "files": {key: info.bytes for key, info in manifest.files.items()},
+            "bytes": sum(info.bytes for info in manifest.files.values()),
+            "limits": manifest.limits.model_dump(),
+            "build": manifest.build.model_dump(mode="json"),
+            "versions_on_disk": sorted(path.name for path in scene_path.glob("v-*")),
+        }
+
+
+def _place(manifest: Manifest) -> dict[str, Any]:
+    low, high = np.array(manifest.bounds.min), np.array(manifest.bounds.max)
+    east, north, height = manifest.origin
+    size = high - low
+    return {
+        "crs": manifest.crs.model_dump(exclude={"wkt"}) if manifest.crs else None,
+        "origin": list(manifest.origin),
+        "size_m": {
+            "east_west": round(float(size[0]), 3),
+            "north_south": round(float(size[2]), 3),
+            "height": round(float(size[1]), 3),
+        },
+        "bounds_scene_m": {"min": list(manifest.bounds.min), "max": list(manifest.bounds.max)},
+        # z runs south: the greatest z is the least northing.
+        "bounds_crs": {
+            "east": [east + low[0], east + high[0]],
+            "north": [north - high[2], north - low[2]],
+            "height": [height + low[1], height + high[1]],
+        },
+        "grid_step_m": manifest.step_m,
+    }
+
+
+def _spread(values: npt.NDArray[np.number] | npt.NDArray[np.int64]) -> dict[str, float]:
+    whole = np.issubdtype(values.dtype, np.integer)
+    found = np.percentile(values, [share for _, share in PERCENTILES])
+    spread = {
+        name: float(value) if not whole else round(float(value))
+        for (name, _), value in zip(PERCENTILES, found, strict=True)
+    }
+    return {**spread, "mean": round(float(np.mean(values)), 3)}

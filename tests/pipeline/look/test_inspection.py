@@ -1,0 +1,42 @@
+"""inspect: counts, distribution and coordinates, without reading a payload."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+from terraport_pipeline.inspection import inspect_scene
+from terraport_store import SceneNotFoundError
+
+
+def test_counts_distribution_and_coordinates(scene_path, base) -> None:
+    found = inspect_scene(scene_path)
+    assert found["counts"]["segments"] == 64
+    assert found["segments"]["faces"]["min"] == found["segments"]["faces"]["max"] == 1250
+    assert found["segments"]["extent_m"]["median"] == pytest.approx(12.5, abs=0.6)
+    outline = found["place"]["bounds_crs"]
+    # The base reaches from -2.5 to 102.5 m; z runs south.
+    assert outline["east"] == [499_997.5, 500_102.5]
+    assert outline["north"] == [5_999_897.5, 6_000_002.5]
+    assert found["cover"]["base_faces_never_hidden"] == 0
+    assert found["cover"]["segments_per_base_face"]["max"] == 4
+    assert sum(found["files"].values()) == found["bytes"]
+    assert found["versions_on_disk"] == [f"v-{found['version'][:12]}"]
+    assert json.loads(json.dumps(found)) == found
+    assert found["counts"]["base_faces"] == len(base.faces)
+
+
+def test_no_payload_is_read(scene_path, tmp_path) -> None:
+    copy = shutil.copytree(scene_path, tmp_path / "copy")
+    pack = next(copy.glob("v-*/segments.pack"))
+    data = bytearray(pack.read_bytes())
+    data[200:] = bytes(len(data) - 200)
+    pack.write_bytes(data)
+    assert inspect_scene(copy) == inspect_scene(scene_path)
+
+
+def test_no_scene_is_an_error(tmp_path) -> None:
+    with pytest.raises(SceneNotFoundError):
+        inspect_scene(tmp_path)

@@ -1,0 +1,101 @@
+"""validate: a good scene passes; flipped bytes, wrong covers and damaged files are found."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from terraport_pipeline.engines import gltf_validator
+from terraport_pipeline.engines.gltf_validator import GltfCheck, GltfMessage
+from terraport_pipeline.handoff import HandOffOptions
+from terraport_pipeline.validation import ValidationOptions, validate
+from terraport_store import SceneNotFoundError
+
+QUICK = ValidationOptions(HandOffOptions(4_000, 10), khronos=False)
+
+
+def test_a_good_scene_has_no_problems(scene_path) -> None:
+    result = validate(scene_path, QUICK)
+    assert result.problems == 0
+    assert result.findings == ()
+    assert result.hand_off is not None
+    assert result.hand_off.rays == 4_000
+    assert result.manifest is not None
+    assert result.gltf.not_run == "left out"
+
+
+def test_rays_can_be_left_out(scene_path) -> None:
+    result = validate(scene_path, ValidationOptions(None, khronos=False))
+    assert (result.hand_off, result.hand_off_not_run) == (None, "left out")
+
+
+def test_a_flipped_payload_byte_is_found_and_stops_the_rays(scene_path, tmp_path) -> None:
+    copy = shutil.copytree(scene_path, tmp_path / "copy")
+    pack = next(copy.glob("v-*/segments.pack"))
+    data = bytearray(pack.read_bytes())
+    data[len(data) // 2] ^= 0x10
+    pack.write_bytes(data)
+    result = validate(copy, QUICK)
+    assert result.problems >= 1
+    assert any("segments.pack" in finding.file for finding in result.findings)
+    assert result.hand_off is None
+    assert "has hash" in result.hand_off_not_run
+
+
+def test_a_manifest_that_does_not_parse_is_a_finding(scene_path, tmp_path) -> None:
+    copy = shutil.copytree(scene_path, tmp_path / "copy")
+    (copy / "scene.json").write_text("{")
+    result = validate(copy, QUICK)
+    assert result.problems >= 1
+    assert result.manifest is None
+    assert "JSON" in result.hand_off_not_run
+
+
+def test_holes_are_problems(write_scene, model, detail, base, tmp_path) -> None:
+    first = model.cover_segments[model.cover_offsets[:-1]]
+    wrong = replace(
+        model,
+        cover_offsets=np.arange(len(model.base_faces) + 1, dtype=np.uint32),
+        cover_segments=first,
+    )
+    result = validate(write_scene(tmp_path / "holes", wrong, detail, base), QUICK)
+    assert result.hand_off is not None
+    assert result.problems == result.hand_off.holes > 0
+    assert result.findings == ()  # the store cannot see it
+
+
+def test_no_scene_is_an_error(tmp_path) -> None:
+    with pytest.raises(SceneNotFoundError):
+        validate(tmp_path, QUICK)
+
+
+def test_a_required_validator_that_cannot_run_is_a_problem(scene_path, monkeypatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    result = validate(scene_path, ValidationOptions(None, khronos=True))
+    assert result.gltf == GltfCheck(0, not_run="Node.js is not installed")
+    assert result.problems == 1
+    assert validate(scene_path, ValidationOptions(None)).problems == 0
+
+
+def test_a_named_folder_without_the_package_is_said(monkeypatch, tmp_path) -> None:
+    if gltf_validator.shutil.which("node") is None:
+        pytest.skip("no Node at hand")
+    monkeypatch.setenv(gltf_validator.FOLDER_VARIABLE, str(tmp_path / "none"))
+    check = gltf_validator.check_gltf({"x": b""})
+    assert "holds no gltf-validator" in check.not_run
+
+
+def test_khronos_finds_what_is_wrong(scene_path, tmp_path) -> None:
+    check = gltf_validator.check_gltf(
+        {"base": next(scene_path.glob("v-*/base.glb")).read_bytes(), "broken": b"glTF" + bytes(30)},
+        install=False,
+    )
+    if check.not_run:
+        pytest.skip(check.not_run)
+    assert check.checked == 2
+    assert check.errors >= 1
+    assert {message.name for message in check.messages} == {"broken"}
+    assert isinstance(check.messages[0], GltfMessage)
