@@ -60,7 +60,7 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
     reader = _Reader(document, binary, at)
     required = document.get("extensionsRequired", [])
     for name in _typed(required, list, "extensionsRequired"):
-        if name not in _KNOWN:
+        if not isinstance(name, str) or name not in _KNOWN:
             raise PayloadError(f"required extension {name!r}, expected one of {sorted(_KNOWN)}")
     mesh = _typed(_only(document, "meshes"), dict, "mesh")
     primitive = _typed(_only(mesh, "primitives"), dict, "primitive")
@@ -85,8 +85,10 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
         region_ids = reader.accessor(
             attributes["_FEATURE_ID_0"], (UNSIGNED_SHORT,), "SCALAR", "_FEATURE_ID_0"
         ).copy()
+    with np.errstate(over="ignore"):  # a hostile transform gives infinity, which check_mesh names
+        placed = (translation + scale * positions.astype(np.float64)).astype(np.float32)
     result = SegmentMesh(
-        positions=(translation + scale * positions.astype(np.float64)).astype(np.float32),
+        positions=placed,
         faces=indices.reshape(-1, 3).astype(np.uint32),
         normals=_unit(reader.accessor(attributes.get("NORMAL"), (BYTE,), "VEC3", "NORMAL")),
         colours=colours,

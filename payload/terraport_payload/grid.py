@@ -45,6 +45,8 @@ MIN_STEP_M: Final = 2.0**-12
 NULL_CODE: Final = 65535
 """Attribute code that stands for "no value here" (NaN)."""
 
+_FLOAT32_MAX: Final = float(np.finfo(np.float32).max)
+
 _ATTRIBUTE_LEVELS: Final = 65534
 """Largest attribute code that is a value."""
 
@@ -56,7 +58,7 @@ class AttributeScale:
     Raises
     ------
     PayloadError
-        When offset or step is not finite, or step is not positive.
+        When offset or step is not finite, step is not positive, or a value would not fit float32.
 
     Examples
     --------
@@ -70,10 +72,12 @@ class AttributeScale:
     """Value per code, in the attribute's own unit."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.offset) and math.isfinite(self.step) and self.step > 0):
+        last = self.offset + self.step * _ATTRIBUTE_LEVELS
+        inside = abs(self.offset) <= _FLOAT32_MAX and abs(last) <= _FLOAT32_MAX
+        if not (inside and self.step > 0):  # NaN fails every comparison
             raise PayloadError(
                 f"attribute scale offset={self.offset!r} step={self.step!r}, "
-                "expected finite numbers and step > 0"
+                "expected finite numbers and step > 0, all values within float32"
             )
 
 

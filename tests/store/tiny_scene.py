@@ -1,0 +1,128 @@
+"""A scene small enough to reason about: 2 x 2 segments of one hilly patch, made from a formula.
+
+Segments share border positions (not indices): vertex (i, j) of the lattice is the same float32
+triple wherever it is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from terraport_payload import (
+    AttributeScale,
+    Cover,
+    SegmentMesh,
+    decode_glb,
+    encode_arrays,
+    encode_glb,
+    gltf_attribute_name,
+)
+from terraport_store import AttributeInfo, BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter
+
+STEP_M = 2.0**-12
+CELLS = 6
+"""Quads along one side of a segment."""
+SPACING_M = 0.25
+SCALES = {"grade": AttributeScale(offset=0.0, step=2.5 / 65534)}
+
+
+def lattice_mesh(
+    i0: int, j0: int, cells: int = CELLS, *, stride: int = 1, seed: int = 0
+) -> SegmentMesh:
+    """A square of the hilly patch: cells x cells quads from lattice vertex (i0, j0)."""
+    i, j = np.meshgrid(
+        i0 + stride * np.arange(cells + 1), j0 + stride * np.arange(cells + 1), indexing="ij"
+    )
+    i, j = i.reshape(-1), j.reshape(-1)
+    x, z = i * SPACING_M, -j * SPACING_M
+    phase = seed * 0.7
+    y = 1.0 + 0.4 * np.sin(1.3 * x + phase) * np.cos(0.9 * z)
+    slope_x = 0.52 * np.cos(1.3 * x + phase) * np.cos(0.9 * z)
+    slope_z = -0.36 * np.sin(1.3 * x + phase) * np.sin(0.9 * z)
+    normals = np.stack([-slope_x, np.ones_like(x), -slope_z], axis=1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    side = cells + 1
+    corner = (np.arange(cells)[:, None] * side + np.arange(cells)[None, :]).reshape(-1)
+    # Counter-clockwise from above: x grows with i, z falls with j.
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + side, corner + side + 1], axis=1),
+            np.stack([corner, corner + side + 1, corner + 1], axis=1),
+        ]
+    )
+    grade = (1.0 + np.sin(x) * np.cos(z)).astype(np.float32)
+    grade[::17] = np.nan
+    colours = np.stack([(i * 7 + 90) % 256, (j * 11 + 80) % 256, (i + j) * 3 % 256], axis=1)
+    return SegmentMesh(
+        positions=np.stack([x, y, z], axis=1).astype(np.float32),
+        faces=faces.astype(np.uint32),
+        normals=normals.astype(np.float32),
+        colours=colours.astype(np.uint8),
+        region_ids=np.full(len(x), (i0 + j0) // CELLS, dtype=np.uint16),
+        attributes={"grade": grade},
+    )
+
+
+@dataclass(frozen=True)
+class TinyScene:
+    """What was written."""
+
+    path: Path
+    manifest: Manifest
+    segments: list[SegmentMesh]
+    glbs: list[bytes]
+
+
+def write_tiny_scene(
+    path: Path, *, seed: int = 0, with_arrays: bool = False, copies: int = 1
+) -> TinyScene:
+    """Publish the patch; another seed is another version; copies repeats every segment."""
+    tiles = [(i, j) for i in (0, CELLS) for j in (0, CELLS)] * copies
+    segments = [lattice_mesh(i, j, seed=seed) for i, j in tiles]
+    glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES) for mesh in segments]
+    base = lattice_mesh(0, 0, 4, stride=3, seed=seed)
+    with SceneWriter(path, with_arrays=with_arrays) as writer:
+        for (i, j), glb in zip(tiles, glbs, strict=True):
+            arrays = encode_arrays(decode_glb(glb)) if with_arrays else None
+            writer.add_segment(glb, region=(i + j) // CELLS, arrays=arrays)
+        writer.set_base(
+            encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
+            base_cover(),
+        )
+        writer.set_regions({"regions": [{"id": 0}, {"id": 1, "label": "bench"}, {"id": 2}]})
+        manifest = writer.publish(scene_info(seed))
+    return TinyScene(path, manifest, segments, glbs)
+
+
+def base_cover() -> Cover:
+    """Base quad (a, b) of 4 x 4 lies under the segment of its quarter; each quad is two faces."""
+    quad = np.arange(16)
+    segment = (quad // 4 // 2) * 2 + quad % 4 // 2
+    rows = np.concatenate([segment, segment]).astype(np.uint32)
+    return Cover(np.arange(33, dtype=np.uint32), rows)
+
+
+def scene_info(seed: int = 0) -> SceneInfo:
+    """What the manifest says of the patch."""
+    return SceneInfo(
+        name=f"tiny {seed}",
+        origin=(500000.0, 8000000.0, 100.0),
+        step_m=STEP_M,
+        points=1000,
+        regions=3,
+        hand_off=HandOff(deviation_m=0.01, tolerance_m=0.05),
+        build=BuildInfo(terraport="0.1.0", options={"seed": seed}),
+        attributes=(
+            AttributeInfo(
+                name="grade",
+                gltf_name=gltf_attribute_name("grade"),
+                offset=0.0,
+                step=SCALES["grade"].step,
+                min=0.0,
+                max=2.0,
+            ),
+        ),
+    )
