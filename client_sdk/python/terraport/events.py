@@ -1,0 +1,183 @@
+"""What the session state machine reports: values, in the order in which they happened.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from terraport.cache import CachedSegment
+from terraport_wire import Hit, Plan, SceneInfo, ServerLimits
+
+__all__ = [
+    "Degraded",
+    "Dropped",
+    "Event",
+    "Noticed",
+    "Opened",
+    "PickAnswered",
+    "PickRefused",
+    "Planned",
+    "Prefetched",
+    "Ready",
+    "Refused",
+    "RestoreNeeded",
+    "SegmentArrived",
+    "SegmentRejected",
+    "Superseded",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """The server said welcome; held segments that it does not know any more are dropped already."""
+
+    scene: SceneInfo
+    limits: ServerLimits
+    session: str
+    """The server's name for this session, for logs."""
+    held_count: int
+    """Offered segments that the server accepted."""
+    version_changed: bool
+    """True when an earlier connection of this session served another version."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """These ids do not belong to the served version; a disk cache deletes them."""
+
+    segments: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A landing has its plan; after a reconnect it gets another one."""
+
+    landing: int
+    plan: Plan
+    kept: tuple[CachedSegment, ...]
+    """What of ``plan.keep`` is in memory, ascending id."""
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentArrived:
+    """One segment is whole and has the right hash."""
+
+    landing: int | None
+    """The landing that it belongs to; None for a prefetched one."""
+    entry: CachedSegment
+    restored: bool = False
+    """True when it came from the disk cache and not from the server."""
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentRejected:
+    """One segment came with a wrong hash, or the disk cache lost it; it was asked for again."""
+
+    landing: int | None
+    segment: int
+    actual: int | None
+    """xxh3-64 of what came; None when nothing is left."""
+    expected: int
+    """xxh3-64 that was promised."""
+
+
+@dataclass(frozen=True, slots=True)
+class RestoreNeeded:
+    """The plan keeps segments that only the disk holds.
+
+    The caller must answer each with :meth:`ClientSession.restored` or :meth:`ClientSession.lost`.
+    """
+
+    landing: int
+    segments: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Degraded:
+    """The deadline passed and the inner set is whole; the landing goes on."""
+
+    landing: int
+    segments: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """The landing is whole, and is what is visible from now on."""
+
+    landing: int
+    shown: tuple[int, ...]
+    """Visible ids, ascending: load and keep of the plan, less the missing ones."""
+    missing: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Superseded:
+    """An unfinished landing was ended by a newer one."""
+
+    landing: int
+    by: int
+
+
+@dataclass(frozen=True, slots=True)
+class Prefetched:
+    """Everything that an aim asked for is held."""
+
+    aim: int
+    segments: int
+    payload_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class PickAnswered:
+    """What lies there; None for nothing."""
+
+    request: int
+    hit: Hit | None
+
+
+@dataclass(frozen=True, slots=True)
+class PickRefused:
+    """The server refused a pick."""
+
+    request: int
+    code: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """The server refused something: one landing, one aim, or (fatal) the connection."""
+
+    code: str
+    message: str
+    fatal: bool
+    landing: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Noticed:
+    """News from the server."""
+
+    kind: str
+    version: str | None
+    reconnect_after_ms: int | None
+
+
+Event = (
+    Opened
+    | Dropped
+    | Planned
+    | SegmentArrived
+    | SegmentRejected
+    | RestoreNeeded
+    | Degraded
+    | Ready
+    | Superseded
+    | Prefetched
+    | PickAnswered
+    | PickRefused
+    | Refused
+    | Noticed
+)

@@ -1,0 +1,103 @@
+"""What the session knows of one landing or prefetch that is on its way.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy.typing as npt
+
+from terraport.cache import SegmentFacts
+from terraport_wire import Land, Plan, Prefetch
+
+__all__ = ["LandingState", "PrefetchState", "facts_of_table"]
+
+
+@dataclass(slots=True)
+class LandingState:
+    """One landing that the caller asked for, over as many generations as reconnecting takes."""
+
+    number: int
+    """The session's own number, the same over reconnects."""
+    position: tuple[float, float, float]
+    radius_m: float
+    inner_radius_m: float | None
+    deadline_ms: int | None
+    generation: int = -1
+    """Generation on the present connection; -1 before it was sent there."""
+    plan: Plan | None = None
+    facts: dict[int, SegmentFacts] = field(default_factory=dict)
+    """Of the load table, by id."""
+    relost: dict[int, int] = field(default_factory=dict)
+    """xxh3 of segments of ``keep`` that were lost here and asked for again, by id."""
+    wanted: frozenset[int] = frozenset()
+    """Ids of load and keep."""
+    waiting: set[int] = field(default_factory=set)
+    """Wanted ids whose payload is not in memory yet."""
+    restoring: set[int] = field(default_factory=set)
+    """Those of ``waiting`` that the disk is being asked for."""
+    missing: set[int] = field(default_factory=set)
+    """Ids of the latest ``ready.missing``."""
+    ready_seen: bool = False
+    done: bool = False
+    """Whether it became ready for the client."""
+
+    def message(self, generation: int) -> Land:
+        """Return the message that asks for it."""
+        return Land(
+            generation=generation,
+            position=self.position,
+            radius_m=self.radius_m,
+            inner_radius_m=self.inner_radius_m,
+            deadline_ms=self.deadline_ms,
+        )
+
+    def begin(self, plan: Plan) -> None:
+        """Take the plan of a generation, in place of any before."""
+        self.plan = plan
+        self.facts = facts_of_table(plan.load)
+        self.relost = {}
+        self.wanted = frozenset(self.facts) | {int(segment) for segment in plan.keep}
+        self.waiting = set(self.facts)
+        self.restoring = set()
+        self.missing = set()
+        self.ready_seen = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether it is ready for the client (wire protocol, section 6.4, rule 5)."""
+        return self.ready_seen and not self.waiting - self.missing
+
+    @property
+    def shown(self) -> tuple[int, ...]:
+        """What it shows once complete: all that is wanted and whole, ascending id."""
+        return tuple(sorted(self.wanted - self.waiting))
+
+
+@dataclass(slots=True)
+class PrefetchState:
+    """What an aim brings."""
+
+    generation: int
+    facts: dict[int, SegmentFacts]
+    waiting: set[int]
+    payload_bytes: int
+
+    @classmethod
+    def of(cls, prefetch: Prefetch) -> PrefetchState:
+        """Begin one."""
+        facts = facts_of_table(prefetch.segments)
+        return cls(prefetch.generation, facts, set(facts), prefetch.bytes)
+
+
+def facts_of_table(table: npt.NDArray[Any]) -> dict[int, SegmentFacts]:
+    """Return the rows of a load table by id, in its order."""
+    rows: Iterable[tuple[Any, ...]] = table.tolist()
+    return {
+        segment: SegmentFacts(segment, length, xxh3, faces, vertices, tuple(bounds))
+        for segment, length, xxh3, faces, vertices, bounds in rows
+    }

@@ -1,0 +1,87 @@
+"""What the caller says, checked before anything is sent.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport.errors import UsageError
+from terraport_wire import (
+    HELD_DTYPE,
+    PROTOCOL,
+    Budgets,
+    Hello,
+    InvalidMessageError,
+    Message,
+    Subprotocol,
+)
+
+__all__ = ["SessionOptions", "checked", "point"]
+
+_Message = TypeVar("_Message", bound=Message)
+
+
+@dataclass(frozen=True, slots=True)
+class SessionOptions:
+    """What a session tells the server in ``hello``."""
+
+    client: str
+    """Name and version of the client, for the server's logs."""
+    encoding: str = "glb"
+    """``"glb"`` or ``"arrays"``."""
+    max_triangles: int | None = None
+    max_bytes: int | None = None
+    max_segments: int | None = None
+    """Hard bounds of every landing; None leaves one out."""
+    credit_bytes: int = 16 * 1024 * 1024
+    """Payload bytes under way at most. Half of it is granted back at a time: a larger one saves
+    messages (the server allows 60 per second), a smaller one bounds what lies in buffers when a
+    landing is superseded."""
+    release_factor: float | None = None
+    """Release radius / load radius; None takes the server's."""
+    subprotocol: Subprotocol = Subprotocol.MSGPACK
+
+    def __post_init__(self) -> None:
+        if self.credit_bytes < 1:
+            raise UsageError(f"credit_bytes is {self.credit_bytes}, expected 1 or more")
+        checked(lambda: self.hello(np.zeros(0, dtype=HELD_DTYPE)))
+
+    def hello(self, held: npt.NDArray[Any]) -> Hello:
+        """Return the message that opens a connection."""
+        return Hello(
+            protocol=PROTOCOL,
+            client=self.client,
+            encoding=self.encoding,
+            budgets=Budgets(
+                max_triangles=self.max_triangles,
+                max_bytes=self.max_bytes,
+                max_segments=self.max_segments,
+            ),
+            credit_bytes=self.credit_bytes,
+            release_factor=self.release_factor,
+            held=held,
+        )
+
+
+def checked(build: Callable[[], _Message]) -> _Message:
+    """Return what `build` makes; a value that the protocol does not allow is the caller's error."""
+    try:
+        return build()
+    except InvalidMessageError as error:
+        raise UsageError(str(error)) from None
+
+
+def point(values: Sequence[float]) -> tuple[float, float, float]:
+    """Return three floats, or raise UsageError."""
+    numbers = np.asarray(values, dtype=np.float64)
+    if numbers.shape != (3,):
+        raise UsageError(f"position has shape {numbers.shape}, expected three numbers x, y, z")
+    x, y, z = numbers.tolist()
+    return x, y, z

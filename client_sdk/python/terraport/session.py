@@ -1,0 +1,388 @@
+"""The client's half of the wire protocol as a state machine.
+
+WebSocket messages in; events, and messages to send, out.
+
+The shell (:mod:`terraport.client`) owns sockets, tasks, files and clocks. It calls
+
+* :meth:`ClientSession.connected`, :meth:`~ClientSession.receive`,
+  :meth:`~ClientSession.connection_lost` as the connection lives and dies;
+* :meth:`~ClientSession.land`, :meth:`~ClientSession.aim`, :meth:`~ClientSession.pick` for its user;
+* :meth:`~ClientSession.restored`, :meth:`~ClientSession.lost`,
+  :meth:`~ClientSession.stored_on_disk`,
+  :meth:`~ClientSession.removed_from_disk` for its disk cache;
+
+and after each of them drains :meth:`~ClientSession.events` and :meth:`~ClientSession.data_to_send`.
+
+Section numbers in comments are those of ``spec/wire-protocol.md``.
+
+PURE: no I/O, no clock, no task.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+
+from terraport.cache import CachedSegment, SegmentCache, SegmentFacts
+from terraport.errors import ProtocolViolationError
+from terraport.events import (
+    Dropped,
+    Event,
+    Noticed,
+    Opened,
+    PickAnswered,
+    PickRefused,
+    Refused,
+    Superseded,
+)
+from terraport.holdings import Holdings
+from terraport.landing_state import LandingState
+from terraport.options import SessionOptions, checked, point
+from terraport.transfers import Transfers
+from terraport_wire import (
+    PROTOCOL,
+    Aim,
+    Bye,
+    Credit,
+    DecodeError,
+    Degraded,
+    Direction,
+    Error,
+    Message,
+    Notice,
+    PayloadFrame,
+    Pick,
+    Picked,
+    Plan,
+    Prefetch,
+    Ready,
+    Unknown,
+    Welcome,
+    decode,
+    decode_frame,
+    encode,
+    is_payload,
+)
+from terraport_wire import Superseded as SupersededMessage
+
+__all__ = ["ClientSession", "SessionOptions"]
+
+
+class ClientSession:
+    """The state machine. It outlives connections. Not thread-safe.
+
+    Parameters
+    ----------
+    options : SessionOptions
+        What is told to the server.
+    cache : SegmentCache
+        Payloads in memory; from now on owned by the session.
+    on_disk : mapping of int to int, optional
+        xxh3 by segment id of what the disk cache holds of this scene.
+    """
+
+    def __init__(
+        self,
+        options: SessionOptions,
+        cache: SegmentCache,
+        on_disk: dict[int, int] | None = None,
+    ) -> None:
+        self.options = options
+        self.version: str | None = None
+        """Scene version of the newest connection."""
+        self.held = Holdings(cache, on_disk)
+        """What is held here, in memory and on disk."""
+        self._events: deque[Event] = deque()
+        self._outbox: deque[Message] = deque()
+        self._transfers = Transfers(
+            self.held, options.encoding, say=self._outbox.append, report=self._events.append
+        )
+        self._open = self._greeting = False
+        self._generation = self._landings = self._requests = 0
+        self._queued: LandingState | None = None
+        self._aim: tuple[tuple[float, float, float], float] | None = None
+        self._picks: dict[int, Pick] = {}
+        self._credit_step = 1
+        self._taken_bytes = 0
+
+    @property
+    def open(self) -> bool:
+        """Whether the server has said welcome on the present connection."""
+        return self._open
+
+    @property
+    def has_aim(self) -> bool:
+        """Whether an aim waits for :meth:`flush_aim`."""
+        return self._aim is not None and self._open
+
+    @property
+    def visible(self) -> tuple[int, ...]:
+        """Ids that the last ready landing shows, ascending."""
+        return self._transfers.visible
+
+    @property
+    def repeated_bytes(self) -> int:
+        """Payload bytes received of segments in memory already; 0 with a right server."""
+        return self._transfers.repeated_bytes
+
+    @property
+    def unfinished(self) -> int | None:
+        """Number of the newest landing that is not ready; None when there is none."""
+        landing = self._queued or self._transfers.unfinished
+        return None if landing is None else landing.number
+
+    # ---- output
+
+    def events(self) -> list[Event]:
+        """Return, once, what has happened since the last call."""
+        events = list(self._events)
+        self._events.clear()
+        return events
+
+    def data_to_send(self) -> list[bytes | str]:
+        """Return, once, the WebSocket messages to send, in order."""
+        data = [encode(message, self.options.subprotocol) for message in self._outbox]
+        self._outbox.clear()
+        return data
+
+    # ---- connection
+
+    def connected(self, *, offer_held: bool = True) -> None:
+        """Open a connection: the first message is ``hello`` with what is held.
+
+        Parameters
+        ----------
+        offer_held : bool
+            False after a server found the offer too large.
+        """
+        self._outbox.clear()
+        self._open = False
+        self._greeting = True
+        held = self.held.offer()
+        self._outbox.append(self.options.hello(held if offer_held else held[:0]))
+
+    def connection_lost(self) -> None:
+        """Note that the connection is gone.
+
+        The newest landing that is not ready waits for the next connection; picks do, too. Parts of
+        segments are forgotten (10.2).
+        """
+        self._open = self._greeting = False
+        self._outbox.clear()
+        self._taken_bytes = 0
+        self._queue(self._transfers.connection_lost())
+
+    def receive(self, data: bytes | str) -> None:
+        """Take one whole WebSocket message.
+
+        Raises
+        ------
+        ProtocolViolationError
+            The server sent what the protocol does not allow; the connection must be closed with
+            4400.
+        """
+        try:
+            if is_payload(data):
+                assert not isinstance(data, str)
+                frame = decode_frame(data)
+                if isinstance(frame, PayloadFrame):
+                    self._transfers.on_frame(frame)
+                    self._grant(len(frame.chunk))
+                return
+            message = decode(data, self.options.subprotocol, Direction.SERVER_TO_CLIENT)
+        except DecodeError as error:
+            raise ProtocolViolationError(str(error)) from error
+        if not isinstance(message, Unknown):
+            self._on_message(message)
+
+    # ---- commands
+
+    def land(
+        self,
+        position: Sequence[float],
+        radius_m: float,
+        *,
+        inner_radius_m: float | None = None,
+        deadline_ms: int | None = None,
+    ) -> int:
+        """Ask for a landing; it supersedes every one before that is not ready.
+
+        Returns
+        -------
+        int
+            Its number in the events. It stays the same when a reconnect asks again under a new
+            generation.
+
+        Raises
+        ------
+        UsageError
+            A number that the protocol does not allow; nothing has changed.
+        """
+        self._landings += 1
+        landing = LandingState(
+            self._landings, point(position), radius_m, inner_radius_m, deadline_ms
+        )
+        checked(lambda: landing.message(0))
+        self._aim = None
+        if self._open:
+            self._send_landing(landing)
+        else:
+            self._queue(landing)
+        return landing.number
+
+    def aim(self, position: Sequence[float], radius_m: float) -> None:
+        """Note where the user points; only the newest is kept until :meth:`flush_aim`.
+
+        Raises
+        ------
+        UsageError
+            A number that the protocol does not allow; nothing has changed.
+        """
+        centre = point(position)
+        checked(lambda: Aim(generation=0, position=centre, radius_m=radius_m))
+        self._aim = (centre, radius_m)
+
+    def flush_aim(self) -> None:
+        """Send the newest aim, if there is one and the connection is open."""
+        if self._aim is None or not self._open:
+            return
+        (position, radius_m), self._aim = self._aim, None
+        self._send_evictions()
+        self._generation += 1
+        self._outbox.append(Aim(generation=self._generation, position=position, radius_m=radius_m))
+
+    def pick(self, origin: Sequence[float], direction: Sequence[float] | None = None) -> int:
+        """Ask what lies along a ray; return the request's number in the events.
+
+        Raises
+        ------
+        UsageError
+            A number that the protocol does not allow.
+        """
+        self._requests += 1
+        request, start = self._requests, point(origin)
+        along = None if direction is None else point(direction)
+        pick = checked(lambda: Pick(request=request, origin=start, direction=along))
+        self._picks[request] = pick
+        if self._open:
+            self._outbox.append(pick)
+        return request
+
+    def drop_pick(self, request: int) -> None:
+        """Forget a pick: its answer is skipped, a reconnect does not ask again."""
+        self._picks.pop(request, None)
+
+    def bye(self) -> None:
+        """End the session politely."""
+        if self._open:
+            self._outbox.append(Bye())
+
+    # ---- news from the disk cache
+
+    def stored_on_disk(self, facts: SegmentFacts) -> None:
+        """Note that the disk holds a segment."""
+        self.held.add_disk(facts.segment, facts.xxh3)
+
+    def removed_from_disk(self, segments: Iterable[int]) -> None:
+        """Note that the disk no longer holds these."""
+        for segment in segments:
+            self.held.drop_disk(segment)
+
+    def restored(self, entry: CachedSegment) -> None:
+        """Take a segment that ``RestoreNeeded`` asked for, verified by the caller."""
+        self._transfers.restored(entry)
+
+    def lost(self, segment: int) -> None:
+        """Note that the disk cannot give a segment that it was asked for."""
+        self._transfers.lost(segment)
+
+    # ---- messages
+
+    def _on_message(self, message: Message) -> None:
+        transfers = self._transfers
+        if isinstance(message, Welcome):
+            self._on_welcome(message)
+        elif isinstance(message, Error):
+            self._on_error(message)
+        elif not self._open:
+            raise ProtocolViolationError(f"got {message.TYPE} first, expected welcome or error")
+        elif isinstance(message, Plan):
+            transfers.on_plan(message)
+        elif isinstance(message, Ready):
+            transfers.on_ready(message)
+        elif isinstance(message, Degraded):
+            transfers.on_degraded(message)
+        elif isinstance(message, SupersededMessage):
+            transfers.on_superseded(message)
+        elif isinstance(message, Prefetch):
+            transfers.on_prefetch(message)
+        elif isinstance(message, Picked):
+            if self._picks.pop(message.request, None) is not None:
+                self._events.append(PickAnswered(message.request, message.hit))
+        elif isinstance(message, Notice):
+            news = Noticed(message.kind, message.version, message.reconnect_after_ms)
+            self._events.append(news)
+
+    def _on_welcome(self, welcome: Welcome) -> None:
+        if self._open or not self._greeting:
+            raise ProtocolViolationError("got a second welcome, expected one")
+        if welcome.protocol[0] != PROTOCOL[0]:
+            raise ProtocolViolationError(
+                f"got protocol {welcome.protocol[0]}.{welcome.protocol[1]}, "
+                f"expected {PROTOCOL[0]}.x"
+            )
+        self._open, self._greeting = True, False
+        dropped = tuple(int(segment) for segment in welcome.dropped)
+        self.held.forget(dropped)
+        changed = self.version is not None and self.version != welcome.scene.version
+        self.version = welcome.scene.version
+        if changed:
+            self._transfers.hide_all()
+        credit = min(self.options.credit_bytes, welcome.limits.max_credit_bytes)
+        self._credit_step = max(1, credit // 2)
+        self._events.append(
+            Opened(welcome.scene, welcome.limits, welcome.session, welcome.held_count, changed)
+        )
+        if dropped:
+            self._events.append(Dropped(dropped))
+        self._outbox.extend(self._picks.values())
+        if self._queued is not None:
+            landing, self._queued = self._queued, None
+            self._send_landing(landing)
+
+    def _on_error(self, error: Error) -> None:
+        if error.request is not None and self._picks.pop(error.request, None) is not None:
+            self._events.append(PickRefused(error.request, error.code, error.message))
+            if not error.fatal:
+                return
+        refused = None if error.fatal else self._transfers.refused(error.generation)
+        number = None if refused is None else refused.number
+        self._events.append(Refused(error.code, error.message, error.fatal, number))
+
+    # ---- state
+
+    def _queue(self, landing: LandingState | None) -> None:
+        """Keep the newest landing for the next connection; what waited before is superseded."""
+        if landing is None:
+            return
+        if self._queued is not None:
+            self._events.append(Superseded(self._queued.number, landing.number))
+        self._queued = landing
+
+    def _send_landing(self, landing: LandingState) -> None:
+        self._send_evictions()
+        self._generation += 1
+        landing.generation = self._generation
+        self._transfers.ask(landing)
+        self._outbox.append(landing.message(self._generation))
+
+    def _send_evictions(self) -> None:
+        # What may not be told now (6.7, rule 2) is told before the next land or aim.
+        if not self._transfers.awaits_plan:
+            self._outbox.extend(self.held.evictions(self._transfers.open_plan))
+
+    def _grant(self, taken_bytes: int) -> None:
+        self._taken_bytes += taken_bytes
+        if self._taken_bytes >= self._credit_step:
+            self._outbox.append(Credit(bytes=self._taken_bytes))
+            self._taken_bytes = 0
