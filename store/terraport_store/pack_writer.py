@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO
 
@@ -49,6 +50,11 @@ class PackWriter:
         self.file.write(data)
         self.digest.update(data)
         self.size += len(data)
+
+    def discard(self) -> None:
+        """Close the file without caring whether its last bytes reach the disk."""
+        with suppress(OSError):  # close() flushes first, which fails again on a full disk
+            self.file.close()
 
     def finish(self) -> None:
         """Wait until everything is on the disk, and close the file."""

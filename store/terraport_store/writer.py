@@ -97,6 +97,7 @@ class SceneWriter:
         self._shapes: list[MeshShape] = []
         self._regions: list[tuple[int, int]] = []
         self._base: MeshShape | None = None
+        self._last_covering = 0
         self._files: dict[str, FileInfo] = {}
         self._packs: dict[str, PackWriter] = {}
         self._open = True
@@ -204,6 +205,7 @@ class SceneWriter:
         self._write(BASE, glb)
         self._write(COVER, cover.to_bytes())
         self._base = shape
+        self._last_covering = int(cover.segments.max(initial=0))
 
     def set_regions(self, regions: Mapping[str, JsonValue]) -> None:
         """Write regions.json.
@@ -257,6 +259,10 @@ class SceneWriter:
                 f"{len(self._shapes)} segments and {'no' if self._base is None else 'a'} base, "
                 "expected at least one segment and a base"
             )
+        if self._last_covering >= len(self._shapes):
+            raise PublishError(
+                f"cover names segment {self._last_covering}, expected below {len(self._shapes)}"
+            )
         if REGIONS not in self._files:
             self.set_regions({"regions": []})
         indexes = {encoding: self._index(encoding) for encoding in self._packs}
@@ -279,7 +285,7 @@ class SceneWriter:
             return
         self._open = False
         for pack in self._packs.values():
-            pack.file.close()
+            pack.discard()
         if self._staging is not None:
             shutil.rmtree(self._staging, ignore_errors=True)
         if self._created:

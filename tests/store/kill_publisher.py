@@ -1,0 +1,91 @@
+"""Publish in forked children, kill them, and report what a reader then finds; one JSON line each.
+
+Run as ``kill_publisher.py acts|random SCENE``. A process of its own, because forking a test process
+with threads is unsafe.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from store.tiny_scene import write_tiny_scene
+
+from terraport_store import read_manifest, validate_scene
+
+ACTS = frozenset({"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree"})
+"""Audit events of what changes a directory (Python raises them before the act)."""
+
+
+def fork(work: Callable[[], None]) -> int:
+    child = os.fork()
+    if child == 0:
+        try:
+            work()
+        finally:
+            os._exit(0)
+    return child
+
+
+def report(scene: Path, *, killed: bool) -> None:
+    findings = [str(finding) for finding in validate_scene(scene)]
+    left = sum(entry.name.startswith(".") for entry in scene.iterdir())
+    answer = {"killed": killed, "findings": findings, "name": read_manifest(scene).name}
+    sys.stdout.write(json.dumps({**answer, "left": left}) + "\n")
+    sys.stdout.flush()
+
+
+def kill_at_act(scene: Path, number: int) -> bool:
+    """Publish version 1 over version 0 and die right before one file-system act; False when there
+    are fewer."""
+
+    def work() -> None:
+        seen = 0
+
+        def count(event: str, arguments: tuple[object, ...]) -> None:
+            nonlocal seen
+            if event in ACTS and str(scene) in str(arguments[0]):
+                seen += 1
+                if seen == number:
+                    os.kill(os.getpid(), signal.SIGKILL)
+
+        sys.addaudithook(count)
+        write_tiny_scene(scene, seed=1)
+
+    _, status = os.waitpid(fork(work), 0)
+    return os.WIFSIGNALED(status)
+
+
+def every_act(scene: Path) -> None:
+    for number in range(1, 1000):
+        write_tiny_scene(scene, seed=0)
+        killed = kill_at_act(scene, number)
+        report(scene, killed=killed)
+        if not killed:
+            return
+
+
+def random_moments(scene: Path) -> None:
+    write_tiny_scene(scene, seed=0)
+    chance = random.Random(7)
+
+    def work() -> None:
+        for seed in range(1, 10_000):
+            write_tiny_scene(scene, seed=seed)
+
+    for _ in range(40):
+        child = fork(work)
+        time.sleep(chance.uniform(0.0, 0.06))
+        os.kill(child, signal.SIGKILL)
+        _, status = os.waitpid(child, 0)
+        report(scene, killed=os.WIFSIGNALED(status))
+
+
+if __name__ == "__main__":
+    {"acts": every_act, "random": random_moments}[sys.argv[1]](Path(sys.argv[2]))
