@@ -110,7 +110,7 @@ class Observer:
     def planned(self, generation: int, plan: Plan) -> None:
         """Hear of a landing accepted and planned."""
 
-    def first_byte(self, generation: int, seconds: float) -> None:
+    def first_byte(self, seconds: float) -> None:
         """Hear of a landing's first payload byte, so long after ``land`` came."""
 
     def ready(self, message: Ready, seconds: float) -> None:

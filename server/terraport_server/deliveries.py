@@ -65,6 +65,7 @@ class Deliveries:
         self._limits = limits
         self._say = say
         self._observer = observer
+        self.encoding = hello.encoding
         self._table = scene.encodings[hello.encoding]
         self._budgets = _budgets(hello, limits)
         self.release_factor = hello.release_factor or limits.release_factor
@@ -210,7 +211,7 @@ class Deliveries:
         transfer.payload_bytes += chunk.length
         if isinstance(transfer, Landing) and not transfer.started:
             transfer.started = True
-            self._observer.first_byte(transfer.generation, now_s - transfer.received_s)
+            self._observer.first_byte(now_s - transfer.received_s)
         end = chunk.offset + chunk.length
         if end < chunk.total:
             self._parts[chunk.segment] = end

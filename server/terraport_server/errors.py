@@ -6,6 +6,7 @@
     ├── SettingsError       what the operator asked for cannot be (``setting``)
     ├── UnknownSceneError   no scene of that id, or not that version of it (``scene_id``)
     ├── AccessError         a request without the right token (``code``)
+    ├── RequestError        an HTTP request that cannot be answered (``status``, ``code``)
     └── PickTimeoutError    a pick took longer than it may
 
 Peers see a stable code and a text; the codes, close codes and HTTP statuses are
@@ -19,6 +20,7 @@ from terraport_wire import CLOSE_CODES, HTTP_STATUS, ErrorCode
 __all__ = [
     "AccessError",
     "PickTimeoutError",
+    "RequestError",
     "ServerError",
     "SettingsError",
     "UnknownSceneError",
@@ -91,6 +93,29 @@ class AccessError(ServerError):
         if self.code is ErrorCode.FORBIDDEN:
             return "got a token that does not open this scene, expected one that does"
         return "got no token or a wrong one, expected Authorization: Bearer TOKEN"
+
+
+class RequestError(ServerError):
+    """An HTTP request that cannot be answered.
+
+    Parameters
+    ----------
+    status : int
+        HTTP status.
+    code : str
+        Stable code.
+    what : str
+        What was received and what was expected.
+    """
+
+    def __init__(self, status: int, code: str, what: str) -> None:
+        super().__init__(status, code, what)
+        self.status = status
+        self.code = code
+        self.what = what
+
+    def __str__(self) -> str:
+        return self.what
 
 
 class PickTimeoutError(ServerError):

@@ -16,6 +16,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -287,9 +288,12 @@ def _triple(vector: _Floats) -> tuple[float, float, float]:
 
 
 def _mesh_bytes(mesh: SegmentMesh) -> int:
-    arrays = [mesh.positions, mesh.faces, mesh.normals, *mesh.attributes.values()]
-    if mesh.colours is not None:
-        arrays.append(mesh.colours)
-    if mesh.region_ids is not None:
-        arrays.append(mesh.region_ids)
-    return sum(array.nbytes for array in arrays)
+    arrays: list[npt.NDArray[Any] | None] = [
+        mesh.positions,
+        mesh.faces,
+        mesh.normals,
+        mesh.colours,
+        mesh.region_ids,
+        *mesh.attributes.values(),
+    ]
+    return sum(array.nbytes for array in arrays if array is not None)

@@ -85,9 +85,9 @@ class Session:
         authorise: Authorise | None = None,
         observer: Observer | None = None,
     ) -> None:
+        self.id = session_id
         self._scene = scene
         self._limits = limits
-        self._session_id = session_id
         self._authorise = authorise
         self._observer = observer or Observer()
         self._out: deque[Action] = deque()
@@ -122,6 +122,12 @@ class Session:
     def generation(self) -> int | None:
         """The newest generation, for logs."""
         return self._generation
+
+    @property
+    def encoding(self) -> str:
+        """The payload encoding; only once it is welcome."""
+        assert self._deliveries is not None
+        return self._deliveries.encoding
 
     @property
     def deliveries(self) -> Deliveries | None:
@@ -251,10 +257,6 @@ class Session:
             self._deliveries.end_aims(by=None)
         self._close_if_drained()
 
-    def refuse_connection(self, code: ErrorCode, text: str) -> None:
-        """End the session before it began, for a reason outside it (token, scene, load)."""
-        self._fatal(code, text)
-
     def fail(self) -> None:
         """End the session for a fault of our own, without telling what it was."""
         self._fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
@@ -269,7 +271,7 @@ class Session:
             self._fatal(refusal.code, refusal.text, protocols=refusal.protocols)
             return
         self._deliveries = Deliveries(scene, limits, hello, say=self._say, observer=self._observer)
-        self._say(make_welcome(hello, scene, limits, self._deliveries, self._session_id))
+        self._say(make_welcome(hello, scene, limits, self._deliveries, self.id))
 
     def _on_evict(self, evict: Evict, deliveries: Deliveries) -> None:
         wrong = deliveries.evict(evict.segments)

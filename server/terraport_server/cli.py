@@ -1,0 +1,132 @@
+"""``terraport serve``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import pydantic
+import typer
+
+from terraport_server.errors import ServerError, SettingsError
+from terraport_server.serving import run
+from terraport_server.settings import ENV_PREFIX, Settings
+from terraport_store import StoreError, list_scenes, read_manifest
+
+__all__ = ["register", "serve"]
+
+_DIRECTORY = typer.Argument(
+    help="A folder of scenes, or one scene (what terraport build wrote).", show_default=False
+)
+
+
+def serve(
+    directory: Annotated[Path, _DIRECTORY],
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on. [default: 127.0.0.1]")
+    ] = None,
+    port: Annotated[int | None, typer.Option(help="Port. [default: 8080]")] = None,
+    token: Annotated[
+        str | None,
+        typer.Option(help="Token that clients must show (16 characters or more)."),
+    ] = None,
+    tokens_file: Annotated[
+        Path | None, typer.Option(help="File of tokens, one a line: NAME TOKEN [SCENE ...].")
+    ] = None,
+    allow_open: Annotated[
+        bool | None,
+        typer.Option("--allow-open", help="Serve without tokens although others can connect."),
+    ] = None,
+    allow_origin: Annotated[
+        list[str] | None,
+        typer.Option(help="Origin of web pages that may connect; repeatable; '*' = all."),
+    ] = None,
+    tls_certificate: Annotated[Path | None, typer.Option(help="PEM file, for https.")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="PEM file, for https.")] = None,
+    max_radius: Annotated[
+        float | None, typer.Option(help="Largest landing radius, metres. [default: 500]")
+    ] = None,
+    max_sessions: Annotated[
+        int | None, typer.Option(help="Most clients at once. [default: 256]")
+    ] = None,
+    log_format: Annotated[str | None, typer.Option(help="text or json. [default: text]")] = None,
+    log_level: Annotated[
+        str | None, typer.Option(help="debug, info, warning or error. [default: info]")
+    ] = None,
+) -> None:
+    r"""Serve scenes to VR clients: landings over WebSocket, files over HTTP.
+
+    Every client lands with `land(position, radius)` and receives what it does not hold yet.
+    New versions of a scene are picked up while running. SIGTERM or Ctrl-C lets open landings
+    finish first.
+
+    \b
+    Try it:
+      terraport serve scenes/
+      terraport land http://127.0.0.1:8080/scenes/quarry 0 0 0 --radius 60
+      curl http://127.0.0.1:8080/scenes
+
+    Every option and many more can be set in the environment as TERRAPORT_NAME, e.g.
+    TERRAPORT_TOKEN, TERRAPORT_MAX_RADIUS_M; docs/topics/limits.md lists them. An option given here
+    wins over the environment.
+    """
+    given: dict[str, Any] = {
+        "scenes_dir": directory,
+        "host": host,
+        "port": port,
+        "token": token,
+        "tokens_file": tokens_file,
+        "allow_open": allow_open,
+        "allowed_origins": tuple(allow_origin) if allow_origin else None,
+        "tls_certificate": tls_certificate,
+        "tls_key": tls_key,
+        "max_radius_m": max_radius,
+        "max_sessions": max_sessions,
+        "log_format": log_format,
+        "log_level": log_level,
+    }
+    try:
+        settings = _settings({name: value for name, value in given.items() if value is not None})
+        settings.check()
+        _announce(settings)
+        run(settings)
+    except (ServerError, StoreError) as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(1) from None
+
+
+def register(app: typer.Typer) -> None:
+    """Add the server's commands to the command line."""
+    app.command("serve")(serve)
+
+
+def _settings(given: dict[str, Any]) -> Settings:
+    try:
+        return Settings(**given)
+    except pydantic.ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        name = ".".join(str(part) for part in first["loc"])
+        what = f"{first['msg']}; give the option or set {ENV_PREFIX}{name.upper()}"
+        raise SettingsError(name, what) from None
+
+
+def _announce(settings: Settings) -> None:
+    """Print where, what and for whom, before the log begins."""
+    scheme = "https" if settings.tls_certificate else "http"
+    address = f"{scheme}://{settings.host}:{settings.port}"
+    access = "open to everyone who can connect" if settings.is_open else "with a token"
+    typer.echo(f"terraport serves {settings.scenes_dir} at {address} ({access})")
+    scenes = list_scenes(settings.scenes_dir)
+    for scene_id, directory in scenes.items():
+        try:
+            manifest = read_manifest(directory)
+        except (StoreError, OSError) as error:
+            typer.echo(f"  {address}/scenes/{scene_id}  not served: {error}")
+            continue
+        counts = manifest.counts
+        typer.echo(
+            f"  {address}/scenes/{scene_id}  {manifest.name}: {counts.segments} segments, "
+            f"{counts.detail_faces} triangles"
+        )
+    if not scenes:
+        typer.echo("  no scene yet; one that appears is served within seconds")

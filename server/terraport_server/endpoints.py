@@ -1,0 +1,256 @@
+"""The HTTP endpoints beside the stream."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, FastAPI, Request, Response
+from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse
+
+from terraport_server.auth import bearer_token
+from terraport_server.errors import AccessError, RequestError, UnknownSceneError, http_status
+from terraport_server.metrics import CONTENT_TYPE
+from terraport_server.scenes import ServedScene
+from terraport_server.service import Service
+from terraport_store import StoreError
+from terraport_wire import ErrorCode
+
+__all__ = ["add_routes"]
+
+_router = APIRouter()
+
+_FOREVER = "public, max-age=31536000, immutable"
+_PRIVATE_FOREVER = "private, max-age=31536000, immutable"
+_CHECK = "no-cache"
+
+
+def add_routes(app: FastAPI) -> None:
+    """Add the endpoints and the answers to their errors; ``app.state.service`` must be set."""
+    app.include_router(_router)
+    app.add_exception_handler(AccessError, _access_refused)
+    app.add_exception_handler(UnknownSceneError, _unknown_scene)
+    app.add_exception_handler(RequestError, _refused)
+
+
+def _service(request: Request) -> Service:
+    service = request.app.state.service
+    assert isinstance(service, Service)
+    return service
+
+
+_Service = Annotated[Service, Depends(_service)]
+
+
+def _token(request: Request) -> str | None:
+    return bearer_token(request.headers.get("authorization"))
+
+
+def _scene(request: Request, scene_id: str, service: _Service, v: str | None = None) -> ServedScene:
+    """Return the scene that a request may see, in the version ``v`` or the newest."""
+    code = service.gate.check(_token(request), scene_id)
+    if code is not None:
+        raise AccessError(code)
+    return service.registry.get(scene_id, v)
+
+
+_Scene = Annotated[ServedScene, Depends(_scene)]
+
+
+@_router.get("/scenes", summary="Scenes that the token opens")
+def list_scenes(request: Request, service: _Service) -> dict[str, Any]:
+    """List id, name, version and size of every scene that the token opens."""
+    token = _token(request)
+    if not service.gate.is_known(token):
+        raise AccessError(ErrorCode.UNAUTHORISED)
+    ids = [scene_id for scene_id in service.registry.ids() if service.gate.opens(token, scene_id)]
+    return {"scenes": [_summary(service.registry.get(scene_id)) for scene_id in ids]}
+
+
+@_router.get("/scenes/{scene_id}", summary="One scene: its manifest and addresses")
+def get_scene(served: _Scene) -> JSONResponse:
+    """Return the manifest with the scene's id and the addresses of its parts added."""
+    document = served.scene.manifest.model_dump(mode="json")
+    document |= {"id": served.id, "links": _links(served)}
+    headers = {"Cache-Control": _CHECK, "ETag": f'"{served.version}"'}
+    return JSONResponse(document, headers=headers)
+
+
+@_router.get("/scenes/{scene_id}/base.glb", summary="The base mesh")
+def get_base(request: Request, served: _Scene, service: _Service, v: str | None = None) -> Response:
+    """Return the base mesh; ranges are understood."""
+    return _file(request, served, "base.glb", "model/gltf-binary", v, service)
+
+
+@_router.get("/scenes/{scene_id}/base.cover", summary="Segments over each base face")
+def get_cover(
+    request: Request, served: _Scene, service: _Service, v: str | None = None
+) -> Response:
+    """Return the cover, as spec/scene-format.md has it."""
+    return _file(request, served, "base.cover", "application/octet-stream", v, service)
+
+
+@_router.get("/scenes/{scene_id}/regions.json", summary="Facts about the regions")
+def get_regions(
+    request: Request, served: _Scene, service: _Service, v: str | None = None
+) -> Response:
+    """Return the regions file."""
+    return _file(request, served, "regions.json", "application/json", v, service)
+
+
+@_router.get("/scenes/{scene_id}/segments/{segment}.glb", summary="One segment's GLB")
+def get_segment(
+    request: Request, segment: int, served: _Scene, service: _Service, v: str | None = None
+) -> Response:
+    """Return the very bytes that a landing streams."""
+    index = served.scene.index
+    if not 0 <= segment < len(index):
+        text = f"got segment {segment}, expected 0 to {len(index) - 1}"
+        raise RequestError(404, "unknown_segment", text)
+    headers = _caching(service, v, f"{int(index.xxh3[segment]):016x}")
+    if _is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    try:
+        data = served.scene.payload(segment, recheck=True)
+    except StoreError:
+        service.metrics.corrupt_segments.labels(served.id).inc()
+        text = f"segment {segment} is not whole on the server's disk"
+        raise RequestError(500, "segment_corrupt", text) from None
+    return Response(bytes(data), media_type="model/gltf-binary", headers=headers)
+
+
+@_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")
+def get_report(served: _Scene) -> Response:
+    """Return report.html."""
+    path = served.scene.path / "report.html"
+    if not path.is_file():
+        text = "this scene has no report, expected report.html from terraport report"
+        raise RequestError(404, "unknown_report", text)
+    return FileResponse(path, media_type="text/html", headers={"Cache-Control": _CHECK})
+
+
+@_router.get("/healthz", summary="Whether the process runs", response_class=PlainTextResponse)
+def get_health() -> str:
+    """Say ok."""
+    return "ok\n"
+
+
+@_router.get("/readyz", summary="Whether new sessions are taken")
+def get_readiness(service: _Service) -> PlainTextResponse:
+    """Say ok, or 503 while starting or draining, or without any scene."""
+    if service.draining or not service.ready:
+        return PlainTextResponse("draining\n" if service.draining else "starting\n", 503)
+    if not service.registry.ids():
+        return PlainTextResponse("no scene\n", 503)
+    return PlainTextResponse("ok\n")
+
+
+@_router.get("/metrics", summary="Prometheus metrics")
+def get_metrics(service: _Service) -> Response:
+    """Return all metrics."""
+    return Response(service.metrics.render(), media_type=CONTENT_TYPE)
+
+
+@_router.get("/", summary="The scenes, for people", response_class=HTMLResponse)
+def get_page(service: _Service) -> str:
+    """Show the scenes with links to their reports; names only where a token is asked for."""
+    rows = []
+    for scene_id in service.registry.ids() if service.gate.is_open else []:
+        served = service.registry.get(scene_id)
+        name, path = html.escape(served.scene.manifest.name), f"scenes/{html.escape(scene_id)}"
+        counts = served.scene.manifest.counts
+        report = ""
+        if (Path(served.scene.path) / "report.html").is_file():
+            report = f' · <a href="{path}/report">report</a>'
+        rows.append(
+            f'<li><a href="{path}">{name}</a>: {counts.segments} segments, '
+            f"{counts.detail_faces} triangles{report}</li>"
+        )
+    listed = "\n".join(rows) or "<li>none to show; GET /scenes with a token lists them</li>"
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>terraport</title>'
+        f"<h1>terraport</h1><ul>\n{listed}\n</ul>"
+        '<p><a href="docs">API</a> · <a href="metrics">metrics</a></p></html>\n'
+    )
+
+
+def _summary(served: ServedScene) -> dict[str, Any]:
+    manifest = served.scene.manifest
+    return {
+        "id": served.id,
+        "name": manifest.name,
+        "version": served.version,
+        "segments": manifest.counts.segments,
+        "detail_faces": manifest.counts.detail_faces,
+        "links": _links(served),
+    }
+
+
+def _links(served: ServedScene) -> dict[str, str]:
+    """Addresses relative to the service's root, so that they hold behind any proxy's prefix."""
+    root, query = f"scenes/{served.id}", f"?v={served.version}"
+    return {
+        "self": root,
+        "stream": f"{root}/stream",
+        "base": f"{root}/base.glb{query}",
+        "cover": f"{root}/base.cover{query}",
+        "regions": f"{root}/regions.json{query}",
+        "segment": f"{root}/segments/{{segment}}.glb{query}",
+        "report": f"{root}/report",
+    }
+
+
+def _file(
+    request: Request,
+    served: ServedScene,
+    key: str,
+    media_type: str,
+    version: str | None,
+    service: Service,
+) -> Response:
+    headers = _caching(service, version, served.scene.manifest.files[key].xxh3)
+    if _is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    path = served.scene.file_path(key)
+    if not path.is_file():  # an old version whose files are gone
+        raise UnknownSceneError(served.id, served.version)
+    return FileResponse(path, media_type=media_type, headers=headers)
+
+
+def _caching(service: Service, version: str | None, content_hash: str) -> dict[str, str]:
+    """Cache for ever what names its version; ask again about what is "the newest"."""
+    forever = _FOREVER if service.gate.is_open else _PRIVATE_FOREVER
+    return {
+        "ETag": f'"{content_hash}"',
+        "Cache-Control": _CHECK if version is None else forever,
+        "Vary": "Authorization",
+    }
+
+
+def _is_unchanged(request: Request, etag: str) -> bool:
+    asked = request.headers.get("if-none-match", "")
+    return asked.strip() == "*" or etag in {
+        entry.strip().removeprefix("W/") for entry in asked.split(",")
+    }
+
+
+def _error(status: int, code: str, text: str, headers: dict[str, str] | None = None) -> Response:
+    """Return the JSON body of every refused request."""
+    return JSONResponse({"error": {"code": code, "message": text}}, status, headers=headers)
+
+
+def _access_refused(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, AccessError)
+    headers = {"WWW-Authenticate": "Bearer"} if error.code is ErrorCode.UNAUTHORISED else None
+    return _error(http_status(error.code), error.code, str(error), headers)
+
+
+def _unknown_scene(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, UnknownSceneError)
+    return _error(404, error.code, str(error))
+
+
+def _refused(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestError)
+    return _error(error.status, error.code, str(error))

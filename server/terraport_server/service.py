@@ -1,0 +1,195 @@
+"""Everything one server process shares between its clients."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import PackageNotFoundError, version
+
+from terraport_server.actions import RunPick
+from terraport_server.auth import Gate
+from terraport_server.logs import OncePerMinute, log
+from terraport_server.metrics import Metrics
+from terraport_server.pick import MeshCache, pick
+from terraport_server.scenes import SceneRegistry, ServedScene
+from terraport_server.sender import Priorities, Sender, SenderLimits
+from terraport_server.settings import Settings
+from terraport_wire import Hit
+
+__all__ = ["Service", "server_name"]
+
+
+def server_name() -> str:
+    """Name and version of the service."""
+    try:
+        return f"terraport {version('terraport')}"
+    except PackageNotFoundError:  # a checkout on PYTHONPATH
+        return "terraport"
+
+
+class Service:
+    """Scenes, access, metrics and live clients of one process. Lives on one event loop.
+
+    Parameters
+    ----------
+    settings
+        Checked; see :meth:`Settings.check`.
+
+    Raises
+    ------
+    SettingsError
+        When tokens cannot be read.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.gate = Gate.from_settings(settings)
+        self.metrics = Metrics()
+        self.registry = SceneRegistry(
+            settings.scenes_dir, source=settings.payload_source, published=self._published
+        )
+        self.session_limits = settings.session_limits(server_name())
+        self.sender_limits = SenderLimits(
+            max_message_bytes=settings.max_message_bytes,
+            max_pending_actions=settings.max_pending_actions,
+            close_timeout_s=settings.close_timeout_s,
+        )
+        self.priorities = Priorities()
+        self.once = OncePerMinute()
+        self.ready = False
+        """Whether the scenes were looked at and clients may come."""
+        self.draining = False
+        self._senders: dict[Sender, ServedScene] = {}
+        self._empty = asyncio.Event()
+        self._empty.set()
+        self._per_ip: Counter[str] = Counter()
+        self._tasks: list[asyncio.Task[None]] = []
+        self._cache = MeshCache(settings.pick_cache_bytes)
+        self._pool = ThreadPoolExecutor(settings.pick_threads, thread_name_prefix="pick")
+
+    @property
+    def session_count(self) -> int:
+        """Sessions open or being opened now."""
+        return self._per_ip.total()
+
+    async def start(self) -> None:
+        """Open the scenes and begin to watch them."""
+        await self.registry.refresh()
+        self._tasks = [
+            asyncio.create_task(self.registry.watch(self.settings.scene_poll_s)),
+            asyncio.create_task(self.metrics.watch_loop()),
+        ]
+        self.ready = True
+
+    async def drain(self) -> None:
+        """Take no new sessions, let open landings finish, end all sessions; bounded in time."""
+        if self.draining:
+            return
+        self.draining = True
+        settings = self.settings
+        loop = asyncio.get_running_loop()
+        if self._senders:
+            log("draining", sessions=len(self._senders))
+        for sender in self._senders:
+            sender.session.drain(loop.time(), settings.drain_timeout_s)
+            sender.wake()
+        until_s = loop.time() + settings.drain_timeout_s + settings.close_timeout_s
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout_at(until_s):
+                await self._empty.wait()
+
+    async def stop(self) -> None:
+        """End what :meth:`start` began and close the scenes."""
+        self.ready = False
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        # Threads read from the scenes: they end first, each within its own time bound.
+        await asyncio.to_thread(self._pool.shutdown, cancel_futures=True)
+        self.registry.close()
+
+    def admit(self, client_ip: str) -> str | None:
+        """Count a session in; return why not where there are too many."""
+        settings = self.settings
+        if self.session_count >= settings.max_sessions:
+            return f"got session {self.session_count + 1}, expected at most {settings.max_sessions}"
+        if self._per_ip[client_ip] >= settings.max_sessions_per_ip:
+            most = settings.max_sessions_per_ip
+            return f"got session {most + 1} from one address, expected at most {most}"
+        self._per_ip[client_ip] += 1
+        return None
+
+    def dismiss(self, client_ip: str) -> None:
+        """Count a session out."""
+        self._per_ip[client_ip] -= 1
+        if self._per_ip[client_ip] <= 0:
+            del self._per_ip[client_ip]
+
+    def add(self, sender: Sender, served: ServedScene) -> None:
+        """Take a client in: it holds its scene, and hears of news."""
+        served.hold()
+        self._senders[sender] = served
+        self._empty.clear()
+        self.metrics.sessions.labels(served.id).inc()
+        newest = self.registry.get(served.id)
+        if newest.version != served.version:  # published between look-up and now
+            sender.session.scene_published(newest.version)
+
+    def remove(self, sender: Sender) -> None:
+        """Let a client go."""
+        served = self._senders.pop(sender)
+        if not self._senders:
+            self._empty.set()
+        self.metrics.sessions.labels(served.id).dec()
+        served.release()
+
+    async def run_pick(self, served: ServedScene, action: RunPick) -> Hit | None:
+        """Answer a pick in a thread, within its time bound.
+
+        Cancelling it leaves the thread to end by itself; the scene is held until then.
+
+        Raises
+        ------
+        PickTimeoutError
+            When it took too long.
+        """
+        settings = self.settings
+        due_s = time.monotonic() + settings.pick_timeout_s
+
+        def work() -> Hit | None:
+            return pick(
+                served.scene,
+                self._cache,
+                action.origin,
+                action.direction,
+                max_distance_m=settings.max_radius_m,
+                max_segments=settings.pick_max_segments,
+                time_is_up=lambda: time.monotonic() > due_s,
+                failed=failed,
+            )
+
+        def failed(segment: int, error: Exception) -> None:
+            log(
+                "segment_corrupt",
+                level=logging.ERROR,
+                scene=served.id,
+                version=served.version,
+                segment=segment,
+                reason=str(error),
+            )
+            self.metrics.corrupt_segments.labels(served.id).inc()
+
+        served.hold()
+        future = asyncio.get_running_loop().run_in_executor(self._pool, work)
+        future.add_done_callback(lambda _: served.release())
+        return await asyncio.shield(future)
+
+    def _published(self, served: ServedScene) -> None:
+        for sender, using in self._senders.items():
+            if using.id == served.id:
+                sender.session.scene_published(served.version)
+                sender.wake()

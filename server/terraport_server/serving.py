@@ -1,0 +1,194 @@
+"""Running the service: in the foreground until a signal, or in a thread beside other work."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import uvicorn
+
+from terraport_server.app import create_app
+from terraport_server.errors import ServerError
+from terraport_server.logs import configure_logging
+from terraport_server.service import Service
+from terraport_server.settings import Settings
+from terraport_server.transport import protocol_class
+
+__all__ = ["BackgroundServer", "TerraportServer", "make_server", "run"]
+
+_START_TIMEOUT_S = 60.0
+
+
+class TerraportServer(uvicorn.Server):
+    """uvicorn's server that drains its sessions before it closes their connections."""
+
+    def __init__(self, config: uvicorn.Config, service: Service) -> None:
+        super().__init__(config)
+        self.service = service
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Drain, bounded in time and cut short by a second signal, then shut down."""
+        draining = asyncio.create_task(self.service.drain())
+        while not draining.done() and not self.force_exit:
+            await asyncio.wait({draining}, timeout=0.1)
+        draining.cancel()
+        await asyncio.gather(draining, return_exceptions=True)
+        await super().shutdown(sockets)
+
+
+def make_server(settings: Settings) -> TerraportServer:
+    """Put application and uvicorn together.
+
+    Raises
+    ------
+    SettingsError
+        When the settings cannot be served with, or not safely.
+    """
+    app = create_app(settings)
+    config = uvicorn.Config(
+        app,
+        host=settings.host,
+        port=settings.port,
+        ws=protocol_class(
+            notsent_lowat_bytes=settings.notsent_lowat_bytes,
+            send_buffer_bytes=settings.send_buffer_bytes,
+        ),
+        # A message beyond it is cut off by the WebSocket layer (1009); between max_message_bytes
+        # and this, the client is told too_large.
+        ws_max_size=4 * settings.max_message_bytes,
+        # Payloads are compressed offline; deflate would cost 100 times the time.
+        ws_per_message_deflate=False,
+        # The session's idle_timeout_s decides, with pongs counted; uvicorn only asks for them.
+        ws_ping_interval=min(20.0, settings.idle_timeout_s / 3.0),
+        ws_ping_timeout=None,
+        limit_concurrency=settings.max_connections,
+        timeout_graceful_shutdown=max(1, round(settings.close_timeout_s)),
+        forwarded_allow_ips=settings.forwarded_allow_ips,
+        ssl_certfile=settings.tls_certificate,
+        ssl_keyfile=settings.tls_key,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        lifespan="on",
+    )
+    service = app.state.service
+    assert isinstance(service, Service)
+    return TerraportServer(config, service)
+
+
+def run(settings: Settings) -> None:
+    """Serve until SIGTERM or SIGINT, then drain and return.
+
+    Raises
+    ------
+    SettingsError
+        When the settings cannot be served with, or not safely.
+    ServerError
+        When the service could not start (the log says why: port in use, unreadable certificate).
+    """
+    configure_logging(settings.log_level, settings.log_format)
+    server = make_server(settings)
+    server.run()
+    if not server.started:
+        address = f"{settings.host}:{settings.port}"
+        raise ServerError(f"could not listen on {address}, expected a free address and port")
+
+
+class BackgroundServer:
+    """The service in a thread, on a free port of this machine; a context manager.
+
+    ::
+
+        with BackgroundServer(scenes_dir) as server:
+            print(server.url)
+
+    Parameters
+    ----------
+    scenes_dir
+        A folder of scenes, or one scene.
+    **overrides
+        Any other fields of :class:`Settings`.
+
+    Raises
+    ------
+    SettingsError
+        When the settings cannot be served with.
+    """
+
+    def __init__(self, scenes_dir: Path | str, **overrides: Any) -> None:
+        overrides.setdefault("host", "127.0.0.1")
+        overrides.setdefault("port", 0)
+        settings = Settings(scenes_dir=Path(scenes_dir), **overrides)
+        self._server = make_server(settings)
+        self._socket = socket.create_server((settings.host, settings.port))
+        self._thread = threading.Thread(target=self._run, name="terraport-server", daemon=True)
+        self._failure: BaseException | None = None
+
+    @property
+    def service(self) -> Service:
+        """The running service. It lives on its own thread's event loop: look, do not call."""
+        return self._server.service
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        port: int = self._socket.getsockname()[1]
+        return port
+
+    @property
+    def url(self) -> str:
+        """Address of the service, ``http://HOST:PORT``."""
+        host = self._server.config.host
+        return f"http://{host}:{self.port}"
+
+    def scene_url(self, scene_id: str) -> str:
+        """Address of one scene."""
+        return f"{self.url}/scenes/{scene_id}"
+
+    def start(self) -> None:
+        """Start and wait until clients are served.
+
+        Raises
+        ------
+        ServerError
+            When it does not come up.
+        """
+        self._thread.start()
+        waited = threading.Event()
+        for _ in range(int(_START_TIMEOUT_S / 0.01)):
+            if self._server.started:
+                return
+            if not self._thread.is_alive():
+                break
+            waited.wait(0.01)
+        self.stop()
+        raise ServerError(f"the service did not start: {self._failure!r}")
+
+    def stop(self) -> None:
+        """Drain, stop and wait; may be called again."""
+        self._server.should_exit = True
+        if self._thread.is_alive():
+            self._thread.join()
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        try:
+            self._server.run(sockets=[self._socket])
+        except BaseException as error:  # noqa: BLE001 - handed to the thread that asked
+            self._failure = error

@@ -1,0 +1,125 @@
+"""Scenes for the service's tests: a grid of square segments in the plane, made from a formula.
+
+Segment ``row * SIDE + column`` covers x from ``10 * column`` and z from ``10 * row``, 10 m each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from terraport_payload import (
+    AttributeScale,
+    Cover,
+    SegmentMesh,
+    decode_glb,
+    encode_arrays,
+    encode_glb,
+    gltf_attribute_name,
+)
+from terraport_store import AttributeInfo, BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter
+
+SIDE = 6
+TILE_M = 10.0
+STEP_M = 2.0**-9
+SCALES = {"grade": AttributeScale(offset=0.0, step=2.0**-10)}
+
+
+@dataclass(frozen=True)
+class GridScene:
+    """What was written."""
+
+    path: Path
+    manifest: Manifest
+    payloads: list[bytes]
+    meshes: list[SegmentMesh]
+
+
+def tile_mesh(row: int, column: int, cells: int, *, seed: int = 0, tiles: int = 1) -> SegmentMesh:
+    """A gently wavy square of ``tiles`` tiles a side; y stays within 0 to 2."""
+    lattice = np.arange(cells + 1)
+    i, j = (axis.reshape(-1) for axis in np.meshgrid(lattice, lattice, indexing="ij"))
+    spacing_m = TILE_M * tiles / cells
+    x, z = TILE_M * column + i * spacing_m, TILE_M * row + j * spacing_m
+    y = 1.0 + 0.5 * np.sin(0.4 * x + seed) * np.cos(0.3 * z)
+    corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).reshape(-1)
+    step = cells + 1
+    # Counter-clockwise from above: x grows with i, z with j.
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + 1, corner + step + 1], axis=1),
+            np.stack([corner, corner + step + 1, corner + step], axis=1),
+        ]
+    )
+    grade = (0.5 + 0.01 * x).astype(np.float32)
+    return SegmentMesh(
+        positions=np.stack([x, y, z], axis=1).astype(np.float32),
+        faces=faces.astype(np.uint32),
+        normals=np.tile(np.array([0, 1, 0], dtype=np.float32), (len(x), 1)),
+        colours=np.stack([i % 256, j % 256, (i + j) % 256], axis=1).astype(np.uint8),
+        region_ids=np.full(len(x), row % 3, dtype=np.uint16),
+        attributes={"grade": grade},
+    )
+
+
+def write_grid_scene(
+    path: Path,
+    *,
+    seed: int = 0,
+    cells: int = 12,
+    compress: bool = True,
+    with_arrays: bool = False,
+    name: str = "grid",
+) -> GridScene:
+    """Publish a grid of SIDE x SIDE segments; another seed is another version."""
+    meshes = [
+        tile_mesh(row, column, cells, seed=seed) for row in range(SIDE) for column in range(SIDE)
+    ]
+    payloads = [
+        encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES, compress=compress)
+        for mesh in meshes
+    ]
+    base = tile_mesh(0, 0, SIDE, seed=seed, tiles=SIDE)
+    with SceneWriter(path, with_arrays=with_arrays) as writer:
+        for number, glb in enumerate(payloads):
+            arrays = encode_arrays(decode_glb(glb)) if with_arrays else None
+            writer.add_segment(glb, region=number // SIDE % 3, arrays=arrays)
+        writer.set_base(
+            encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
+            _cover(),
+        )
+        writer.set_regions({"regions": [{"id": 0, "label": "road"}, {"id": 1}, {"id": 2}]})
+        manifest = writer.publish(_info(name, seed))
+    return GridScene(path, manifest, payloads, [decode_glb(glb) for glb in payloads])
+
+
+def _cover() -> Cover:
+    """Base quad (column i, row j) lies under segment row j, column i; each quad is two faces."""
+    quad = np.arange(SIDE * SIDE)
+    segment = (quad % SIDE) * SIDE + quad // SIDE
+    rows = np.concatenate([segment, segment]).astype(np.uint32)
+    return Cover(np.arange(len(rows) + 1, dtype=np.uint32), rows)
+
+
+def _info(name: str, seed: int) -> SceneInfo:
+    return SceneInfo(
+        name=name,
+        origin=(500_000.0, 8_000_000.0, 100.0),
+        step_m=STEP_M,
+        points=1000,
+        regions=3,
+        hand_off=HandOff(deviation_m=0.01, tolerance_m=0.05),
+        build=BuildInfo(terraport="0.1.0", options={"seed": seed}),
+        attributes=(
+            AttributeInfo(
+                name="grade",
+                gltf_name=gltf_attribute_name("grade"),
+                offset=0.0,
+                step=SCALES["grade"].step,
+                min=0.0,
+                max=2.0,
+            ),
+        ),
+    )
