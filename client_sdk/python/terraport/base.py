@@ -1,0 +1,65 @@
+"""The base mesh of a scene, with the cover that says what of it to hide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport.cover import CoverCounters
+from terraport.errors import ProtocolViolationError
+from terraport_payload import Cover, PayloadError, SegmentMesh, decode_glb
+
+__all__ = ["BaseMesh"]
+
+
+@dataclass(frozen=True, slots=True)
+class BaseMesh:
+    """The light mesh that is always there. One per scene version; not thread-safe."""
+
+    version: str
+    """Scene version; segment ids in the cover belong to it alone."""
+    mesh: SegmentMesh
+    """B faces, scene frame."""
+    cover: Cover
+    """Segments over each face, as stored."""
+    counters: CoverCounters
+    """The incremental form of the cover; its state is whatever was shown last."""
+
+    @classmethod
+    def of(cls, version: str, glb: bytes, cover: bytes) -> BaseMesh:
+        """Decode what the server gives as ``base.glb`` and ``base.cover``.
+
+        Raises
+        ------
+        ProtocolViolationError
+            One of them cannot be decoded, or they do not belong together.
+        """
+        try:
+            mesh, rows = decode_glb(glb), Cover.from_bytes(cover)
+        except PayloadError as error:
+            raise ProtocolViolationError(f"base mesh: {error}") from error
+        if rows.base_faces != len(mesh.faces):
+            raise ProtocolViolationError(
+                f"base.cover has {rows.base_faces} rows, expected {len(mesh.faces)}: one a face"
+            )
+        return cls(version, mesh, rows, CoverCounters.of(rows))
+
+    def hidden_faces(self, loaded: Iterable[int]) -> npt.NDArray[np.bool_]:
+        """Return which faces must not be drawn while these segments are shown.
+
+        Costs what changed since the last call, not the size of the mesh (but for the copy).
+
+        Parameters
+        ----------
+        loaded : iterable of int
+            Ids of all segments that are shown.
+
+        Returns
+        -------
+        ndarray of shape (B,), bool
+            A copy. True iff at least one segment lies over the face and all of those are loaded.
+        """
+        return self.counters.show(loaded).copy()

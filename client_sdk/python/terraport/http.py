@@ -1,0 +1,161 @@
+"""What a client asks over HTTP beside the stream: the manifest, the base mesh and its cover.
+
+Everything is asked for by version, so nothing that comes back ever changes: what the disk cache has
+of a version is used without asking, after its hash was compared with the manifest's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any, Final
+
+import httpx
+import xxhash
+
+from terraport.base import BaseMesh
+from terraport.disk_cache import DiskCache
+from terraport.errors import HttpError, ProtocolViolationError, UsageError
+from terraport.urls import SceneUrl
+
+__all__ = ["MAX_BASE_BYTES", "SceneHttp"]
+
+MAX_BASE_BYTES: Final = 1 << 30
+"""Largest base mesh or cover that is read; a base of 5 M faces takes about 60 MB."""
+_MAX_MANIFEST_BYTES: Final = 16 << 20
+
+
+class SceneHttp:
+    """HTTP side of one session. Calls may overlap; cancelling one abandons its request.
+
+    The owner calls :meth:`aclose`.
+
+    Parameters
+    ----------
+    url : SceneUrl
+        Of the server or the scene.
+    token : str or None
+        Sent as bearer token to that server alone: redirects are not followed.
+    timeout_s : float
+        Bound on connecting, and on each wait for more bytes.
+    """
+
+    def __init__(self, url: SceneUrl, token: str | None, timeout_s: float) -> None:
+        headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+        self._client = httpx.AsyncClient(headers=headers, timeout=timeout_s, trust_env=False)
+        self._url = url
+
+    async def resolve(self) -> SceneUrl:
+        """Return the URL of the scene; a server URL stands for its only scene.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer, or refuses.
+        UsageError
+            It has none, or more than one: then the error names them.
+        """
+        if self._url.scene is not None:
+            return self._url
+        document = await self._json(self._url.scenes)
+        try:
+            ids = [str(scene["id"]) for scene in document["scenes"]]
+        except (KeyError, TypeError):
+            raise ProtocolViolationError(f"{self._url.scenes} lists no scenes") from None
+        if len(ids) != 1:
+            named = ", ".join(ids) or "none"
+            raise UsageError(
+                f"{self._url.server} serves {len(ids)} scenes ({named}), "
+                "expected one: name it as .../scenes/ID"
+            )
+        self._url = self._url.with_scene(ids[0])
+        return self._url
+
+    async def manifest(self, version: str | None = None) -> dict[str, Any]:
+        """Return the scene's manifest as ``spec/scene-format.md`` section 4 has it.
+
+        Parameters
+        ----------
+        version : str or None
+            None asks for the newest.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer, or does not have that version any more.
+        """
+        return await self._json(self._url.http, version)
+
+    async def base(self, version: str, disk: DiskCache | None) -> BaseMesh:
+        """Return the base mesh with its cover, from the disk cache where that has it.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer, or does not have that version any more.
+        ProtocolViolationError
+            What came does not have the manifest's hash, or cannot be decoded.
+        """
+        files = (await self.manifest(version)).get("files", {})
+        glb = await self._file("base.glb", version, files, disk)
+        cover = await self._file("base.cover", version, files, disk)
+        return await asyncio.to_thread(BaseMesh.of, version, glb, cover)
+
+    async def aclose(self) -> None:
+        """Close all connections."""
+        await self._client.aclose()
+
+    async def _file(
+        self, key: str, version: str, files: dict[str, Any], disk: DiskCache | None
+    ) -> bytes:
+        expected = str(files.get(key, {}).get("xxh3"))
+        name = f"{key.replace('.', '-')}-{version}"
+        if disk is not None:
+            data = await asyncio.to_thread(disk.get_blob, name)
+            if data is not None and xxhash.xxh3_64_hexdigest(data) == expected:
+                return data
+        url = f"{self._url.http}/{key}"
+        data = await self._get(url, version, MAX_BASE_BYTES)
+        actual = xxhash.xxh3_64_hexdigest(data)
+        if actual != expected:
+            raise ProtocolViolationError(f"{url} has xxh3 {actual}, expected {expected}")
+        if disk is not None:
+            await asyncio.to_thread(disk.put_blob, name, data)
+        return data
+
+    async def _json(self, url: str, version: str | None = None) -> dict[str, Any]:
+        data = await self._get(url, version, _MAX_MANIFEST_BYTES)
+        try:
+            document = json.loads(data)
+        except ValueError as error:
+            raise HttpError(url, 200, f"no JSON: {error}") from None
+        if not isinstance(document, dict):
+            raise HttpError(url, 200, f"got {type(document).__name__}, expected an object")
+        return document
+
+    async def _get(self, url: str, version: str | None, max_bytes: int) -> bytes:
+        parts, size = [], 0
+        try:
+            async with self._client.stream(
+                "GET", url, params=None if version is None else {"v": version}
+            ) as response:
+                async for part in response.aiter_bytes():
+                    size += len(part)
+                    if size > max_bytes:
+                        text = f"more than {max_bytes} bytes"
+                        raise HttpError(url, response.status_code, text)
+                    parts.append(part)
+                if response.status_code != httpx.codes.OK:
+                    text = _error_text(b"".join(parts), response.reason_phrase)
+                    raise HttpError(url, response.status_code, text)
+        except httpx.HTTPError as error:
+            raise HttpError(url, 0, str(error) or type(error).__name__) from error
+        return b"".join(parts)
+
+
+def _error_text(body: bytes, reason: str) -> str:
+    """Return the message of the server's JSON error body, or the status line's words."""
+    try:
+        return str(json.loads(body)["error"]["message"])
+    except (ValueError, KeyError, TypeError):
+        return reason or "no reason given"

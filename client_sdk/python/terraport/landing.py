@@ -1,0 +1,284 @@
+"""A landing as its user sees it, and the record behind it that the session fills."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
+
+from terraport.cache import CachedSegment
+from terraport.errors import (
+    LandingIncompleteError,
+    LandingTimeoutError,
+    TerraportError,
+    UsageError,
+)
+from terraport.segment import Segment
+from terraport_wire import Plan
+
+__all__ = ["Landing", "LandingRecord", "LandingStats"]
+
+
+@dataclass(frozen=True, slots=True)
+class LandingStats:
+    """What one landing took; times in seconds from the call of ``land``, None while open."""
+
+    plan_s: float | None
+    first_segment_s: float | None
+    """Until the first segment was whole, whether streamed or read from the disk cache."""
+    ready_s: float | None
+    streamed_segments: int
+    streamed_bytes: int
+    """Payload bytes of whole segments that the server sent for this landing."""
+    memory_bytes: int
+    disk_bytes: int
+    """Payload bytes that were held before."""
+    rejected: int
+    """Segments that came with a wrong hash, or that the disk cache had lost."""
+    plans: int
+    """1, and one more for each reconnect before it was ready."""
+
+
+@dataclass(slots=True)
+class LandingRecord:
+    """State of a landing. Filled by the session, on its event loop; read by the landing."""
+
+    number: int
+    encoding: str
+    clock: Callable[[], float]
+    started_s: float
+    plan: Plan | None = None
+    segments: dict[int, Segment] = field(default_factory=dict)
+    """By id: what of the plan is whole."""
+    arrived: list[Segment] = field(default_factory=list)
+    """In order of arrival, kept ones first; what iteration walks."""
+    shown: tuple[int, ...] | None = None
+    """Ids once ready."""
+    degraded: tuple[int, ...] | None = None
+    missing: tuple[int, ...] = ()
+    error: TerraportError | None = None
+    plan_s: float | None = None
+    first_segment_s: float | None = None
+    ready_s: float | None = None
+    rejected: int = 0
+    plans: int = 0
+    _waiters: list[asyncio.Future[None]] = field(default_factory=list)
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more will happen."""
+        return self.shown is not None or self.error is not None
+
+    def planned(self, plan: Plan, kept: tuple[CachedSegment, ...]) -> None:
+        """Take a plan; after a reconnect it replaces the one before."""
+        self.plan = plan
+        self.plans += 1
+        if self.plan_s is None:
+            self.plan_s = self.clock() - self.started_s
+        before, self.segments = self.segments, {}
+        for entry in kept:
+            known = before.get(entry.facts.segment)
+            if known is not None and known.entry == entry:
+                self.segments[known.id] = known
+            else:
+                self._add(entry, "memory")
+        self.changed()
+
+    def arrive(self, entry: CachedSegment, source: str) -> None:
+        """Take one segment."""
+        if self.first_segment_s is None:
+            self.first_segment_s = self.clock() - self.started_s
+        self._add(entry, source)
+        self.changed()
+
+    def ready(self, shown: tuple[int, ...], missing: tuple[int, ...]) -> None:
+        """Note that it is whole."""
+        self.shown, self.missing = shown, missing
+        self.ready_s = self.clock() - self.started_s
+        self.changed()
+
+    def fail(self, error: TerraportError) -> None:
+        """Note that it will not be."""
+        if not self.over:
+            self.error = error
+            self.changed()
+
+    def changed(self) -> None:
+        """Wake everyone who waits."""
+        waiters, self._waiters = self._waiters, []
+        for waiter in waiters:
+            if not waiter.done():
+                waiter.set_result(None)
+
+    async def change(self) -> None:
+        """Wait until something changes. Any number may wait; cancelling one harms nobody."""
+        waiter = asyncio.get_running_loop().create_future()
+        self._waiters.append(waiter)
+        await waiter
+
+    def _add(self, entry: CachedSegment, source: str) -> None:
+        segment = Segment(entry, self.encoding, source)
+        self.segments[segment.id] = segment
+        self.arrived.append(segment)
+
+
+class Landing:
+    """One landing: its plan is here, its segments are coming.
+
+    Made by :meth:`terraport.Session.land`. It needs no closing: it holds its segments for as long
+    as it lives, and a newer landing ends it.
+
+    Every coroutine may be awaited by any number of tasks of the session's loop at once; cancelling
+    one ends that wait alone, not the landing.
+    """
+
+    def __init__(self, record: LandingRecord) -> None:
+        self._record = record
+
+    @property
+    def number(self) -> int:
+        """1 for the session's first landing, and so on."""
+        return self._record.number
+
+    @property
+    def plan(self) -> Plan:
+        """The server's plan: load, keep, release, totals, and what a budget left out.
+
+        After a reconnect it is the newest one, whose `keep` has what had come before.
+        """
+        assert self._record.plan is not None  # Session.land waits for it
+        return self._record.plan
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it is whole (but for :attr:`missing`)."""
+        return self._record.shown is not None
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Ids of the plan that could not be delivered; empty until ready."""
+        return self._record.missing
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """What of the plan is here, kept segments included, ascending id; once ready, all of it."""
+        return tuple(segment for _, segment in sorted(self._record.segments.items()))
+
+    @property
+    def stats(self) -> LandingStats:
+        """Times, counts and bytes so far."""
+        record = self._record
+        by_source = {"stream": 0, "memory": 0, "disk": 0}
+        streamed = 0
+        for segment in record.segments.values():
+            by_source[segment.source] += len(segment.payload)
+            streamed += segment.source == "stream"
+        return LandingStats(
+            plan_s=record.plan_s,
+            first_segment_s=record.first_segment_s,
+            ready_s=record.ready_s,
+            streamed_segments=streamed,
+            streamed_bytes=by_source["stream"],
+            memory_bytes=by_source["memory"],
+            disk_bytes=by_source["disk"],
+            rejected=record.rejected,
+            plans=record.plans,
+        )
+
+    async def ready(
+        self, timeout_s: float | None = None, *, allow_missing: bool = False
+    ) -> tuple[Segment, ...]:
+        """Wait until every segment of the plan is here.
+
+        Parameters
+        ----------
+        timeout_s : float or None
+            None waits as long as the session lives; the session's own timeouts bound that.
+        allow_missing : bool
+            True returns what there is where the server could not deliver some segments.
+
+        Returns
+        -------
+        tuple of Segment
+            Everything that is visible at this landing, ascending id.
+
+        Raises
+        ------
+        LandingSupersededError
+            A newer landing took its place.
+        LandingIncompleteError
+            The server could not deliver some segments whole; the others are in :attr:`segments`,
+            and over the missing ones the base mesh stays, so nothing is open.
+        LandingTimeoutError
+            `timeout_s` ran out; the landing goes on, and may be awaited again.
+        ServerError
+            The server refused it.
+        SessionClosedError
+            The session ended before.
+        """
+        await self._until(lambda: self._record.shown is not None, timeout_s)
+        if self._record.missing and not allow_missing:
+            raise LandingIncompleteError(self.number, self._record.missing)
+        return self.segments
+
+    async def presentable(self, timeout_s: float | None = None) -> tuple[Segment, ...]:
+        """Wait until there is something whole to show: all, or after the deadline the inner set.
+
+        Meant for landings with ``deadline_s``. Raises what :meth:`ready` raises, but for missing
+        segments, which are left out.
+        """
+        record = self._record
+        await self._until(
+            lambda: record.shown is not None or record.degraded is not None, timeout_s
+        )
+        if record.shown is not None or record.degraded is None:
+            return self.segments
+        return tuple(segment for segment in self.segments if segment.id in record.degraded)
+
+    def __aiter__(self) -> AsyncIterator[Segment]:
+        """Iterate over the segments as they arrive: what was held first, then nearest first.
+
+        Ends when the landing is ready, and raises what :meth:`ready` raises. Each loop sees every
+        segment once, however often the connection breaks.
+        """
+        return self._iterate()
+
+    async def _iterate(self) -> AsyncIterator[Segment]:
+        record, at = self._record, 0
+        while True:
+            while at < len(record.arrived):
+                at += 1
+                yield record.arrived[at - 1]
+            if record.over:
+                await self.ready()
+                return
+            await record.change()
+
+    async def _until(self, reached: Callable[[], bool], timeout_s: float | None) -> None:
+        record = self._record
+        if timeout_s is not None and not timeout_s >= 0:
+            raise UsageError(f"timeout_s is {timeout_s}, expected 0 or more, or None")
+        try:
+            async with asyncio.timeout(timeout_s):
+                while not reached():
+                    if record.error is not None:
+                        raise record.error
+                    await record.change()
+        except TimeoutError as error:
+            if isinstance(error, TerraportError):
+                raise
+            expected = 0 if record.plan is None else len(record.plan.load) + len(record.plan.keep)
+            raise LandingTimeoutError(
+                self.number, timeout_s or 0.0, len(record.segments), expected
+            ) from None
+
+    def __repr__(self) -> str:
+        plan = self._record.plan
+        if plan is None:
+            return f"<Landing {self.number}, no plan yet>"
+        x, y, z = plan.position
+        total = len(plan.load) + len(plan.keep)
+        return (
+            f"<Landing {self.number} at ({x:g}, {y:g}, {z:g}), {plan.radius_m:g} m: "
+            f"{len(self._record.segments)} of {total} segments>"
+        )

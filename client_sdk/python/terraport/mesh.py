@@ -1,0 +1,219 @@
+"""Meshes for their users: trimesh, the mixed model of a landing, GLB files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport.errors import MissingExtraError, UsageError
+from terraport_payload import (
+    AttributeScale,
+    SegmentMesh,
+    choose_attribute_scale,
+    encode_glb,
+    snap,
+)
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from terraport.base import BaseMesh
+
+__all__ = ["concatenate", "mixed_model", "to_trimesh", "write_glb"]
+
+_GREY: Final = 160
+"""sRGB of vertices without colour in a mesh of which others have one."""
+
+
+def to_trimesh(mesh: SegmentMesh) -> trimesh.Trimesh:
+    """Return a mesh as a ``trimesh.Trimesh``; nothing is merged, reordered or repaired.
+
+    Attributes go to ``vertex_attributes`` by their survey names, region ids as ``region_id``.
+
+    Raises
+    ------
+    MissingExtraError
+        trimesh is not installed.
+    """
+    try:
+        import trimesh
+    except ImportError:
+        raise MissingExtraError("to_trimesh()", "trimesh") from None
+    extra: dict[str, npt.NDArray[np.generic]] = dict(mesh.attributes)
+    if mesh.region_ids is not None:
+        extra["region_id"] = mesh.region_ids
+    return trimesh.Trimesh(
+        vertices=mesh.positions,
+        faces=mesh.faces,
+        vertex_normals=mesh.normals,
+        vertex_colors=mesh.colours,
+        vertex_attributes=extra,
+        process=False,
+    )
+
+
+def mixed_model(
+    base: BaseMesh, segments: Mapping[int, SegmentMesh], *, sink_rim_m: float = 0.0
+) -> SegmentMesh:
+    """Return what a viewer draws at a landing: the base less its hidden faces, and the detail.
+
+    Parameters
+    ----------
+    base : BaseMesh
+        Of the same scene version as the segments. Its counters are set to these segments.
+    segments : mapping of int to SegmentMesh
+        Every segment that is shown, by id.
+    sink_rim_m : float
+        How far, in metres against their normals, to move the vertices of base faces that segments
+        cover in part, so that the base does not poke through the detail at the rim. The
+        manifest's ``hand_off.deviation_m`` is right for pictures; 0 leaves the base as it is.
+
+    Returns
+    -------
+    SegmentMesh
+        Attributes and colours are kept where any part has them; NaN and grey fill the others.
+
+    Raises
+    ------
+    UsageError
+        `sink_rim_m` is negative or not finite.
+    """
+    if not (np.isfinite(sink_rim_m) and sink_rim_m >= 0):
+        raise UsageError(f"sink_rim_m is {sink_rim_m}, expected 0 or more")
+    hidden = base.hidden_faces(segments)
+    positions = base.mesh.positions
+    if sink_rim_m:
+        rim = np.unique(base.mesh.faces[base.counters.rim])
+        positions = positions.copy()
+        positions[rim] -= np.float32(sink_rim_m) * base.mesh.normals[rim]
+    drawn = _without_unused(
+        SegmentMesh(
+            positions=positions,
+            faces=base.mesh.faces[~hidden],
+            normals=base.mesh.normals,
+            colours=base.mesh.colours,
+            region_ids=base.mesh.region_ids,
+            attributes=base.mesh.attributes,
+        )
+    )
+    return concatenate([drawn, *segments.values()])
+
+
+def concatenate(meshes: Iterable[SegmentMesh]) -> SegmentMesh:
+    """Return several meshes as one; vertices are not merged.
+
+    Where some have colours, region ids or an attribute and others do not, the others get grey,
+    0 and NaN. No mesh at all gives an empty one.
+    """
+    parts = list(meshes)
+    if not parts:
+        nothing = np.zeros((0, 3), dtype=np.float32)
+        return SegmentMesh(nothing, np.zeros((0, 3), dtype=np.uint32), nothing)
+    starts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
+    names = list(dict.fromkeys(name for part in parts for name in part.attributes))
+    return SegmentMesh(
+        positions=np.concatenate([part.positions for part in parts]),
+        faces=np.concatenate(
+            [part.faces + np.uint32(start) for part, start in zip(parts, starts, strict=True)]
+        ),
+        normals=np.concatenate([part.normals for part in parts]),
+        colours=None
+        if all(part.colours is None for part in parts)
+        else np.concatenate(
+            [
+                np.full((len(part.positions), 3), _GREY, dtype=np.uint8)
+                if part.colours is None
+                else part.colours
+                for part in parts
+            ]
+        ),
+        region_ids=None
+        if all(part.region_ids is None for part in parts)
+        else np.concatenate(
+            [
+                np.zeros(len(part.positions), dtype=np.uint16)
+                if part.region_ids is None
+                else part.region_ids
+                for part in parts
+            ]
+        ),
+        attributes={
+            name: np.concatenate(
+                [
+                    part.attributes.get(
+                        name, np.full(len(part.positions), np.nan, dtype=np.float32)
+                    )
+                    for part in parts
+                ]
+            )
+            for name in names
+        },
+    )
+
+
+def write_glb(
+    mesh: SegmentMesh,
+    path: str | Path,
+    *,
+    step_m: float,
+    attribute_scales: Mapping[str, AttributeScale] | None = None,
+) -> int:
+    """Write a mesh as a GLB file, compressed as the scene's own payloads are.
+
+    Parameters
+    ----------
+    mesh : SegmentMesh
+        Positions are snapped to the grid first (a rim that was sunk is not on it).
+    path : Path
+        Replaced if it is there.
+    step_m : float
+        Grid step of the scene, metres; its manifest has it.
+    attribute_scales : mapping, optional
+        By survey name; what is not given is chosen from the values.
+
+    Returns
+    -------
+    int
+        Bytes written.
+
+    Raises
+    ------
+    terraport_payload.PayloadError
+        The mesh cannot be encoded, for example because it is empty.
+    OSError
+        The file cannot be written.
+    """
+    scales = dict(attribute_scales or {})
+    for name, values in mesh.attributes.items():
+        if name not in scales:
+            scales[name] = choose_attribute_scale(values)
+    on_grid = SegmentMesh(
+        positions=snap(mesh.positions, step_m),
+        faces=mesh.faces,
+        normals=mesh.normals,
+        colours=mesh.colours,
+        region_ids=mesh.region_ids,
+        attributes=mesh.attributes,
+    )
+    data = encode_glb(on_grid, step_m=step_m, attribute_scales=scales)
+    Path(path).write_bytes(data)
+    return len(data)
+
+
+def _without_unused(mesh: SegmentMesh) -> SegmentMesh:
+    """Return the mesh without vertices that no face uses."""
+    used = np.zeros(len(mesh.positions), dtype=np.bool_)
+    used[mesh.faces] = True
+    index = np.cumsum(used, dtype=np.uint32) - np.uint32(1)
+    return SegmentMesh(
+        positions=mesh.positions[used],
+        faces=index[mesh.faces].reshape(-1, 3),
+        normals=mesh.normals[used],
+        colours=None if mesh.colours is None else mesh.colours[used],
+        region_ids=None if mesh.region_ids is None else mesh.region_ids[used],
+        attributes={name: values[used] for name, values in mesh.attributes.items()},
+    )

@@ -1,0 +1,77 @@
+"""One streamed segment, as its user sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from terraport.cache import CachedSegment
+from terraport.mesh import to_trimesh
+from terraport.payloads import decode_payload
+from terraport_payload import SegmentMesh
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["Segment"]
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A payload that has the right hash, not decoded yet. Immutable; any thread may use it."""
+
+    entry: CachedSegment
+    encoding: str
+    """``"glb"`` or ``"arrays"``."""
+    source: str
+    """``"stream"``: sent for this landing; ``"memory"``, ``"disk"``: held before."""
+
+    @property
+    def id(self) -> int:
+        """Segment id, unique in one scene version."""
+        return self.entry.facts.segment
+
+    @property
+    def payload(self) -> bytes:
+        """The bytes as the server sent them; with encoding ``"glb"`` a file that viewers open."""
+        return self.entry.payload
+
+    @property
+    def faces(self) -> int:
+        """Number of triangles."""
+        return self.entry.facts.faces
+
+    @property
+    def vertices(self) -> int:
+        """Number of vertices."""
+        return self.entry.facts.vertices
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float, float, float]:
+        """Min x, y, z, max x, y, z in metres, scene frame."""
+        return self.entry.facts.bounds
+
+    @property
+    def xxh3(self) -> int:
+        """xxh3-64 of the payload."""
+        return self.entry.facts.xxh3
+
+    def arrays(self) -> SegmentMesh:
+        """Decode to NumPy arrays; every call decodes anew (about 2 ms for 10 k faces).
+
+        Raises
+        ------
+        terraport_payload.PayloadError
+            The payload is not what its encoding says; says at which offset.
+        """
+        return decode_payload(self.entry.payload, self.encoding)
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """Decode to a trimesh; attributes in ``vertex_attributes``.
+
+        Raises
+        ------
+        MissingExtraError
+            trimesh is not installed.
+        """
+        return to_trimesh(self.arrays())

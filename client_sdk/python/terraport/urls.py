@@ -1,0 +1,96 @@
+"""Scene URLs, in every form that a user may paste, to the addresses behind them.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from urllib.parse import quote, unquote, urlsplit
+
+import xxhash
+
+from terraport.errors import UsageError
+
+__all__ = ["SceneUrl"]
+
+_HTTP_OF = {"http": "http", "https": "https", "ws": "http", "wss": "https"}
+
+
+@dataclass(frozen=True, slots=True)
+class SceneUrl:
+    """Where a server, and perhaps one scene of it, is.
+
+    Examples
+    --------
+    >>> url = SceneUrl.parse("https://mine.example:8443/tp/scenes/north%20pit")
+    >>> url.scene, url.stream
+    ('north pit', 'wss://mine.example:8443/tp/scenes/north%20pit/stream')
+    >>> SceneUrl.parse("ws://localhost:8080").scene is None
+    True
+    """
+
+    server: str
+    """``http(s)://host[:port][/prefix]`` without a slash at the end."""
+    scene: str | None
+    """Scene id; None for a server URL, whose only scene is meant."""
+
+    @classmethod
+    def parse(cls, url: str) -> SceneUrl:
+        """Read a scene URL or a server URL (wire protocol, section 2.1).
+
+        Raises
+        ------
+        UsageError
+            Not such a URL, or one with credentials, query or fragment in it.
+        """
+        try:
+            parts = urlsplit(url)
+            port = parts.port
+        except ValueError as error:
+            raise UsageError(f"URL {url!r}: {error}") from None
+        scheme = _HTTP_OF.get(parts.scheme)
+        if scheme is None or not parts.hostname:
+            raise UsageError(
+                f"URL {url!r}, expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)"
+            )
+        if parts.username is not None or parts.query or parts.fragment:
+            raise UsageError(
+                f"URL of {parts.hostname} has credentials, a query or a fragment, "
+                "expected none: give the token as token="
+            )
+        host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+        origin = f"{scheme}://{host}" + (f":{port}" if port is not None else "")
+        prefix, found, rest = parts.path.partition("/scenes")
+        scene = rest.strip("/").removesuffix("/stream")
+        if not found or not scene:
+            return cls(origin + prefix.rstrip("/"), None)
+        if "/" in scene or not rest.startswith("/"):
+            raise UsageError(f"URL path {parts.path!r}, expected [/prefix]/scenes/ID")
+        return cls(origin + prefix, unquote(scene))
+
+    def with_scene(self, scene: str) -> SceneUrl:
+        """Return the URL of one scene of the same server."""
+        return SceneUrl(self.server, scene)
+
+    @property
+    def scenes(self) -> str:
+        """Address of the list of scenes."""
+        return f"{self.server}/scenes"
+
+    @property
+    def http(self) -> str:
+        """Address of the scene over HTTP."""
+        if self.scene is None:
+            raise UsageError(f"{self.server} names no scene, expected .../scenes/ID")
+        return f"{self.scenes}/{quote(self.scene, safe='')}"
+
+    @property
+    def stream(self) -> str:
+        """Address of the scene's WebSocket."""
+        return "ws" + self.http.removeprefix("http") + "/stream"
+
+    @property
+    def key(self) -> str:
+        """16 hexadecimal digits that stand for the scene in a cache directory."""
+        return xxhash.xxh3_64_hexdigest(self.http.encode())
