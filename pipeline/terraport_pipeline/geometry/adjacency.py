@@ -147,13 +147,21 @@ def _validate_faces(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int32:
 
 
 @numba.njit(cache=True)
+def _is_repeated(faces: _Int32, f: int, c: int) -> bool:
+    """Whether the face's edge c is the same as one before it (faces with a repeated corner)."""
+    if c == 1:
+        return bool(faces[f, 2] == faces[f, 0])
+    return c == 2 and (faces[f, 2] == faces[f, 1] or faces[f, 0] == faces[f, 1])
+
+
+@numba.njit(cache=True)
 def _bucket_half_edges(faces: _Int32, n_vertices: int) -> tuple[_Int64, _Int32, _Int32]:
     """Half-edges grouped by lower vertex, sorted by (higher vertex, face) within each group."""
     starts = np.zeros(n_vertices + 1, np.int64)
     for f in range(len(faces)):
         for c in range(3):
             a, b = faces[f, c], faces[f, (c + 1) % 3]
-            if a != b:
+            if a != b and not _is_repeated(faces, f, c):
                 starts[min(a, b) + 1] += 1
     for v in range(n_vertices):
         starts[v + 1] += starts[v]
@@ -163,7 +171,7 @@ def _bucket_half_edges(faces: _Int32, n_vertices: int) -> tuple[_Int64, _Int32, 
     for f in range(len(faces)):
         for c in range(3):
             a, b = faces[f, c], faces[f, (c + 1) % 3]
-            if a != b:
+            if a != b and not _is_repeated(faces, f, c):
                 low = min(a, b)
                 high[cursor[low]] = max(a, b)
                 face[cursor[low]] = f
@@ -216,12 +224,8 @@ def _emit_pairs(
             while end < starts[v + 1] and high[end] == high[i]:
                 end += 1
             for x in range(i, end):
-                if x > i and face[x] == face[x - 1]:
-                    continue  # a face with a repeated corner meets the same edge twice
                 for y in range(x + 1, min(end, x + MAX_FACES_PER_EDGE)):
                     f, g = face[x], face[y]
-                    if f == g or (y - 1 > x and face[y] == face[y - 1]):
-                        continue
                     if _share_lower_edge(faces, f, g, v, high[i]):
                         continue
                     if write:
