@@ -1,0 +1,137 @@
+"""Write the scene corpus: ``python tests/conformance/scene/generate.py`` from the repository's
+root.
+
+The files are committed and kept for ever: a new version of the format adds files, it does not
+replace these. Bytes depend on meshoptimizer's encoder, so a rerun may differ from what is committed
+and still be right.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import struct
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parents[1]))
+
+from store.tiny_scene import SCALES, STEP_M, lattice_mesh, write_tiny_scene  # noqa: E402
+
+from terraport_payload import (  # noqa: E402
+    SegmentMesh,
+    decode_glb,
+    encode_arrays,
+    encode_glb,
+)
+from terraport_payload.glb_container import join_glb, split_glb  # noqa: E402
+
+
+def main() -> None:
+    """Write ``tiny/`` and ``payload/`` anew."""
+    for name in ("tiny", "payload"):
+        shutil.rmtree(HERE / name, ignore_errors=True)
+    write_tiny_scene(HERE / "tiny", with_arrays=True)
+    (HERE / "payload").mkdir()
+    write_good()
+    write_bad()
+
+
+def write_good() -> None:
+    """Meshes of 8 faces with and without the optional parts, in both encodings."""
+    full = lattice_mesh(4, 4, 2)
+    variants = {
+        "full": (full, {}),
+        "bare": (replace(full, colours=None, region_ids=None, attributes={}), {}),
+        "plain": (full, {"compress": False}),
+        "base": (full, {"keep_face_order": True}),
+        "float": (replace(full, positions=full.positions * np.float32(500)), {}),
+    }
+    for name, (mesh, options) in variants.items():
+        glb = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES, **options)
+        put(f"good-{name}.glb", glb, described(decode_glb(glb)))
+    decoded = decode_glb(encode_glb(full, step_m=STEP_M, attribute_scales=SCALES))
+    put("good-full.arrays", encode_arrays(decoded), described(decoded))
+
+
+def write_bad() -> None:
+    """One fault each; ``error`` is part of the text of our own decoder's error."""
+    mesh = lattice_mesh(4, 4, 2)
+    good = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
+    plain = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES, compress=False)
+    document, binary, _ = split_glb(good)
+    arrays = encode_arrays(decode_glb(good))
+
+    def changed(*path: Any) -> bytes:
+        *keys, last, value = path
+        copy = json.loads(json.dumps(document))
+        place = copy
+        for key in keys:
+            place = place[key]
+        place[last] = value
+        return join_glb(copy, bytes(binary))
+
+    extension = ("extensions", "EXT_meshopt_compression")
+    packed = document["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]
+    noise = bytearray(binary)
+    at, length = packed["byteOffset"], packed["byteLength"]
+    noise[at + 1 : at + length] = b"\xff" * (length - 1)
+    plain_document, plain_binary, _ = split_glb(plain)
+    far = bytearray(plain_binary)
+    view = plain_document["bufferViews"][plain_document["meshes"][0]["primitives"][0]["indices"]]
+    far[view["byteOffset"] : view["byteOffset"] + 2] = struct.pack("<H", 9)
+    bad = {
+        "empty.glb": (b"", "expected a GLB"),
+        "magic.glb": (b"PK\3\4" + good[4:], "magic"),
+        "version.glb": (good[:4] + b"\1" + good[5:], "glTF version 1"),
+        "truncated.glb": (good[:-4], "by the header"),
+        "extra.glb": (good + bytes(4), "by the header"),
+        "json.glb": (good[:20] + b"[" + good[21:], "does not parse"),
+        "draco.glb": (
+            changed("extensionsRequired", ["KHR_draco_mesh_compression"]),
+            "required extension",
+        ),
+        "huge-count.glb": (changed("accessors", 0, "count", 10**9), "expected"),
+        "outside.glb": (changed("bufferViews", 0, *extension, "byteOffset", 10**6), "lies at"),
+        "noise.glb": (join_glb(document, bytes(noise)), "does not decompress"),
+        "index.glb": (join_glb(plain_document, bytes(far)), "a face uses vertex 9"),
+        "lines.glb": (changed("meshes", 0, "primitives", 0, "mode", 1), "primitive mode 1"),
+        "truncated.arrays": (arrays[:-8], "by the header"),
+        "checksum.arrays": (arrays[:-1] + bytes([arrays[-1] ^ 1]), "checksum"),
+        "major.arrays": (arrays[:16] + b"\2" + arrays[17:], "format version 2"),
+        "cover.arrays": (b"TPCOVER1" + arrays[8:], "magic"),
+    }
+    for name, (data, error) in bad.items():
+        put(f"bad-{name}", data, {"good": False, "error": error})
+
+
+def described(mesh: SegmentMesh) -> dict[str, Any]:
+    """Everything that a decoder should find, NaN as null."""
+    grade = mesh.attributes.get("grade")
+    return {
+        "good": True,
+        "positions": mesh.positions.tolist(),
+        "faces": mesh.faces.tolist(),
+        "normals": np.round(mesh.normals, 6).tolist(),
+        "colours": None if mesh.colours is None else mesh.colours.tolist(),
+        "region_ids": None if mesh.region_ids is None else mesh.region_ids.tolist(),
+        "attributes": {}
+        if grade is None
+        else {"grade": [None if np.isnan(value) else float(value) for value in grade]},
+    }
+
+
+def put(name: str, data: bytes, expected: dict[str, Any]) -> None:
+    """Write one pair."""
+    (HERE / "payload" / name).write_bytes(data)
+    text = json.dumps(expected, separators=(",", ":")) + "\n"
+    (HERE / "payload" / f"{name}.json").write_text(text)
+
+
+if __name__ == "__main__":
+    main()

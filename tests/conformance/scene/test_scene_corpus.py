@@ -1,0 +1,119 @@
+"""The committed scene and payloads, good and bad; other languages run the same files."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from terraport_payload import PayloadError, decode_arrays, decode_glb
+from terraport_store import DamagedSceneError, Scene, validate_scene
+
+HERE = Path(__file__).resolve().parent
+DAMAGED = json.loads((HERE / "damaged.json").read_text())
+PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
+
+
+def decode(path: Path) -> Any:
+    return (decode_glb if path.suffix == ".glb" else decode_arrays)(path.read_bytes())
+
+
+def expected_of(path: Path) -> Any:
+    return json.loads(path.with_name(path.name + ".json").read_text())
+
+
+def test_corpus_is_small() -> None:
+    assert sum(p.stat().st_size for p in HERE.rglob("*") if p.is_file()) < 160_000
+    assert sum(p.stat().st_size for p in (HERE / "tiny").rglob("*") if p.is_file()) < 60_000
+
+
+def test_good_scene_is_whole() -> None:
+    assert validate_scene(HERE / "tiny") == []
+
+
+def test_good_scene_says_what_it_said_when_it_was_written() -> None:
+    """Old files stay readable: these numbers never change."""
+    with Scene.open(HERE / "tiny") as scene:
+        assert scene.manifest.name == "tiny 0"
+        assert scene.manifest.origin == (500000.0, 8000000.0, 100.0)
+        assert scene.manifest.step_m == 2.0**-12
+        assert scene.manifest.counts.detail_faces == 288
+        assert scene.index.face_count.tolist() == [72] * 4
+        assert scene.index.region.tolist() == [0, 1, 1, 2]
+        assert scene.cover.over(0).tolist() == [0]
+        assert scene.cover.over(31).tolist() == [3]
+        assert scene.within((0.0, 1.0, 0.0), 1.0).tolist() == [0]
+
+
+@pytest.mark.parametrize("case", DAMAGED, ids=[case["name"] for case in DAMAGED])
+def test_damaged_scene(case: dict[str, Any], tmp_path: Path) -> None:
+    scene = tmp_path / "tiny"
+    shutil.copytree(HERE / "tiny", scene)
+    files = json.loads((scene / "scene.json").read_text())["files"]
+    name = case["file"]
+    apply(case["edit"], scene / (name if name == "scene.json" else files[name]["path"]))
+    found = validate_scene(scene)
+    assert {finding.code for finding in found} == set(case["findings"])
+    if case["open"]:
+        Scene.open(scene).close()
+    else:
+        with pytest.raises(DamagedSceneError):
+            Scene.open(scene)
+
+
+def apply(edit: dict[str, Any], path: Path) -> None:
+    """Damage one file as a case describes."""
+    ((kind, value),) = edit.items()
+    data = bytearray(path.read_bytes())
+    if kind == "flip":
+        data[value] ^= 0x01
+    elif kind == "truncate":
+        del data[value:]
+    elif kind == "write":
+        offset, text = value
+        raw = bytes.fromhex(text)
+        data[offset : offset + len(raw)] = raw
+    elif kind == "set":
+        (*keys, last), new = value
+        document = json.loads(data)
+        place = document
+        for key in keys:
+            place = place[key]
+        place[last] = new
+        data = bytearray(json.dumps(document).encode())
+    else:
+        assert kind == "delete"
+        path.unlink()
+        return
+    path.write_bytes(bytes(data))
+
+
+@pytest.mark.parametrize("path", PAYLOADS, ids=[p.name for p in PAYLOADS])
+def test_payload(path: Path) -> None:
+    expected = expected_of(path)
+    if not expected["good"]:
+        with pytest.raises(PayloadError) as caught:
+            decode(path)
+        assert expected["error"] in str(caught.value)
+        return
+    mesh = decode(path)
+    assert mesh.positions.tolist() == expected["positions"]
+    assert mesh.faces.tolist() == expected["faces"]
+    assert np.allclose(mesh.normals, expected["normals"], atol=2e-6)
+    for name in ("colours", "region_ids"):
+        values = getattr(mesh, name)
+        assert (None if values is None else values.tolist()) == expected[name]
+    assert set(mesh.attributes) == set(expected["attributes"])
+    for name, values in expected["attributes"].items():
+        known = [None if np.isnan(value) else float(value) for value in mesh.attributes[name]]
+        assert known == values
+
+
+def test_every_payload_has_its_pair() -> None:
+    texts = {p.name.removesuffix(".json") for p in (HERE / "payload").glob("*.json")}
+    assert texts == {p.name for p in PAYLOADS}
+    assert sum(expected_of(path)["good"] for path in PAYLOADS) >= 6
