@@ -121,10 +121,14 @@ class HandOffReport:
     """Rays that met the full detail: only they can find a hole."""
     strict_misses: int
     """Of the hits, rays on which the mixed model is missing up to detail, base and tolerance."""
+    base_misses: int
+    """Of the strict misses, rays that miss the full base too: outlines, whatever is loaded."""
+    smoothed: int
+    """Of these, rays at things that the base does not have, though there is ground below them."""
     holes_hidden: int
     """Places where a base face was hidden and nothing took its place."""
     holes_uncovered: int
-    """Places of the detail over which the base does not extend."""
+    """Places of the detail over and under which there is no base at all."""
     unverified: int
     """Of both, rays that were not judged against a built mixed model."""
     distance_m: dict[str, float]
@@ -215,6 +219,7 @@ class _Prover:
         self._top_m = float(model.detail_vertices[:, 1].max())
         self._counts = np.zeros((len(RayKind), 4), dtype=np.int64)
         self._holes_hidden = self._holes_uncovered = self._unverified = 0
+        self._base_misses = self._smoothed = 0
         self._overlaps = self._built = 0
         self._distances: list[Float32] = []
         self._down: list[Float32] = []
@@ -242,12 +247,16 @@ class _Prover:
         holes = np.zeros(len(rays.kind), dtype=np.bool_)
         suspects = rows[missed[rows] & (distance > tolerance)]
         suspects = suspects[~self._base_is_replaced(mixed, rays, base_first, suspects)]
+        holes[suspects] = True
+        bare = self._sort_out(rays, detail_first, base_first, mixed, holes)
+        suspects = np.flatnonzero(holes)
         if len(suspects):
+            holes[:] = False
             holes[self._verify(rays, detail_first, base_first, suspects, loaded, hidden)] = True
+        self._holes_uncovered += int((holes & bare).sum())
+        self._holes_hidden += int((holes & ~bare).sum())
         self._count(rays, hit, missed, holes)
-        uncovered = self._uncovered(rays, detail_first, base_first, np.flatnonzero(holes))
-        self._holes_uncovered += uncovered
-        self._holes_hidden += int(holes.sum()) - uncovered
+        self._base_misses += int((missed & ~np.isfinite(base_first[0])).sum())
         whole = loaded[model.segment_of_face[detail_first[1][rows]]]
         self._overlaps += int((whole & (base_t[rows] < detail_first[0][rows])).sum())
         self._distances.append(distance)
@@ -268,6 +277,8 @@ class _Prover:
             tolerance_m=self._model.tolerance_m,
             hits=sum(kind.hits for kind in kinds),
             strict_misses=sum(kind.strict_misses for kind in kinds),
+            base_misses=self._base_misses,
+            smoothed=self._smoothed,
             holes_hidden=self._holes_hidden,
             holes_uncovered=self._holes_uncovered,
             unverified=self._unverified,
@@ -332,20 +343,27 @@ class _Prover:
         left = suspects[missed & far]
         return left[~self._base_is_replaced(built, rays, base_first, left)]
 
-    def _uncovered(
-        self,
-        rays: Rays,
-        detail_first: Hit,
-        base_first: Hit,
-        holes: Rows,
-    ) -> int:
-        """Count holes at which the full base has no surface either: it never was there to hide."""
-        alone = holes[~np.isfinite(base_first[0][holes])]
-        places = self._detail_places(rays, detail_first, alone)
-        full = ShownFaces(self._base, np.ones(len(self._model.base_faces), dtype=np.bool_))
+    def _sort_out(
+        self, rays: Rays, detail_first: Hit, base_first: Hit, mixed: TracedModel, holes: Bool
+    ) -> Bool:
+        """Clear holes that are none; returns where the full base has no ground at all, (R,)."""
+        rows = np.flatnonzero(holes)
+        # What the base alone would have shown: on the ray, or at the place within the tolerance.
+        bare = rows[~np.isfinite(base_first[0][rows])]
         reach = self._model.tolerance_m
-        nothing = np.full(len(alone), np.inf, np.float32)
-        return int((places.distance(full, nothing, reach) > reach).sum())
+        places = self._detail_places(rays, detail_first, bare)
+        full = ShownFaces(self._base, np.ones(len(self._model.base_faces), dtype=np.bool_))
+        nothing = np.full(len(bare), np.inf, np.float32)
+        absent = places.distance(full, nothing, reach) > reach
+        bare, places = bare[absent], self._detail_places(rays, detail_first, bare[absent])
+        # The base has nothing near. Ground above or below is no hole: the base smoothed the thing
+        # away. No ground at any height is one, whoever is to blame.
+        ground = places.meets_vertical(mixed)
+        holes[bare[ground]] = False
+        self._smoothed += int(ground.sum())
+        open_sky = np.zeros(len(holes), dtype=np.bool_)
+        open_sky[bare[~ground & ~places.meets_vertical(full)]] = True
+        return open_sky
 
     def _detail_places(self, rays: Rays, first: Hit, rows: Rows) -> Places:
         """Gather where some rays meet the full detail."""

@@ -158,6 +158,14 @@ class Places:
                 best[apart] = np.minimum(best[apart], length)
         return best
 
+    def meets_vertical(self, model: TracedModel) -> npt.NDArray[np.bool_]:
+        """Tell where the model has surface above or below, at whatever height; (R,)."""
+        up = np.broadcast_to(np.array([0, 1, 0], dtype=np.float32), self._points.shape)
+        points = self._points.astype(np.float32)
+        above = np.isfinite(model.closest(points, np.ascontiguousarray(up)))
+        found: npt.NDArray[np.bool_] = above | np.isfinite(model.closest(points, -up))
+        return found
+
 
 def face_normals(vertices: Float32, faces: Int32, face: Int32) -> Float32:
     """Compute unit normals of some faces, (R, 3); the vertical where a face has no area."""

@@ -134,7 +134,12 @@ def _kinds(report: HandOffReport) -> Table:
             kind.kind,
             *(f"{n:,}" for n in (kind.rays, kind.hits, kind.strict_misses, kind.holes)),
         )
-    table.caption = f"base before loaded detail (rim): {report.overlap:.2%} of the hits on it"
+    table.caption = (
+        f"{report.base_misses:,} strict misses miss the whole base too (outlines), "
+        f"{report.smoothed:,} at things the base smooths away; "
+        f"rim: base before loaded detail at {report.overlap:.1%} of the hits on it"
+    )
+    table.caption_justify = "left"
     return table
 
 

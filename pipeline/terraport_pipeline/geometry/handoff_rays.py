@@ -5,7 +5,9 @@ full detail at ``p`` finds a *hole* in a mixed model when the mixed model has no
 
 1. on the ray, up to the further of the full detail and the full base, plus the tolerance, nor
 2. at the place ``p``, on its normal or its vertical within the tolerance, nor
-3. at the place where the ray meets the full base, likewise.
+3. at the place where the ray meets the full base, likewise,
+
+and either the full base alone has surface there, or there is no ground at all on the vertical.
 
 PURE: no I/O, no clock. Scene frame: metres, Y up.
 """

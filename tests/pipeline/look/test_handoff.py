@@ -103,3 +103,30 @@ def test_an_empty_model_is_refused(model) -> None:
     empty = replace(model, segment_count=0)
     with pytest.raises(OptionError, match="received 0 segments"):
         check_hand_off(empty, FEW)
+
+
+def test_a_floating_thing_that_the_base_lacks_is_smoothed_away(detail, base, make_model) -> None:
+    # A sheet of 60 m x 60 m, 12 m over the ground, loaded or not with the first tile.
+    sheet = np.float32([[20, 20, 20], [20, 20, 80], [80, 20, 80], [80, 20, 20]])
+    model = make_model(detail, base)
+    floating = replace(
+        model,
+        detail_vertices=np.concatenate([model.detail_vertices, sheet]),
+        detail_faces=np.concatenate(
+            [model.detail_faces, np.int32([[0, 1, 2], [0, 2, 3]]) + len(model.detail_vertices)]
+        ),
+        segment_of_face=np.concatenate([model.segment_of_face, np.int32([0, 0])]),
+    )
+    # What hides the base below the sheet must wait for the sheet's segment too.
+    counts = np.diff(model.cover_offsets.astype(np.int64))
+    rows = np.split(model.cover_segments, np.cumsum(counts)[:-1])
+    rows = [np.union1d(row, [0]) for row in rows]
+    right = replace(
+        floating,
+        cover_offsets=np.concatenate([[0], np.cumsum([len(row) for row in rows])]),
+        cover_segments=np.concatenate(rows).astype(np.uint32),
+    )
+    report = check_hand_off(right, FEW)
+    assert report.holes == 0
+    assert report.smoothed > 100
+    assert report.base_misses >= report.smoothed
