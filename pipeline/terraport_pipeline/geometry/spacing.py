@@ -15,6 +15,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +58,11 @@ class Spacing:
 
 
 def nearest_neighbours(
-    points: npt.NDArray[np.floating], k: int, *, workers: int = -1
+    points: npt.NDArray[np.floating],
+    k: int,
+    *,
+    workers: int = -1,
+    advance: Callable[[float], None] = lambda _: None,
 ) -> Neighbours:
     """Find the `k` nearest other points of every point.
 
@@ -69,6 +74,8 @@ def nearest_neighbours(
         Neighbours wanted; N - 1 are given where the cloud is smaller.
     workers : int
         Threads; -1 uses all cores. The answer does not depend on it.
+    advance : callable
+        Told the points done since its last call.
 
     Returns
     -------
@@ -86,7 +93,7 @@ def nearest_neighbours(
     tree = cKDTree(points, balanced_tree=False)
     k = min(k, len(points) - 1)
     everyone = np.arange(len(points))
-    return _query(tree, points, everyone, k, workers)
+    return _query(tree, points, everyone, k, workers, advance)
 
 
 def remaining_neighbours(
@@ -171,6 +178,7 @@ def _query(
     wanted: npt.NDArray[np.integer],
     k: int,
     workers: int,
+    advance: Callable[[float], None] = lambda _: None,
 ) -> Neighbours:
     """Find neighbours of some of the points."""
     count = len(wanted)
@@ -186,4 +194,5 @@ def _query(
         own[~own.any(axis=1), -1] = True
         indices[begin:end] = found[~own].reshape(-1, k)
         distances[begin:end] = found_m[~own].reshape(-1, k)
+        advance(end - begin)
     return Neighbours(indices, distances)

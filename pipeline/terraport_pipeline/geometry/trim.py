@@ -62,7 +62,8 @@ def support_mask(
         here = slice(begin, begin + _CHUNK)
         distance_m, index = tree.query(vertices[here], workers=workers)
         supported[here] = distance_m <= reach_m[index]
-    whole: Mask = supported[faces].all(axis=1)
+    a, b, c = faces.T
+    whole: Mask = supported[a] & supported[b] & supported[c]
     return whole
 
 

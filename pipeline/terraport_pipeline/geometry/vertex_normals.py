@@ -73,4 +73,5 @@ def vertex_normals(vertices: Float32, faces: Int32) -> Float32:
     lost = length < np.finfo(np.float32).tiny
     total[lost] = UP
     length[lost] = 1.0
-    return (total / length[:, None]).astype(np.float32)
+    normals: Float32 = (total / length[:, None]).astype(np.float32)
+    return normals

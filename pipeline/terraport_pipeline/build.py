@@ -1,0 +1,367 @@
+"""The whole build: read, clean, reconstruct, segment, pack, each taken up where nothing changed.
+
+The published bytes depend on the survey's bytes and on the options in :meth:`BuildOptions.recorded`
+alone: not on the clock, the number of threads or where an earlier build was interrupted.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Final, Generic, TypeVar
+
+import numba
+import psutil
+
+from terraport_pipeline.build_report import BuildReport, StageReport, write_build_report
+from terraport_pipeline.errors import OptionError, SurveyError
+from terraport_pipeline.measure import Measure
+from terraport_pipeline.model import Survey
+from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.scene_lock import scene_locked
+from terraport_pipeline.stages import clean, pack, reconstruct, segment, survey_store
+from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, file_digest, stage_key
+from terraport_store.errors import StoreError
+from terraport_store.layout import MANIFEST_NAME
+from terraport_store.manifest import BuildInfo, CrsInfo, InputInfo, Manifest
+
+__all__ = ["BuildOptions", "available_memory_bytes", "build", "default_work_directory"]
+
+_MEMORY_SHARE: Final = 0.8
+"""Share of the memory that is free at the start which a build allows itself."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class BuildOptions:
+    """Everything a build is asked for."""
+
+    survey: Path
+    scene: Path
+    name: str | None = None
+    """The scene's name for people; the scene directory's name by default."""
+    max_points: int | None = None
+    """Thin the survey to this many points while reading."""
+    clean: clean.Options = field(default_factory=clean.Options)
+    reconstruct: reconstruct.Options = field(default_factory=reconstruct.Options)
+    segment: segment.Options = field(default_factory=segment.Options)
+    encodings: tuple[pack.Encoding, ...] = ("glb",)
+    work: Path | None = None
+    """Work directory; ``.<scene>.work`` beside the scene by default."""
+    resume: bool = True
+    """Take up results of earlier builds; False does all stages again."""
+    threads: int | None = None
+    """All cores by default. Changes times only."""
+    max_memory_bytes: int | None = None
+    """80 % of what is free by default."""
+
+    def recorded(self) -> dict[str, Any]:
+        """Options that change the published bytes, as the manifest records them."""
+        return {
+            "max_points": self.max_points,
+            "clean": asdict(self.clean),
+            "reconstruct": asdict(self.reconstruct),
+            "segment": asdict(self.segment),
+            "encodings": list(self.encodings),
+        }
+
+
+def default_work_directory(scene: Path) -> Path:
+    """Where a build keeps its stages when not told."""
+    return scene.parent / f".{scene.name}.work"
+
+
+def available_memory_bytes() -> int:
+    """Return what is free for this process: on the machine, or in its container if that is less."""
+    free = int(psutil.virtual_memory().available)
+    try:
+        limit = Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii").strip()
+        used = int(Path("/sys/fs/cgroup/memory.current").read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        return free
+    return free if limit == "max" else max(0, min(free, int(limit) - used))
+
+
+def build(options: BuildOptions, progress: Progress | None = None) -> BuildReport:
+    """Build a scene from a survey and publish it.
+
+    Parameters
+    ----------
+    options : BuildOptions
+    progress : Progress, optional
+        Silent by default.
+
+    Returns
+    -------
+    BuildReport
+
+    Raises
+    ------
+    SurveyError
+        The survey cannot be used.
+    OptionError
+        An option is out of range, or the scene's path is taken by something else.
+    ResourceError
+        Too little memory or disk.
+    EngineError
+        A child process failed.
+    BuildLockedError
+        Another build of the same scene is running.
+    WorkDirectoryError
+        The work directory is damaged or not ours.
+    StoreError
+        Publishing failed; the scene that was published before stands.
+    """
+    started = time.monotonic()
+    _check_paths(options)
+    survey, scene = options.survey.absolute(), options.scene.absolute()
+    with scene_locked(scene):
+        threads = options.threads or _cores()
+        numba.set_num_threads(min(threads, _cores()))
+        runner = _Runner(
+            WorkDirectory(options.work or default_work_directory(scene)),
+            resume=options.resume,
+            progress=progress or NullProgress(),
+            threads=threads,
+            max_memory_bytes=options.max_memory_bytes
+            or int(_MEMORY_SHARE * available_memory_bytes()),
+        )
+        version_of, published = _run_stages(runner, survey, scene, options)
+        report = BuildReport(
+            scene, version_of, published, tuple(runner.reports), time.monotonic() - started
+        )
+        write_build_report(report)
+    return report
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclass(slots=True)
+class _Step(Generic[T]):
+    """A stage's result: in memory, or on disk until somebody asks."""
+
+    record: StageRecord
+    result: T | None
+    load: Callable[[], T]
+
+    def value(self) -> T:
+        if self.result is None:
+            self.result = self.load()
+        return self.result
+
+    def release(self) -> None:
+        self.result = None
+        gc.collect()
+
+
+@dataclass(slots=True)
+class _Runner:
+    """Runs stages or takes their results up."""
+
+    work: WorkDirectory
+    resume: bool
+    progress: Progress
+    threads: int
+    max_memory_bytes: int
+    reports: list[StageReport] = field(default_factory=list)
+
+    def context(self, scratch: Path) -> Context:
+        return Context(scratch, self.progress, self.threads, self.max_memory_bytes)
+
+    def step(
+        self,
+        name: str,
+        key: str,
+        compute: Callable[[Context], T],
+        facts_of: Callable[[T], Facts],
+        store: Callable[[T], Stored],
+        restore: Callable[[Stored, Facts], T],
+    ) -> _Step[T]:
+        """Take a stage's result up, or compute and keep it."""
+        record = self.work.find(name, key) if self.resume else None
+        result = None
+        taken_up = record is not None
+        if record is None:
+            with Measure() as measure, self.work.scratch() as scratch:
+                result = compute(self.context(scratch))
+                stored = store(result)
+            cost = Cost(measure.seconds, measure.peak_bytes)
+            record = self.work.save(name, key, stored, facts_of(result), cost)
+        self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
+        found = record
+        return _Step(found, result, lambda: restore(self.work.load(found), found.facts))
+
+
+def _run_stages(
+    runner: _Runner, survey: Path, scene: Path, options: BuildOptions
+) -> tuple[str, bool]:
+    """Run all stages; return the scene's version and whether it was published now."""
+    runner.progress.start("read: checksum", None, "bytes")
+    input_info = InputInfo(name=survey.name, bytes=survey.stat().st_size, xxh3=file_digest(survey))
+    runner.progress.done({})
+    read = _read(runner, survey, input_info, options)
+    cleaned = runner.step(
+        clean.NAME,
+        stage_key(clean.NAME, clean.VERSION, asdict(options.clean), {"survey": read.record.digest}),
+        lambda context: clean.run(read.value(), options.clean, context),
+        lambda result: result.facts,
+        clean.store,
+        clean.restore,
+    )
+    read.release()
+    reconstructed = runner.step(
+        reconstruct.NAME,
+        stage_key(
+            reconstruct.NAME,
+            reconstruct.VERSION,
+            asdict(options.reconstruct),
+            {"cloud": cleaned.record.digest},
+        ),
+        lambda context: reconstruct.run(cleaned.value(), options.reconstruct, context),
+        lambda result: result.facts,
+        reconstruct.store,
+        reconstruct.restore,
+    )
+    segmented = runner.step(
+        segment.NAME,
+        stage_key(
+            segment.NAME,
+            segment.VERSION,
+            asdict(options.segment),
+            {"meshes": reconstructed.record.digest},
+        ),
+        lambda context: segment.run(reconstructed.value(), options.segment, context),
+        lambda result: result.facts,
+        segment.store,
+        segment.restore,
+    )
+    crs = read.record.values["crs"]
+    build_info = _build_info(options, input_info, runner.reports)
+    pack_options = pack.Options(options.name or scene.name, options.encodings)
+
+    def publish(context: Context) -> pack.Packed:
+        cloud = cleaned.value().cloud
+        about = pack.About(
+            origin=cloud.origin,
+            crs=CrsInfo(**crs) if crs else None,
+            points=len(cloud.points),
+            has_colour=cloud.has_colour,
+            build=build_info,
+        )
+        cleaned.release()
+        return pack.run(
+            scene, reconstructed.value(), segmented.value(), about, pack_options, context
+        )
+
+    key = stage_key(
+        pack.NAME,
+        pack.VERSION,
+        {**asdict(pack_options), "build": build_info.model_dump(mode="json"), "crs": crs},
+        {
+            "cloud": cleaned.record.digest,
+            "meshes": reconstructed.record.digest,
+            "labels": segmented.record.digest,
+        },
+    )
+    return _pack(runner, scene, key, publish)
+
+
+def _read(
+    runner: _Runner, survey: Path, input_info: InputInfo, options: BuildOptions
+) -> _Step[Survey]:
+    return runner.step(
+        survey_store.NAME,
+        stage_key(
+            survey_store.NAME,
+            survey_store.VERSION,
+            {"max_points": options.max_points, "suffix": survey.suffix.lower()},
+            {"file": f"{input_info.bytes}-{input_info.xxh3}"},
+        ),
+        lambda context: read_survey(
+            survey, progress=context.progress, max_points=options.max_points
+        ),
+        survey_store.facts_of,
+        survey_store.store,
+        survey_store.restore,
+    )
+
+
+def _pack(
+    runner: _Runner, scene: Path, key: str, publish: Callable[[Context], pack.Packed]
+) -> tuple[str, bool]:
+    """Publish, unless the scene already is what would be published."""
+    record = runner.work.find(pack.NAME, key) if runner.resume else None
+    if record is not None and _is_published(scene, record.values):
+        runner.reports.append(StageReport(pack.NAME, True, record.cost, record.facts))
+        return str(record.values["version"]), False
+    with Measure() as measure, runner.work.scratch() as scratch:
+        packed = publish(runner.context(scratch))
+    cost = Cost(measure.seconds, measure.peak_bytes)
+    values = {"version": packed.manifest.version}
+    record = runner.work.save(pack.NAME, key, Stored({}, values), packed.facts, cost)
+    runner.reports.append(StageReport(pack.NAME, False, cost, record.facts))
+    return packed.manifest.version, True
+
+
+def _is_published(scene: Path, values: Mapping[str, Any]) -> bool:
+    """Whether the scene is the version that was packed, with all its files in full size."""
+    try:
+        manifest = Manifest.from_bytes((scene / MANIFEST_NAME).read_bytes())
+        return manifest.version == values["version"] and all(
+            (scene / file.path).stat().st_size == file.bytes for file in manifest.files.values()
+        )
+    except (OSError, StoreError):
+        return False
+
+
+def _check_paths(options: BuildOptions) -> None:
+    survey, scene = options.survey, options.scene.absolute()
+    if not survey.exists():
+        raise SurveyError(f"no file {survey}")
+    if survey.is_dir():
+        raise SurveyError(f"{survey} is a directory; expected one point cloud file")
+    if not survey.stat().st_size:
+        raise SurveyError(f"{survey} is empty (0 bytes)")
+    if not scene.parent.is_dir():
+        raise OptionError(f"no directory {scene.parent} for the scene to stand in; make it first")
+    if scene.exists() and not scene.is_dir():
+        raise OptionError(f"{scene} is a file; expected a scene directory or nothing")
+    if scene.is_dir() and not (scene / MANIFEST_NAME).exists():
+        others = [path for path in scene.iterdir() if not path.name.startswith((".v-", "v-"))]
+        if others:
+            raise OptionError(
+                f"{scene} holds other files ({others[0].name}); expected a scene, or an empty or "
+                "new directory"
+            )
+    if options.threads is not None and options.threads < 1:
+        raise OptionError(f"threads {options.threads}; expected at least 1")
+    if options.max_points is not None and options.max_points < clean.MIN_POINTS:
+        raise OptionError(f"max points {options.max_points}; expected at least {clean.MIN_POINTS}")
+    if options.max_memory_bytes is not None and options.max_memory_bytes < 2**28:
+        raise OptionError(f"max memory {options.max_memory_bytes} bytes; expected 256 MiB or more")
+
+
+def _build_info(
+    options: BuildOptions, input_info: InputInfo, reports: list[StageReport]
+) -> BuildInfo:
+    try:
+        release = version("terraport")
+    except PackageNotFoundError:
+        release = "unknown"
+    return BuildInfo(
+        terraport=release,
+        options=options.recorded(),
+        input=input_info,
+        warnings=tuple(text for report in reports for text in report.facts.warnings),
+        stages=tuple({"name": r.name, "counts": r.facts.counts} for r in reports),
+    )

@@ -1,0 +1,186 @@
+"""``terraport build``: from a survey to a published scene."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, cast
+
+import typer
+from rich.console import Console
+
+from terraport_pipeline.build import BuildOptions
+from terraport_pipeline.build import build as run_build
+from terraport_pipeline.cli.synth import parse_count
+from terraport_pipeline.errors import OptionError, PipelineError
+from terraport_pipeline.progress import NullProgress, RichProgress
+from terraport_pipeline.stages import clean, reconstruct, segment
+from terraport_store.errors import StoreError
+
+__all__ = ["build", "parse_size", "register"]
+
+_SIZES: Final = {"": 1, "k": 2**10, "m": 2**20, "g": 2**30, "t": 2**40}
+
+_CLEAN: Final = clean.Options()
+_RECONSTRUCT: Final = reconstruct.Options()
+_SEGMENT: Final = segment.Options()
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("build")(build)
+
+
+def build(
+    survey: Annotated[
+        Path, typer.Argument(help="Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Scene directory to publish (or renew).")
+    ],
+    name: Annotated[
+        str | None, typer.Option(help="Name for people.  [the scene directory's name]")
+    ] = None,
+    base_depth: Annotated[
+        int, typer.Option(help="Octree depth of the base mesh.")
+    ] = _RECONSTRUCT.base_depth,
+    detail_depth: Annotated[
+        int,
+        typer.Option(help="Octree depth of the detail, at most what the density supports."),
+    ] = _RECONSTRUCT.detail_depth,
+    base_faces: Annotated[
+        str, typer.Option(help="Faces the base mesh is reduced to: 200000, 200k.")
+    ] = str(_RECONSTRUCT.base_faces),
+    trim_spacings: Annotated[
+        float,
+        typer.Option(help="Cut surface farther than this many sample spacings from a sample."),
+    ] = _RECONSTRUCT.trim_spacings,
+    island_faces: Annotated[
+        int, typer.Option(help="Drop loose pieces with fewer faces.")
+    ] = _RECONSTRUCT.island_faces,
+    point_weight: Annotated[
+        float, typer.Option(help="Higher follows samples and noise, lower smooths.")
+    ] = _RECONSTRUCT.point_weight,
+    outlier_ratio: Annotated[
+        float, typer.Option(help="Higher keeps more lone points.")
+    ] = _CLEAN.outlier_ratio,
+    region_threshold: Annotated[
+        float, typer.Option(help="Th of the regions; lower tells more apart.")
+    ] = _SEGMENT.region_threshold,
+    region_small: Annotated[
+        float, typer.Option(help="Regions below this share of all faces join a neighbour.")
+    ] = _SEGMENT.region_small,
+    segment_threshold: Annotated[
+        float, typer.Option(help="Th of the pools that segments are made of.")
+    ] = _SEGMENT.segment_threshold,
+    min_faces: Annotated[int, typer.Option(help="Merge segments below this.")] = _SEGMENT.min_faces,
+    max_faces: Annotated[int, typer.Option(help="Cut segments above this.")] = _SEGMENT.max_faces,
+    max_extent_m: Annotated[
+        float | None,
+        typer.Option(help="Cut segments wider than this, metres.  [by the density of faces]"),
+    ] = None,
+    units: Annotated[
+        str, typer.Option(help="segments, or pools (the thesis's units, for comparison).")
+    ] = "segments",
+    encodings: Annotated[str, typer.Option(help="glb, or glb,arrays.")] = "glb",
+    max_points: Annotated[
+        str | None, typer.Option(help="Thin the survey to this many points: 500k, 5M.")
+    ] = None,
+    work: Annotated[
+        Path | None,
+        typer.Option(help="Work directory.  [.SCENE.work beside the scene]"),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option(help="Take up stages of earlier builds whose input is unchanged.")
+    ] = True,
+    max_memory: Annotated[
+        str | None, typer.Option(help="For example 8G.  [80 % of what is free]")
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option(help="The result does not depend on it.  [all cores]")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")] = False,
+) -> None:
+    """Turn a survey into a scene: clean, reconstruct, segment, pack, publish.
+
+    Interrupt it whenever you like: the same command goes on after the last finished stage. The
+    published scene is replaced in one act at the very end.
+    """
+    complain = Console(stderr=True, soft_wrap=True)
+    try:
+        options = BuildOptions(
+            survey=survey,
+            scene=output,
+            name=name,
+            max_points=None if max_points is None else parse_count(max_points),
+            clean=clean.Options(outlier_ratio=outlier_ratio),
+            reconstruct=reconstruct.Options(
+                base_depth=base_depth,
+                detail_depth=detail_depth,
+                base_faces=parse_count(base_faces),
+                trim_spacings=trim_spacings,
+                island_faces=island_faces,
+                point_weight=point_weight,
+            ),
+            segment=segment.Options(
+                region_threshold=region_threshold,
+                region_small=region_small,
+                segment_threshold=segment_threshold,
+                min_faces=min_faces,
+                max_faces=max_faces,
+                max_extent_m=max_extent_m,
+                units=_parse_units(units),
+            ),
+            encodings=cast("Any", tuple(part.strip() for part in encodings.split(","))),
+            work=work,
+            resume=resume,
+            threads=threads,
+            max_memory_bytes=None if max_memory is None else parse_size(max_memory),
+        )
+        if quiet:
+            report = run_build(options, NullProgress())
+        else:
+            with RichProgress(complain) as progress:
+                report = run_build(options, progress)
+    except KeyboardInterrupt:
+        complain.print("interrupted; the same command goes on after the last finished stage")
+        raise typer.Exit(130) from None
+    except OptionError as error:
+        complain.print(f"error: {error}", markup=False, highlight=False)
+        raise typer.Exit(2) from None
+    except (PipelineError, StoreError) as error:
+        complain.print(f"error: {error}", markup=False, highlight=False)
+        raise typer.Exit(1) from None
+    for text in report.warnings:
+        complain.print(f"warning: {text}", markup=False, highlight=False)
+    if not quiet:
+        complain.print(report.table())
+        state = "published" if report.published else "is up to date"
+        complain.print(f"{report.scene} {state}", markup=False, highlight=False)
+
+
+def parse_size(text: str) -> int:
+    """Read a number of bytes with an optional binary suffix.
+
+    Raises
+    ------
+    OptionError
+        The text is not a number with k, M, G or T.
+
+    Examples
+    --------
+    >>> parse_size("1.5G")
+    1610612736
+    """
+    found = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([kmgt]?)(?:i?b)?\s*", text.lower())
+    if not found:
+        raise OptionError(f"size {text!r}; expected a number with K, M, G or T, for example 8G")
+    return int(float(found[1]) * _SIZES[found[2]])
+
+
+def _parse_units(text: str) -> Literal["segments", "pools"]:
+    if text == "segments":
+        return "segments"
+    if text == "pools":
+        return "pools"
+    raise OptionError(f"units {text!r}; expected segments or pools")

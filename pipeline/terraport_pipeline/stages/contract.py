@@ -1,0 +1,64 @@
+"""What every stage is made of.
+
+A stage is a module with
+
+``NAME``
+    Its name in the work directory, on the progress bar and in reports.
+``VERSION``
+    Raised whenever the same input and options would give another result: results of an older
+    version in a work directory are then not taken up again.
+``Options``
+    A frozen dataclass of plain values; checked in ``__post_init__`` before any work.
+``run(...)``
+    Values in, a frozen result out. No files, except where an engine needs them in
+    :attr:`Context.scratch`.
+``store(result)`` and ``restore(stored)``
+    The result as arrays and plain values, and back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.progress import NullProgress, Progress
+
+__all__ = ["Context", "Facts", "Json", "Stored"]
+
+Json = Any
+"""A value that `json` writes and reads unchanged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a stage tells its reader: part of its result, so equal from run to run."""
+
+    counts: dict[str, Json] = field(default_factory=dict)
+    """Numbers by name, units in the names."""
+    warnings: tuple[str, ...] = ()
+    """Whole sentences."""
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a stage may use while it runs. Nothing in it changes a result."""
+
+    scratch: Path
+    """An empty folder that is deleted afterwards."""
+    progress: Progress = field(default_factory=NullProgress)
+    threads: int = 1
+    max_memory_bytes: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """A result as a work directory holds it."""
+
+    arrays: Mapping[str, npt.NDArray[np.generic]]
+    """By file name without ``.npy``."""
+    values: Mapping[str, Json]

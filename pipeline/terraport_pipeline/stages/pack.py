@@ -1,0 +1,321 @@
+"""Pack: from labelled meshes to a published scene.
+
+Every segment becomes one payload, its vertices split where regions meet; base, cover, region facts
+and manifest follow; the last act publishes all of it at once. Memory: the meshes and a few
+payloads.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_payload import (
+    AttributeScale,
+    Cover,
+    SegmentMesh,
+    choose_attribute_scale,
+    choose_step_m,
+    decode_glb,
+    encode_arrays,
+    encode_glb,
+    gltf_attribute_name,
+    snap,
+)
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.stages.contract import Context, Facts, Json
+from terraport_pipeline.stages.reconstruct import Reconstructed
+from terraport_pipeline.stages.segment import Segmented
+from terraport_store.manifest import AttributeInfo, BuildInfo, CrsInfo, HandOff, Manifest
+from terraport_store.writer import SceneInfo, SceneWriter
+
+__all__ = ["NAME", "VERSION", "About", "Encoding", "Options", "Packed", "run", "split_segments"]
+
+NAME: Final = "pack"
+VERSION: Final = 1
+
+Encoding = Literal["glb", "arrays"]
+
+_EXPECTED_BYTES_PER_FACE: Final = 16
+"""Free space asked for before writing; twice what a coloured face takes with few attributes."""
+
+_QUEUE_PER_THREAD: Final = 4
+"""Payloads in work per thread: enough to keep all busy, few enough to bound the memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What to write."""
+
+    name: str
+    """The scene's name for people."""
+    encodings: tuple[Encoding, ...] = ("glb",)
+    """``glb`` always; ``arrays`` beside it for engines without a glTF loader."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.name) <= 200:
+            raise OptionError(f"name of {len(self.name)} characters; expected 1 to 200")
+        unknown = set(self.encodings) - {"glb", "arrays"}
+        if unknown or "glb" not in self.encodings:
+            raise OptionError(f"encodings {','.join(self.encodings)}; expected glb, or glb,arrays")
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What the manifest says beyond the meshes."""
+
+    origin: Float64
+    """(3,) E0, N0, H0."""
+    crs: CrsInfo | None
+    points: int
+    """Points that were used."""
+    has_colour: bool
+    build: BuildInfo
+
+
+@dataclass(frozen=True, slots=True)
+class Packed:
+    """What was published."""
+
+    manifest: Manifest
+    facts: Facts
+
+
+@dataclass(frozen=True, slots=True)
+class _Payload:
+    """One encoded segment."""
+
+    glb: bytes
+    arrays: bytes | None
+    bounds: tuple[float, ...]
+    vertices: int
+    faces: int
+
+
+def run(
+    scene: Path,
+    reconstructed: Reconstructed,
+    segmented: Segmented,
+    about: About,
+    options: Options,
+    context: Context,
+) -> Packed:
+    """Encode everything and publish it.
+
+    Parameters
+    ----------
+    scene : Path
+        Scene directory; untouched until everything is written, then replaced in one act.
+    reconstructed : Reconstructed
+    segmented : Segmented
+    about : About
+    options : Options
+    context : Context
+
+    Returns
+    -------
+    Packed
+
+    Raises
+    ------
+    SceneStoreError
+        The disk is full, or somebody else publishes the same scene; nothing half-written is left.
+    """
+    detail, base, progress = reconstructed.detail, reconstructed.base, context.progress
+    step_m = choose_step_m(_widest_m(detail, segmented.segments), _farthest_m(detail, base))
+    scales = {
+        name: choose_attribute_scale(np.concatenate([values, base.attributes[name]]))
+        for name, values in detail.attributes.items()
+    }
+    with_arrays = "arrays" in options.encodings
+    count = len(segmented.main_region)
+    expected = (len(detail.faces) * (1 + with_arrays) + len(base.faces)) * _EXPECTED_BYTES_PER_FACE
+    with SceneWriter(scene, with_arrays=with_arrays, expected_bytes=expected) as writer:
+        # (1) segments, in their Morton order
+        progress.start("pack: segments", float(count), "segments")
+
+        def encode(mesh: SegmentMesh) -> _Payload:
+            return _encode(mesh, step_m, scales, with_arrays=with_arrays)
+
+        meshes = split_segments(detail, segmented.segments, segmented.regions)
+        for number, payload in enumerate(_in_order(encode, meshes, context.threads)):
+            writer.add_segment(
+                payload.glb,
+                region=int(segmented.main_region[number]),
+                region_count=int(segmented.region_counts[number]),
+                bounds=payload.bounds,
+                vertices=payload.vertices,
+                faces=payload.faces,
+                arrays=payload.arrays,
+            )
+            progress.advance(1)
+        progress.done({})
+        # (2) base, cover, regions
+        progress.start("pack: base", None, "faces")
+        glb = encode_glb(
+            _segment_mesh(base), step_m=step_m, attribute_scales=scales, keep_face_order=True
+        )
+        writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
+        writer.set_regions(segmented.region_facts)
+        # (3) publish
+        manifest = writer.publish(
+            SceneInfo(
+                name=options.name,
+                origin=_triple(about.origin),
+                step_m=step_m,
+                points=about.points,
+                regions=len(segmented.region_facts["regions"]),
+                hand_off=HandOff(
+                    deviation_m=reconstructed.deviation_m[3], tolerance_m=segmented.tolerance_m
+                ),
+                build=about.build,
+                crs=about.crs,
+                attributes=_attribute_infos(detail, base, scales),
+                has_colour=about.has_colour,
+            )
+        )
+        progress.done({"version": manifest.version[:12]})
+    return Packed(manifest, Facts(_counts(manifest)))
+
+
+def split_segments(detail: Mesh, segments: Int32, regions: Int32) -> Iterator[SegmentMesh]:
+    """Cut the detail into one mesh per segment.
+
+    Parameters
+    ----------
+    detail : Mesh
+    segments, regions : ndarray of shape (F,), int32
+        Labels of every face, from 0.
+
+    Yields
+    ------
+    SegmentMesh
+        In order of the segments' numbers. Vertices on region borders are there once per region;
+        vertices on segment borders once per segment, with equal values.
+    """
+    order = np.argsort(segments, kind="stable")
+    count = int(segments.max()) + 1
+    starts = np.searchsorted(segments[order], np.arange(count + 1))
+    region_count = int(regions.max()) + 1
+    for begin, end in itertools.pairwise(starts):
+        chosen = order[begin:end]
+        keys = detail.faces[chosen].astype(np.int64) * region_count + regions[chosen, None]
+        unique, corner = np.unique(keys, return_inverse=True)
+        vertex, region = np.divmod(unique, region_count)
+        yield SegmentMesh(
+            positions=detail.vertices[vertex],
+            faces=corner.reshape(-1, 3).astype(np.uint32),
+            normals=detail.normals[vertex],
+            colours=detail.colours[vertex],
+            region_ids=region.astype(np.uint16),
+            attributes={name: values[vertex] for name, values in detail.attributes.items()},
+        )
+
+
+def _segment_mesh(mesh: Mesh) -> SegmentMesh:
+    return SegmentMesh(
+        positions=mesh.vertices,
+        faces=mesh.faces.astype(np.uint32),
+        normals=mesh.normals,
+        colours=mesh.colours,
+        attributes=mesh.attributes,
+    )
+
+
+def _encode(
+    mesh: SegmentMesh, step_m: float, scales: dict[str, AttributeScale], *, with_arrays: bool
+) -> _Payload:
+    glb = encode_glb(mesh, step_m=step_m, attribute_scales=scales)
+    corners = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
+    return _Payload(
+        glb=glb,
+        arrays=encode_arrays(decode_glb(glb)) if with_arrays else None,
+        bounds=tuple(snap(corners, step_m).ravel().tolist()),
+        vertices=len(mesh.positions),
+        faces=len(mesh.faces),
+    )
+
+
+def _in_order(
+    encode: Callable[[SegmentMesh], _Payload], meshes: Iterator[SegmentMesh], threads: int
+) -> Iterator[_Payload]:
+    """Encode in threads (the codec releases the GIL), results in the order of the meshes."""
+    waiting: deque[Future[_Payload]] = deque()
+    with ThreadPoolExecutor(max_workers=threads) as pool:
+        try:
+            for mesh in meshes:
+                waiting.append(pool.submit(encode, mesh))
+                if len(waiting) >= _QUEUE_PER_THREAD * threads:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def _widest_m(detail: Mesh, segments: Int32) -> float:
+    """Longest side of any segment's box."""
+    count = int(segments.max()) + 1
+    low = np.full((count, 3), np.inf, dtype=np.float32)
+    high = np.full((count, 3), -np.inf, dtype=np.float32)
+    for corner in range(3):
+        positions = detail.vertices[detail.faces[:, corner]]
+        np.minimum.at(low, segments, positions)
+        np.maximum.at(high, segments, positions)
+    return float((high.astype(np.float64) - low).max())
+
+
+def _farthest_m(*meshes: Mesh) -> float:
+    return max(float(np.abs(mesh.vertices).max()) for mesh in meshes)
+
+
+def _attribute_infos(
+    detail: Mesh, base: Mesh, scales: dict[str, AttributeScale]
+) -> tuple[AttributeInfo, ...]:
+    infos = []
+    for name, scale in scales.items():
+        low, high = _range(np.concatenate([detail.attributes[name], base.attributes[name]]))
+        infos.append(
+            AttributeInfo(
+                name=name,
+                gltf_name=gltf_attribute_name(name),
+                offset=scale.offset,
+                step=scale.step,
+                min=low,
+                max=high,
+            )
+        )
+    return tuple(infos)
+
+
+def _range(values: Float32) -> tuple[float | None, float | None]:
+    known: npt.NDArray[np.float32] = values[~np.isnan(values)]
+    return (float(known.min()), float(known.max())) if len(known) else (None, None)
+
+
+def _triple(values: Float64) -> tuple[float, float, float]:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _counts(manifest: Manifest) -> dict[str, Json]:
+    payload = manifest.encodings["glb"].payload_bytes
+    return {
+        "segments": manifest.counts.segments,
+        "payload_bytes": payload,
+        "bytes_per_face": round(payload / max(manifest.counts.detail_faces, 1), 2),
+        "base_bytes": manifest.files["base.glb"].bytes,
+        "cover_bytes": manifest.files["base.cover"].bytes,
+        "max_segment_bytes": manifest.limits.max_segment_bytes,
+        "step_m": manifest.step_m,
+    }

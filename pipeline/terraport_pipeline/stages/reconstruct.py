@@ -1,0 +1,322 @@
+"""Reconstruct: from the cloud to two meshes of one surface, already aligned.
+
+Screened Poisson at two octree depths, trimmed to where samples support it; colours and attributes
+carried from the cloud; the base reduced to its face budget; the distance between the two measured.
+Memory: the solver's (see :func:`terraport_pipeline.engines.poisson.forecast`), then about 250 bytes
+per detail face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from terraport_payload import order_for_cache
+from terraport_pipeline.engines import poisson
+from terraport_pipeline.engines.decimate import decimate
+from terraport_pipeline.errors import OptionError, ResourceError, SurveyError
+from terraport_pipeline.geometry.carry import carry_values
+from terraport_pipeline.geometry.deviation import distances_to_mesh
+from terraport_pipeline.geometry.trim import compact, island_mask, near_mask, support_mask
+from terraport_pipeline.geometry.vertex_normals import vertex_normals
+from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.progress import ESTIMATE_UNIT
+from terraport_pipeline.stages.clean import Cleaned
+from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
+
+__all__ = ["NAME", "VERSION", "Options", "Reconstructed", "restore", "run", "store"]
+
+NAME: Final = "reconstruct"
+VERSION: Final = 1
+
+_MAX_DEPTH: Final = 16
+"""The solver's own limit on a 64-bit build."""
+
+_BASE_MARGIN_CELLS: Final = 1.5
+"""The base reaches this many of its cells beyond the detail, so that no rim of detail lies over
+nothing."""
+
+_DEVIATION_SAMPLES: Final = 100_000
+"""Detail vertices whose distance to the base is measured; the 99.9th percentile rests on 100."""
+
+_PERCENTILES: Final = (50.0, 95.0, 99.0, 99.9)
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How finely to reconstruct."""
+
+    base_depth: int = 9
+    """Octree depth of the base; lower is lighter and farther from the detail."""
+    detail_depth: int = 13
+    """Octree depth of the detail, lowered to where a cell is one sample spacing."""
+    base_faces: int = 200_000
+    """The base is decimated to this. Every client holds all of it all the time."""
+    trim_spacings: float = 4.0
+    """Surface farther than this many spacings from a sample goes. Higher closes more holes, and
+    invents more."""
+    island_faces: int = 200
+    """Loose pieces of detail with fewer faces go."""
+    point_weight: float = poisson.POINT_WEIGHT
+    """Higher follows the samples and their noise, lower smooths."""
+
+    def __post_init__(self) -> None:
+        for name, depth in (("base", self.base_depth), ("detail", self.detail_depth)):
+            if not 3 <= depth <= _MAX_DEPTH:
+                raise OptionError(f"{name} depth {depth}; expected 3 to {_MAX_DEPTH}")
+        if self.base_faces < 100:
+            raise OptionError(f"base faces {self.base_faces}; expected at least 100")
+        if not self.trim_spacings >= 1:
+            raise OptionError(f"trim spacings {self.trim_spacings}; expected at least 1")
+        if self.island_faces < 1:
+            raise OptionError(f"island faces {self.island_faces}; expected at least 1")
+        if not 0 <= self.point_weight <= 100:
+            raise OptionError(f"point weight {self.point_weight}; expected 0 to 100")
+
+
+@dataclass(frozen=True, slots=True)
+class Reconstructed:
+    """Two meshes of one surface."""
+
+    base: Mesh
+    detail: Mesh
+    deviation_m: tuple[float, ...]
+    """Distance of detail vertices to the base: 50th, 95th, 99th and 99.9th percentile."""
+    facts: Facts
+
+
+def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
+    """Reconstruct base and detail from one cloud.
+
+    Parameters
+    ----------
+    cleaned : Cleaned
+    options : Options
+    context : Context
+
+    Returns
+    -------
+    Reconstructed
+
+    Raises
+    ------
+    ResourceError
+        The forecast, or the solver, passes the memory allowed.
+    EngineError
+        The solver failed.
+    SurveyError
+        Nothing is left after trimming.
+    """
+    cloud, progress = cleaned.cloud, context.progress
+    warnings: list[str] = []
+    base_depth, detail_depth = _choose_depths(cleaned, options, warnings)
+    # (1) solve
+    surfaces, forecasts = _solve(cleaned, options, (base_depth, detail_depth), context)
+    # (2) trim
+    progress.start("reconstruct: trim", None, "faces")
+    tree = cKDTree(cloud.points, balanced_tree=False)
+    solved = [len(faces) for _, faces in surfaces]
+    detail, islands = _trim_detail(*surfaces[1], cleaned, tree, options, context)
+    cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
+    base = _trim_base(*surfaces[0], detail, cell_m, context)
+    del surfaces
+    progress.done({"detail faces": len(detail[1]), "islands dropped": islands})
+    # (3) reduce the base
+    progress.start("reconstruct: base", None, "faces")
+    trimmed = len(base[1])
+    base = decimate(*base, max_faces=options.base_faces)
+    if len(base[1]) > 1.1 * options.base_faces:
+        warnings.append(
+            f"the base keeps {len(base[1])} faces, {options.base_faces} were asked: its border "
+            "alone needs more; lower --base-depth"
+        )
+    # Vertex cache order now: the cover names base faces by number.
+    base = (base[0], base[1][order_for_cache(base[1].astype(np.uint32))])
+    progress.done({"base faces": len(base[1])})
+    # (4) carry the cloud's values
+    meshes = [_dress(*surface, cleaned, tree, context) for surface in (base, detail)]
+    # (5) measure
+    deviation_m = _measure(meshes[0], meshes[1], context)
+    counts: dict[str, Json] = {
+        "base_depth": base_depth,
+        "detail_depth": detail_depth,
+        "base_faces_solved": solved[0],
+        "detail_faces_solved": solved[1],
+        "base_faces_trimmed": trimmed,
+        "base_faces": len(meshes[0].faces),
+        "detail_faces": len(meshes[1].faces),
+        "detail_vertices": len(meshes[1].vertices),
+        "islands_dropped": islands,
+        "forecast_memory_bytes": sum(forecast.memory_bytes for forecast in forecasts),
+    }
+    for percentile, value in zip(_PERCENTILES, deviation_m, strict=True):
+        counts[f"deviation_p{percentile:g}_m"] = value
+    return Reconstructed(meshes[0], meshes[1], deviation_m, Facts(counts, tuple(warnings)))
+
+
+def store(result: Reconstructed) -> Stored:
+    """Turn the result into arrays and values."""
+    arrays = {}
+    for level, mesh in (("base", result.base), ("detail", result.detail)):
+        for field in ("vertices", "faces", "normals", "colours"):
+            arrays[f"{level}-{field}"] = getattr(mesh, field)
+        for i, values in enumerate(mesh.attributes.values()):
+            arrays[f"{level}-attribute-{i}"] = values
+    names = list(result.detail.attributes)
+    return Stored(arrays, {"attributes": names, "deviation_m": list(result.deviation_m)})
+
+
+def restore(stored: Stored, facts: Facts) -> Reconstructed:
+    """Turn arrays and values back into the result."""
+    arrays, values = stored.arrays, stored.values
+
+    def mesh(level: str) -> Mesh:
+        return Mesh(
+            vertices=np.asarray(arrays[f"{level}-vertices"], dtype=np.float32),
+            faces=np.asarray(arrays[f"{level}-faces"], dtype=np.int32),
+            normals=np.asarray(arrays[f"{level}-normals"], dtype=np.float32),
+            colours=np.asarray(arrays[f"{level}-colours"], dtype=np.uint8),
+            attributes={
+                name: np.asarray(arrays[f"{level}-attribute-{i}"], dtype=np.float32)
+                for i, name in enumerate(values["attributes"])
+            },
+        )
+
+    return Reconstructed(mesh("base"), mesh("detail"), tuple(values["deviation_m"]), facts)
+
+
+def _extent_m(cleaned: Cleaned) -> float:
+    return float(np.ptp(cleaned.cloud.points, axis=0).max())
+
+
+def _choose_depths(cleaned: Cleaned, options: Options, warnings: list[str]) -> tuple[int, int]:
+    """Cap the detail by density and put the base below it."""
+    spacing_m = cleaned.cloud.spacing_m
+    detail = poisson.depth_for(options.detail_depth, _extent_m(cleaned), spacing_m)
+    if detail < options.detail_depth:
+        warnings.append(
+            f"detail depth {detail} instead of {options.detail_depth}: there a cell is one sample "
+            f"spacing ({spacing_m:.3g} m); finer cells would only add noise"
+        )
+    base = max(1, min(options.base_depth, detail - 1))
+    if base < options.base_depth:
+        warnings.append(
+            f"base depth {base} instead of {options.base_depth}: the base stays below the detail"
+        )
+    return base, detail
+
+
+def _solve(
+    cleaned: Cleaned, options: Options, depths: tuple[int, int], context: Context
+) -> tuple[list[tuple[Float32, Int32]], list[poisson.Forecast]]:
+    """Run both reconstructions within the memory allowed."""
+    cloud = cleaned.cloud
+    area_m2 = len(cloud.points) * cloud.spacing_m**2
+    forecasts = [
+        poisson.forecast(len(cloud.points), depth, _extent_m(cleaned), area_m2) for depth in depths
+    ]
+    allowed = context.max_memory_bytes
+    needed = max(forecast.memory_bytes for forecast in forecasts)
+    if allowed is not None and needed > allowed:
+        raise ResourceError(
+            f"reconstruction at depth {depths[1]} needs about {needed / 2**30:.1f} GiB, allowed "
+            f"are {allowed / 2**30:.1f} GiB; lower --detail-depth (one less needs about a "
+            "quarter), thin the survey with --max-points, or raise --max-memory"
+        )
+    together = sum(forecast.memory_bytes for forecast in forecasts)
+    side_by_side = context.threads > 1 and (allowed is None or together <= allowed)
+    times = [forecast.seconds for forecast in forecasts]
+    expected_s = max(times) if side_by_side else sum(times)
+    context.progress.start(
+        f"reconstruct: depth {depths[0]} and {depths[1]}", expected_s, ESTIMATE_UNIT
+    )
+    surfaces = poisson.reconstruct(
+        cloud.points,
+        cloud.normals,
+        depths,
+        context.scratch,
+        side_by_side=side_by_side,
+        max_memory_bytes=allowed,
+        point_weight=options.point_weight,
+        tick=context.progress.advance,
+    )
+    context.progress.done({"faces": sum(len(faces) for _, faces in surfaces)})
+    return surfaces, forecasts
+
+
+def _trim_detail(
+    vertices: Float32,
+    faces: Int32,
+    cleaned: Cleaned,
+    tree: cKDTree,
+    options: Options,
+    context: Context,
+) -> tuple[tuple[Float32, Int32], int]:
+    keep = support_mask(
+        vertices,
+        faces,
+        tree,
+        cleaned.local_spacing_m,
+        spacings=options.trim_spacings,
+        workers=context.threads,
+    )
+    vertices, faces = compact(vertices, faces, keep)
+    # Some of a small survey's pieces may all be islands: the largest always stays.
+    keep, islands = island_mask(faces, len(vertices), min_faces=options.island_faces)
+    vertices, faces = compact(vertices, faces, keep)
+    if not len(faces):
+        raise SurveyError(
+            f"no surface lies within {options.trim_spacings} spacings of the {tree.n} samples; "
+            "are they scattered in space rather than on a surface? raise --trim-spacings to see"
+        )
+    return (vertices, faces), islands
+
+
+def _trim_base(
+    vertices: Float32,
+    faces: Int32,
+    detail: tuple[Float32, Int32],
+    cell_m: float,
+    context: Context,
+) -> tuple[Float32, Int32]:
+    """Keep every base face near any detail, so that the base lies under all of it."""
+    tree = cKDTree(detail[0], balanced_tree=False)
+    keep = near_mask(
+        vertices, faces, tree, margin_m=_BASE_MARGIN_CELLS * cell_m, workers=context.threads
+    )
+    if not keep.any():  # the two surfaces share nothing: keep all rather than leave a hole
+        keep[:] = True
+    return compact(vertices, faces, keep)
+
+
+def _dress(
+    vertices: Float32, faces: Int32, cleaned: Cleaned, tree: cKDTree, context: Context
+) -> Mesh:
+    """Give a bare surface its normals, colours and attributes."""
+    cloud = cleaned.cloud
+    context.progress.start("reconstruct: colours", float(len(vertices)), "vertices")
+    colours, attributes = carry_values(
+        tree,
+        cloud.colours,
+        cloud.attributes,
+        vertices,
+        codes=cleaned.codes,
+        workers=context.threads,
+    )
+    normals = vertex_normals(vertices, faces)
+    context.progress.done({})
+    return Mesh(vertices, faces, normals, colours, attributes)
+
+
+def _measure(base: Mesh, detail: Mesh, context: Context) -> tuple[float, ...]:
+    """Measure how far the detail lies from the base."""
+    step = max(1, len(detail.vertices) // _DEVIATION_SAMPLES)
+    samples = detail.vertices[::step]
+    context.progress.start("reconstruct: deviation", float(len(samples)), "samples")
+    distances_m = distances_to_mesh(samples, base.vertices, base.faces, workers=context.threads)
+    found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
+    context.progress.done({"p99_m": found[2]})
+    return found

@@ -1,0 +1,226 @@
+"""Segment: regions and streamable segments of the detail, and which segments lie over the base.
+
+Memory: about 300 bytes per detail face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.cover import build_cover
+from terraport_pipeline.geometry.region_facts import region_facts
+from terraport_pipeline.geometry.segments import SegmentOptions, build_segments
+from terraport_pipeline.geometry.triangle_pool import TrianglePoolOptions, triangle_pools
+from terraport_pipeline.model import Int32
+from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
+from terraport_pipeline.stages.reconstruct import Reconstructed
+
+__all__ = ["NAME", "VERSION", "Options", "Segmented", "restore", "run", "store"]
+
+NAME: Final = "segment"
+VERSION: Final = 1
+
+UInt32 = npt.NDArray[np.uint32]
+
+_MAX_REGIONS: Final = 65535
+"""Feature ids travel as 16-bit numbers."""
+
+_SMALLEST_TOLERANCE_M: Final = 1e-3
+"""Base and detail can coincide (a cloud so small that both are the same): the cover needs a
+length."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to cut the surface into regions and segments."""
+
+    region_threshold: float = 0.7
+    """Th of the regions; lower tells more materials apart."""
+    region_small: float = 0.015
+    """Regions below this share of all faces join a neighbour."""
+    segment_threshold: float = 0.2
+    """Th of the pools that segments are merged from."""
+    min_faces: int = 2000
+    """Segments below this are merged. Higher: fewer draw calls, coarser landings."""
+    max_faces: int = 20000
+    """Segments above this are cut."""
+    max_extent_m: float | None = None
+    """Segments wider than this are cut; None chooses by the density of faces."""
+    units: Literal["segments", "pools"] = "segments"
+    """"pools" streams each pool of the thesis as it is, for comparison."""
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("region threshold", self.region_threshold),
+            ("segment threshold", self.segment_threshold),
+        ):
+            if not 0 < value <= 100:
+                raise OptionError(f"{name} {value}; expected above 0, at most 100")
+        if not 0 <= self.region_small < 1:
+            raise OptionError(f"small region share {self.region_small}; expected 0 to below 1")
+        if not 1 <= self.min_faces <= self.max_faces:
+            raise OptionError(
+                f"segments of {self.min_faces} to {self.max_faces} faces; expected at least 1, and "
+                "the smaller bound first"
+            )
+        if self.max_extent_m is not None and not self.max_extent_m > 0:
+            raise OptionError(f"largest extent {self.max_extent_m} m; expected above 0")
+
+
+@dataclass(frozen=True, slots=True)
+class Segmented:
+    """Labels of the detail's faces, and the cover of the base's."""
+
+    regions: Int32
+    """(F,) region of every detail face, 0 to R - 1."""
+    segments: Int32
+    """(F,) segment of every detail face, numbered along a Morton curve."""
+    cover_offsets: UInt32
+    """(B + 1,) CSR rows, one per base face."""
+    cover_segments: UInt32
+    main_region: Int32
+    """(S,) region with most faces in the segment."""
+    region_counts: Int32
+    """(S,) regions in the segment."""
+    region_facts: dict[str, Json]
+    """Contents of regions.json."""
+    tolerance_m: float
+    """Tolerance of the cover."""
+    max_extent_m: float
+    """Bound that the segments were cut to."""
+    facts: Facts
+
+
+def run(reconstructed: Reconstructed, options: Options, context: Context) -> Segmented:
+    """Cut the detail into regions and segments and cover the base.
+
+    Parameters
+    ----------
+    reconstructed : Reconstructed
+    options : Options
+    context : Context
+
+    Returns
+    -------
+    Segmented
+    """
+    detail, base, progress = reconstructed.detail, reconstructed.base, context.progress
+    mesh = (detail.vertices, detail.faces)
+    # (1) regions and fine pools
+    progress.start("segment: regions", None, "faces")
+    pairs = face_pairs(detail.faces, len(detail.vertices))
+    regions = triangle_pools(
+        *mesh,
+        colours=detail.colours,
+        options=TrianglePoolOptions(
+            threshold=options.region_threshold, small_threshold=options.region_small
+        ),
+        pairs=pairs[0],
+    )
+    fine = triangle_pools(
+        *mesh,
+        colours=detail.colours,
+        options=TrianglePoolOptions(threshold=options.segment_threshold, small_threshold=0.0),
+        pairs=pairs[0],
+    )
+    progress.done({"regions": regions.count, "pools": fine.count})
+    if regions.count > _MAX_REGIONS:
+        raise OptionError(
+            f"{regions.count} regions; at most {_MAX_REGIONS} can be told apart at run time: raise "
+            "--region-threshold or --region-small"
+        )
+    # (2) segments
+    progress.start("segment: segments", None, "faces")
+    segments = build_segments(
+        *mesh,
+        fine.labels,
+        fine.similarity,
+        regions.labels,
+        SegmentOptions(
+            min_faces=options.min_faces,
+            max_faces=options.max_faces,
+            max_extent_m=options.max_extent_m,
+            units=options.units,
+        ),
+        pairs=pairs,
+    )
+    progress.done({"segments": segments.count})
+    # (3) cover
+    progress.start("segment: cover", None, "base faces")
+    tolerance_m = max(reconstructed.deviation_m[2], _SMALLEST_TOLERANCE_M)
+    cover = build_cover(base.vertices, base.faces, *mesh, segments.labels, tolerance_m=tolerance_m)
+    progress.done({"never hidden": cover.uncovered_faces + cover.partly_covered_faces})
+    # (4) facts
+    progress.start("segment: facts", None, "regions")
+    facts = region_facts(
+        *mesh, detail.colours, regions.labels, attributes=detail.attributes, pairs=pairs
+    )
+    progress.done({})
+    counts: dict[str, Any] = {
+        "regions": regions.count,
+        "pools": fine.count,
+        "segments": segments.count,
+        "largest_segment_faces": int(segments.face_counts.max()),
+        "smallest_segment_faces": int(segments.face_counts.min()),
+        "max_extent_m": segments.max_extent_m,
+        "tolerance_m": tolerance_m,
+        "cover_entries": len(cover.segments),
+        "base_faces_uncovered": cover.uncovered_faces,
+        "base_faces_partly_covered": cover.partly_covered_faces,
+        "detail_faces_far_from_base": cover.far_detail_faces,
+        "detail_faces_without_base": cover.baseless_detail_faces,
+    }
+    counts |= {f"segments_{name}": n for name, n in asdict(segments.exceptions).items()}
+    warnings = []
+    if cover.baseless_detail_faces:
+        warnings.append(
+            f"{cover.baseless_detail_faces} detail faces have no base below or above them: there "
+            "is nothing to see there until they are loaded"
+        )
+    return Segmented(
+        regions=regions.labels,
+        segments=segments.labels,
+        cover_offsets=cover.offsets,
+        cover_segments=cover.segments,
+        main_region=segments.main_region,
+        region_counts=segments.region_counts,
+        region_facts=facts,
+        tolerance_m=tolerance_m,
+        max_extent_m=segments.max_extent_m,
+        facts=Facts(counts, tuple(warnings)),
+    )
+
+
+def store(result: Segmented) -> Stored:
+    """Turn the result into arrays and values."""
+    names = ("regions", "segments", "cover_offsets", "cover_segments", "main_region")
+    arrays = {name: getattr(result, name) for name in (*names, "region_counts")}
+    values = {
+        "region_facts": result.region_facts,
+        "tolerance_m": result.tolerance_m,
+        "max_extent_m": result.max_extent_m,
+    }
+    return Stored(arrays, values)
+
+
+def restore(stored: Stored, facts: Facts) -> Segmented:
+    """Turn arrays and values back into the result."""
+    arrays, values = stored.arrays, stored.values
+    return Segmented(
+        regions=np.asarray(arrays["regions"], dtype=np.int32),
+        segments=np.asarray(arrays["segments"], dtype=np.int32),
+        cover_offsets=np.asarray(arrays["cover_offsets"], dtype=np.uint32),
+        cover_segments=np.asarray(arrays["cover_segments"], dtype=np.uint32),
+        main_region=np.asarray(arrays["main_region"], dtype=np.int32),
+        region_counts=np.asarray(arrays["region_counts"], dtype=np.int32),
+        region_facts=values["region_facts"],
+        tolerance_m=values["tolerance_m"],
+        max_extent_m=values["max_extent_m"],
+        facts=facts,
+    )

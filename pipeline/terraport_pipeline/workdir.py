@@ -1,0 +1,288 @@
+"""The work directory of a build: results of stages, each whole or absent.
+
+::
+
+    WORK/
+        <stage>/stage.json      key, options, facts, times, digests; written last
+        <stage>/<array>.npy
+        .<stage>.<random>.tmp/  being written, or left by a build that was killed
+        .scratch.<random>.tmp/  files of an engine
+
+A result is written beside, synced, and renamed into place. It is taken up again when its key (the
+stage's name and version, its options, the digests of its inputs) is unchanged and its files have
+the size that was written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import xxhash
+
+from terraport_pipeline.errors import ResourceError, WorkDirectoryError
+from terraport_pipeline.stages.contract import Facts, Json, Stored
+
+__all__ = ["Cost", "StageRecord", "WorkDirectory", "file_digest", "stage_key"]
+
+_MARK: Final = ".terraport-work"
+"""Says that a directory is ours, so that nothing else's files are ever deleted."""
+
+_RECORD: Final = "stage.json"
+
+_DISK_FULL: Final = frozenset({28, 27, 122})
+"""errno ENOSPC, EFBIG, EDQUOT."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a stage took; differs from run to run."""
+
+    seconds: float
+    peak_bytes: int
+    """Resident memory of this process and its children, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageRecord:
+    """What ``stage.json`` says."""
+
+    name: str
+    key: str
+    digest: str
+    """Of the result: arrays and values, not costs."""
+    facts: Facts
+    cost: Cost
+    values: Mapping[str, Json]
+    files: Mapping[str, int]
+    """Bytes by file name."""
+
+
+class WorkDirectory:
+    """Results of a build's stages on disk.
+
+    Parameters
+    ----------
+    path : Path
+        Created if it is not there.
+
+    Raises
+    ------
+    WorkDirectoryError
+        The path is a file, or a directory with something else in it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if path.exists() and not path.is_dir():
+            raise WorkDirectoryError(f"{path} is not a directory; give --work another path")
+        if path.is_dir() and not (path / _MARK).exists() and any(path.iterdir()):
+            raise WorkDirectoryError(
+                f"{path} holds files that no build wrote; give --work an empty or a new directory"
+            )
+        with disk_full_named(path):
+            path.mkdir(exist_ok=True)
+            (path / _MARK).touch()
+        for left in path.glob(".*.tmp"):  # of a build that was killed; the lock says it is gone
+            shutil.rmtree(left, ignore_errors=True)
+
+    def find(self, name: str, key: str) -> StageRecord | None:
+        """Look for a result.
+
+        Parameters
+        ----------
+        name : str
+            Of the stage.
+        key : str
+            From :func:`stage_key`.
+
+        Returns
+        -------
+        StageRecord or None
+            None when there is none, its key is another, or a file is missing or cut short.
+        """
+        folder = self.path / name
+        try:
+            record = _parse(json.loads((folder / _RECORD).read_bytes()))
+            whole = all((folder / f).stat().st_size == size for f, size in record.files.items())
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return record if whole and record.key == key else None
+
+    def load(self, record: StageRecord) -> Stored:
+        """Read a result's arrays.
+
+        Raises
+        ------
+        WorkDirectoryError
+            A file cannot be read.
+        """
+        folder = self.path / record.name
+        arrays = {}
+        for file in record.files:
+            try:
+                arrays[Path(file).stem] = np.load(folder / file, allow_pickle=False)
+            except (OSError, ValueError, EOFError) as error:
+                raise WorkDirectoryError(
+                    f"{folder / file} cannot be read ({error}); build again with --no-resume"
+                ) from None
+        return Stored(arrays, record.values)
+
+    def save(self, name: str, key: str, stored: Stored, facts: Facts, cost: Cost) -> StageRecord:
+        """Write a result and put it in place of an older one.
+
+        Raises
+        ------
+        ResourceError
+            The disk is full; the older result stands.
+        """
+        values = json.loads(json.dumps(dict(stored.values), allow_nan=False))
+        told = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        digests = {f"{n}.npy": _array_digest(array) for n, array in stored.arrays.items()}
+        whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
+        with self._written_beside(name) as folder:
+            files = {}
+            for array_name, array in stored.arrays.items():
+                path = folder / f"{array_name}.npy"
+                with path.open("wb") as file:
+                    np.save(file, np.ascontiguousarray(array), allow_pickle=False)
+                    _sync(file.fileno())
+                files[path.name] = path.stat().st_size
+            document = {
+                "name": name,
+                "key": key,
+                "digest": whole,
+                "facts": told,
+                "cost": {"seconds": cost.seconds, "peak_bytes": cost.peak_bytes},
+                "values": values,
+                "files": files,
+            }
+            with (folder / _RECORD).open("w", encoding="utf-8") as text:
+                json.dump(document, text, indent=1)
+                text.flush()
+                _sync(text.fileno())
+        return _parse(document)
+
+    @contextlib.contextmanager
+    def scratch(self) -> Iterator[Path]:
+        """Make an empty folder that is deleted at the end, whatever happens."""
+        with disk_full_named(self.path):
+            folder = Path(tempfile.mkdtemp(prefix=".scratch.", suffix=".tmp", dir=self.path))
+        try:
+            with disk_full_named(self.path):
+                yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    @contextlib.contextmanager
+    def _written_beside(self, name: str) -> Iterator[Path]:
+        """Make a folder that takes the stage's place when the block ends well."""
+        with disk_full_named(self.path):
+            beside = Path(tempfile.mkdtemp(prefix=f".{name}.", suffix=".tmp", dir=self.path))
+            try:
+                yield beside
+                _sync_folder(beside)
+                final = self.path / name
+                if final.exists():
+                    # Not atomic with the next line, and need not be: killed in between, the
+                    # stage is simply done again.
+                    final.rename(beside.with_name(f".{beside.name[1:]}.old.tmp"))
+                beside.rename(final)
+                _sync_folder(self.path)
+            finally:
+                shutil.rmtree(beside, ignore_errors=True)
+                shutil.rmtree(beside.with_name(f".{beside.name[1:]}.old.tmp"), ignore_errors=True)
+
+
+def stage_key(
+    name: str, version: int, options: Mapping[str, Json], inputs: Mapping[str, str]
+) -> str:
+    """Compute what identifies a stage's result.
+
+    Parameters
+    ----------
+    name, version
+        Of the stage.
+    options : mapping
+        Plain values; all that change the result, none that do not.
+    inputs : mapping of str to str
+        Digests by name.
+
+    Returns
+    -------
+    str
+        32 hexadecimal digits.
+
+    Examples
+    --------
+    >>> stage_key("clean", 1, {"a": 1}, {}) == stage_key("clean", 1, {"a": 2}, {})
+    False
+    """
+    return xxhash.xxh3_128_hexdigest(_canonical([name, version, dict(options), dict(inputs)]))
+
+
+def file_digest(path: Path) -> str:
+    """Compute the XXH3-64 of a file's bytes, 16 hexadecimal digits."""
+    digest = xxhash.xxh3_64()
+    with path.open("rb") as file:
+        while block := file.read(1 << 22):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+@contextlib.contextmanager
+def disk_full_named(path: Path) -> Iterator[None]:
+    """Turn "no space left" into an error that says where and what to do."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _DISK_FULL:
+            raise
+        raise ResourceError(
+            f"no space left for {path}; free some, or give --work a directory on another disk"
+        ) from error
+
+
+def _parse(document: Any) -> StageRecord:
+    facts, cost = document["facts"], document["cost"]
+    return StageRecord(
+        name=document["name"],
+        key=document["key"],
+        digest=document["digest"],
+        facts=Facts(facts["counts"], tuple(facts["warnings"])),
+        cost=Cost(float(cost["seconds"]), int(cost["peak_bytes"])),
+        values=document["values"],
+        files=document["files"],
+    )
+
+
+def _canonical(document: Json) -> bytes:
+    return json.dumps(document, sort_keys=True, separators=(",", ":")).encode("utf-8")
+
+
+def _array_digest(array: npt.NDArray[np.generic]) -> str:
+    whole = np.ascontiguousarray(array)
+    digest = xxhash.xxh3_128(f"{whole.dtype.str}{whole.shape}".encode())
+    digest.update(whole.reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()
+
+
+def _sync(descriptor: int) -> None:
+    os.fsync(descriptor)
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
