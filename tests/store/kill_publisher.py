@@ -72,16 +72,22 @@ def every_act(scene: Path) -> None:
 
 
 def random_moments(scene: Path) -> None:
+    """Let each child publish at least once, then kill it at a random moment of a later
+    publication."""
     write_tiny_scene(scene, seed=0)
     chance = random.Random(7)
+    for trial in range(1, 41):
 
-    def work() -> None:
-        for seed in range(1, 10_000):
-            write_tiny_scene(scene, seed=seed)
+        def work(first: int = trial * 1000) -> None:
+            for seed in range(first, first + 1000):
+                write_tiny_scene(scene, seed=seed)
 
-    for _ in range(40):
+        before = read_manifest(scene).name
         child = fork(work)
-        time.sleep(chance.uniform(0.0, 0.06))
+        start = time.monotonic()
+        while read_manifest(scene).name == before and time.monotonic() < start + 20:
+            time.sleep(0.001)
+        time.sleep(chance.uniform(0.0, 1.5) * (time.monotonic() - start))
         os.kill(child, signal.SIGKILL)
         _, status = os.waitpid(child, 0)
         report(scene, killed=os.WIFSIGNALED(status))

@@ -1,0 +1,284 @@
+"""Measure the store and the payload codecs.
+
+    python benchmarks/store.py [--smoke] [--out FILE]
+
+* spatial index: build and query at 10 k, 100 k and 1 M boxes, R-tree against brute force, same
+  answers required;
+* index file: bytes per segment, encode and decode;
+* payload: bytes per triangle, encode and decode per second, by encoding and option, and what each
+  part takes;
+* reading: payloads per second from a published scene, by source, with and without the hash check.
+
+Fixed seeds. Times are medians; run on an idle machine, or compare ratios. ``--smoke`` runs
+everything small, in seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import statistics
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terraport_payload import (
+    AttributeScale,
+    Cover,
+    SegmentMesh,
+    decode_arrays,
+    decode_glb,
+    encode_arrays,
+    encode_glb,
+)
+from terraport_payload.glb_container import split_glb
+from terraport_store import (
+    BruteForceIndex,
+    BuildInfo,
+    HandOff,
+    RTreeIndex,
+    Scene,
+    SceneInfo,
+    SceneWriter,
+    SegmentIndex,
+    SpatialIndex,
+    validate_scene,
+)
+
+STEP_M = 2.0**-12
+SCALES = {"grade": AttributeScale(0.0, 2.0 / 65534)}
+
+
+def main() -> None:
+    """Run and print; write JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--smoke", action="store_true", help="small and quick")
+    parser.add_argument("--out", type=Path, help="write the figures as JSON here")
+    options = parser.parse_args()
+    results: dict[str, Any] = {
+        "machine": {"processor": platform.machine(), "python": platform.python_version()},
+        "spatial": [
+            spatial(count) for count in ((1000,) if options.smoke else (10**4, 10**5, 10**6))
+        ],
+        "index": index_file(1000 if options.smoke else 100_000),
+        "payload": [payload(cells) for cells in ((12,) if options.smoke else (35, 63, 90))],
+        "reading": reading(8 if options.smoke else 200),
+    }
+    text = json.dumps(results, indent=1)
+    print(text)
+    if options.out is not None:
+        options.out.write_text(text + "\n")
+
+
+def median_s(work: Callable[[], object], *, least_s: float = 0.3, most: int = 50) -> float:
+    """Median time of one call, repeated for least_s or at most so often."""
+    times: list[float] = []
+    while not times or (sum(times) < least_s and len(times) < most):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def spatial(count: int) -> dict[str, Any]:
+    """Boxes of 5 m on terrain of constant density; a landing of 60 m finds about 450 of them."""
+    rng = np.random.default_rng(1)
+    side = 5.0 * count**0.5
+    low = np.stack(
+        [rng.uniform(0, side, count), rng.uniform(0, 40, count), rng.uniform(0, side, count)],
+        axis=1,
+    )
+    bounds = np.hstack([low, low + rng.uniform(1, 6, (count, 3))]).astype(np.float32)
+    start = time.perf_counter()
+    tree = RTreeIndex(bounds)
+    built_s = time.perf_counter() - start
+    brute = BruteForceIndex(bounds)
+    rows: dict[str, Any] = {"boxes": count, "rtree_build_s": round(built_s, 3)}
+    for radius in (20.0, 60.0, 150.0):
+        centres = [(float(x), 20.0, float(z)) for x, z in rng.uniform(0, side, (20, 2))]
+        found = [len(tree.within(centre, radius)) for centre in centres]
+        for centre in centres[:5]:
+            assert np.array_equal(tree.within(centre, radius), brute.within(centre, radius))
+        queries = {"rtree_ms": (tree, centres), "brute_ms": (brute, centres[:5])}
+        rows[f"radius_{radius:.0f}_m"] = {
+            "found": round(statistics.mean(found)),
+            **{name: query_ms(index, some, radius) for name, (index, some) in queries.items()},
+        }
+    return rows
+
+
+def query_ms(index: SpatialIndex, centres: list[tuple[float, ...]], radius_m: float) -> float:
+    """Median over the centres of one query's time, the better of two."""
+    times = []
+    for centre in centres:
+        tries = []
+        for _ in range(2):
+            start = time.perf_counter()
+            index.within(centre, radius_m)
+            tries.append(time.perf_counter() - start)
+        times.append(min(tries))
+    return round(statistics.median(times) * 1e3, 3)
+
+
+def index_file(count: int) -> dict[str, Any]:
+    """Write and read an index of so many segments."""
+    rng = np.random.default_rng(2)
+    low = rng.uniform(0, 500, (count, 3)).astype(np.float32)
+    length = rng.integers(20_000, 120_000, count).astype(np.uint32)
+    index = SegmentIndex(
+        bounds=np.hstack([low, low + np.float32(5)]),
+        vertex_count=np.full(count, 4000, dtype=np.uint32),
+        face_count=np.full(count, 8000, dtype=np.uint32),
+        offset=np.arange(count, dtype=np.uint64) * np.uint64(131072) + np.uint64(64),
+        length=length,
+        xxh3=rng.integers(0, 2**63, count).astype(np.uint64),
+        region=np.zeros(count, dtype=np.uint32),
+        region_count=np.ones(count, dtype=np.uint16),
+    )
+    data = index.to_bytes()
+    return {
+        "segments": count,
+        "bytes_per_segment": round(len(data) / count, 2),
+        "encode_ms": round(median_s(index.to_bytes) * 1e3, 2),
+        "decode_ms": round(median_s(lambda: SegmentIndex.from_bytes(data)) * 1e3, 2),
+    }
+
+
+def terrain(cells: int, seed: int = 0) -> SegmentMesh:
+    """Make noisy coloured terrain, 5 cm between vertices, 3 mm of height noise."""
+    rng = np.random.default_rng(seed)
+    x, z = np.meshgrid(np.arange(cells + 1) * 0.05, np.arange(cells + 1) * -0.05, indexing="ij")
+    y = np.sin(x) + 0.3 * np.cos(3 * z) + rng.normal(0, 0.003, x.shape)
+    jitter = rng.normal(0, 0.01, (2, *x.shape))
+    positions = np.stack([x + jitter[0], y, z + jitter[1]], axis=-1).reshape(-1, 3) + 100.0
+    normals = np.stack([-np.cos(x), np.ones_like(x), 0.9 * np.sin(3 * z)], axis=-1).reshape(-1, 3)
+    normals += rng.normal(0, 0.05, normals.shape)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    grey = 150 + 30 * np.sin(2 * x) + rng.normal(0, 8, x.shape)
+    colours = np.stack([grey, grey * 0.9, grey * 0.8], axis=-1).reshape(-1, 3)
+    colours += rng.normal(0, 3, colours.shape)
+    side = cells + 1
+    corner = (np.arange(cells)[:, None] * side + np.arange(cells)[None, :]).reshape(-1)
+    faces = np.concatenate(
+        [
+            np.stack([corner, corner + side, corner + side + 1], axis=1),
+            np.stack([corner, corner + side + 1, corner + 1], axis=1),
+        ]
+    )
+    return SegmentMesh(
+        positions=positions.astype(np.float32),
+        faces=faces.astype(np.uint32),
+        normals=normals.astype(np.float32),
+        colours=np.clip(colours, 0, 255).astype(np.uint8),
+        region_ids=(x.reshape(-1) > x.mean()).astype(np.uint16),
+        attributes={"grade": (1 + np.sin(x / 3)).reshape(-1).astype(np.float32)},
+    )
+
+
+def payload(cells: int) -> dict[str, Any]:
+    """Size and speed of each encoding of one segment."""
+    mesh = terrain(cells)
+    faces = len(mesh.faces)
+    bare = SegmentMesh(mesh.positions, mesh.faces, mesh.normals)
+    rows: dict[str, Any] = {"faces": faces}
+    variants: dict[str, tuple[SegmentMesh, dict[str, Any]]] = {
+        "glb": (mesh, {}),
+        "glb, positions and normals alone": (bare, {}),
+        "glb, face order kept": (mesh, {"keep_face_order": True}),
+        "glb, float positions": (mesh, {"step_m": 2.0**-17}),
+        "glb, not compressed": (mesh, {"compress": False}),
+    }
+
+    def encode(source: SegmentMesh, **more: Any) -> bytes:
+        return encode_glb(source, **{"step_m": STEP_M, "attribute_scales": SCALES, **more})
+
+    for name, (source, more) in variants.items():
+        data = encode(source, **more)
+        rows[name] = figures(
+            faces, data, lambda s=source, m=more: encode(s, **m), lambda d=data: decode_glb(d)
+        )
+    flat = encode_arrays(mesh)
+    rows["arrays"] = figures(faces, flat, lambda: encode_arrays(mesh), lambda: decode_arrays(flat))
+    document = split_glb(encode(mesh))[0]
+    primitive = document["meshes"][0]["primitives"][0]
+    parts = {**primitive["attributes"], "indices": primitive["indices"]}
+    views = document["bufferViews"]
+    rows["bytes_per_triangle_by_part"] = {
+        name: round(views[number]["extensions"]["EXT_meshopt_compression"]["byteLength"] / faces, 3)
+        for name, number in parts.items()
+    }
+    return rows
+
+
+def figures(
+    faces: int, data: bytes, encode: Callable[[], object], decode: Callable[[], object]
+) -> dict[str, float]:
+    """Bytes per triangle and million triangles per second."""
+    return {
+        "bytes_per_triangle": round(len(data) / faces, 2),
+        "encode_mtri_s": round(faces / median_s(encode) / 1e6, 2),
+        "decode_mtri_s": round(faces / median_s(decode) / 1e6, 2),
+    }
+
+
+def reading(segments: int) -> dict[str, Any]:
+    """Publish a scene of equal segments of 8 k faces, read and validate it."""
+    mesh = terrain(63)
+    glb = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
+    base = encode_glb(terrain(8), step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True)
+    shape = decode_glb(glb)
+    box = [*shape.positions.min(axis=0).tolist(), *shape.positions.max(axis=0).tolist()]
+    rows: dict[str, Any] = {"segments": segments, "payload_kib": round(len(glb) / 1024, 1)}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "scene"
+        start = time.perf_counter()
+        with SceneWriter(path) as writer:
+            for _ in range(segments):
+                writer.add_segment(
+                    glb,
+                    region=0,
+                    region_count=2,
+                    bounds=box,
+                    vertices=len(shape.positions),
+                    faces=len(shape.faces),
+                )
+            empty = np.zeros(0, dtype=np.uint32)
+            writer.set_base(base, Cover(np.zeros(129, dtype=np.uint32), empty))
+            writer.publish(
+                SceneInfo(
+                    name="benchmark",
+                    origin=(0, 0, 0),
+                    step_m=STEP_M,
+                    points=0,
+                    regions=2,
+                    hand_off=HandOff(deviation_m=0, tolerance_m=0),
+                    build=BuildInfo(terraport="benchmark"),
+                )
+            )
+        rows["write_and_publish_s"] = round(time.perf_counter() - start, 3)
+        rows["open_ms"] = round(median_s(lambda: Scene.open(path).close()) * 1e3, 2)
+        for source in ("file", "mmap"):
+            with Scene.open(path, source=source) as scene:
+                for verify in (False, True):
+
+                    def read_all(scene: Scene = scene, verify: bool = verify) -> None:
+                        for segment in range(segments):
+                            scene.payload(segment, verify=verify, recheck=verify)
+
+                    seconds = median_s(read_all)
+                    key = f"{source}{', hash checked' if verify else ''}"
+                    rows[f"{key}, us per payload"] = round(seconds / segments * 1e6, 1)
+        start = time.perf_counter()
+        found = [f for f in validate_scene(path) if f.code != "attributes"]
+        assert found == [], found[0]
+        rows["validate_ms_per_segment"] = round((time.perf_counter() - start) / segments * 1e3, 2)
+    return rows
+
+
+if __name__ == "__main__":
+    main()
