@@ -48,6 +48,8 @@ class Dropped:
     """These ids do not belong to the served version; a disk cache deletes them."""
 
     segments: tuple[int, ...]
+    on_disk: tuple[tuple[int, int], ...]
+    """Id and xxh3 of those that the disk has."""
 
 
 @dataclass(frozen=True, slots=True)

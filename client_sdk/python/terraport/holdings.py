@@ -70,6 +70,12 @@ class Holdings:
             return entry.facts.xxh3
         return self._disk.get(segment, self._gone.get(segment))
 
+    def disk_hashes(self, segments: Iterable[int]) -> tuple[tuple[int, int], ...]:
+        """Return id and xxh3 of those of the segments that the disk has."""
+        return tuple(
+            (segment, self._disk[segment]) for segment in segments if segment in self._disk
+        )
+
     def put(self, entry: CachedSegment, *, trim: bool) -> None:
         """Hold a payload in memory; `trim` False defers eviction."""
         self._gone.pop(entry.facts.segment, None)

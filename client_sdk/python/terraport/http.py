@@ -36,13 +36,13 @@ class SceneHttp:
         Of the server or the scene.
     token : str or None
         Sent as bearer token to that server alone: redirects are not followed.
-    timeout_s : float
-        Bound on connecting, and on each wait for more bytes.
+    timeout_s : float or None
+        Bound on connecting, and on each wait for more bytes; None waits for ever.
     """
 
-    def __init__(self, url: SceneUrl, token: str | None, timeout_s: float) -> None:
+    def __init__(self, url: SceneUrl, token: str | None, timeout_s: float | None) -> None:
         headers = {} if token is None else {"Authorization": f"Bearer {token}"}
-        self._client = httpx.AsyncClient(headers=headers, timeout=timeout_s, trust_env=False)
+        self._client = httpx.AsyncClient(headers=headers, timeout=timeout_s)
         self._url = url
 
     async def resolve(self) -> SceneUrl:

@@ -91,6 +91,11 @@ class LandingRecord:
         self._add(entry, source)
         self.changed()
 
+    def degrade(self, segments: tuple[int, ...]) -> None:
+        """Note that the deadline has passed and these may be shown."""
+        self.degraded = segments
+        self.changed()
+
     def ready(self, shown: tuple[int, ...], missing: tuple[int, ...]) -> None:
         """Note that it is whole."""
         self.shown, self.missing = shown, missing
@@ -184,6 +189,14 @@ class Landing:
             rejected=record.rejected,
             plans=record.plans,
         )
+
+    async def planned(self, timeout_s: float | None = None) -> Plan:
+        """Wait for the plan; :meth:`terraport.Session.land` has done so.
+
+        Raises what :meth:`ready` raises, but for missing segments.
+        """
+        await self._until(lambda: self._record.plan is not None, timeout_s)
+        return self.plan
 
     async def ready(
         self, timeout_s: float | None = None, *, allow_missing: bool = False

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport.errors import MissingExtraError, UsageError
 from terraport_payload import (
@@ -43,7 +42,7 @@ def to_trimesh(mesh: SegmentMesh) -> trimesh.Trimesh:
         import trimesh
     except ImportError:
         raise MissingExtraError("to_trimesh()", "trimesh") from None
-    extra: dict[str, npt.NDArray[np.generic]] = dict(mesh.attributes)
+    extra: dict[str, Any] = dict(mesh.attributes)
     if mesh.region_ids is not None:
         extra["region_id"] = mesh.region_ids
     return trimesh.Trimesh(

@@ -333,6 +333,7 @@ class ClientSession:
             )
         self._open, self._greeting = True, False
         dropped = tuple(int(segment) for segment in welcome.dropped)
+        on_disk = self.held.disk_hashes(dropped)
         self.held.forget(dropped)
         changed = self.version is not None and self.version != welcome.scene.version
         self.version = welcome.scene.version
@@ -344,7 +345,7 @@ class ClientSession:
             Opened(welcome.scene, welcome.limits, welcome.session, welcome.held_count, changed)
         )
         if dropped:
-            self._events.append(Dropped(dropped))
+            self._events.append(Dropped(dropped, on_disk))
         self._outbox.extend(self._picks.values())
         if self._queued is not None:
             landing, self._queued = self._queued, None

@@ -1,0 +1,181 @@
+"""A session with a scene, for asyncio.
+
+::
+
+    async with terraport.connect("http://localhost:8080/scenes/quarry", token) as session:
+        landing = await session.land((12.0, 3.5, -40.0), radius_m=60)
+        async for segment in landing:
+            mesh = segment.arrays()
+
+**Contracts.** A session belongs to the event loop on which it was opened. Its coroutines may
+overlap in any number; only the newest landing is pursued, older ones that are not ready raise
+:class:`~terraport.errors.LandingSupersededError`. Cancelling a coroutine ends that wait and nothing
+else. Leaving ``async with`` closes everything: sockets, tasks, what is left to write to disk,
+within ``timeouts.close_s``. A lost connection is mended without the caller's doing; what was held
+is not sent again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from terraport.cache import SegmentCache
+from terraport.disk_cache import DEFAULT_DISK_BYTES, DiskCache
+from terraport.errors import UsageError
+from terraport.http import SceneHttp
+from terraport.live import Session, SessionStats
+from terraport.options import SessionOptions
+from terraport.payloads import ENCODINGS
+from terraport.session import ClientSession
+from terraport.timeouts import Timeouts
+from terraport.urls import SceneUrl
+from terraport.version import __version__
+from terraport_wire import Subprotocol
+
+__all__ = ["DEFAULT_CACHE_BYTES", "Connecting", "Session", "SessionStats", "connect"]
+
+DEFAULT_CACHE_BYTES: Final = 512 << 20
+"""Room for several landings of 60 m at full detail."""
+
+
+class Connecting:
+    """A connection about to be made: ``async with connect(...) as session``."""
+
+    def __init__(
+        self,
+        url: SceneUrl,
+        token: str | None,
+        options: SessionOptions,
+        timeouts: Timeouts,
+        cache_bytes: int,
+        cache_dir: Path | None,
+        disk_bytes: int,
+    ) -> None:
+        self._url = url
+        self._token = token
+        self._options = options
+        self._timeouts = timeouts
+        self._cache_bytes = cache_bytes
+        self._cache_dir = cache_dir
+        self._disk_bytes = disk_bytes
+        self._session: Session | None = None
+
+    async def __aenter__(self) -> Session:
+        http = SceneHttp(self._url, self._token, self._timeouts.http_s)
+        try:
+            url = await http.resolve()
+            disk, on_disk = None, {}
+            if self._cache_dir is not None:
+                disk = await asyncio.to_thread(
+                    DiskCache, self._cache_dir, url.key, self._options.encoding, self._disk_bytes
+                )
+                on_disk = await asyncio.to_thread(disk.catalogue)
+            state = ClientSession(self._options, SegmentCache(self._cache_bytes), on_disk)
+            session = Session(state, http, url, self._token, self._timeouts, disk)
+        except BaseException:
+            await http.aclose()
+            raise
+        try:
+            await session.open()
+        except BaseException:
+            await session.aclose()
+            raise
+        self._session = session
+        return session
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._session is not None:
+            await self._session.aclose()
+
+
+def connect(
+    url: str,
+    token: str | None = None,
+    *,
+    encoding: str = "glb",
+    max_triangles: int | None = None,
+    max_bytes: int | None = None,
+    max_segments: int | None = None,
+    cache_bytes: int = DEFAULT_CACHE_BYTES,
+    cache_dir: str | Path | None = None,
+    disk_bytes: int = DEFAULT_DISK_BYTES,
+    credit_bytes: int = 16 << 20,
+    release_factor: float | None = None,
+    subprotocol: str = "msgpack",
+    timeouts: Timeouts | None = None,
+) -> Connecting:
+    """Connect to a scene: ``async with connect(...) as session``.
+
+    Parameters
+    ----------
+    url : str
+        ``http(s)`` or ``ws(s)``, ending in ``/scenes/ID``; or a server with only one scene.
+    token : str, optional
+        Bearer token; sent in a header, to that server alone.
+    encoding : {"glb", "arrays"}
+        Of the payloads; ``"arrays"`` only where the scene was built with it.
+    max_triangles, max_bytes, max_segments : int, optional
+        Hard budgets of every landing: nearest first until the next segment would exceed one.
+        Without `max_bytes`, a landing is bounded by `cache_bytes`.
+    cache_bytes : int
+        Payload bytes kept in memory beside what is visible or on its way.
+    cache_dir : Path, optional
+        Keep segments and base meshes there too, from one run to the next. None: memory alone.
+    disk_bytes : int
+        Bound on everything in `cache_dir`.
+    credit_bytes : int
+        Payload bytes on their way at most.
+    release_factor : float, optional
+        What is held within radius x factor stays shown, 1 to 4; None takes the server's.
+    subprotocol : {"msgpack", "json"}
+        The same messages, packed or readable.
+    timeouts : Timeouts, optional
+        How long to wait for what.
+
+    Returns
+    -------
+    Connecting
+        An async context manager; nothing happens before it is entered. Entering raises
+
+        * :class:`ConnectionFailedError`, :class:`HttpError` when nobody answers (a first connection
+          is tried once; a lost one again and again, for ``timeouts.reconnect_s``),
+        * :class:`ServerError` when the server refuses, with ``code`` such as ``"unauthorised"`` or
+          ``"unknown_scene"``.
+
+    Raises
+    ------
+    UsageError
+        An argument that cannot work.
+    """
+    if encoding not in ENCODINGS:
+        raise UsageError(f"encoding is {encoding!r}, expected one of: {', '.join(ENCODINGS)}")
+    names = {member.name.lower(): member for member in Subprotocol}
+    if subprotocol not in names:
+        raise UsageError(f"subprotocol is {subprotocol!r}, expected one of: {', '.join(names)}")
+    options = SessionOptions(
+        client=f"terraport-python {__version__}",
+        encoding=encoding,
+        max_triangles=max_triangles,
+        max_bytes=cache_bytes if max_bytes is None else max_bytes,
+        max_segments=max_segments,
+        credit_bytes=credit_bytes,
+        release_factor=release_factor,
+        subprotocol=names[subprotocol],
+    )
+    return Connecting(
+        SceneUrl.parse(url),
+        token,
+        options,
+        timeouts or Timeouts(),
+        cache_bytes,
+        None if cache_dir is None else Path(cache_dir),
+        disk_bytes,
+    )

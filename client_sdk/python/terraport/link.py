@@ -1,0 +1,303 @@
+"""The connection of a session: opened, kept, lost, opened again.
+
+Everything here runs on one event loop; the state is :class:`terraport.session.ClientSession`'s.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import random
+import ssl
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import (
+    ConnectionClosed,
+    InvalidHandshake,
+    InvalidStatus,
+    InvalidURI,
+)
+from websockets.typing import Subprotocol as WebSocketSubprotocol
+
+from terraport.backoff import is_temporary, wait_s
+from terraport.errors import (
+    ConnectionFailedError,
+    ProtocolViolationError,
+    ServerError,
+    SessionClosedError,
+    TerraportError,
+)
+from terraport.events import Event, Noticed, Opened, Ready, Refused
+from terraport.pacing import Pacer
+from terraport.session import ClientSession
+from terraport.timeouts import Timeouts
+from terraport_wire import MAX_SERVER_MESSAGE_BYTES, CloseCode, ErrorCode
+
+__all__ = ["Link"]
+
+_AIM_PERIOD_S: Final = 0.1
+"""Between two aims: a hand moves faster, but ten plans a second are enough to prefetch by."""
+_STABLE_S: Final = 10.0
+"""A connection that lived this long, or readied a landing, begins the waits anew when it is
+lost."""
+_ABNORMAL: Final = 1006
+_HTTP_TO_CLOSE: Final = 4000
+
+_log = logging.getLogger("terraport")
+
+
+@dataclass(frozen=True, slots=True)
+class _Lost:
+    """Why one connection, or the attempt to make it, has ended."""
+
+    cause: str
+    temporary: bool
+    error: TerraportError | None = None
+    """What to raise where it is final."""
+
+
+class Link:
+    """Keeps one session connected. The owner runs :meth:`run` as a task and awaits it.
+
+    Parameters
+    ----------
+    session : ClientSession
+        The state; commands may be given to it at any time, followed by :meth:`pump`.
+    url : str
+        ``ws(s)://.../stream``.
+    token : str or None
+        Bearer token.
+    timeouts : Timeouts
+        Of these: connect_s, reconnect_s, close_s.
+    handle : callable
+        Takes every event, in order, on the event loop.
+    """
+
+    def __init__(
+        self,
+        session: ClientSession,
+        url: str,
+        token: str | None,
+        timeouts: Timeouts,
+        handle: Callable[[Event], None],
+    ) -> None:
+        self.connections = 0
+        """Connections that the server welcomed."""
+        self.received_bytes = 0
+        """Bytes of WebSocket messages received, payload and headers, over all connections."""
+        self._session = session
+        self._url = url
+        self._headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+        self._timeouts = timeouts
+        self._handle = handle
+        self._wake = asyncio.Event()
+        self._welcomed = asyncio.Event()
+        self._leaving = False
+        self._offer_held = True
+        self._attempt = 0
+        self._first_wait_s: float | None = None
+        self._refusal: Refused | None = None
+        self._pacer = Pacer(1.0, now_s=time.monotonic())
+        self._next_aim_s = 0.0
+
+    def pump(self) -> None:
+        """Hand out events and let the writer send; to be called after every command."""
+        for event in self._session.events():
+            self._note(event)
+            self._handle(event)
+        self._wake.set()
+
+    def leave(self) -> None:
+        """Say goodbye and do not connect again."""
+        self._leaving = True
+        self._session.bye()
+        self.pump()
+
+    async def run(self) -> None:
+        """Connect, and connect again, until :meth:`leave` or a failure that is final.
+
+        Raises
+        ------
+        ServerError
+            The server refuses, and would again.
+        ConnectionFailedError
+            The first attempt failed, or ``reconnect_s`` ran out.
+        ProtocolViolationError
+            The server broke the protocol.
+        """
+        lost_at_s = 0.0
+        while True:
+            began_s = time.monotonic()
+            self._welcomed.clear()
+            lost = await self._converse()
+            now_s = time.monotonic()
+            if self._welcomed.is_set() and now_s - began_s >= _STABLE_S:
+                self._attempt = 0
+            self._session.connection_lost()
+            self.pump()
+            if self._leaving:
+                return
+            if self._refusal is not None and self._retry_without_held(self._refusal):
+                continue
+            if not lost.temporary and lost.error is not None:
+                raise lost.error
+            if self._attempt == 0:
+                lost_at_s = now_s
+            pause_s = self._pause_s()
+            self._attempt += 1
+            limit_s = self._timeouts.reconnect_s
+            late = limit_s is not None and now_s + pause_s - lost_at_s > limit_s
+            # A first connection that fails is not tried again: the address may be wrong.
+            if late or self.connections == 0:
+                raise lost.error or ConnectionFailedError(self._url, self._attempt, lost.cause)
+            _log.info("connection lost (%s), next attempt in %.1f s", lost.cause, pause_s)
+            await asyncio.sleep(pause_s)
+
+    def _pause_s(self) -> float:
+        """Return how long to wait before the next attempt."""
+        if self._first_wait_s is not None:
+            pause_s, self._first_wait_s = self._first_wait_s, None
+            return pause_s
+        return wait_s(self._attempt, random.random)
+
+    async def _converse(self) -> _Lost:
+        """Live through one connection."""
+        self._refusal = None
+        session, timeouts = self._session, self._timeouts
+        try:
+            async with asyncio.timeout(timeouts.connect_s):
+                websocket = await connect(
+                    self._url,
+                    subprotocols=[WebSocketSubprotocol(session.options.subprotocol.value)],
+                    additional_headers=self._headers,
+                    user_agent_header=session.options.client,
+                    compression=None,
+                    max_size=MAX_SERVER_MESSAGE_BYTES,
+                    open_timeout=None,
+                    close_timeout=timeouts.close_s,
+                )
+        except (OSError, TimeoutError, InvalidHandshake, InvalidURI, EOFError) as error:
+            return _lost_before(error)
+        session.connected(offer_held=self._offer_held)
+        self.pump()
+        writer = asyncio.create_task(self._write(websocket), name="terraport-writer")
+        patience = asyncio.create_task(self._expect_welcome(websocket), name="terraport-welcome")
+        try:
+            return await self._read(websocket)
+        finally:
+            for task in (writer, patience):
+                task.cancel()
+            await asyncio.gather(writer, patience, return_exceptions=True)
+            await websocket.close()
+
+    async def _read(self, websocket: ClientConnection) -> _Lost:
+        try:
+            while True:
+                data = await websocket.recv()
+                self.received_bytes += len(data)
+                self._session.receive(data)
+                self.pump()
+        except ConnectionClosed as error:
+            return self._lost_by(error)
+        except ProtocolViolationError as error:
+            self.pump()
+            await websocket.close(CloseCode.MALFORMED, "malformed")
+            return _Lost(str(error), temporary=False, error=error)
+
+    async def _write(self, websocket: ClientConnection) -> None:
+        """Send what the session has to say, within the server's message rate."""
+        try:
+            while True:
+                await self._wake_or_aim()
+                if self._session.has_aim and time.monotonic() >= self._next_aim_s:
+                    self._next_aim_s = time.monotonic() + _AIM_PERIOD_S
+                    self._session.flush_aim()
+                for data in self._session.data_to_send():
+                    pause_s = self._pacer.take(time.monotonic())
+                    if pause_s > 0:
+                        await asyncio.sleep(pause_s)
+                    await websocket.send(data)
+        except ConnectionClosed:
+            return  # the reader learns the same, with the reason
+
+    async def _wake_or_aim(self) -> None:
+        """Wait for something to send, at most until the next aim may go."""
+        pause_s = None
+        if self._session.has_aim:
+            pause_s = max(0.0, self._next_aim_s - time.monotonic())
+        try:
+            async with asyncio.timeout(pause_s):
+                await self._wake.wait()
+        except TimeoutError:
+            return
+        self._wake.clear()
+
+    async def _expect_welcome(self, websocket: ClientConnection) -> None:
+        """Close a connection on which no welcome comes."""
+        try:
+            async with asyncio.timeout(self._timeouts.connect_s):
+                await self._welcomed.wait()
+        except TimeoutError:
+            await websocket.close(CloseCode.TIMEOUT, "no welcome")
+
+    def _note(self, event: Event) -> None:
+        """Take what concerns the connection itself."""
+        if isinstance(event, Opened):
+            self.connections += 1
+            self._welcomed.set()
+            self._pacer = Pacer(event.limits.max_messages_per_s, now_s=time.monotonic())
+        elif isinstance(event, Ready):
+            self._attempt = 0
+        elif isinstance(event, Refused) and event.fatal:
+            self._refusal = event
+        elif isinstance(event, Noticed) and event.reconnect_after_ms is not None:
+            self._first_wait_s = event.reconnect_after_ms / 1000.0
+
+    def _retry_without_held(self, refusal: Refused) -> bool:
+        """Offer nothing from now on if the server found the offer too large; once."""
+        too_large = refusal.code == ErrorCode.TOO_LARGE and not self._welcomed.is_set()
+        if too_large and self._offer_held:
+            self._offer_held = False
+            return True
+        return False
+
+    def _lost_by(self, closed: ConnectionClosed) -> _Lost:
+        code = _ABNORMAL if closed.rcvd is None else closed.rcvd.code
+        reason = "" if closed.rcvd is None else closed.rcvd.reason
+        if self._refusal is not None:
+            refusal = ServerError(self._refusal.code, self._refusal.message, fatal=True)
+            return _Lost(str(refusal), temporary=is_temporary(code), error=refusal)
+        text = reason or str(closed)
+        if code == CloseCode.NORMAL:
+            ended = SessionClosedError("the server ended it")
+            return _Lost(text, temporary=False, error=ended)
+        if is_temporary(code):
+            return _Lost(text, temporary=True)
+        return _Lost(text, temporary=False, error=_refused(code, text))
+
+
+def _lost_before(error: Exception) -> _Lost:
+    """Return why no connection came about."""
+    if isinstance(error, InvalidStatus):
+        status = error.response.status_code
+        temporary = status >= 500 or status in {408, 425, 429}
+        refusal = _refused(_HTTP_TO_CLOSE + status, f"HTTP status {status}")
+        return _Lost(str(refusal), temporary=temporary, error=refusal)
+    text = str(error) or type(error).__name__
+    if isinstance(error, ssl.SSLCertVerificationError | InvalidURI):
+        final = ConnectionFailedError("the server", 1, text)
+        return _Lost(text, temporary=False, error=final)
+    return _Lost("no answer in time" if isinstance(error, TimeoutError) else text, temporary=True)
+
+
+def _refused(close_code: int, text: str) -> ServerError:
+    """Return the error of a close code without an error message before it."""
+    try:
+        code = CloseCode(close_code).name.lower()
+    except ValueError:
+        code = f"close_{close_code}"
+    return ServerError(code, text, fatal=True)

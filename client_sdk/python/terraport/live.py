@@ -1,0 +1,450 @@
+"""A session with a scene, open: the state machine, its connection, its disk and its HTTP together.
+
+:func:`terraport.connect` makes it and says what may be called when.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Coroutine, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xxhash
+
+from terraport.base import BaseMesh
+from terraport.cache import CachedSegment, SegmentFacts
+from terraport.disk_cache import DiskCache
+from terraport.disk_worker import DiskWorker
+from terraport.errors import (
+    LandingSupersededError,
+    ServerError,
+    SessionClosedError,
+    TerraportError,
+)
+from terraport.events import (
+    Degraded,
+    Dropped,
+    Event,
+    Noticed,
+    Opened,
+    PickAnswered,
+    PickRefused,
+    Planned,
+    Prefetched,
+    Ready,
+    Refused,
+    RestoreNeeded,
+    SegmentArrived,
+    SegmentRejected,
+    Superseded,
+)
+from terraport.http import SceneHttp
+from terraport.landing import Landing, LandingRecord
+from terraport.link import Link
+from terraport.session import ClientSession
+from terraport.timeouts import Timeouts
+from terraport.urls import SceneUrl
+from terraport_wire import Hit, SceneInfo, ServerLimits
+
+__all__ = ["Session", "SessionStats"]
+
+
+@dataclass(frozen=True, slots=True)
+class SessionStats:
+    """What a session has done so far."""
+
+    connections: int
+    received_bytes: int
+    """Bytes of all WebSocket messages, payload and headers."""
+    payload_bytes: int
+    """Payload bytes of whole segments that the server sent."""
+    prefetched_bytes: int
+    """Those of them that aims brought."""
+    repeated_bytes: int
+    """Payload bytes of segments that were in memory already; 0 with a right server."""
+    rejected: int
+    """Segments with a wrong hash, from the stream or the disk cache."""
+    cache_bytes: int
+    """Payload bytes in memory now."""
+
+
+class Session:
+    """One scene, open. Made by :func:`connect`."""
+
+    def __init__(
+        self,
+        state: ClientSession,
+        http: SceneHttp,
+        url: SceneUrl,
+        token: str | None,
+        timeouts: Timeouts,
+        disk: DiskCache | None,
+    ) -> None:
+        self._state = state
+        self._http = http
+        self._url = url
+        self._timeouts = timeouts
+        self._disk = disk
+        self._link = Link(state, url.stream, token, timeouts, self._take)
+        self._worker = (
+            None
+            if disk is None
+            else DiskWorker(
+                disk,
+                restored=self._on_restored,
+                lost=self._on_lost,
+                stored=self._on_stored,
+                removed=self._on_removed,
+            )
+        )
+        self._opened: Opened | None = None
+        self._welcome: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._failure: TerraportError | None = None
+        self._landings: dict[int, LandingRecord] = {}
+        self._picks: dict[int, asyncio.Future[Hit | None]] = {}
+        self._base: BaseMesh | None = None
+        self._base_lock = asyncio.Lock()
+        self._tasks: list[asyncio.Task[None]] = []
+        self._payload_bytes = self._prefetched_bytes = self._rejected = 0
+        self.newest_version: str | None = None
+        """A newer scene version that the server has announced; served from the next connection."""
+
+    # ---- what is served
+
+    @property
+    def scene(self) -> SceneInfo:
+        """Id, version, name and number of segments, as of the newest connection."""
+        return self._welcomed.scene
+
+    @property
+    def limits(self) -> ServerLimits:
+        """What the server allows, as of the newest connection."""
+        return self._welcomed.limits
+
+    @property
+    def url(self) -> str:
+        """Address of the scene over HTTP."""
+        return self._url.http
+
+    @property
+    def visible(self) -> tuple[int, ...]:
+        """Ids of the segments that the last ready landing shows, ascending.
+
+        Empty before the first, and after a reconnect that found another scene version.
+        """
+        return self._state.visible
+
+    @property
+    def stats(self) -> SessionStats:
+        """Counts so far."""
+        return SessionStats(
+            connections=self._link.connections,
+            received_bytes=self._link.received_bytes,
+            payload_bytes=self._payload_bytes,
+            prefetched_bytes=self._prefetched_bytes,
+            repeated_bytes=self._state.repeated_bytes,
+            rejected=self._rejected,
+            cache_bytes=self._state.held.cache_bytes,
+        )
+
+    async def manifest(self) -> dict[str, Any]:
+        """Return the manifest of the served version (``spec/scene-format.md``, section 4).
+
+        Raises
+        ------
+        HttpError
+            The server does not answer.
+        """
+        return await self._http.manifest(self.scene.version)
+
+    async def base(self) -> BaseMesh:
+        """Return the base mesh with its cover, loaded once per scene version.
+
+        May be called from several tasks: one loads, the others wait for it.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer.
+        ProtocolViolationError
+            What came is not what the manifest promises.
+        """
+        async with self._base_lock:
+            version = self.scene.version
+            if self._base is None or self._base.version != version:
+                self._base = await self._http.base(version, self._disk)
+            return self._base
+
+    # ---- commands
+
+    async def land(
+        self,
+        position: Sequence[float],
+        radius_m: float = 60.0,
+        *,
+        inner_radius_m: float | None = None,
+        deadline_s: float | None = None,
+        timeout_s: float | None = None,
+    ) -> Landing:
+        """Land: ask for everything within a radius, and return when the plan is there.
+
+        The segments follow while the caller goes on. A landing that is not ready is superseded by
+        the next one, also when this call is cancelled.
+
+        Parameters
+        ----------
+        position : sequence of 3 floats
+            Metres, scene frame (x east, y up, z south of the origin).
+        radius_m : float
+            Everything whose box comes within it; the server's ``limits.max_radius_m`` bounds it.
+        inner_radius_m, deadline_s : float, optional
+            After `deadline_s` the segments within `inner_radius_m` alone are presentable; see
+            :meth:`Landing.presentable`.
+        timeout_s : float, optional
+            Bound on the wait for the plan; the session's ``timeouts.plan_s`` without it.
+
+        Raises
+        ------
+        UsageError
+            A number that the protocol does not allow, such as a radius that is not above 0.
+        ServerError
+            The server refuses this landing; an older one that is not ready goes on.
+        LandingSupersededError
+            Another task has landed meanwhile.
+        LandingTimeoutError
+            No plan in time.
+        SessionClosedError
+            The session has ended.
+        """
+        self._require_open()
+        deadline_ms = None if deadline_s is None else max(1, round(deadline_s * 1000))
+        number = self._state.land(
+            position, radius_m, inner_radius_m=inner_radius_m, deadline_ms=deadline_ms
+        )
+        encoding, now_s = self._state.options.encoding, time.monotonic()
+        record = LandingRecord(number, encoding, time.monotonic, started_s=now_s)
+        self._landings[number] = record
+        self._link.pump()
+        landing = Landing(record)
+        await landing.planned(self._timeouts.plan_s if timeout_s is None else timeout_s)
+        return landing
+
+    def aim(self, position: Sequence[float], radius_m: float = 60.0) -> None:
+        """Tell where the user points, so that a landing there finds its segments held.
+
+        Returns at once; may be called for every frame: at most ten a second are sent, the newest
+        always. It never disturbs a landing.
+
+        Raises
+        ------
+        UsageError
+            A number that the protocol does not allow.
+        SessionClosedError
+            The session has ended.
+        """
+        self._require_open()
+        self._state.aim(position, radius_m)
+        self._link.pump()
+
+    async def pick(
+        self,
+        origin: Sequence[float],
+        direction: Sequence[float] | None = None,
+        *,
+        timeout_s: float | None = None,
+    ) -> Hit | None:
+        """Ask what full detail has along a ray, whether its segments are loaded or not.
+
+        Parameters
+        ----------
+        origin : sequence of 3 floats
+            Metres, scene frame.
+        direction : sequence of 3 floats, optional
+            Of any length; without it, the vertical line through `origin`.
+        timeout_s : float, optional
+            The session's ``timeouts.pick_s`` without it.
+
+        Returns
+        -------
+        Hit or None
+            Position, normal, segment, region, label, height and attributes; None for nothing.
+
+        Raises
+        ------
+        ServerError
+            The server refuses, for example too many picks at once.
+        TimeoutError
+            No answer in time.
+        SessionClosedError
+            The session has ended.
+        """
+        self._require_open()
+        request = self._state.pick(origin, direction)
+        answer: asyncio.Future[Hit | None] = asyncio.get_running_loop().create_future()
+        self._picks[request] = answer
+        self._link.pump()
+        try:
+            async with asyncio.timeout(self._timeouts.pick_s if timeout_s is None else timeout_s):
+                return await answer
+        finally:
+            self._picks.pop(request, None)
+            self._state.drop_pick(request)
+
+    async def visible_set_hash(self) -> str:
+        """Return what identifies the picture of the last ready landing: 16 hexadecimal digits.
+
+        It covers the ids of the visible segments and the hidden faces of the base mesh (which it
+        loads if need be): a function of the last landing alone, whatever happened in between.
+        """
+        base = await self.base()
+        visible = self.visible
+        digest = xxhash.xxh3_64(np.array(visible, dtype="<u4").tobytes())
+        digest.update(np.packbits(base.hidden_faces(visible)).tobytes())
+        return digest.hexdigest()
+
+    async def aclose(self) -> None:
+        """Say goodbye and free everything; may be called again. ``async with`` calls it."""
+        self._link.leave()
+        try:
+            async with asyncio.timeout(self._timeouts.close_s):
+                if self._worker is not None and len(self._tasks) > 1:
+                    await self._worker.drained()
+                if self._tasks:
+                    await asyncio.wait(self._tasks[:1])
+        except TimeoutError:
+            pass  # what is left is cut off
+        finally:
+            for task in self._tasks:
+                task.cancel()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
+            self._fail(SessionClosedError("it was closed here"))
+            await self._http.aclose()
+
+    # ---- private
+
+    async def open(self) -> None:
+        """Connect; called once, by :func:`connect`."""
+        self._spawn(self._link.run(), "terraport-link")
+        if self._worker is not None:
+            self._spawn(self._worker.run(), "terraport-disk")
+        await self._welcome
+
+    @property
+    def _welcomed(self) -> Opened:
+        assert self._opened is not None  # connect() waits for it
+        return self._opened
+
+    def _spawn(self, work: Coroutine[Any, Any, None], name: str) -> None:
+        task = asyncio.create_task(work, name=name)
+        task.add_done_callback(self._on_task_done)
+        self._tasks.append(task)
+
+    def _on_task_done(self, task: asyncio.Task[None]) -> None:
+        error = None if task.cancelled() else task.exception()
+        if isinstance(error, TerraportError):
+            self._fail(error)
+        elif error is not None:
+            failure = SessionClosedError(f"a fault of the client: {error!r}")
+            failure.__cause__ = error
+            self._fail(failure)
+
+    def _fail(self, error: TerraportError) -> None:
+        """End the session: everyone who waits gets the error."""
+        if self._failure is None:
+            self._failure = error
+        if not self._welcome.done():
+            self._welcome.set_exception(error)
+            self._welcome.exception()  # nobody waits for it any more once open() was cancelled
+        for record in self._landings.values():
+            record.fail(error)
+        self._landings.clear()
+        for answer in self._picks.values():
+            if not answer.done():
+                answer.set_exception(error)
+        self._picks.clear()
+
+    def _require_open(self) -> None:
+        if self._failure is not None:
+            raise SessionClosedError(str(self._failure)) from self._failure
+
+    def _take(self, event: Event) -> None:
+        """Carry out one event of the state machine."""
+        if isinstance(event, SegmentArrived):
+            self._on_arrived(event)
+        elif isinstance(event, Planned):
+            self._landings[event.landing].planned(event.plan, event.kept)
+        elif isinstance(event, Ready):
+            self._landings.pop(event.landing).ready(event.shown, event.missing)
+        elif isinstance(event, Degraded):
+            self._landings[event.landing].degrade(event.segments)
+        elif isinstance(event, Superseded):
+            error = LandingSupersededError(event.landing, event.by)
+            self._landings.pop(event.landing).fail(error)
+        elif isinstance(event, Refused) and event.landing is not None:
+            self._landings.pop(event.landing).fail(ServerError(event.code, event.message))
+        elif isinstance(event, SegmentRejected):
+            self._rejected += 1
+            if event.landing is not None:
+                self._landings[event.landing].rejected += 1
+            if self._worker is not None:
+                self._worker.remove({event.segment: event.expected})
+        elif isinstance(event, RestoreNeeded):
+            assert self._worker is not None  # only its catalogue knows such segments
+            for segment in event.segments:
+                xxh3 = self._state.held.hash_of(segment)
+                assert xxh3 is not None
+                self._worker.restore(segment, xxh3)
+        elif isinstance(event, PickAnswered | PickRefused):
+            self._on_picked(event)
+        elif isinstance(event, Opened):
+            self._opened = event
+            if not self._welcome.done():
+                self._welcome.set_result(None)
+        elif isinstance(event, Dropped):
+            self._on_dropped(event)
+        elif isinstance(event, Noticed) and event.kind == "scene_published":
+            self.newest_version = event.version
+        elif isinstance(event, Prefetched):
+            self._prefetched_bytes += event.payload_bytes
+
+    def _on_arrived(self, event: SegmentArrived) -> None:
+        entry = event.entry
+        if not event.restored:
+            self._payload_bytes += len(entry.payload)
+            if self._worker is not None and not self._state.held.on_disk(entry.facts.segment):
+                self._worker.store(entry)
+        if event.landing is not None:
+            source = "disk" if event.restored else "stream"
+            self._landings[event.landing].arrive(entry, source)
+
+    def _on_picked(self, event: PickAnswered | PickRefused) -> None:
+        answer = self._picks.get(event.request)
+        if answer is None or answer.done():
+            return
+        if isinstance(event, PickAnswered):
+            answer.set_result(event.hit)
+        else:
+            answer.set_exception(ServerError(event.code, event.message))
+
+    def _on_dropped(self, event: Dropped) -> None:
+        if self._worker is not None:
+            self._worker.remove(dict(event.on_disk))
+
+    # ---- the disk worker's news
+
+    def _on_restored(self, entry: CachedSegment) -> None:
+        self._state.restored(entry)
+        self._link.pump()
+
+    def _on_lost(self, segment: int) -> None:
+        self._state.lost(segment)
+        self._link.pump()
+
+    def _on_stored(self, facts: SegmentFacts) -> None:
+        self._state.stored_on_disk(facts)
+
+    def _on_removed(self, segments: list[int]) -> None:
+        self._state.removed_from_disk(segments)
