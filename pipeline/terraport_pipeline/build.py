@@ -212,7 +212,7 @@ def _run_stages(
     read = _read(runner, survey, input_info, options)
     cleaned = runner.step(
         clean.NAME,
-        stage_key(clean.NAME, clean.VERSION, asdict(options.clean), {"survey": read.record.digest}),
+        stage_key(clean.NAME, asdict(options.clean), {"survey": read.record.digest}),
         lambda context: clean.run(read.value(), options.clean, context),
         lambda result: result.facts,
         clean.store,
@@ -223,7 +223,6 @@ def _run_stages(
         reconstruct.NAME,
         stage_key(
             reconstruct.NAME,
-            reconstruct.VERSION,
             asdict(options.reconstruct),
             {"cloud": cleaned.record.digest},
         ),
@@ -236,7 +235,6 @@ def _run_stages(
         segment.NAME,
         stage_key(
             segment.NAME,
-            segment.VERSION,
             asdict(options.segment),
             {"meshes": reconstructed.record.digest},
         ),
@@ -265,7 +263,6 @@ def _run_stages(
 
     key = stage_key(
         pack.NAME,
-        pack.VERSION,
         {**asdict(pack_options), "build": build_info.model_dump(mode="json"), "crs": crs},
         {
             "cloud": cleaned.record.digest,
@@ -283,7 +280,6 @@ def _read(
         survey_store.NAME,
         stage_key(
             survey_store.NAME,
-            survey_store.VERSION,
             {"max_points": options.max_points, "suffix": survey.suffix.lower()},
             {"file": f"{input_info.bytes}-{input_info.xxh3}"},
         ),

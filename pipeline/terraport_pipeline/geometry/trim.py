@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from terraport_pipeline.model import Float32, Int32
 
-__all__ = ["compact", "island_mask", "near_mask", "support_mask"]
+__all__ = ["close_small_gaps", "compact", "island_mask", "near_mask", "support_mask"]
 
 Mask = npt.NDArray[np.bool_]
 
@@ -128,17 +128,50 @@ def island_mask(faces: Int32, vertex_count: int, *, min_faces: int) -> tuple[Mas
     """
     if not len(faces):
         return np.zeros(0, dtype=bool), 0
-    rows = np.concatenate([faces[:, 0], faces[:, 1]])
-    columns = np.concatenate([faces[:, 1], faces[:, 2]])
-    links = coo_matrix(
-        (np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(vertex_count, vertex_count)
-    )
-    _, label = connected_components(links, directed=False)
-    piece = label[faces[:, 0]]
+    piece = _pieces(faces, vertex_count)
     sizes = np.bincount(piece)
     large = sizes >= min_faces
     large[int(sizes.argmax())] = True
     return large[piece], int(((sizes > 0) & ~large).sum())
+
+
+def close_small_gaps(vertices: Float32, faces: Int32, keep: Mask, *, max_extent_m: float) -> Mask:
+    """Take back removed pieces that are small seen from above.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+        Metres, scene frame (Y up).
+    faces : ndarray of shape (F, 3), int32
+    keep : ndarray of shape (F,), bool
+        Faces that stay; not modified.
+    max_extent_m : float
+        Removed pieces (connected by shared vertices) whose box is at most this wide along x and z
+        come back if they touch a face that stays.
+
+    Returns
+    -------
+    ndarray of shape (F,), bool
+    """
+    removed = np.flatnonzero(~keep)
+    if not len(removed):
+        return keep.copy()
+    label = _pieces(faces[removed], len(vertices))
+    count = int(label.max()) + 1
+    low = np.full((count, 2), np.inf)
+    high = np.full((count, 2), -np.inf)
+    stays = np.zeros(len(vertices), dtype=bool)
+    stays[faces[keep].ravel()] = True
+    touches = np.zeros(count, dtype=bool)
+    for corner in range(3):
+        vertex = faces[removed, corner]
+        np.minimum.at(low, label, vertices[vertex][:, ::2])
+        np.maximum.at(high, label, vertices[vertex][:, ::2])
+        touches[label[stays[vertex]]] = True
+    back = touches & ((high - low).max(axis=1) <= max_extent_m)
+    result = keep.copy()
+    result[removed[back[label]]] = True
+    return result
 
 
 def compact(vertices: Float32, faces: Int32, keep: Mask) -> tuple[Float32, Int32]:
@@ -154,3 +187,16 @@ def compact(vertices: Float32, faces: Int32, keep: Mask) -> tuple[Float32, Int32
     used[kept.ravel()] = True
     renumbered = np.cumsum(used, dtype=np.int64) - 1
     return vertices[used], renumbered[kept].astype(np.int32)
+
+
+def _pieces(faces: Int32, vertex_count: int) -> Int32:
+    """Find the connected piece of every face, numbered from 0; pieces share no vertex."""
+    rows = np.concatenate([faces[:, 0], faces[:, 1]])
+    columns = np.concatenate([faces[:, 1], faces[:, 2]])
+    links = coo_matrix(
+        (np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(vertex_count, vertex_count)
+    )
+    _, label = connected_components(links, directed=False)
+    _, piece = np.unique(label[faces[:, 0]], return_inverse=True)
+    numbered: Int32 = piece.astype(np.int32)
+    return numbered

@@ -25,10 +25,9 @@ from terraport_pipeline.geometry.spacing import (
 from terraport_pipeline.model import Cloud, Float32, Float64, Survey, UInt8, to_scene
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 
-__all__ = ["MIN_POINTS", "NAME", "VERSION", "Cleaned", "Options", "restore", "run", "store"]
+__all__ = ["MIN_POINTS", "NAME", "Cleaned", "Options", "restore", "run", "store"]
 
 NAME: Final = "clean"
-VERSION: Final = 1
 
 MIN_POINTS: Final = 50
 """Different points below which a surface cannot be told from chance."""

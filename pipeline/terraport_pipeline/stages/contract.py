@@ -4,9 +4,6 @@ A stage is a module with
 
 ``NAME``
     Its name in the work directory, on the progress bar and in reports.
-``VERSION``
-    Raised whenever the same input and options would give another result: results of an older
-    version in a work directory are then not taken up again.
 ``Options``
     A frozen dataclass of plain values; checked in ``__post_init__`` before any work.
 ``run(...)``

@@ -38,10 +38,9 @@ from terraport_pipeline.stages.segment import Segmented
 from terraport_store.manifest import AttributeInfo, BuildInfo, CrsInfo, HandOff, Manifest
 from terraport_store.writer import SceneInfo, SceneWriter
 
-__all__ = ["NAME", "VERSION", "About", "Encoding", "Options", "Packed", "run", "split_segments"]
+__all__ = ["NAME", "About", "Encoding", "Options", "Packed", "run", "split_segments"]
 
 NAME: Final = "pack"
-VERSION: Final = 1
 
 Encoding = Literal["glb", "arrays"]
 

@@ -20,17 +20,22 @@ from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.errors import OptionError, ResourceError, SurveyError
 from terraport_pipeline.geometry.carry import carry_values
 from terraport_pipeline.geometry.deviation import distances_to_mesh
-from terraport_pipeline.geometry.trim import compact, island_mask, near_mask, support_mask
+from terraport_pipeline.geometry.trim import (
+    close_small_gaps,
+    compact,
+    island_mask,
+    near_mask,
+    support_mask,
+)
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
 from terraport_pipeline.model import Float32, Int32, Mesh
 from terraport_pipeline.progress import ESTIMATE_UNIT
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 
-__all__ = ["NAME", "VERSION", "Options", "Reconstructed", "restore", "run", "store"]
+__all__ = ["NAME", "Options", "Reconstructed", "restore", "run", "store"]
 
 NAME: Final = "reconstruct"
-VERSION: Final = 1
 
 _MAX_DEPTH: Final = 16
 """The solver's own limit on a 64-bit build."""
@@ -38,6 +43,9 @@ _MAX_DEPTH: Final = 16
 _BASE_MARGIN_CELLS: Final = 1.5
 """The base reaches this many of its cells beyond the detail, so that no rim of detail lies over
 nothing."""
+
+_GAP_CELLS: Final = 8.0
+"""Gaps of the base up to this many of its cells wide, seen from above, are closed again."""
 
 _DEVIATION_SAMPLES: Final = 100_000
 """Detail vertices whose distance to the base is measured; the 99.9th percentile rests on 100."""
@@ -289,6 +297,9 @@ def _trim_base(
     )
     if not keep.any():  # the two surfaces share nothing: keep all rather than leave a hole
         keep[:] = True
+    # Where the base bulges and the detail does not (a tree that was an island of the detail), the
+    # bulge's top is far from any detail: without it there would be a hole over the ground below.
+    keep = close_small_gaps(vertices, faces, keep, max_extent_m=_GAP_CELLS * cell_m)
     return compact(vertices, faces, keep)
 
 

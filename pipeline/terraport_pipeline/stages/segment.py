@@ -21,10 +21,9 @@ from terraport_pipeline.model import Int32
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
 
-__all__ = ["NAME", "VERSION", "Options", "Segmented", "restore", "run", "store"]
+__all__ = ["NAME", "Options", "Segmented", "restore", "run", "store"]
 
 NAME: Final = "segment"
-VERSION: Final = 1
 
 UInt32 = npt.NDArray[np.uint32]
 

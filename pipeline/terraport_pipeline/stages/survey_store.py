@@ -10,10 +10,9 @@ import numpy.typing as npt
 from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.stages.contract import Facts, Stored
 
-__all__ = ["NAME", "VERSION", "facts_of", "restore", "store"]
+__all__ = ["NAME", "facts_of", "restore", "store"]
 
 NAME: Final = "read"
-VERSION: Final = 1
 
 
 def facts_of(survey: Survey) -> Facts:
