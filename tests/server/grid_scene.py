@@ -74,6 +74,7 @@ def write_grid_scene(
     name: str = "grid",
 ) -> GridScene:
     """Publish a grid of SIDE x SIDE segments; another seed is another version."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     meshes = [
         tile_mesh(row, column, cells, seed=seed) for row in range(SIDE) for column in range(SIDE)
     ]

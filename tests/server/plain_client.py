@@ -45,7 +45,7 @@ class PlainClient:
         if names is None and subprotocol is not None:
             names = [subprotocol.value]
         self.subprotocol = subprotocol or Subprotocol.MSGPACK
-        self.socket = websockets.sync.client.connect(
+        self._context = websockets.sync.client.connect(
             url.replace("http", "ws", 1) + "/stream",
             subprotocols=None if names is None else [SubprotocolName(name) for name in names],
             compression=None,
@@ -54,6 +54,7 @@ class PlainClient:
             close_timeout=1.0,
             **options,
         )
+        self.socket = self._context.__enter__()
 
     def __enter__(self) -> Self:
         return self
@@ -64,7 +65,7 @@ class PlainClient:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.socket.close()
+        self._context.__exit__(kind, error, trace)
 
     def send(self, message: Message) -> None:
         self.socket.send(encode(message, self.subprotocol))
@@ -112,12 +113,14 @@ class PlainClient:
 
     def closed(self) -> int:
         """Expect the close; return its code."""
+        rcvd = None
         try:
             while True:
                 self.socket.recv(timeout=TIMEOUT_S)
         except ConnectionClosed as closed:
-            assert closed.rcvd is not None, "the connection was lost without a close frame"
-            return closed.rcvd.code
+            rcvd = closed.rcvd
+        assert rcvd is not None, "the connection was lost without a close frame"
+        return rcvd.code
 
 
 def make_hello(**fields: Any) -> Hello:

@@ -131,7 +131,7 @@ def scenes(draw: st.DrawFn) -> SegmentTable:
     return make_table(boxes, draw(sizes), draw(sizes))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=250, deadline=None)
 @given(
     data=st.data(),
     table=scenes(),

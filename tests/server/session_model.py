@@ -1,0 +1,153 @@
+"""An independent model of a client, to check what a session sends against the specification."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from server.plain_client import make_hello
+
+from terraport_server.actions import Action, Close, RunPick, SceneView, SendChunk, SendMessage
+from terraport_server.selection import SegmentTable, box_distances
+from terraport_server.session import Session
+from terraport_wire import (
+    Degraded,
+    Error,
+    Message,
+    Plan,
+    Prefetch,
+    Ready,
+    Superseded,
+    Welcome,
+)
+
+
+def make_scene(count: int = 12, *, length: int = 1000, encodings: int = 1) -> SceneView:
+    """Unit boxes at x = 0, 10, 20, ...; segment s has length + s bytes and 10 faces."""
+    bounds = np.zeros((count, 6), dtype=np.float32)
+    bounds[:, 0] = 10.0 * np.arange(count)
+    bounds[:, 3] = bounds[:, 0] + 1.0
+    bounds[:, 4:] = 1.0
+    tables = {}
+    for number, name in enumerate(("glb", "arrays")[:encodings]):
+        tables[name] = SegmentTable(
+            bounds=bounds,
+            lengths=np.arange(length, length + count, dtype=np.uint32),
+            hashes=np.arange(7000, 7000 + count, dtype=np.uint64) + 1000 * number,
+            faces=np.full(count, 10, dtype=np.uint32),
+            vertices=np.full(count, 8, dtype=np.uint32),
+        )
+
+    def within(centre: Any, radius_m: float) -> Any:
+        return np.flatnonzero(box_distances(bounds, centre) <= radius_m)
+
+    return SceneView(id="row", version="v1", name="Row", encodings=tables, within=within)
+
+
+class Client:
+    """Plays the client of one session and checks every action on the way.
+
+    ``corrupt`` are segments that the shell cannot read.
+    """
+
+    def __init__(self, session: Session, scene: SceneView) -> None:
+        self.session = session
+        self.scene = scene
+        self.table = scene.encodings["glb"]
+        self.now_s = 0.0
+        self.credit = 0
+        self.corrupt: set[int] = set()
+        self.held: set[int] = set()
+        self.parts: dict[int, int] = {}
+        self.load: dict[int, list[int]] = {}
+        self.ends: dict[int, list[str]] = {}
+        self.sent_bytes: dict[int, int] = {}
+        self.messages: list[Message] = []
+        self.chunks: list[SendChunk] = []
+        self.picks: list[RunPick] = []
+        self.close: Close | None = None
+
+    def greet(self, **fields: Any) -> Welcome:
+        hello = make_hello(**fields)
+        self.credit = hello.credit_bytes
+        self.tell(hello)
+        welcome = self.run(most=1)[0]
+        assert isinstance(welcome, Welcome)
+        if hello.held is not None:
+            self.held = set(hello.held["id"].tolist()) - set(welcome.dropped.tolist())
+        return welcome
+
+    def tell(self, message: Message) -> None:
+        self.session.receive(message, self.now_s)
+
+    def run(self, most: int = 1_000_000, *, until: Callable[[], bool] | None = None) -> list[Any]:
+        """Carry out at most so many actions; return the messages and chunks among them."""
+        seen: list[Any] = []
+        while len(seen) < most and not (until is not None and until()):
+            action = self.session.next_action()
+            if action is None:
+                break
+            seen.append(self._carry_out(action))
+        return seen
+
+    def _carry_out(self, action: Action) -> Any:
+        assert self.close is None, "nothing follows a close"
+        if isinstance(action, SendChunk):
+            self._chunk(action)
+            return action
+        if isinstance(action, SendMessage):
+            self.messages.append(action.message)
+            self._message(action.message)
+            return action.message
+        if isinstance(action, RunPick):
+            self.picks.append(action)
+        else:
+            self.close = action
+        return action
+
+    def _chunk(self, chunk: SendChunk) -> None:
+        assert self.session.next_action() == chunk, "asked again, the same"
+        if chunk.segment in self.corrupt:
+            self.session.payload_failed(chunk, self.now_s)
+            self.parts.pop(chunk.segment, None)
+            return
+        self.session.chunk_sent(chunk, self.now_s)
+        self.chunks.append(chunk)
+        assert 0 < chunk.length <= self.credit, "never more than the credit"
+        self.credit -= chunk.length
+        assert chunk.segment in self.load[chunk.generation], "only what was announced"
+        assert "superseded" not in self.ends.get(chunk.generation, []), "nothing of an ended one"
+        assert chunk.total == int(self.table.lengths[chunk.segment])
+        assert chunk.offset == self.parts.get(chunk.segment, 0), "no gap, no overlap"
+        self.sent_bytes[chunk.generation] = self.sent_bytes.get(chunk.generation, 0) + chunk.length
+        end = chunk.offset + chunk.length
+        assert end <= chunk.total
+        if end == chunk.total:
+            self.parts.pop(chunk.segment, None)
+            self.held.add(chunk.segment)
+        else:
+            self.parts[chunk.segment] = end
+
+    def _message(self, message: Message) -> None:
+        if isinstance(message, Plan | Prefetch):
+            rows = message.load if isinstance(message, Plan) else message.segments
+            load = rows["id"].tolist()
+            assert not self.held.intersection(load), "what is held is not loaded"
+            self.load[message.generation] = load
+            self.parts = {s: o for s, o in self.parts.items() if s in load}
+            if isinstance(message, Plan):
+                assert self.held.issuperset(message.keep.tolist())
+                self.load[message.generation] = load + message.keep.tolist()
+        elif isinstance(message, Ready):
+            self.ends.setdefault(message.generation, []).append("ready")
+            missing = set(message.missing.tolist())
+            assert set(self.load[message.generation]) - missing <= self.held, "ready is whole"
+            assert not missing & self.held
+            assert message.payload_bytes == self.sent_bytes.get(message.generation, 0)
+        elif isinstance(message, Degraded):
+            assert self.held.issuperset(message.segments.tolist())
+        elif isinstance(message, Superseded):
+            self.ends.setdefault(message.generation, []).append("superseded")
+        elif isinstance(message, Error):
+            assert message.fatal == self.session.closing

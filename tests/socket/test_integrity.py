@@ -1,0 +1,257 @@
+"""Bytes that went bad on disk, and scenes that change, while clients are connected."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from server.grid_scene import GridScene, write_grid_scene
+from server.plain_client import PlainClient, assemble
+
+from terraport_server import BackgroundServer
+from terraport_store import Scene
+from terraport_wire import (
+    HELD_DTYPE,
+    Credit,
+    Error,
+    Land,
+    Notice,
+    Pick,
+    Picked,
+    Plan,
+    Ready,
+    Reject,
+)
+
+HERE = (30.0, 1.0, 30.0)
+
+
+def land(generation: int, radius_m: float = 100.0) -> Land:
+    return Land(generation=generation, position=HERE, radius_m=radius_m)
+
+
+def flip(path: Path, segment: int, *, at: int = 40) -> None:
+    """Flip one bit of one segment's payload in the pack, in place."""
+    with Scene.open(path) as scene:
+        offset = int(scene.index.offset[segment]) + at
+        pack = scene.file_path(scene.manifest.encodings["glb"].pack)
+    with pack.open("r+b") as file:
+        file.seek(offset)
+        byte = file.read(1)[0]
+        file.seek(offset)
+        file.write(bytes([byte ^ 0x10]))
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> GridScene:
+    """A scene that a test may damage or publish anew."""
+    return write_grid_scene(tmp_path / "scenes" / "own")
+
+
+@pytest.mark.parametrize("source", ["file", "mmap"])
+def test_a_flipped_byte_is_found_reported_and_never_sent(
+    own: GridScene, source: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    flip(own.path, 14)
+    with (
+        caplog.at_level(logging.ERROR, logger="terraport.server"),
+        BackgroundServer(own.path.parent, payload_source=source) as server,
+        PlainClient(server.scene_url("own")) as client,
+    ):
+        client.hello()
+        client.send(land(1))
+        client.expect(Plan)
+        ready, frames, _ = client.until(Ready)
+        metrics = httpx.get(f"{server.url}/metrics").text
+        segment = httpx.get(f"{server.scene_url('own')}/segments/14.glb")
+        whole = httpx.get(f"{server.scene_url('own')}/segments/15.glb")
+    assert ready.missing.tolist() == [14]
+    assert ready.delivered == 35
+    received = assemble(frames)
+    assert received == {s: data for s, data in enumerate(own.payloads) if s != 14}
+    assert 'terraport_corrupt_segments_total{scene="own"} 1.0' in metrics
+    (record,) = [r for r in caplog.records if r.getMessage() == "segment_corrupt"]
+    assert record.fields["segment"] == 14  # type: ignore[attr-defined]
+    assert "expected" in record.fields["reason"]  # type: ignore[attr-defined]
+    assert (segment.status_code, segment.json()["error"]["code"]) == (500, "segment_corrupt")
+    assert whole.content == own.payloads[15]
+
+
+@pytest.mark.parametrize("source", ["file", "mmap"])
+def test_a_byte_that_flips_after_it_was_sent_once(own: GridScene, source: str) -> None:
+    with (
+        BackgroundServer(own.path.parent, payload_source=source) as server,
+        PlainClient(server.scene_url("own")) as first,
+        PlainClient(server.scene_url("own")) as second,
+    ):
+        first.hello()
+        first.send(land(1))
+        assert first.until(Ready)[0].missing.tolist() == []
+        flip(own.path, 20)
+        second.hello()
+        second.send(land(1))
+        ready, frames, _ = second.until(Ready)
+        assert ready.missing.tolist() == [20]
+        assert 20 not in assemble(frames)
+        first.send(Reject(generation=1, segment=20, reason="hash_mismatch"))
+        assert first.until(Ready)[0].missing.tolist() == [20], "read anew, found bad"
+        flip(own.path, 20)
+        first.send(land(2))
+        ready, frames, _ = first.until(Ready)
+        assert assemble(frames) == {20: own.payloads[20]}, "mended on disk: sent again"
+
+
+def test_a_pack_cut_short_loses_segments_and_nothing_else(own: GridScene) -> None:
+    with (
+        BackgroundServer(own.path.parent) as server,
+        PlainClient(server.scene_url("own")) as client,
+    ):
+        client.hello()
+        with Scene.open(own.path) as scene:
+            end = int(scene.index.offset[30])
+            pack = scene.file_path("segments.pack")
+        with pack.open("r+b") as file:
+            file.truncate(end)
+        client.send(land(1))
+        ready, frames, _ = client.until(Ready)
+        assert ready.missing.tolist() == [30, 31, 32, 33, 34, 35]
+        assert sorted(assemble(frames)) == list(range(30))
+
+
+def test_a_pick_passes_over_a_corrupt_segment(own: GridScene) -> None:
+    flip(own.path, 0)
+    with (
+        BackgroundServer(own.path.parent) as server,
+        PlainClient(server.scene_url("own")) as client,
+    ):
+        client.hello()
+        client.send(Pick(request=1, origin=(5.0, 9.0, 5.0)))
+        assert client.expect(Picked).hit is None
+
+
+def test_a_pick_out_of_time_is_refused_and_the_session_goes_on(own: GridScene) -> None:
+    with (
+        BackgroundServer(own.path.parent, pick_max_segments=1) as server,
+        PlainClient(server.scene_url("own")) as client,
+    ):
+        client.hello()
+        client.send(Pick(request=1, origin=(-5.0, 1.2, 5.0), direction=(1.0, 0.0, 0.0)))
+        error = client.expect(Error)
+        assert (error.code, error.fatal, error.request) == ("internal", False, 1)
+        client.send(land(1, 1.0))
+        client.until(Ready)
+
+
+def test_a_scene_published_during_a_session(own: GridScene) -> None:
+    with BackgroundServer(own.path.parent, scene_poll_s=0.05) as server:
+        url = server.scene_url("own")
+        with PlainClient(url) as old:
+            assert old.hello(credit_bytes=20_000).scene.version == own.manifest.version
+            old.send(land(1))
+            old.expect(Plan)
+            new = write_grid_scene(own.path, seed=1)
+            assert new.manifest.version != own.manifest.version
+            notice, before, _ = old.until(Notice)
+            assert (notice.kind, notice.version) == ("scene_published", new.manifest.version)
+            # The landing under way and those after it stay in the old version, byte for byte.
+            old.send(Credit(bytes=1 << 30))
+            _, after, _ = old.until(Ready)
+            assert assemble([*before, *after]) == dict(enumerate(own.payloads))
+            with PlainClient(url) as fresh:
+                with Scene.open(own.path) as scene:
+                    newest = [int(h) for h in scene.index.xxh3]
+                held = np.array([(0, newest[0]), (1, 12345)], dtype=HELD_DTYPE)
+                welcome = fresh.hello(held=held)
+                assert welcome.scene.version == new.manifest.version
+                assert welcome.dropped.tolist() == [1]
+                fresh.send(land(1))
+                _, frames, _ = fresh.until(Ready)
+                assert assemble(frames) == dict(list(enumerate(new.payloads))[1:])
+            served = server.service.registry.get("own", own.manifest.version)
+            assert not served.closed
+            base = httpx.get(f"{url}/base.glb", params={"v": own.manifest.version})
+            assert base.status_code == 200
+        _wait(lambda: served.closed)
+
+
+def test_scenes_come_and_go(own: GridScene, tmp_path: Path) -> None:
+    root = own.path.parent
+    with BackgroundServer(root, scene_poll_s=0.05) as server:
+
+        def listed() -> list[str]:
+            return [scene["id"] for scene in httpx.get(f"{server.url}/scenes").json()["scenes"]]
+
+        assert listed() == ["own"]
+        write_grid_scene(tmp_path / "elsewhere" / "other", seed=2)
+        (tmp_path / "elsewhere" / "other").rename(root / "other")
+        _wait(lambda: listed() == ["other", "own"])
+        with PlainClient(server.scene_url("other")) as client:
+            client.hello()
+            shutil.rmtree(root / "other")
+            _wait(lambda: listed() == ["own"])
+            client.send(land(1))
+            assert client.until(Ready)[0].missing.tolist() == [], "open files outlive their names"
+
+
+def test_a_damaged_new_version_leaves_the_old_one_served(own: GridScene) -> None:
+    with BackgroundServer(own.path.parent, scene_poll_s=0.05) as server:
+        manifest = own.path / "scene.json"
+        manifest.write_bytes(manifest.read_bytes()[:100])
+        time.sleep(0.3)
+        with PlainClient(server.scene_url("own")) as client:
+            client.hello()
+            client.send(land(1))
+            assert client.until(Ready)[0].delivered == 36
+
+
+def test_stopping_finishes_the_open_landing_and_says_when_to_come_back(own: GridScene) -> None:
+    server = BackgroundServer(own.path.parent, drain_timeout_s=5.0, reconnect_after_ms=250)
+    server.start()
+    with (
+        PlainClient(server.scene_url("own")) as client,
+        PlainClient(server.scene_url("own")) as idle,
+    ):
+        idle.hello()
+        client.hello(credit_bytes=20_000)
+        client.send(land(1))
+        client.expect(Plan)
+        stopping = threading.Thread(target=server.stop)
+        stopping.start()
+        notice, frames, _ = client.until(Notice)
+        assert (notice.kind, notice.reconnect_after_ms) == ("draining", 250)
+        assert idle.expect(Notice).kind == "draining"
+        assert idle.closed() == 4503
+        client.send(Credit(bytes=1 << 30))
+        ready, rest, _ = client.until(Ready)
+        assert ready.delivered == 36
+        assert assemble([*frames, *rest]) == dict(enumerate(own.payloads))
+        assert client.closed() == 4503
+    stopping.join(10.0)
+    assert not stopping.is_alive()
+
+
+def test_stopping_is_bounded_in_time(own: GridScene) -> None:
+    server = BackgroundServer(own.path.parent, drain_timeout_s=0.3, close_timeout_s=0.3)
+    server.start()
+    with PlainClient(server.scene_url("own")) as client:
+        client.hello(credit_bytes=0)
+        client.send(land(1))
+        client.expect(Plan)
+        began_s = time.monotonic()
+        server.stop()
+        assert time.monotonic() - began_s < 4.0
+        assert client.closed() == 4503
+
+
+def _wait(condition: Callable[[], bool], timeout_s: float = 10.0) -> None:
+    until_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < until_s, "waited in vain"
+        time.sleep(0.01)

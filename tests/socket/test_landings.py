@@ -1,0 +1,349 @@
+"""Landings over real sockets: what arrives is what the index says, and nothing else."""
+
+from __future__ import annotations
+
+import random
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+from server.grid_scene import SIDE, TILE_M, GridScene
+from server.plain_client import PlainClient, assemble
+
+from terraport_payload import decode_arrays, decode_glb
+from terraport_server import BackgroundServer
+from terraport_store import Scene, box_distances_m
+from terraport_wire import (
+    HELD_DTYPE,
+    MAX_FRAME_BYTES,
+    Aim,
+    Budgets,
+    Bye,
+    Credit,
+    Degraded,
+    Evict,
+    Land,
+    PayloadFrame,
+    Pick,
+    Picked,
+    Plan,
+    Prefetch,
+    Ready,
+    Reject,
+    Subprotocol,
+    Superseded,
+    encode,
+)
+
+CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
+EVERYWHERE_M = 100.0
+
+
+def land(
+    generation: int,
+    position: tuple[float, float, float] = CENTRE,
+    radius_m: float = EVERYWHERE_M,
+    **fields: object,
+) -> Land:
+    return Land(generation=generation, position=position, radius_m=radius_m, **fields)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("subprotocol", list(Subprotocol))
+def test_the_bytes_are_those_of_the_pack(
+    server: BackgroundServer, grid: GridScene, subprotocol: Subprotocol
+) -> None:
+    with PlainClient(server.scene_url("grid"), subprotocol=subprotocol) as client:
+        welcome = client.hello()
+        assert welcome.scene.version == grid.manifest.version
+        client.send(land(7, radius_m=12.0))
+        plan = client.expect(Plan)
+        ready, frames, others = client.until(Ready)
+    assert others == []
+    received = assemble(frames)
+    ids = plan.load["id"].tolist()
+    assert list(received) == ids
+    assert received == {segment: grid.payloads[segment] for segment in ids}
+    assert {frame.generation for frame in frames} == {7}
+    assert ready.payload_bytes == plan.load_bytes == sum(map(len, received.values()))
+    assert ready.missing.tolist() == []
+
+
+def test_the_plan_equals_brute_force_over_random_landings(
+    server: BackgroundServer, grid: GridScene
+) -> None:
+    rng = random.Random(4)
+    with Scene.open(grid.path) as scene:
+        index = scene.index
+    held: set[int] = set()
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello(budgets=Budgets(max_triangles=8000))
+        for generation in range(60):
+            centre = (rng.uniform(-10, 70), rng.uniform(-5, 9), rng.uniform(-10, 70))
+            radius_m = rng.choice([0.5, 5.0, 15.0, 30.0])
+            if rng.random() < 0.3 and held:
+                gone = rng.sample(sorted(held), k=rng.randint(1, len(held)))
+                held -= set(gone)
+                client.send(Evict(segments=np.array(gone, dtype=np.uint32)))
+            client.send(land(generation, centre, radius_m))
+            plan = client.expect(Plan)
+            _, frames, _ = client.until(Ready)
+            distances = box_distances_m(index.bounds, centre)
+            order = sorted(
+                (d, s)
+                for s, d in enumerate(distances.tolist())
+                if d <= radius_m or (s in held and d <= radius_m * 1.25)
+            )
+            expected, triangles = [], 0
+            for _, segment in order:
+                triangles += int(index.face_count[segment])
+                if triangles > 8000:
+                    break
+                expected.append(segment)
+            load = plan.load["id"].tolist()
+            assert load == [s for s in expected if s not in held]
+            assert plan.keep.tolist() == sorted(s for s in expected if s in held)
+            assert sorted(assemble(frames)) == sorted(load)
+            held |= set(load)
+
+
+def test_frames_are_bounded_and_a_large_segment_takes_several(
+    server: BackgroundServer, big: GridScene
+) -> None:
+    with PlainClient(server.scene_url("big")) as client:
+        client.hello()
+        client.send(land(1, radius_m=1.0))
+        client.expect(Plan)
+        _, frames, _ = client.until(Ready)
+    received = assemble(frames)
+    assert len(frames) > len(received)
+    assert max(len(frame.chunk) for frame in frames) + 24 == MAX_FRAME_BYTES
+    assert received == {segment: big.payloads[segment] for segment in received}
+
+
+def test_the_arrays_encoding(server: BackgroundServer, grid: GridScene) -> None:
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello(encoding="arrays")
+        client.send(land(1, radius_m=1.0))
+        plan = client.expect(Plan)
+        _, frames, _ = client.until(Ready)
+    for segment, data in assemble(frames).items():
+        ours, theirs = decode_arrays(data), decode_glb(grid.payloads[segment])
+        assert np.array_equal(ours.positions, theirs.positions)
+    assert plan.load_bytes == sum(len(frame.chunk) for frame in frames)
+
+
+def test_a_second_visit_costs_nothing(server: BackgroundServer) -> None:
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello()
+        client.send(land(1))
+        client.until(Ready)
+        client.send(land(2, (0.0, 0.0, 0.0), 5.0))
+        client.until(Ready)
+        client.send(land(3))
+        plan = client.expect(Plan)
+        ready, frames, _ = client.until(Ready)
+    assert (plan.load_bytes, ready.payload_bytes, frames) == (0, 0, [])
+    assert len(plan.keep) == SIDE * SIDE
+
+
+def test_resume_with_what_is_held(server: BackgroundServer, grid: GridScene) -> None:
+    with Scene.open(grid.path) as scene:
+        hashes = scene.index.xxh3
+    rows = [(segment, int(hashes[segment])) for segment in range(10)]
+    rows[3] = (3, rows[3][1] ^ 1)
+    with PlainClient(server.scene_url("grid"), subprotocol=Subprotocol.JSON) as client:
+        welcome = client.hello(held=np.array(rows, dtype=HELD_DTYPE))
+        assert (welcome.held_count, welcome.dropped.tolist()) == (9, [3])
+        client.send(land(1))
+        plan = client.expect(Plan)
+        _, frames, _ = client.until(Ready)
+    assert plan.keep.tolist() == [0, 1, 2, 4, 5, 6, 7, 8, 9]
+    received = assemble(frames)
+    assert sorted(received) == [3, *range(10, 36)]
+
+
+def test_supersede_stops_within_the_frames_under_way(
+    server: BackgroundServer, big: GridScene
+) -> None:
+    with PlainClient(server.scene_url("big")) as client:
+        client.hello(credit_bytes=400_000)
+        client.send(land(1))
+        old_plan = client.expect(Plan)
+        first = [client.receive() for _ in range(2)]
+        client.send(land(2, (0.0, 0.0, 0.0), 1.0))
+        superseded, late, _ = client.until(Superseded)
+        client.send(Credit(bytes=1 << 30))
+        plan = client.expect(Plan)
+        ready, frames, _ = client.until(Ready)
+    old = [frame for frame in [*first, *late] if isinstance(frame, PayloadFrame)]
+    old_bytes = sum(len(frame.chunk) for frame in old)
+    assert {frame.generation for frame in old} == {1}
+    assert old_bytes <= 400_000
+    assert superseded.unsent_bytes == old_plan.load_bytes - old_bytes
+    assert {frame.generation for frame in frames} == {2}
+    assert ready.payload_bytes <= plan.load_bytes < old_plan.load_bytes
+
+
+def test_supersede_of_a_fast_client_continues_partly_sent_segments(
+    server: BackgroundServer, big: GridScene
+) -> None:
+    rng = random.Random(1)
+    with PlainClient(server.scene_url("big"), max_queue=4) as client:
+        client.hello()
+        parts: dict[int, bytearray] = {}
+        held: dict[int, bytes] = {}
+        for newest in range(1, 13):
+            client.send(land(newest, (rng.uniform(0, 60), 0.0, rng.uniform(0, 60)), 20.0))
+            wait_for_ready = newest == 12
+            frames_left = rng.randint(1, 12)
+            while wait_for_ready or frames_left:
+                got = client.receive()
+                if isinstance(got, Plan):
+                    wanted = set(got.load["id"].tolist())
+                    parts = {s: p for s, p in parts.items() if s in wanted}
+                elif isinstance(got, PayloadFrame):
+                    part = parts.setdefault(got.segment, bytearray())
+                    assert got.offset == len(part), "no byte twice, none left out"
+                    part += got.chunk
+                    frames_left = max(0, frames_left - 1)
+                    if got.last:
+                        held[got.segment] = bytes(parts.pop(got.segment))
+                elif isinstance(got, Ready) and got.generation == newest:
+                    break
+    assert held
+    assert all(data == big.payloads[segment] for segment, data in held.items())
+
+
+def test_without_credit_nothing_comes_and_nobody_else_waits(
+    server: BackgroundServer, big: GridScene
+) -> None:
+    url = server.scene_url("big")
+    with PlainClient(url) as stalled, PlainClient(url) as other:
+        stalled.hello(credit_bytes=1000)
+        other.hello()
+        stalled.send(land(1))
+        stalled.expect(Plan)
+        assert len(stalled.receive().chunk) == 1000  # type: ignore[union-attr]
+        other.send(land(1))
+        other.until(Ready)
+        with pytest.raises(TimeoutError):
+            stalled.receive(timeout_s=0.1)
+        stalled.send(Credit(bytes=500))
+        assert len(stalled.receive().chunk) == 500  # type: ignore[union-attr]
+
+
+def test_an_aim_fetches_ahead(server: BackgroundServer) -> None:
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello()
+        client.send(Aim(generation=1, position=CENTRE, radius_m=20.0))
+        prefetch = client.expect(Prefetch)
+        got = 0
+        while got < prefetch.bytes:
+            frame = client.receive()
+            assert isinstance(frame, PayloadFrame)
+            got += len(frame.chunk)
+        client.send(land(2, radius_m=20.0))
+        plan = client.expect(Plan)
+        assert plan.load_bytes == 0
+        assert sorted(plan.keep.tolist()) == sorted(prefetch.segments["id"].tolist())
+
+
+def test_the_deadline_brings_the_inner_set(server: BackgroundServer, big: GridScene) -> None:
+    with PlainClient(server.scene_url("big")) as client:
+        client.hello(credit_bytes=2_000_000)
+        client.send(land(1, inner_radius_m=1.0, deadline_ms=150))
+        plan = client.expect(Plan)
+        degraded, frames, _ = client.until(Degraded)
+        whole = {frame.segment for frame in frames if frame.last}
+        assert plan.inner_count == len(degraded.segments) == 4
+        assert set(degraded.segments.tolist()) <= whole
+        client.send(Credit(bytes=1 << 30))
+        client.until(Ready)
+
+
+def test_a_rejected_segment_comes_again(server: BackgroundServer, grid: GridScene) -> None:
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello()
+        client.send(land(1, radius_m=1.0))
+        client.until(Ready)
+        client.send(Reject(generation=1, segment=14, reason="hash_mismatch"))
+        ready, frames, _ = client.until(Ready)
+    assert assemble(frames) == {14: grid.payloads[14]}
+    assert (ready.generation, ready.missing.tolist()) == (1, [])
+
+
+@pytest.mark.parametrize(
+    ("origin", "direction"),
+    [
+        ((15.0, 40.0, 25.0), (0.0, -3.0, 0.0)),
+        ((15.0, 40.0, 25.0), None),
+        ((15.0, -7.0, 25.0), None),
+    ],
+)
+def test_a_pick_is_answered_without_any_landing(
+    server: BackgroundServer,
+    origin: tuple[float, float, float],
+    direction: tuple[float, float, float] | None,
+) -> None:
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello()
+        client.send(Pick(request=9, origin=origin, direction=direction))
+        hit = client.expect(Picked).hit
+    assert hit is not None
+    assert (hit.segment, hit.region, hit.label) == (2 * SIDE + 1, 2, None)
+    assert hit.position[0] == pytest.approx(15.0, abs=1e-9)
+    assert hit.position[1] == pytest.approx(1 + 0.5 * np.sin(6.0) * np.cos(7.5), abs=0.02)
+    assert hit.height_m == pytest.approx(100.0 + hit.position[1])
+    assert hit.attributes["grade"] == pytest.approx(0.65, abs=2.0**-10)
+    assert hit.normal[1] > 0.9
+
+
+def test_a_pick_that_meets_nothing(server: BackgroundServer) -> None:
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello()
+        client.send(Pick(request=9, origin=(15.0, 40.0, 25.0), direction=(0.0, 1.0, 0.0)))
+        assert client.expect(Picked) == Picked(request=9)
+
+
+def test_unknown_messages_and_fields_are_skipped(server: BackgroundServer) -> None:
+    with PlainClient(server.scene_url("grid"), subprotocol=Subprotocol.JSON) as client:
+        client.hello()
+        client.socket.send('{"type":"dance","steps":[1,2]}')
+        text = encode(land(1, radius_m=1.0), Subprotocol.JSON)
+        assert isinstance(text, str)
+        client.socket.send(text[:-1] + ',"shoes":"red"}')
+        client.expect(Plan)
+
+
+def test_bye_is_answered_with_a_normal_close(server: BackgroundServer) -> None:
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello()
+        client.send(Bye())
+        assert client.closed() == 1000
+
+
+def test_many_clients_at_once(server: BackgroundServer, grid: GridScene) -> None:
+    with ExitStack() as stack:
+        clients = [stack.enter_context(PlainClient(server.scene_url("grid"))) for _ in range(20)]
+        for client in clients:
+            client.hello()
+        for number, client in enumerate(clients):
+            client.send(land(1, (3.0 * number, 0.0, 30.0), 15.0))
+        for client in clients:
+            plan = client.expect(Plan)
+            _, frames, _ = client.until(Ready)
+            received = assemble(frames)
+            assert received == {s: grid.payloads[s] for s in plan.load["id"].tolist()}
+
+
+def test_mmap_serves_the_same_bytes(scenes_dir: Path, big: GridScene) -> None:
+    with (
+        BackgroundServer(scenes_dir, payload_source="mmap") as server,
+        PlainClient(server.scene_url("big")) as client,
+    ):
+        client.hello()
+        client.send(land(1, radius_m=12.0))
+        _, frames, _ = client.until(Ready)
+    received = assemble(frames)
+    assert received == {segment: big.payloads[segment] for segment in received}
