@@ -95,14 +95,14 @@ class KindReport:
 
 @dataclass(frozen=True, slots=True)
 class WorstRay:
-    """The ray that fared worst: a hole if there is one, otherwise the largest distance."""
+    """The ray that fared worst: a hole if there is one, otherwise the largest known distance."""
 
     origin: tuple[float, float, float]
     direction: tuple[float, float, float]
     target: tuple[float, float, float]
     """Where it meets the full detail, metres."""
     distance_m: float
-    """To the mixed model; ``inf`` when none was found in reach."""
+    """To the mixed model; ``inf`` for a hole with nothing in reach."""
     hole: bool
     kind: str
     loaded: tuple[int, ...]
@@ -399,7 +399,9 @@ class _Prover:
         if len(rows) == 0:
             return
         hole = holes[rows]
-        at = int(np.argmax(np.where(hole, np.inf, np.where(holes.any(), -1.0, distance))))
+        # What the base smooths away has no distance; it is not the hand-off's doing.
+        known = np.where(np.isfinite(distance), distance, -1.0)
+        at = int(np.argmax(np.where(hole, np.inf, known)))
         row = int(rows[at])
         is_hole, length = bool(hole[at]), float(distance[at])
         last = self._worst

@@ -16,7 +16,7 @@ __all__ = ["Bar", "Histogram", "histogram"]
 BARS: Final = 24
 """Narrow enough to see two humps, wide enough to touch on a phone."""
 
-NICE: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
+NICE: Final = (1, 2, 5, 10)
 """Steps that people read easily."""
 
 
@@ -47,7 +47,7 @@ def histogram(values: npt.NDArray[np.number]) -> Histogram | None:
     Parameters
     ----------
     values : ndarray of shape (N,)
-        Finite, >= 0.
+        Whole numbers >= 0, such as counts.
 
     Returns
     -------
@@ -62,19 +62,23 @@ def histogram(values: npt.NDArray[np.number]) -> Histogram | None:
     """
     if len(values) == 0:
         return None
-    array = np.asarray(values, dtype=np.float64)
-    top = float(array.max())
-    step = _nice_step(top / BARS) if top > 0 else 1.0
-    place = np.floor_divide(array, step).astype(np.int64)
-    count = np.bincount(place)
+    array = np.asarray(values).astype(np.int64)
+    top = int(array.max())
+    step = _nice_step(top)
+    count = np.bincount(array // step)
     tallest = int(count.max())
     bars = tuple(
-        Bar(index * step, (index + 1) * step, int(n), int(n) / tallest)
+        Bar(float(index * step), float((index + 1) * step), int(n), int(n) / tallest)
         for index, n in enumerate(count)
     )
-    return Histogram(bars, float(array.min()), float(np.median(array)), top)
+    return Histogram(bars, float(array.min()), float(np.median(array)), float(top))
 
 
-def _nice_step(least: float) -> float:
-    magnitude = 10.0 ** np.floor(np.log10(least))
-    return float(next(nice * magnitude for nice in NICE if nice * magnitude >= least * (1 - 1e-9)))
+def _nice_step(top: int) -> int:
+    """Smallest of 1, 2, 5, 10, 20, ... that needs at most 24 steps to reach the top."""
+    magnitude = 1
+    while True:
+        for nice in NICE:
+            if nice * magnitude * BARS >= top:
+                return nice * magnitude
+        magnitude *= 10

@@ -37,6 +37,12 @@ LARGEST_RADIUS_M: Final = 60.0
 BASE_TINT: Final = np.array([60, 120, 230])
 """Mixed into base faces so that one sees where the base is shown."""
 
+CANDIDATES: Final = 7
+"""Places tried along each side of the inner half of the scene."""
+
+STRIDE_M: Final = 0.8
+"""Ground is level where it rises less than 0.24 m over a stride."""
+
 LOOKS: Final = 48
 """Bearings tried to find an open view."""
 
@@ -64,7 +70,7 @@ class MixedMesh:
 
 
 def choose_landing(model: SceneModel, rays: RayScene) -> Landing:
-    """Land near the middle of the scene, on the surface, as a visitor would.
+    """Land where a visitor would: on level ground with a wide view, in the middle of the scene.
 
     Parameters
     ----------
@@ -80,17 +86,38 @@ def choose_landing(model: SceneModel, rays: RayScene) -> Landing:
     """
     vertices = model.detail.vertices
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    middle = (low + high) / 2
-    # The vertex nearest to the middle: the scene may have no surface right there (an L, a ring).
-    near = vertices[np.argmin(np.square(vertices[:, [0, 2]] - middle[[0, 2]]).sum(axis=1))]
-    above = np.array([[near[0], high[1] + 1.0, near[2]]], dtype=np.float32)
-    t, _ = rays.closest_hit(above, [[0.0, -1.0, 0.0]])
-    height = float(above[0, 1] - t[0]) if np.isfinite(t[0]) else float(near[1])
-    position = (float(near[0]), height, float(near[2]))
     width = float(np.max((high - low)[[0, 2]]))
     radius = min(LARGEST_RADIUS_M, max(width / 5, 1.0))
+    places = _standing_places(vertices, low, high, rays)
+    scores = [_views(place, radius, rays).max() for place in places]
+    position = tuple(float(value) for value in places[int(np.argmax(scores))])
     distance = box_distances_m(model.segment_bounds, np.array(position))
-    return Landing(position, radius, distance <= radius)
+    return Landing((position[0], position[1], position[2]), radius, distance <= radius)
+
+
+def _standing_places(
+    vertices: Float32, low: Float32, high: Float32, rays: RayScene
+) -> npt.NDArray[np.float64]:
+    """Places on level ground over the inner half of the scene, (P, 3); at least one."""
+    share = (np.arange(CANDIDATES) + 0.5) / CANDIDATES * 0.5 + 0.25
+    x, z = np.meshgrid(low[0] + (high - low)[0] * share, low[2] + (high - low)[2] * share)
+    top = float(high[1]) + 1.0
+    starts = np.stack([x.ravel(), np.full(x.size, top), z.ravel()], axis=1)
+    # Three rays a stride apart: level where they agree.
+    heights = []
+    for shift in ((0, 0, 0), (STRIDE_M, 0, 0), (0, 0, STRIDE_M)):
+        downwards = np.broadcast_to([0.0, -1.0, 0.0], starts.shape)
+        t, _ = rays.closest_hit(starts + shift, downwards)
+        heights.append(np.where(np.isfinite(t), top - t, np.nan))
+    rise = np.max(np.abs(np.array(heights[1:]) - heights[0]), axis=0)  # NaN: not level
+    level = np.flatnonzero(rise < 0.3 * STRIDE_M)
+    if len(level):
+        return np.stack([starts[level, 0], heights[0][level], starts[level, 2]], axis=1)
+    # No such place (a cliff, a ring): the vertex nearest to the middle.
+    middle = (low + high) / 2
+    near = np.argmin(np.square(vertices[:, [0, 2]] - middle[[0, 2]]).sum(axis=1))
+    nearest: npt.NDArray[np.float64] = vertices[near][None].astype(np.float64)
+    return nearest
 
 
 def mixed_mesh(
@@ -147,18 +174,10 @@ def view_from_eye(landing: Landing, rays: RayScene) -> Camera:
     -------
     Camera
     """
+    spread = _views(np.array(landing.position), landing.radius_m, rays)
+    bearing = 360.0 / LOOKS * int(np.argmax(spread))
     eye = np.array(landing.position) + np.array([0.0, EYE_HEIGHT_M, 0.0])
-    bearing = np.repeat(np.arange(LOOKS) * 2 * np.pi / LOOKS, 5)
-    pitch = np.tile(np.radians([-2.0, -5.0, -9.0, -14.0, -22.0]), LOOKS)
-    headings = np.stack(
-        [np.sin(bearing) * np.cos(pitch), np.sin(pitch), -np.cos(bearing) * np.cos(pitch)], axis=1
-    )
-    t, _ = rays.closest_hit(np.broadcast_to(eye, headings.shape), headings)
-    # Sky counts nothing, near walls little: the logarithm keeps one far hit from deciding alone.
-    worth = np.where(np.isfinite(t), np.log1p(np.minimum(t, 4 * landing.radius_m)), 0.0)
-    score = worth.reshape(LOOKS, 5).sum(axis=1)
-    spread = sum(np.roll(score, shift) for shift in (-2, -1, 0, 1, 2))
-    return eye_level(eye, azimuth_deg=360.0 / LOOKS * int(np.argmax(spread)), pitch_deg=-8.0)
+    return eye_level(eye, azimuth_deg=bearing, pitch_deg=-8.0)
 
 
 def view_from_above(landing: Landing, aspect: float) -> Camera:
@@ -179,3 +198,21 @@ def view_from_above(landing: Landing, aspect: float) -> Camera:
     turn = np.linspace(0, 2 * np.pi, 36, endpoint=False)
     ring = np.stack([np.cos(turn), np.zeros(36), np.sin(turn)], axis=1) * reach
     return oblique(np.array(landing.position) + ring, aspect=aspect, elevation_deg=42.0)
+
+
+def _views(
+    position: npt.NDArray[np.float64], radius_m: float, rays: RayScene
+) -> npt.NDArray[np.float64]:
+    """How much there is to see from eye height at a place, per bearing; (LOOKS,)."""
+    eye = position + np.array([0.0, EYE_HEIGHT_M, 0.0])
+    bearing = np.repeat(np.arange(LOOKS) * 2 * np.pi / LOOKS, 5)
+    pitch = np.tile(np.radians([-2.0, -5.0, -9.0, -14.0, -22.0]), LOOKS)
+    headings = np.stack(
+        [np.sin(bearing) * np.cos(pitch), np.sin(pitch), -np.cos(bearing) * np.cos(pitch)], axis=1
+    )
+    t, _ = rays.closest_hit(np.broadcast_to(eye, headings.shape), headings)
+    # Sky counts nothing, near walls little: the logarithm keeps one far hit from deciding alone.
+    worth = np.where(np.isfinite(t), np.log1p(np.minimum(t, 4 * radius_m)), 0.0)
+    score = worth.reshape(LOOKS, 5).sum(axis=1)
+    spread: npt.NDArray[np.float64] = np.sum([np.roll(score, n) for n in range(-2, 3)], axis=0)
+    return spread

@@ -233,18 +233,18 @@ def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]
     whole = sum(seconds)
     rows = []
     for row, spent in zip(listed, seconds, strict=True):
-        memory = _number(row.get("peak_memory_bytes"), _number(row.get("peak_bytes"), 0.0))
-        facts = row.get("facts")
+        memory = _number(row.get("peak_bytes"), 0.0)
+        counts = row.get("counts")
         told = (
-            ", ".join(f"{key} {_value(value)}" for key, value in facts.items())
-            if isinstance(facts, Mapping)
+            ", ".join(_fact(key, value) for key, value in counts.items() if value is not None)
+            if isinstance(counts, Mapping)
             else ""
         )
-        skipped = bool(row.get("skipped") or row.get("reused"))
+        skipped = bool(row.get("taken_up"))
         rows.append(
             {
                 "name": str(row.get("name", "?")),
-                "seconds": "reused" if skipped else f"{spent:,.1f}",
+                "seconds": "taken up" if skipped else f"{spent:,.1f}",
                 "share": 0.0 if skipped or not whole else spent / whole,
                 "memory": format_bytes(memory) if memory else "",
                 "result": told,
@@ -307,9 +307,13 @@ def _number(value: object, default: float) -> float:
     )
 
 
-def _value(value: object) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        return f"{value:,}"
-    return f"{value:,.4g}" if isinstance(value, float) else str(value)
+def _fact(name: str, value: object) -> str:
+    """Write one count of a stage, its unit taken from its name."""
+    words, text = name.replace("_", " "), str(value)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        text = f"{value:,}" if isinstance(value, int) else f"{value:,.4g}"
+        if name.endswith("_m"):
+            return f"{words[:-2]} {text} m"
+        if name.endswith("_bytes"):
+            return f"{words[:-6]} {format_bytes(value)}"
+    return f"{words} {text}"

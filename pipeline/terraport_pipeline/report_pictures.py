@@ -161,14 +161,14 @@ class PictureTaker:
         """
         landing, total = self.landing, self._model.manifest.counts.segments
         loaded = int(landing.loaded.sum())
-        where = f"{landing.radius_m:.0f} m around the middle of the scene"
         yield self._mixed(
             "hand-off-above",
             "Hand-off from above",
             "The mixed model from above: full detail around the landing, the base tinted blue "
             "around it",
-            f"A landing {where}: {loaded:,} of {total:,} segments loaded; the base, tinted blue, "
-            "is shown wherever not all segments over it are.",
+            f"A landing with a radius of {landing.radius_m:.0f} m: {loaded:,} of {total:,} "
+            "segments loaded; the base, tinted blue, is shown wherever not all segments over it "
+            "are.",
             view_from_above(landing, self._aspect),
             landing.loaded,
             tint=0.45,

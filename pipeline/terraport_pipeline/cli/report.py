@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.input_cloud import find_input_cloud
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report import ReportOptions, write_report
 from terraport_pipeline.report_facts import format_bytes
@@ -32,6 +33,13 @@ def report(
     width: Annotated[
         int, typer.Option(help="Width of the pictures, pixels.", min=160, max=3840)
     ] = 1280,
+    work: Annotated[
+        Path | None,
+        typer.Option(
+            help="The build's work directory, for the picture of the input; .SCENE.work beside "
+            "the scene by default."
+        ),
+    ] = None,
     rays: Annotated[
         int, typer.Option(help="Rays of the hand-off's proof; 0 leaves it out.", min=0)
     ] = 200_000,
@@ -53,7 +61,13 @@ def report(
     with reporting_errors(errors):
         options = ReportOptions(PictureOptions(width, width * 9 // 16), rays, subsets)
         with RichProgress(errors) as progress:
-            result = write_report(scene, output, options, progress=progress)
+            result = write_report(
+                scene,
+                output,
+                options,
+                cloud=lambda opened: find_input_cloud(opened, work),
+                progress=progress,
+            )
     seconds = time.perf_counter() - start
     Console().print(
         f"{result.path}  {format_bytes(result.bytes)}, {len(result.pictures)} pictures, "

@@ -68,10 +68,10 @@ def page(copy):
             {
                 "name": "read",
                 "seconds": 2.5,
-                "peak_memory_bytes": 2_000_000,
-                "facts": {"points": 5},
+                "peak_bytes": 2_000_000,
+                "counts": {"points": 5, "spacing_m": 0.25},
             },
-            {"name": "clean", "seconds": 0.0, "reused": True},
+            {"name": "clean", "seconds": 0.0, "taken_up": True},
         ],
     }
     (copy / "build.json").write_text(json.dumps(record))
@@ -121,8 +121,8 @@ def test_numbers_names_and_warnings_are_on_the_page(page) -> None:
     assert "rolling <ground>" not in text
     for words in ("123,456", "80,000", "EPSG:32633", "12 points were outliers", "No hole", "12.5"):
         assert words in text
-    assert "reused" in text
-    assert "points 5" in text
+    assert "taken up" in text
+    assert "points 5, spacing 0.25 m" in text
     assert "No picture of the input" in text
 
 

@@ -1,0 +1,62 @@
+"""The input's points are found in the work directory, and only if they belong to the scene."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from terraport_pipeline.input_cloud import find_input_cloud
+from terraport_store import Scene
+
+COUNT = 123_456
+
+
+@pytest.fixture
+def scene_dir(scene_path, tmp_path):
+    """A scene with a work directory beside it."""
+    copy = shutil.copytree(scene_path, tmp_path / "ground")
+    folder = tmp_path / ".ground.work" / "clean"
+    folder.mkdir(parents=True)
+    rng = np.random.default_rng(0)
+    np.save(folder / "points.npy", rng.uniform(0, 100, (COUNT, 3)).astype(np.float32))
+    np.save(folder / "colours.npy", rng.integers(0, 255, (COUNT, 3), dtype=np.uint8))
+    np.save(folder / "origin.npy", np.array([500_000.0, 6_000_000.0, 120.0]))
+    (folder / "stage.json").write_text(json.dumps({"values": {"spacing_m": 0.25}}))
+    return copy
+
+
+def test_points_are_found_beside_the_scene(scene_dir) -> None:
+    with Scene.open(scene_dir) as scene:
+        cloud = find_input_cloud(scene)
+    assert cloud is not None
+    assert (cloud.total, len(cloud.points), cloud.spacing_m) == (COUNT, COUNT, 0.25)
+
+
+def test_large_clouds_are_thinned(scene_dir, monkeypatch) -> None:
+    monkeypatch.setattr("terraport_pipeline.input_cloud.MAX_POINTS", 40_000)
+    with Scene.open(scene_dir) as scene:
+        cloud = find_input_cloud(scene)
+    assert cloud is not None
+    assert len(cloud.points) == len(cloud.colours) == -(-COUNT // 4)
+    assert (cloud.total, cloud.spacing_m) == (COUNT, 0.5)
+
+
+@pytest.mark.parametrize("damage", ["gone", "truncated", "other origin", "other count", "record"])
+def test_what_is_damaged_or_another_builds_is_left(scene_dir, damage) -> None:
+    folder = scene_dir.parent / ".ground.work" / "clean"
+    if damage == "gone":
+        shutil.rmtree(folder)
+    elif damage == "truncated":
+        data = (folder / "points.npy").read_bytes()
+        (folder / "points.npy").write_bytes(data[: len(data) // 2])
+    elif damage == "other origin":
+        np.save(folder / "origin.npy", np.zeros(3))
+    elif damage == "other count":
+        np.save(folder / "points.npy", np.zeros((5, 3), np.float32))
+    else:
+        (folder / "stage.json").write_text("{}")
+    with Scene.open(scene_dir) as scene:
+        assert find_input_cloud(scene) is None
