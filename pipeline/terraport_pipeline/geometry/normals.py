@@ -45,6 +45,10 @@ roof does not open the sky to what lies below it.
 """
 
 
+_ROOF_SPACINGS = 2.0
+"""A point is under a roof when something stands this far above its tangent plane."""
+
+
 def estimate_normals(
     points: Float32, neighbours: Neighbours, *, k: int = 16
 ) -> tuple[Float32, Float32]:
@@ -98,19 +102,18 @@ def certain_mask(
     width = int(column[:, 0].max()) + 2
     key = column[:, 1] * width + column[:, 0]
     cells, cell = np.unique(key, return_inverse=True)
-    top = np.full(len(cells), -np.inf, dtype=np.float32)
-    np.maximum.at(top, cell, points[:, 1])
-    roof = top.copy()
-    for step in (-width - 1, -width, -width + 1, -1, 1, width - 1, width, width + 1):
-        place = np.minimum(np.searchsorted(cells, cells + step), len(cells) - 1)
-        there = cells[place] == cells + step
-        np.maximum(roof, np.where(there, top[place], -np.inf), out=roof)
+    roof = _highest_of_cell(points[:, 1], cell, len(cells))
     upright = np.abs(normals[:, 1])
-    slope = np.sqrt(np.maximum(1.0 - upright**2, 0.0)) / np.maximum(upright, 1e-3)
-    # What a tangent plane explains: the rise over two columns' diagonal, and two spacings for
-    # noise and curvature.
-    explained_m = slope * (2.0 * np.sqrt(2.0) * cell_m) + 2.0 * spacing_m
-    certain: Mask = (upright >= steepest) & (roof[cell] - points[:, 1] <= explained_m)
+    certain: Mask = upright >= steepest
+    # Rise of the tangent plane per metre along x and z.
+    rise = -normals[:, ::2] / np.where(upright > 1e-3, normals[:, 1], 1e-3)[:, None]
+    tolerance_m = _ROOF_SPACINGS * spacing_m
+    for step in (-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1):
+        place = np.minimum(np.searchsorted(cells, cells + step), len(cells) - 1)
+        there = (cells[place] == cells + step)[cell]
+        offset = points[roof[place]][cell] - points
+        above = offset[:, 1] - (offset[:, ::2] * rise).sum(axis=1)
+        certain &= ~there | (above <= tolerance_m)
     return certain
 
 
@@ -147,6 +150,15 @@ def orient_normals(
     reached = _spread_signs(points, oriented, certain, graph, starts, links)
     guessed = int((~reached).sum())
     return oriented, int(len(points) - certain.sum() - guessed), guessed
+
+
+def _highest_of_cell(
+    height_m: Float32, cell: npt.NDArray[np.int64], count: int
+) -> npt.NDArray[np.int64]:
+    """Find the highest point of every cell; the last in order where several are equal."""
+    order = np.lexsort((height_m, cell))
+    last = np.searchsorted(cell[order], np.arange(count), side="right") - 1
+    return order[last]
 
 
 @numba.njit(parallel=True, cache=True)
