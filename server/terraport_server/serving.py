@@ -92,7 +92,12 @@ def run(settings: Settings) -> None:
     """
     configure_logging(settings.log_level, settings.log_format)
     server = make_server(settings)
-    server.run()
+    try:
+        server.run()
+    except KeyboardInterrupt:
+        return  # uvicorn raises it again after a graceful end; the end was what was asked for
+    except SystemExit:
+        pass  # uvicorn's way to say that it could not start; its log line says why
     if not server.started:
         address = f"{settings.host}:{settings.port}"
         raise ServerError(f"could not listen on {address}, expected a free address and port")

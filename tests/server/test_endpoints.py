@@ -1,0 +1,193 @@
+"""The HTTP endpoints of a running service."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from server.grid_scene import GridScene, write_grid_scene
+
+from terraport_server import BackgroundServer
+from terraport_store import Scene
+
+TOKEN = "sixteen-characters"
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> GridScene:
+    return write_grid_scene(tmp_path_factory.mktemp("http") / "grid", name="<Pit> & co")
+
+
+@pytest.fixture(scope="module")
+def server(grid: GridScene) -> Iterator[BackgroundServer]:
+    with BackgroundServer(grid.path.parent) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def guarded(grid: GridScene) -> Iterator[BackgroundServer]:
+    with BackgroundServer(grid.path.parent, token=TOKEN) as running:
+        yield running
+
+
+@pytest.fixture
+def http(server: BackgroundServer) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=server.url) as client:
+        yield client
+
+
+def file_bytes(grid: GridScene, key: str) -> bytes:
+    with Scene.open(grid.path) as scene:
+        return scene.file_path(key).read_bytes()
+
+
+def test_scenes(http: httpx.Client, grid: GridScene) -> None:
+    (entry,) = http.get("/scenes").json()["scenes"]
+    assert entry["id"] == "grid"
+    assert entry["version"] == grid.manifest.version
+    assert entry["segments"] == 36
+    for name in ("self", "base", "cover", "regions"):
+        assert http.get("/" + entry["links"][name]).status_code == 200
+
+
+def test_one_scene_is_its_manifest_with_addresses(http: httpx.Client, grid: GridScene) -> None:
+    document = http.get("/scenes/grid").json()
+    manifest = grid.manifest.model_dump(mode="json")
+    assert {key: document[key] for key in manifest} == manifest
+    assert document["id"] == "grid"
+    assert document["links"]["stream"] == "scenes/grid/stream"
+
+
+@pytest.mark.parametrize(
+    ("path", "media_type"),
+    [
+        ("base.glb", "model/gltf-binary"),
+        ("base.cover", "application/octet-stream"),
+        ("regions.json", "application/json"),
+    ],
+)
+def test_files_are_the_published_bytes(
+    http: httpx.Client, grid: GridScene, path: str, media_type: str
+) -> None:
+    expected = file_bytes(grid, path)
+    whole = http.get(f"/scenes/grid/{path}")
+    assert whole.content == expected
+    assert whole.headers["content-type"] == media_type
+    assert whole.headers["etag"] == f'"{grid.manifest.files[path].xxh3}"'
+    assert whole.headers["cache-control"] == "no-cache"
+    part = http.get(f"/scenes/grid/{path}", headers={"Range": "bytes=5-9"})
+    assert (part.status_code, part.content) == (206, expected[5:10])
+    again = http.get(
+        f"/scenes/grid/{path}", headers={"If-None-Match": f'"x", W/{whole.headers["etag"]}'}
+    )
+    assert (again.status_code, again.content) == (304, b"")
+    other = http.get(f"/scenes/grid/{path}", headers={"If-None-Match": '"other"'})
+    assert other.status_code == 200
+
+
+def test_a_version_in_the_address_is_cached_for_ever(http: httpx.Client, grid: GridScene) -> None:
+    answer = http.get("/scenes/grid/base.glb", params={"v": grid.manifest.version})
+    assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"
+    unknown = http.get("/scenes/grid/base.glb", params={"v": "0" * 32})
+    assert unknown.status_code == 404
+    assert unknown.json()["error"]["code"] == "unknown_scene"
+
+
+def test_segments_are_the_streamed_bytes(http: httpx.Client, grid: GridScene) -> None:
+    for number in (0, 35):
+        answer = http.get(f"/scenes/grid/segments/{number}.glb")
+        assert answer.content == grid.payloads[number]
+        assert answer.headers["content-type"] == "model/gltf-binary"
+    etag = answer.headers["etag"]
+    again = http.get("/scenes/grid/segments/35.glb", headers={"If-None-Match": etag})
+    assert again.status_code == 304
+
+
+@pytest.mark.parametrize("number", ["36", "-1"])
+def test_an_unknown_segment(http: httpx.Client, number: str) -> None:
+    answer = http.get(f"/scenes/grid/segments/{number}.glb")
+    assert answer.status_code == 404
+    assert answer.json()["error"]["message"] == f"got segment {number}, expected 0 to 35"
+
+
+def test_an_unknown_scene(http: httpx.Client) -> None:
+    for path in ("/scenes/atlantis", "/scenes/atlantis/base.glb", "/scenes/..%2F..%2Fetc"):
+        answer = http.get(path)
+        assert answer.status_code == 404
+        assert "/work" not in answer.text
+
+
+def test_the_report(http: httpx.Client, grid: GridScene) -> None:
+    assert http.get("/scenes/grid/report").json()["error"]["code"] == "unknown_report"
+    report = grid.path / "report.html"
+    report.write_text("<h1>report</h1>")
+    try:
+        assert http.get("/scenes/grid/report").text == "<h1>report</h1>"
+        assert "scenes/grid/report" in http.get("/").text
+    finally:
+        report.unlink()
+
+
+def test_the_page_escapes_names(http: httpx.Client) -> None:
+    page = http.get("/").text
+    assert "&lt;Pit&gt; &amp; co" in page
+    assert "<Pit>" not in page
+
+
+def test_health_readiness_metrics_and_documentation(http: httpx.Client) -> None:
+    assert http.get("/healthz").text == "ok\n"
+    assert http.get("/readyz").text == "ok\n"
+    metrics = http.get("/metrics")
+    assert metrics.headers["content-type"].startswith("text/plain; version=0.0.4")
+    assert "terraport_event_loop_lag_seconds_bucket" in metrics.text
+    assert http.get("/docs").status_code == 200
+    assert "/scenes/{scene_id}/base.glb" in http.get("/openapi.json").json()["paths"]
+
+
+def test_a_service_without_scenes_is_not_ready(tmp_path: Path) -> None:
+    with BackgroundServer(tmp_path) as running:
+        answer = httpx.get(f"{running.url}/readyz")
+        assert (answer.status_code, answer.text) == (503, "no scene\n")
+        assert httpx.get(f"{running.url}/scenes").json() == {"scenes": []}
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/scenes",
+        "/scenes/grid",
+        "/scenes/grid/base.glb",
+        "/scenes/grid/base.cover",
+        "/scenes/grid/regions.json",
+        "/scenes/grid/segments/0.glb",
+        "/scenes/grid/report",
+        "/scenes/atlantis",
+    ],
+)
+def test_scenes_need_the_token(guarded: BackgroundServer, path: str) -> None:
+    url = guarded.url + path
+    for headers in ({}, {"Authorization": "Bearer wrong"}, {"Authorization": f"Basic {TOKEN}"}):
+        answer = httpx.get(url, headers=headers)
+        assert answer.status_code == 401
+        assert answer.headers["www-authenticate"] == "Bearer"
+        assert answer.json()["error"]["code"] == "unauthorised"
+    right = httpx.get(url, headers={"Authorization": f"Bearer {TOKEN}"})
+    assert right.status_code in {200, 404}
+    if "cache-control" in right.headers:
+        assert "public" not in right.headers["cache-control"]
+
+
+def test_the_page_shows_no_names_where_a_token_is_asked_for(guarded: BackgroundServer) -> None:
+    assert "Pit" not in httpx.get(guarded.url).text
+
+
+def test_a_token_for_other_scenes(grid: GridScene, tmp_path: Path) -> None:
+    tokens = tmp_path / "tokens"
+    tokens.write_text(f"guest {TOKEN} elsewhere\n")
+    headers = {"Authorization": f"Bearer {TOKEN}"}
+    with BackgroundServer(grid.path.parent, tokens_file=tokens) as running:
+        assert httpx.get(f"{running.url}/scenes", headers=headers).json() == {"scenes": []}
+        answer = httpx.get(f"{running.url}/scenes/grid", headers=headers)
+    assert (answer.status_code, answer.json()["error"]["code"]) == (403, "forbidden")

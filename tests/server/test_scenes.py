@@ -1,0 +1,92 @@
+"""The registry: what is open, since when, for how long."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+from server.grid_scene import write_grid_scene
+
+from terraport_server.errors import UnknownSceneError
+from terraport_server.scenes import SceneRegistry, ServedScene
+
+
+def test_a_replaced_version_is_closed_with_its_last_holder(tmp_path: Path) -> None:
+    published: list[ServedScene] = []
+
+    async def story() -> None:
+        first = write_grid_scene(tmp_path / "pit", cells=2).manifest.version
+        registry = SceneRegistry(tmp_path, published=published.append)
+        await registry.refresh()
+        old = registry.get("pit")
+        old.hold()
+        old.hold()
+        second = write_grid_scene(tmp_path / "pit", seed=1, cells=2).manifest.version
+        await registry.refresh()
+        assert registry.get("pit").version == second
+        assert registry.get("pit", first) is old
+        assert [served.version for served in published] == [second]
+        old.release()
+        assert not old.closed
+        assert len(old.scene.payload(3)) > 0
+        old.release()
+        assert old.closed
+        with pytest.raises(UnknownSceneError, match="no version"):
+            registry.get("pit", first)
+        registry.close()
+
+    asyncio.run(story())
+
+
+def test_a_touched_manifest_changes_nothing(tmp_path: Path) -> None:
+    async def story() -> None:
+        write_grid_scene(tmp_path / "pit", cells=2)
+        registry = SceneRegistry(tmp_path)
+        await registry.refresh()
+        served = registry.get("pit")
+        (tmp_path / "pit" / "scene.json").touch()
+        await registry.refresh()
+        assert registry.get("pit") is served
+        assert not served.closed
+        registry.close()
+        assert served.closed
+
+    asyncio.run(story())
+
+
+def test_one_scene_may_be_the_directory(tmp_path: Path) -> None:
+    async def story() -> None:
+        write_grid_scene(tmp_path / "pit", cells=2)
+        registry = SceneRegistry(tmp_path / "pit")
+        await registry.refresh()
+        assert registry.ids() == ["pit"]
+        registry.close()
+
+    asyncio.run(story())
+
+
+def test_a_scene_that_cannot_be_opened_is_logged_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def story() -> None:
+        (tmp_path / "bad").mkdir()
+        (tmp_path / "bad" / "scene.json").write_text("{}")
+        registry = SceneRegistry(tmp_path)
+        for _ in range(3):
+            await registry.refresh()
+        with pytest.raises(UnknownSceneError, match="no scene 'bad' here"):
+            registry.get("bad")
+
+    asyncio.run(story())
+    assert [record.getMessage() for record in caplog.records] == ["scene not opened"]
+
+
+def test_both_encodings_share_boxes_and_differ_in_bytes(tmp_path: Path) -> None:
+    write_grid_scene(tmp_path / "pit", cells=2, with_arrays=True)
+    served = ServedScene.open("pit", tmp_path / "pit", "file")
+    glb, arrays = served.view.encodings["glb"], served.view.encodings["arrays"]
+    assert glb.bounds is arrays.bounds
+    assert (glb.lengths != arrays.lengths).any()
+    assert served.view.within((30.0, 0.0, 30.0), 1.0).tolist() == [14, 15, 20, 21]
+    served.retire()

@@ -1,0 +1,173 @@
+"""`terraport serve` as a process: start, signals, errors."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import typer
+from server.grid_scene import write_grid_scene
+from server.plain_client import PlainClient, assemble
+from typer.testing import CliRunner
+
+from terraport_server import BackgroundServer
+from terraport_server.cli import register
+from terraport_server.errors import ServerError, SettingsError
+from terraport_wire import Credit, Land, Notice, Plan, Ready
+
+PROGRAM = """
+import typer
+from terraport_server.cli import register
+app = typer.Typer()
+register(app)
+app()
+"""
+
+
+@contextmanager
+def serving(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run the command; yield the process and its address."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port = probe.getsockname()[1]
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *arguments, "--port", str(port)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )
+    try:
+        until_s = time.monotonic() + 30
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", port), timeout=1).close()
+                break
+            except OSError:
+                assert process.poll() is None, process.communicate()
+                assert time.monotonic() < until_s
+                time.sleep(0.05)
+        yield process, f"http://127.0.0.1:{port}"
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    app = typer.Typer()
+    register(app)
+    app.callback()(lambda: None)
+    result = CliRunner().invoke(app, ["serve", *arguments])
+    return result.exit_code, result.output
+
+
+def test_sigterm_lets_the_open_landing_finish(tmp_path: Path) -> None:
+    grid = write_grid_scene(tmp_path / "scenes" / "pit")
+    with (
+        serving(str(tmp_path / "scenes")) as (process, url),
+        PlainClient(f"{url}/scenes/pit") as client,
+    ):
+        client.hello(credit_bytes=20_000)
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=100.0))
+        client.expect(Plan)
+        process.send_signal(signal.SIGTERM)
+        notice, before, _ = client.until(Notice)
+        assert notice.kind == "draining"
+        with PlainClient(f"{url}/scenes/pit") as late:
+            error, code = late.refused()
+        assert (error.code, code) == ("draining", 4503)
+        client.send(Credit(bytes=1 << 30))
+        ready, frames, _ = client.until(Ready)
+        assert ready.delivered == 36
+        assert assemble([*before, *frames]) == dict(enumerate(grid.payloads))
+        assert client.closed() == 4503
+        output, log = process.communicate(timeout=20)
+    assert process.returncode in {0, -signal.SIGTERM}
+    assert f"terraport serves {tmp_path / 'scenes'} at {url} (open to everyone" in output
+    assert f"{url}/scenes/pit  grid: 36 segments" in output
+    assert re.search(r"landing ready landing=[0-9a-f]{12}-1 scene=pit", log)
+    assert "Traceback" not in log
+
+
+def test_ctrl_c_ends_it_quietly(tmp_path: Path) -> None:
+    with serving(str(tmp_path)) as (process, _):
+        process.send_signal(signal.SIGINT)
+        output, log = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert "Traceback" not in log
+    assert "no scene yet" in output
+
+
+def test_help_teaches() -> None:
+    code, text = run("--help")
+    assert code == 0
+    for word in ("terraport land", "TERRAPORT_TOKEN", "--allow-open", "SIGTERM"):
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["{dir}/nowhere"], "no directory, expected one"),
+        (["{dir}", "--host", "0.0.0.0"], "expected a token or tokens file"),
+        (["{dir}", "--token", "short"], "got a token of 5 characters"),
+        (["{dir}", "--max-radius", "-1"], "max_radius_m: Input should be greater than 0"),
+        (["{dir}", "--tls-key", "x"], "got one of tls_certificate and tls_key"),
+    ],
+)
+def test_bad_options_are_said_and_exit_1(tmp_path: Path, arguments: list[str], text: str) -> None:
+    code, output = run(*[argument.format(dir=tmp_path) for argument in arguments])
+    assert code == 1
+    assert "error: " in output
+    assert text in " ".join(output.split())
+    assert "Traceback" not in output
+
+
+def test_a_port_in_use_is_an_error_not_a_trace(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        process = subprocess.run(
+            [sys.executable, "-c", PROGRAM, str(tmp_path), "--port", str(taken.getsockname()[1])],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    assert process.returncode == 1
+    assert "error: could not listen on 127.0.0.1:" in process.stderr
+    assert "Traceback" not in process.stderr
+
+
+def test_background_server_refuses_what_serve_refuses(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError):
+        BackgroundServer(tmp_path / "nowhere")
+
+
+def test_background_server_stops_and_frees_its_port(tmp_path: Path) -> None:
+    with BackgroundServer(tmp_path) as server:
+        port = server.port
+        assert server.url == f"http://127.0.0.1:{port}"
+    server.stop()
+    socket.create_server(("127.0.0.1", port)).close()
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", port))
+
+
+def test_a_service_that_does_not_start_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server = BackgroundServer(tmp_path)
+
+    async def broken() -> None:
+        raise RuntimeError("no luck")
+
+    monkeypatch.setattr(server.service, "start", broken)
+    with pytest.raises(ServerError, match="did not start"):
+        server.start()
