@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from terraport.errors import UsageError
 
@@ -39,7 +39,7 @@ class CachedSegment:
     """A payload with what is known of it."""
 
     facts: SegmentFacts
-    payload: bytes
+    payload: bytes = field(repr=False)
 
 
 class SegmentCache:

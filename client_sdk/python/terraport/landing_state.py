@@ -98,6 +98,6 @@ def facts_of_table(table: npt.NDArray[Any]) -> dict[int, SegmentFacts]:
     """Return the rows of a load table by id, in its order."""
     rows: Iterable[tuple[Any, ...]] = table.tolist()
     return {
-        segment: SegmentFacts(segment, length, xxh3, faces, vertices, tuple(bounds))
+        segment: SegmentFacts(segment, length, xxh3, faces, vertices, tuple(bounds.tolist()))
         for segment, length, xxh3, faces, vertices, bounds in rows
     }

@@ -168,7 +168,7 @@ def write_glb(
     mesh : SegmentMesh
         Positions are snapped to the grid first (a rim that was sunk is not on it).
     path : Path
-        Replaced if it is there.
+        Replaced if it is there, in one step: a failure leaves it as it was.
     step_m : float
         Grid step of the scene, metres; its manifest has it.
     attribute_scales : mapping, optional
@@ -199,7 +199,13 @@ def write_glb(
         attributes=mesh.attributes,
     )
     data = encode_glb(on_grid, step_m=step_m, attribute_scales=scales)
-    Path(path).write_bytes(data)
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.tmp")
+    try:
+        beside.write_bytes(data)
+        beside.replace(target)
+    finally:
+        beside.unlink(missing_ok=True)
     return len(data)
 
 

@@ -1,0 +1,314 @@
+"""``terraport land``: a landing without a headset."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+from rich.table import Table
+
+from terraport.client import Session, connect
+from terraport.errors import LandingTimeoutError, UsageError
+from terraport.frames import to_crs, to_scene
+from terraport.landing import Landing
+from terraport.mesh import mixed_model, write_glb
+from terraport.timeouts import Timeouts
+from terraport_payload import AttributeScale, SegmentMesh
+
+__all__ = ["land", "register"]
+
+_PICTURE: Final = (1600, 900)
+"""Width and height of ``--png`` in pixels."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    # A negative coordinate must not be taken for an option.
+    app.command("land", context_settings={"ignore_unknown_options": True})(land)
+
+
+def land(
+    url: Annotated[
+        str,
+        typer.Argument(help="The scene: http(s)://HOST:PORT/scenes/ID.", show_default=False),
+    ],
+    x: Annotated[float, typer.Argument(help="Metres east of the origin.", show_default=False)],
+    y: Annotated[float, typer.Argument(help="Metres above the origin.", show_default=False)],
+    z: Annotated[float, typer.Argument(help="Metres south of the origin.", show_default=False)],
+    radius: Annotated[float, typer.Option(help="Metres around the place.")] = 60.0,
+    crs: Annotated[
+        bool, typer.Option("--crs", help="X Y Z are easting, northing, height of the survey's CRS.")
+    ] = False,
+    token: Annotated[
+        str | None,
+        typer.Option(help="Bearer token.", envvar="TERRAPORT_TOKEN", show_envvar=True),
+    ] = None,
+    repeat: Annotated[int, typer.Option(min=1, max=1000, help="Land so many times.")] = 1,
+    max_triangles: Annotated[
+        int | None, typer.Option(min=0, help="Budget: triangles, nearest first.")
+    ] = None,
+    max_bytes: Annotated[
+        int | None, typer.Option(min=0, help="Budget: payload bytes, nearest first.")
+    ] = None,
+    encoding: Annotated[str, typer.Option(help="glb or arrays.")] = "glb",
+    cache_dir: Annotated[
+        Path | None, typer.Option(help="Keep segments here from one run to the next.")
+    ] = None,
+    timeout: Annotated[float, typer.Option(help="Seconds for each landing.")] = 300.0,
+    glb: Annotated[
+        Path | None, typer.Option(help="Write base and detail at that landing as GLB.")
+    ] = None,
+    png: Annotated[
+        Path | None, typer.Option(help='Write a picture of it (needs "terraport[pipeline]").')
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Land in a served scene: print the plan, times and bytes, and write what was received.
+
+    For example:
+
+        terraport land http://127.0.0.1:8080/scenes/pit 12 3.5 -40 --radius 60
+
+        terraport land http://127.0.0.1:8080 --crs 500012 8000040 103.5 --repeat 2 --png here.png
+
+    The second landing at the same place costs no bytes: its segments are held.
+    """
+    if png is not None:
+        _require_pictures()
+    for file in (glb, png):
+        if file is not None and not file.absolute().parent.is_dir():
+            raise UsageError(f"no directory {file.absolute().parent} to write {file.name} into")
+    options: dict[str, Any] = {
+        "encoding": encoding,
+        "max_triangles": max_triangles,
+        "max_bytes": max_bytes,
+        "cache_dir": cache_dir,
+        "timeouts": Timeouts(plan_s=timeout),
+    }
+    asyncio.run(
+        _land(
+            url,
+            (x, y, z),
+            radius,
+            crs=crs,
+            token=token,
+            repeat=repeat,
+            timeout_s=timeout,
+            options=options,
+            glb=glb,
+            png=png,
+            as_json=as_json,
+        )
+    )
+
+
+async def _land(
+    url: str,
+    place: tuple[float, float, float],
+    radius_m: float,
+    *,
+    crs: bool,
+    token: str | None,
+    repeat: int,
+    timeout_s: float,
+    options: dict[str, Any],
+    glb: Path | None,
+    png: Path | None,
+    as_json: bool,
+) -> None:
+    async with connect(url, token, **options) as session:
+        manifest = await session.manifest()
+        position = to_scene(place, manifest["origin"]) if crs else place
+        landings = []
+        for number in range(1, repeat + 1):
+            landing = await session.land(position, radius_m)
+            await _watch(landing, number, timeout_s)
+            landings.append(_facts(landing))
+        facts = {
+            "scene": {
+                "id": session.scene.id,
+                "name": session.scene.name,
+                "version": session.scene.version,
+                "url": session.url,
+            },
+            "position": list(position),
+            "position_crs": list(to_crs(position, manifest["origin"])),
+            "landings": landings,
+            "visible_set_hash": await session.visible_set_hash(),
+        }
+        if glb is not None or png is not None:
+            model = await _model(session, landing, manifest)
+            facts["files"] = await asyncio.to_thread(
+                _write, model, landing, manifest, glb=glb, png=png
+            )
+        if as_json:
+            typer.echo(json.dumps(facts, indent=1))
+        else:
+            _print(facts, landing)
+
+
+async def _watch(landing: Landing, number: int, timeout_s: float) -> None:
+    """Wait for a landing behind a progress bar (on a terminal)."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
+    with Progress(
+        *columns,
+        TransferSpeedColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    ) as progress:
+        task = progress.add_task(f"landing {number}", total=landing.plan.total_bytes)
+        try:
+            async with asyncio.timeout(timeout_s):
+                async for segment in landing:
+                    progress.advance(task, len(segment.payload))
+        except TimeoutError as error:
+            if isinstance(error, LandingTimeoutError):
+                raise
+            await landing.ready(0.0)  # raises, and says how far it got
+
+
+def _facts(landing: Landing) -> dict[str, Any]:
+    plan = landing.plan
+    return {
+        "radius_m": plan.radius_m,
+        "effective_radius_m": plan.effective_radius_m,
+        "load_segments": len(plan.load),
+        "load_bytes": plan.load_bytes,
+        "load_triangles": plan.load_triangles,
+        "keep_segments": len(plan.keep),
+        "release_segments": len(plan.release),
+        "total_bytes": plan.total_bytes,
+        "total_triangles": plan.total_triangles,
+        "omitted_segments": plan.omitted_segments,
+        "omitted_by": plan.omitted_by,
+        **asdict(landing.stats),
+    }
+
+
+async def _model(session: Session, landing: Landing, manifest: dict[str, Any]) -> SegmentMesh:
+    """Return what a viewer would draw here."""
+    base = await session.base()
+    deviation_m = float(manifest["hand_off"]["deviation_m"])
+
+    def mix() -> SegmentMesh:
+        segments = {segment.id: segment.arrays() for segment in landing.segments}
+        return mixed_model(base, segments, sink_rim_m=deviation_m)
+
+    return await asyncio.to_thread(mix)
+
+
+def _write(
+    model: SegmentMesh,
+    landing: Landing,
+    manifest: dict[str, Any],
+    *,
+    glb: Path | None,
+    png: Path | None,
+) -> list[dict[str, Any]]:
+    written = []
+    if glb is not None:
+        scales = {
+            attribute["name"]: AttributeScale(attribute["offset"], attribute["step"])
+            for attribute in manifest["attributes"]
+        }
+        size = write_glb(model, glb, step_m=manifest["step_m"], attribute_scales=scales)
+        written.append({"file": str(glb), "bytes": size, "triangles": len(model.faces)})
+    if png is not None:
+        _write_picture(model, landing, png)
+        written.append({"file": str(png), "bytes": png.stat().st_size})
+    return written
+
+
+def _require_pictures() -> None:
+    """Say before a landing, not after it, that pictures need an extra."""
+    from importlib.util import find_spec
+
+    from terraport.errors import MissingExtraError
+
+    if any(find_spec(name) is None for name in ("embreex", "PIL")):
+        raise MissingExtraError("--png", "terraport[pipeline]")
+
+
+def _write_picture(model: SegmentMesh, landing: Landing, path: Path) -> None:
+    import numpy as np
+
+    from terraport_pipeline.engines.cameras import oblique
+    from terraport_pipeline.engines.pictures import render_mesh, save_png
+
+    width, height = _PICTURE
+    boxes = np.array([segment.bounds for segment in landing.segments], dtype=np.float64)
+    corners = boxes.reshape(-1, 3) if len(boxes) else model.positions
+    picture = render_mesh(
+        model.positions,
+        model.faces.astype(np.int32),
+        oblique(corners, aspect=width / height),
+        _PICTURE,
+        colours=model.colours,
+        normals=model.normals,
+        supersample=2,
+    )
+    save_png(picture, path)
+
+
+def _print(facts: dict[str, Any], landing: Landing) -> None:
+    console = Console()
+    scene, landings = facts["scene"], facts["landings"]
+    east, north, height = facts["position_crs"]
+    place = ", ".join(f"{value:,.2f}" for value in facts["position"])
+    console.print(f"[bold]{scene['name']}[/]  version {scene['version'][:12]}")
+    console.print(f"landed at {place} m  (E {east:,.2f}, N {north:,.2f}, H {height:,.2f})")
+    table = Table("", *(f"landing {number}" for number in range(1, len(landings) + 1)), box=None)
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for label, cell in _ROWS:
+        table.add_row(label, *(cell(one) for one in landings))
+    console.print(table)
+    console.print(f"visible set {facts['visible_set_hash']}", style="dim")
+    if landing.plan.omitted_segments:
+        console.print(
+            f"{landing.plan.omitted_segments} segments left out by {landing.plan.omitted_by}: "
+            f"whole to {landing.plan.effective_radius_m:,.1f} m",
+            style="yellow",
+        )
+    for file in facts.get("files", []):
+        console.print(f"wrote {file['file']}  {_bytes(file['bytes'])}", highlight=False)
+
+
+def _bytes(count: float) -> str:
+    return f"{count / 1e6:,.2f} MB" if count >= 1e5 else f"{count:,.0f} B"
+
+
+def _milliseconds(seconds: float | None) -> str:
+    return "-" if seconds is None else f"{seconds * 1000:,.1f} ms"
+
+
+def _speed(one: dict[str, Any]) -> str:
+    if not one["streamed_bytes"] or not one["ready_s"]:
+        return "-"
+    return f"{one['streamed_bytes'] / one['ready_s'] / 1e6:,.1f} MB/s"
+
+
+_ROWS: Final = (
+    ("radius", lambda one: f"{one['radius_m']:g} m"),
+    ("to load", lambda one: f"{one['load_segments']:,} segments"),
+    ("", lambda one: f"{one['load_triangles']:,} triangles"),
+    ("", lambda one: _bytes(one["load_bytes"])),
+    ("kept", lambda one: f"{one['keep_segments']:,} segments"),
+    ("released", lambda one: f"{one['release_segments']:,} segments"),
+    ("in all", lambda one: f"{one['total_triangles']:,} triangles"),
+    ("", lambda one: _bytes(one["total_bytes"])),
+    ("streamed", lambda one: _bytes(one["streamed_bytes"])),
+    ("plan after", lambda one: _milliseconds(one["plan_s"])),
+    ("first segment after", lambda one: _milliseconds(one["first_segment_s"])),
+    ("ready after", lambda one: _milliseconds(one["ready_s"])),
+    ("speed", _speed),
+)
+"""Label and cell of each row of the table."""
