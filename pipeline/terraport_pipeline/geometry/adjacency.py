@@ -10,13 +10,13 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MAX_FACES_PER_EDGE", "components", "face_pairs", "vertex_pairs"]
+__all__ = ["MAX_FACES_PER_EDGE", "as_kernel_input", "components", "face_pairs", "vertex_pairs"]
 
 MAX_FACES_PER_EDGE: Final = 64
 """All faces of an edge (or vertex) are mutual neighbours up to this many; beyond it each is paired
@@ -126,12 +126,24 @@ def components(
     count : int
         Number of components.
     """
-    kept = np.zeros(0, np.int32) if labels is None else np.ascontiguousarray(labels, np.int32)
-    if labels is not None and len(kept) != n_items:
-        msg = f"labels have {len(kept)} entries, expected one per item ({n_items})"
+    if labels is not None and len(labels) != n_items:
+        msg = f"labels have {len(labels)} entries, expected one per item ({n_items})"
         raise ValueError(msg)
-    component, count = _components(n_items, np.ascontiguousarray(pairs, np.int32), kept)
+    kept = as_kernel_input(np.zeros(0) if labels is None else labels, np.int32)
+    component, count = _components(n_items, as_kernel_input(pairs, np.int32), kept)
     return component, int(count)
+
+
+def as_kernel_input(array: npt.NDArray[np.generic], dtype: type[np.generic]) -> npt.NDArray[Any]:
+    """Contiguous read-only view (or copy) of an array, for the compiled kernels.
+
+    Whether an array may be written to is part of its type for numba: without this a kernel would be
+    compiled once more for the first caller with a read-only (memory-mapped) array, which takes
+    seconds.
+    """
+    view = np.ascontiguousarray(array, dtype).view()
+    view.flags.writeable = False
+    return view
 
 
 def _validate_faces(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int32:
@@ -143,7 +155,7 @@ def _validate_faces(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int32:
         bad = int(np.flatnonzero(((faces < 0) | (faces >= n_vertices)).any(axis=1))[0])
         msg = f"face {bad} is {faces[bad].tolist()}, expected indices in 0..{n_vertices - 1}"
         raise ValueError(msg)
-    return np.ascontiguousarray(faces, dtype=np.int32)
+    return as_kernel_input(faces, np.int32)
 
 
 @numba.njit(cache=True)

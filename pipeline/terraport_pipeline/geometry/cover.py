@@ -61,6 +61,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry.adjacency import as_kernel_input
 from terraport_pipeline.geometry.columns import (
     Grid,
     Runs,
@@ -167,7 +168,7 @@ def build_cover(
         )  # fmt: skip
     base = _contiguous(base_vertices, base_faces)
     detail = _contiguous(detail_vertices, detail_faces)
-    segment = np.ascontiguousarray(segment_of_face, np.int32)
+    segment = as_kernel_input(segment_of_face, np.int32)
     cell_m = max(tolerance_m, median_edge(*detail))
     wanted_m = 2.0 * tolerance_m if reach_m is None else reach_m
     grid = fit_grid([base, detail], cell_m, wanted_m)
@@ -226,7 +227,7 @@ def _validate_inputs(
 def _contiguous(
     vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]
 ) -> tuple[_Float64, _Int32]:
-    return np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int32)
+    return as_kernel_input(vertices, np.float64), as_kernel_input(faces, np.int32)
 
 
 @numba.njit(cache=True)

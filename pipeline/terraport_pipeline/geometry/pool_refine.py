@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_pipeline.geometry.adjacency import as_kernel_input
 from terraport_pipeline.geometry.face_measures import face_centres
 
 __all__ = ["join_nearest", "number_by_first", "refine_pools"]
@@ -51,7 +52,7 @@ def refine_pools(
     """
     size = np.bincount(labels, minlength=count).astype(np.int64)
     mean = np.bincount(labels, weights=similarity, minlength=count) / size
-    offsets, neighbours = _pool_graph(labels, pairs, count)
+    offsets, neighbours = _pool_graph(labels, as_kernel_input(pairs, np.int32), count)
     group = np.arange(count, dtype=np.int32)  # pool -> node of the current graph
     while True:
         large = size >= smallest

@@ -17,6 +17,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry.adjacency import as_kernel_input
+
 __all__ = [
     "UnitGraph",
     "Units",
@@ -85,7 +87,9 @@ def unit_graph(labels: _Int32, count: int, pairs: _Int32, lengths: _Int64) -> Un
     -------
     UnitGraph
     """
-    return UnitGraph(*_combine(*_rows_from_pairs(labels, count, pairs, lengths)))
+    return UnitGraph(
+        *_combine(*_rows_from_pairs(labels, count, as_kernel_input(pairs, np.int32), lengths))
+    )
 
 
 def contract(graph: UnitGraph, nodes: _Int32, count: int) -> UnitGraph:

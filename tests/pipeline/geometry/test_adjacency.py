@@ -17,7 +17,7 @@ from terraport_pipeline.geometry.adjacency import (
 
 
 def pairs_by_dictionary(faces, size):
-    """All pairs of faces that share `size` vertices of a corner set, with the lowest shared edge."""
+    """All pairs of faces that share `size` vertices, with the lowest shared corner set."""
     around = defaultdict(set)
     for f, face in enumerate(faces.tolist()):
         for corner in combinations(sorted(face), size):

@@ -15,7 +15,7 @@ from terraport_pipeline.geometry.curve import (
 
 
 def lattice(n):
-    """All positions of an n x n x n lattice, n a power of two, spanning whole cells of the curve."""
+    """All positions of an n x n x n lattice, n a power of two."""
     return (
         np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1)
         .reshape(-1, 3)

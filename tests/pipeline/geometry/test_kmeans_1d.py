@@ -57,7 +57,7 @@ def test_ties_go_left():
 
 
 def test_many_values_are_nearly_optimal():
-    """Beyond the exact size: no worse than 1 % above the optimum of a fine histogram, and at rest."""
+    """Beyond the exact size: within 1 % of an independent optimum, and at rest."""
     rng = np.random.default_rng(2)
     ordered = np.sort(rng.gamma(2.0, 1.0, 60_000).astype(np.float32))
     assert len(np.unique(ordered)) > EXACT_VALUES
