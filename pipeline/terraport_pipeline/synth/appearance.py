@@ -18,8 +18,8 @@ from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
 __all__ = ["Sunlight", "albedo", "grade"]
 
-_SUN: Final = np.array([-0.52, 0.38, 0.765]) / np.linalg.norm([-0.52, 0.38, 0.765])
-"""Towards the sun: late morning, 50 degrees high, in the north-west."""
+_SUN: Final = np.array([0.56, -0.34, 0.755]) / np.linalg.norm([0.56, -0.34, 0.755])
+"""Towards the sun: a December morning south of the equator, 49 degrees high, south of east."""
 
 _MAP_STEP: Final = 1.0
 """Cell of the shadow map."""
@@ -61,7 +61,7 @@ def albedo(points: SurfacePoints, noise: Noise) -> Float64:
     _paint_meadow(colours, points, noise)
     _paint_road(colours, points, noise)
     rusty = np.isin(points.material, (Material.BENCH, Material.ROCK_FACE))
-    vein = np.clip(_vein(x, y, z) * 1.2 - 0.35, 0.0, 1.0) * rusty
+    vein = np.clip(_vein(x, y, z) * 1.1 - 0.35, 0.0, 0.75) * rusty
     colours += (vein * (0.6 + 0.5 * grain))[:, None] * (np.array([166, 98, 62]) - colours)
     result: Float64 = np.clip(colours, 0.0, 255.0)
     return result

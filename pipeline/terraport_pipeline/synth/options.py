@@ -82,7 +82,7 @@ class QuarryOptions:
     """Slope of a bench face."""
     overhangs: int = 6
     """Notches cut into the highwall, each with a roof that hangs over."""
-    stockpiles: int = 6
+    stockpiles: int = 8
     """Piles on the plateau and the floor; the materials take turns."""
     rocks: int = 120
     """Boulders on berms, floor and plateau."""

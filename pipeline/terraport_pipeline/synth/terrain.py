@@ -3,8 +3,8 @@
 The surface is ``S(u, v) = W(u, v, h(u, v))``: a height field `h` (plateau, stepped pit, haul road,
 lake, stockpiles) followed by a horizontal warp `W` that acts near the highwall only. The warp moves
 a point along the highwall's direction by an amount that depends on how high it is, so notches get
-roofs that no height field could have. Its derivative along that direction stays above -0.35, so
-`W` is one-to-one in space and the surface never cuts itself.
+roofs that no height field could have. Along that direction `W` grows strictly, so it is one-to-one
+in space and the surface never cuts itself.
 
 Frame: *design metres* about the site's centre, x east, y north, z up from the plateau (see
 :mod:`.options`). PURE.
@@ -161,7 +161,7 @@ class Terrain:
         across = inside - centre
         off = np.hypot(np.maximum(np.abs(across) - half, 0.0), beyond)
         level = -self._depth * along
-        carved = np.clip(z, level - 1.15 * off, level + 3.0 * off)
+        carved = np.clip(z, level - 2.3 * off, level + 3.0 * off)
         road = _smooth(1.0 - off / 1.5)
         # The way in: from the ramp's upper end straight to the site's edge.
         windrow = 1.3 * np.exp(-(((across - half + 1.2) / 0.9) ** 2)) * (beyond == 0.0)
@@ -178,8 +178,8 @@ class Terrain:
 
     def _place_piles(self, count: int, rng: np.random.Generator) -> Float64:
         """Choose (x, y, base z, ridge angle, ridge length, height) of each pile."""
-        spots = [(132, -112), (-140, -118), (150, 118), (96, -138), (-104, -142), (150, -78)]
-        spots += [(166, 86), (-158, -86), (_PIT[0] - 34, _PIT[1] + 4), (_PIT[0] - 20, _PIT[1] + 30)]
+        spots = [(132, -112), (_PIT[0] - 38, _PIT[1] + 2), (150, 118), (96, -138), (-140, -118)]
+        spots += [(_PIT[0] - 16, _PIT[1] + 34), (150, -70), (-104, -142), (-158, -82), (166, 80)]
         spots += [(-160, 60), (128, 142)]
         piles = []
         for x, y in spots[:count]:
@@ -231,8 +231,8 @@ class Terrain:
         out = (u - _PIT[0]) * nx + (v - _PIT[1]) * ny
         side = (v - _PIT[1]) * nx - (u - _PIT[0]) * ny
         face = _rim(np.full(1, _WALL_AZIMUTH))[0] - _WALL_CREST - 3.0
-        # The plateau side fades over 14 m, the pit side over 18 m: amplitude 4.8 keeps the
-        # derivative of the shift above -0.35 (quintic slope 1.875 / 18 x 4.8, notches only inwards).
+        # The mask fades over 24 m, a slope of at most 0.079; shifts stay below 10 even where two
+        # notches meet, so the derivative of the warped coordinate stays above 1 - 0.79.
         mask = _bump((out - face) / 34.0, 0.3) * _bump(side / 62.0, 0.6)
         near = np.flatnonzero(mask > 0.0)
         if len(near) == 0:

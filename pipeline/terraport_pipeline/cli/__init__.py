@@ -1,0 +1,1 @@
+"""The pipeline's commands; each module offers ``register(app)``, called by :mod:`terraport.cli`."""

@@ -1,0 +1,170 @@
+"""``terraport synth``: make a synthetic quarry to try everything else with."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import time
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from terraport_pipeline.errors import OptionError, PipelineError
+from terraport_pipeline.progress import RichProgress
+from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
+from terraport_pipeline.synth.options import QuarryOptions
+
+__all__ = ["parse_count", "register", "synth"]
+
+_DEFAULTS: Final = QuarryOptions()
+
+_SUFFIXES: Final = {"": 1, "k": 1_000, "m": 1_000_000}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("synth")(synth)
+
+
+def synth(
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", help="Survey to write (.laz or .las); the truth goes beside it."
+        ),
+    ],
+    points: Annotated[
+        str | None,
+        typer.Option(help="Points, exactly: 300000, 300k, 5M (50k to 20M is sensible).  [300k]"),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(help=f"Decides everything random.  [{_DEFAULTS.seed}]"),
+    ] = None,
+    size: Annotated[
+        float | None,
+        typer.Option(
+            help="East-west side of the site in metres; everything scales with it.  "
+            f"[{_DEFAULTS.size_m:g}]"
+        ),
+    ] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Position error per axis, metres (standard deviation).  [{_DEFAULTS.noise_m:g}]"
+        ),
+    ] = None,
+    colour_noise: Annotated[
+        float | None,
+        typer.Option(help=f"Colour error, grey levels of 255.  [{_DEFAULTS.colour_noise:g}]"),
+    ] = None,
+    outliers: Annotated[
+        float | None,
+        typer.Option(help=f"Share of stray points, 0 to 0.2.  [{_DEFAULTS.outlier_fraction:g}]"),
+    ] = None,
+    holes: Annotated[
+        int | None,
+        typer.Option(help=f"Round areas without points.  [{_DEFAULTS.holes}]"),
+    ] = None,
+    shadows: Annotated[
+        float | None,
+        typer.Option(
+            help=f"How dark unlit ground is: 0 albedo only, 1 black.  [{_DEFAULTS.shadows:g}]"
+        ),
+    ] = None,
+    uneven: Annotated[
+        float | None,
+        typer.Option(help=f"How patchy the density is, 0 to 0.95.  [{_DEFAULTS.uneven:g}]"),
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option(help="JSON file of options, e.g. data/sample_quarry.json; flags override it."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
+) -> None:
+    """Make a synthetic open-pit quarry: a survey as a drone would bring it, and its truth.
+
+    Benches, a haul road winding down, a lake, stockpiles, a highwall with real overhangs, boulders
+    and trees, in UTM coordinates with RGB and an ore grade per point. The same options give the
+    same bytes.
+
+    NAME.laz is the survey. NAME.truth.npz holds what no survey knows: the material of each point,
+    its place before noise, and the parameters that make the surface again.
+
+    For example:
+
+        terraport synth -o quarry.laz
+
+        terraport synth -o big.laz --points 5M --seed 3
+
+        terraport synth -o clean.laz --noise 0 --outliers 0 --holes 0 --uneven 0
+
+        terraport build quarry.laz -o scenes/quarry
+    """
+    errors = Console(stderr=True, soft_wrap=True)
+    try:
+        values: dict[str, Any] = {
+            "points": None if points is None else parse_count(points),
+            "seed": seed,
+            "size_m": size,
+            "noise_m": noise,
+            "colour_noise": colour_noise,
+            "outlier_fraction": outliers,
+            "holes": holes,
+            "shadows": shadows,
+            "uneven": uneven,
+        }
+        given = {name: value for name, value in values.items() if value is not None}
+        base = _DEFAULTS if parameters is None else QuarryOptions.from_json(parameters)
+        options = dataclasses.replace(base, **given)
+        start = time.perf_counter()
+        with RichProgress(errors) as progress:
+            written = write_quarry(options, output, overwrite=force, progress=progress)
+    except PipelineError as error:
+        errors.print(f"error: {error}", markup=False, highlight=False)
+        raise typer.Exit(2 if isinstance(error, OptionError) else 1) from error
+    except KeyboardInterrupt as error:
+        errors.print("stopped; nothing was written", markup=False)
+        raise typer.Exit(130) from error
+    Console().print(_make_table(written, options, time.perf_counter() - start))
+
+
+def parse_count(text: str) -> int:
+    """Read a number of points such as ``300000``, ``300_000``, ``300k`` or ``1.5M``.
+
+    Raises
+    ------
+    OptionError
+        When the text is none of these.
+
+    Examples
+    --------
+    >>> parse_count("1.5M")
+    1500000
+    """
+    match = re.fullmatch(r"([0-9][0-9_,]*(?:\.[0-9]+)?)\s*([kKmM]?)", text.strip())
+    if match is None:
+        raise OptionError(f"points is {text!r}, expected a number such as 300000, 300k or 5M")
+    number = float(match[1].replace("_", "").replace(",", ""))
+    return round(number * _SUFFIXES[match[2].lower()])
+
+
+def _make_table(written: WrittenQuarry, options: QuarryOptions, seconds: float) -> Table:
+    table = Table(title="Synthetic quarry", show_header=False, title_justify="left")
+    table.add_column()
+    table.add_column(justify="right")
+    west, south, low, east, north, high = written.bounds_m
+    table.add_row("survey", f"{written.survey_path}  {written.survey_bytes / 1e6:,.1f} MB")
+    table.add_row("truth", f"{written.truth_path}  {written.truth_bytes / 1e6:,.1f} MB")
+    table.add_row("points", f"{written.points:,}")
+    table.add_row("easting", f"{west:,.2f} .. {east:,.2f} m  (EPSG:{options.epsg})")
+    table.add_row("northing", f"{south:,.2f} .. {north:,.2f} m")
+    table.add_row("height", f"{low:,.2f} .. {high:,.2f} m")
+    for name, count in written.material_points.items():
+        table.add_row(f"  {name}", f"{count:,}  {100.0 * count / written.points:5.1f} %")
+    table.add_row("time", f"{seconds:,.1f} s  ({written.points / seconds:,.0f} points/s)")
+    table.caption = f"Next: terraport build {written.survey_path} -o scenes/quarry"
+    return table
