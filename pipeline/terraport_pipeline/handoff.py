@@ -239,6 +239,7 @@ class _Prover:
         base_t = base.closest(rays.origins, rays.directions, base_first)
         mixed_t = np.minimum(detail_t, base_t)
         hit = np.isfinite(detail_first[0])
+        base_first = self._standing_in(rays, detail_first, base_first)
         missed = strict_misses(detail_first[0], base_first[0], mixed_t, tolerance)
         rows = np.flatnonzero(hit)
         places = self._detail_places(rays, detail_first, rows)
@@ -309,6 +310,20 @@ class _Prover:
                 random_places(model.base_vertices, model.base_faces[rim], at_rim, self._rng)
             )
         return aim_rays(np.concatenate(places), self._top_m, self._rng)
+
+    def _standing_in(self, rays: Rays, detail_first: Hit, base_first: Hit) -> Hit:
+        """Find where the full base stands in for the detail: not well before it.
+
+        Base that lies further before the detail than the tolerance is no substitute for it: where
+        the full detail shows nothing there, hiding it is right.
+        """
+        t, face = base_first[0].copy(), base_first[1].copy()
+        from_t = detail_first[0] - np.float32(self._model.tolerance_m)
+        before = np.flatnonzero(np.isfinite(from_t) & (t < from_t))
+        starts = rays.origins[before] + rays.directions[before] * from_t[before, None]
+        further, face[before] = self._base.closest_hit(starts, rays.directions[before])
+        t[before] = from_t[before] + further
+        return t, face
 
     def _base_is_replaced(self, mixed: TracedModel, rays: Rays, first: Hit, rows: Rows) -> Bool:
         """Tell where the mixed model has surface at the place where the ray meets the base."""
@@ -399,8 +414,9 @@ class _Prover:
         if len(rows) == 0:
             return
         hole = holes[rows]
-        # What the base smooths away has no distance; it is not the hand-off's doing.
-        known = np.where(np.isfinite(distance), distance, -1.0)
+        # Further away lie outlines and what the base smooths away: not the hand-off's doing.
+        reach = MEASURE_REACH * self._model.tolerance_m
+        known = np.where(distance <= reach, distance, -1.0)
         at = int(np.argmax(np.where(hole, np.inf, known)))
         row = int(rows[at])
         is_hole, length = bool(hole[at]), float(distance[at])

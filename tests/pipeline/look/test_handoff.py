@@ -130,3 +130,20 @@ def test_a_floating_thing_that_the_base_lacks_is_smoothed_away(detail, base, mak
     assert report.holes == 0
     assert report.smoothed > 100
     assert report.base_misses >= report.smoothed
+
+
+def test_base_that_was_too_fat_may_be_hidden(detail, base, make_model) -> None:
+    # A wall of the base in the middle tiles, where the detail has nothing: hidden with tile 0.
+    wall = np.float32([[50, 0, 20], [50, 12, 20], [50, 12, 80], [50, 0, 80]])
+    model = make_model(detail, base)
+    fat = replace(
+        model,
+        base_vertices=np.concatenate([model.base_vertices, wall]),
+        base_faces=np.concatenate(
+            [model.base_faces, np.int32([[0, 1, 2], [0, 2, 3]]) + len(model.base_vertices)]
+        ),
+        cover_offsets=np.concatenate([model.cover_offsets, model.cover_offsets[-1] + [1, 2]]),
+        cover_segments=np.concatenate([model.cover_segments, np.uint32([0, 0])]),
+    )
+    report = check_hand_off(fat, FEW)
+    assert report.holes == 0

@@ -1,0 +1,177 @@
+"""``terraport demo``: survey, scene, server and landings, with nothing of one's own."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+import time
+import webbrowser
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+import terraport.sync
+from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.cli.synth import parse_count
+from terraport_pipeline.demo import SCENE_ID, DemoScene, prepare_demo
+from terraport_pipeline.errors import PipelineError
+from terraport_pipeline.progress import RichProgress
+from terraport_pipeline.report_facts import format_bytes
+from terraport_server.serving import BackgroundServer
+
+__all__ = ["demo", "register"]
+
+RADIUS_M: Final = 60.0
+STEP_M: Final = 70.0
+"""How far the second landing is from the first: beyond the radius, so that some of it is new."""
+
+LANDING_TIMEOUT_S: Final = 60.0
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to `app`."""
+    app.command("demo")(demo)
+
+
+def demo(
+    points: Annotated[str, typer.Option(help="Points of the sample cloud: 250k, 1M.")] = "250k",
+    port: Annotated[int, typer.Option(help="Port to serve on; 0: a free one.", min=0)] = 0,
+    serve: Annotated[
+        bool, typer.Option("--serve/--no-serve", help="Go on serving until Ctrl-C.")
+    ] = True,
+    keep: Annotated[
+        Path | None,
+        typer.Option(help="Keep everything in this directory, and take up there next time."),
+    ] = None,
+    open_page: Annotated[
+        bool, typer.Option("--open", help="Open the report in the browser.")
+    ] = False,
+) -> None:
+    """Make a sample quarry, build it, serve it and land in it three times.
+
+    Everything that terraport does, on data of its own: at most three minutes on two cores. The
+    third landing goes back to where the first was, and costs no byte.
+
+    For example:
+
+        terraport demo
+
+        terraport demo --points 1M --keep demo --port 8080 --open
+    """
+    errors, console = Console(stderr=True), Console()
+    started = time.perf_counter()
+    with reporting_errors(errors), _directory(keep) as directory:
+        count = parse_count(points)
+        with RichProgress(errors) as progress:
+            made = prepare_demo(directory, points=count, progress=progress)
+        _tell_scene(console, made)
+        with BackgroundServer(made.scenes_dir, port=port) as server:
+            _land(console, server.scene_url(SCENE_ID))
+            page = f"{server.scene_url(SCENE_ID)}/report"
+            console.print(f"\nreport  {page}", highlight=False, soft_wrap=True)
+            if serve:
+                console.print(f"scenes  {server.url}", highlight=False, soft_wrap=True)
+            seconds = time.perf_counter() - started
+            console.print(f"from nothing to here: {seconds:,.0f} s", highlight=False)
+            if open_page:
+                webbrowser.open(page)
+            if serve:
+                _wait(console)
+        if keep is not None:
+            console.print(f"kept in {keep}", highlight=False, soft_wrap=True)
+
+
+@contextlib.contextmanager
+def _directory(keep: Path | None) -> Iterator[Path]:
+    if keep is None:
+        with tempfile.TemporaryDirectory(prefix="terraport-demo-") as place:
+            yield Path(place)
+    else:
+        keep.mkdir(parents=True, exist_ok=True)
+        yield keep
+
+
+def _tell_scene(console: Console, made: DemoScene) -> None:
+    table = Table(title="A scene from nothing", title_justify="left")
+    table.add_column("step")
+    table.add_column("time", justify="right")
+    table.add_column("result")
+    report = made.report
+    holes = "not proved" if report.proof is None else f"{report.proof.holes} holes"
+    results = {
+        "make a quarry": f"{made.quarry.points:,} points, "
+        f"{format_bytes(made.quarry.survey_bytes)} LAZ",
+        "build the scene": f"version {made.build.version[:12]}, "
+        f"{format_bytes(made.build.peak_bytes)} of memory at most",
+        "write the report": f"{len(report.pictures)} pictures, {format_bytes(report.bytes)}, "
+        f"hand-off: {holes}",
+    }
+    for step, seconds in made.seconds:
+        table.add_row(step, f"{seconds:,.1f} s", results[step])
+    console.print(table)
+
+
+def _land(console: Console, url: str) -> None:
+    """Land in two places, then in the first again, and print what each cost."""
+    table = Table(title="Three landings with the Python SDK", title_justify="left")
+    for name in ("", "first", "further on", "back again"):
+        table.add_column(name, justify="left" if not name else "right")
+    with terraport.sync.connect(url) as session:
+        bounds = session.manifest()["bounds"]
+        low, high = bounds["min"], bounds["max"]
+        middle = ((low[0] + high[0]) / 2, (low[2] + high[2]) / 2)
+        places = [
+            _ground(session, middle[0] + east_m, middle[1], high[1] + 10.0)
+            for east_m in (0.0, STEP_M, 0.0)
+        ]
+        landings = []
+        for place in places:
+            landing = session.land(place, RADIUS_M)
+            landing.ready(LANDING_TIMEOUT_S)
+            landings.append(landing)
+        rows = {
+            "at (x, y, z) m": [", ".join(f"{v:,.1f}" for v in place) for place in places],
+            "segments to load": [f"{len(one.plan.load):,}" for one in landings],
+            "kept": [f"{len(one.plan.keep):,}" for one in landings],
+            "released": [f"{len(one.plan.release):,}" for one in landings],
+            "triangles shown": [f"{one.plan.total_triangles:,}" for one in landings],
+            "bytes received": [f"{one.stats.streamed_bytes:,}" for one in landings],
+            "plan after": [_milliseconds(one.stats.plan_s) for one in landings],
+            "first segment after": [_milliseconds(one.stats.first_segment_s) for one in landings],
+            "ready after": [_milliseconds(one.stats.ready_s) for one in landings],
+        }
+        for label, cells in rows.items():
+            table.add_row(label, *cells)
+    console.print(table)
+    if landings[-1].stats.streamed_bytes:
+        raise PipelineError(
+            f"the return visit cost {landings[-1].stats.streamed_bytes} bytes, expected 0: "
+            "report this as a bug"
+        )
+
+
+def _ground(
+    session: terraport.sync.Session, x: float, z: float, top: float
+) -> tuple[float, float, float]:
+    """Ask the server where the ground is under a place."""
+    hit = session.pick((x, top, z), (0.0, -1.0, 0.0))
+    if hit is None:
+        return (x, top, z)
+    east, up, south = hit.position
+    return (float(east), float(up), float(south))
+
+
+def _milliseconds(seconds: float | None) -> str:
+    return "-" if seconds is None else f"{seconds * 1000:,.1f} ms"
+
+
+def _wait(console: Console) -> None:
+    """Serve until Ctrl-C."""
+    console.print("serving; Ctrl-C stops", style="dim")
+    with contextlib.suppress(KeyboardInterrupt):
+        while True:
+            time.sleep(3600)

@@ -1,0 +1,103 @@
+"""``terraport demo``, the part before the server: a sample quarry, its scene, its report."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from terraport_pipeline.build import BuildOptions, build
+from terraport_pipeline.build_report import BuildReport
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.input_cloud import find_input_cloud
+from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.report import ReportOptions, ReportResult, write_report
+from terraport_pipeline.report_pictures import PictureOptions
+from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
+from terraport_pipeline.synth.options import QuarryOptions
+
+__all__ = ["SCENE_ID", "DemoScene", "prepare_demo"]
+
+SCENE_ID: Final = "quarry"
+"""Name of the scene directory, and so of the scene on the server."""
+
+REPORT: Final = ReportOptions(PictureOptions(960, 540), rays=100_000, subsets=30)
+"""Smaller than ``terraport report`` makes it, so that the demo stays within three minutes."""
+
+POINT_RANGE: Final = (20_000, 20_000_000)
+"""Fewer points make no benches; more make no demo."""
+
+
+@dataclass(frozen=True, slots=True)
+class DemoScene:
+    """What was made, and what it took."""
+
+    scenes_dir: Path
+    """What a server serves."""
+    scene: Path
+    quarry: WrittenQuarry
+    report: ReportResult
+    build: BuildReport
+    seconds: tuple[tuple[str, float], ...]
+    """Each step and its time."""
+
+
+def prepare_demo(
+    directory: Path, *, points: int, seed: int = 7, progress: Progress | None = None
+) -> DemoScene:
+    """Make the sample quarry's cloud, build it, and write its report.
+
+    Parameters
+    ----------
+    directory : Path
+        Where everything goes; must exist. ``quarry.laz`` and ``scenes/quarry`` in it are replaced.
+    points : int
+        Points of the cloud.
+    seed : int
+        Shape of the quarry; the same gives the same scene, byte for byte.
+    progress : Progress, optional
+        Watches all steps.
+
+    Returns
+    -------
+    DemoScene
+
+    Raises
+    ------
+    OptionError
+        For a number of points that makes no demo.
+    PipelineError, StoreError
+        What building and reporting raise.
+    """
+    low, high = POINT_RANGE
+    if not low <= points <= high:
+        raise OptionError(f"received {points} points, expected {low} to {high} for a demo")
+    watcher = progress or NullProgress()
+    scenes = directory / "scenes"
+    scenes.mkdir(exist_ok=True)
+    scene = scenes / SCENE_ID
+    seconds: list[tuple[str, float]] = []
+
+    def took(step: str, start: float) -> None:
+        seconds.append((step, time.perf_counter() - start))
+
+    start = time.perf_counter()
+    options = QuarryOptions(points=points, seed=seed)
+    quarry = write_quarry(options, directory / "quarry.laz", overwrite=True, progress=watcher)
+    took("make a quarry", start)
+    start = time.perf_counter()
+    built = build(
+        BuildOptions(quarry.survey_path, scene, name="Sample quarry", work=directory / "work"),
+        watcher,
+    )
+    took("build the scene", start)
+    start = time.perf_counter()
+    report = write_report(
+        scene,
+        options=REPORT,
+        cloud=lambda opened: find_input_cloud(opened, directory / "work"),
+        progress=watcher,
+    )
+    took("write the report", start)
+    return DemoScene(scenes, scene, quarry, report, built, tuple(seconds))
