@@ -361,6 +361,8 @@ class PictureTaker:
             (options.width, options.height),
             colours=mesh.colours,
             relief=PHOTO_RELIEF,
+            # The two levels shade each other at the rim, which no client does.
+            shadows=False,
             supersample=options.supersample,
         )
         if ring:
