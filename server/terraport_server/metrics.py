@@ -43,6 +43,9 @@ class Metrics:
         self.payload_bytes = Counter(
             f"{name}payload_bytes", "Payload bytes sent", ["kind"], registry=self.registry
         )
+        # Counted once per chunk: looked up once here, not each time.
+        self.land_bytes = self.payload_bytes.labels("land")
+        self.aim_bytes = self.payload_bytes.labels("aim")
         self.superseded = Counter(
             f"{name}superseded", "Generations ended unfinished", ["kind"], registry=self.registry
         )

@@ -16,7 +16,7 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -25,7 +25,7 @@ from terraport_server.logs import log
 from terraport_server.metrics import Metrics
 from terraport_server.scenes import ServedScene
 from terraport_server.session import Session
-from terraport_server.transport import PARTS, connection_of
+from terraport_server.transport import connection_of
 from terraport_store import CorruptPayloadError, StoreError
 from terraport_wire import (
     DecodeError,
@@ -228,8 +228,8 @@ class Sender:
         self.session.chunk_sent(chunk, self._loop.time())
         if chunk.offset + chunk.length == chunk.total:
             self._payload = None
-        kind = "land" if chunk.landing else "aim"
-        self._metrics.payload_bytes.labels(kind).inc(chunk.length)
+        counted = self._metrics.land_bytes if chunk.landing else self._metrics.aim_bytes
+        counted.inc(chunk.length)
         self._priorities.landing_chunks += chunk.landing
         try:
             await self._send_parts(header, part)
@@ -270,8 +270,7 @@ class Sender:
         if self._connection is None:
             await self._websocket.send_bytes(header + part)
             return
-        event: dict[str, Any] = {"type": "websocket.send", PARTS: (header, part)}
-        await self._websocket.send(event)
+        await self._connection.send_parts(header, part)
 
     async def _send_message(self, message: Message) -> None:
         data = encode(message, self._subprotocol)

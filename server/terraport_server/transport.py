@@ -12,8 +12,7 @@ import socket
 from asyncio.transports import BaseTransport
 from typing import Any, Final, cast
 
-from uvicorn._types import ASGISendEvent
-from uvicorn.protocols.utils import ClientDisconnected
+from starlette.websockets import WebSocketDisconnect
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
 from websockets.protocol import State
@@ -21,9 +20,6 @@ from websockets.protocol import State
 __all__ = ["EXTENSION", "Connection", "connection_of", "protocol_class"]
 
 EXTENSION: Final = "terraport.connection"
-
-PARTS: Final = "terraport.parts"
-"""Key of a ``websocket.send`` event: the message as a sequence of buffers."""
 
 TCP_NOTSENT_LOWAT: Final = getattr(socket, "TCP_NOTSENT_LOWAT", 25)
 """Linux has had it since 3.12; Python names it from 3.12."""
@@ -42,8 +38,6 @@ class Connection(WebSocketsSansIOProtocol):
         """Set the socket's buffers."""
         super().connection_made(transport)
         self.heard_s = self.loop.time()
-        # uvicorn's send waits until the buffer is below the mark, so at most one frame is in it.
-        self.transport.set_write_buffer_limits(high=0)
         raw = transport.get_extra_info("socket")
         if raw is None or raw.family not in {socket.AF_INET, socket.AF_INET6}:
             return
@@ -63,22 +57,24 @@ class Connection(WebSocketsSansIOProtocol):
         if hasattr(self, "scope"):
             cast("dict[str, Any]", self.scope["extensions"])[EXTENSION] = self
 
-    async def send(self, message: ASGISendEvent) -> None:
-        """Send; a message given in parts goes to the socket without being joined first.
+    async def send_parts(self, header: bytes, part: memoryview) -> None:
+        """Send one binary message of two parts without joining them first.
 
-        Safe to cancel: a frame is written whole or not at all.
+        Like uvicorn's own ``send`` it waits until the transport's buffer is below its mark (64 KiB)
+        and then writes without waiting, so at most the mark and one frame are in it. Not to overlap
+        with another call; safe to cancel: a frame is written whole or not at all.
+
+        Raises
+        ------
+        WebSocketDisconnect
+            When the client is gone.
         """
-        parts = cast("dict[str, Any]", message).get(PARTS)
-        if parts is None:
-            await super().send(message)
-            return
         await self.writable.wait()
         if self.disconnected:
-            raise ClientDisconnected
+            raise WebSocketDisconnect(1006)
         if self.close_sent or self.conn.state is not State.OPEN:
-            return
-        length = sum(len(part) for part in parts)
-        self.transport.writelines([_frame_header(length), *parts])
+            return  # what comes after a close is dropped, as uvicorn does
+        self.transport.writelines([_frame_header(len(header) + len(part)), header, part])
 
     def abort(self) -> None:
         """Drop the connection and everything buffered."""
