@@ -11,7 +11,6 @@ The definition of a hole and its reasons: ``docs/topics/hand-off.md``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -30,6 +29,12 @@ from terraport_pipeline.geometry.handoff_rays import (
     rim_base_faces,
     strict_misses,
 )
+from terraport_pipeline.handoff_report import (
+    HandOffOptions,
+    HandOffReport,
+    KindReport,
+    WorstRay,
+)
 from terraport_pipeline.mixed_model import (
     BuiltModel,
     HandOffModel,
@@ -42,13 +47,7 @@ from terraport_pipeline.mixed_model import (
 from terraport_pipeline.model import Float32, Float64, Int32
 from terraport_pipeline.progress import NullProgress, Progress
 
-__all__ = [
-    "HandOffOptions",
-    "HandOffReport",
-    "KindReport",
-    "WorstRay",
-    "check_hand_off",
-]
+__all__ = ["check_hand_off"]
 
 MAX_EXACT_SUBSETS: Final = 16
 """Mixed models that are really built; failing rays of further subsets count as holes unverified."""
@@ -59,97 +58,6 @@ MEASURE_REACH: Final = 4.0
 Bool = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.signedinteger]
 Hit = tuple[Float32, Int32]
-
-
-@dataclass(frozen=True, slots=True)
-class HandOffOptions:
-    """How hard to look."""
-
-    rays: int = 1_000_000
-    """Rays in all, shared evenly among the subsets."""
-    subsets: int = 100
-    """Random sets of loaded segments."""
-    seed: int = 0
-    """The same seed gives the same rays."""
-
-    def __post_init__(self) -> None:
-        if self.subsets < 1 or self.rays < self.subsets:
-            raise OptionError(
-                f"received {self.rays} rays and {self.subsets} subsets; "
-                "expected at least 1 subset and at least one ray for each"
-            )
-
-
-@dataclass(frozen=True, slots=True)
-class KindReport:
-    """What the rays of one kind found."""
-
-    kind: str
-    """``"down"``, ``"above"`` or ``"eye"``."""
-    rays: int
-    hits: int
-    """Rays that met the full detail."""
-    strict_misses: int
-    holes: int
-
-
-@dataclass(frozen=True, slots=True)
-class WorstRay:
-    """The ray that fared worst: a hole if there is one, otherwise the largest known distance."""
-
-    origin: tuple[float, float, float]
-    direction: tuple[float, float, float]
-    target: tuple[float, float, float]
-    """Where it meets the full detail, metres."""
-    distance_m: float
-    """To the mixed model; ``inf`` for a hole with nothing in reach."""
-    hole: bool
-    kind: str
-    loaded: tuple[int, ...]
-    """Segments loaded at the time."""
-
-
-@dataclass(frozen=True, slots=True)
-class HandOffReport:
-    """What the proof found."""
-
-    rays: int
-    subsets: int
-    seed: int
-    tolerance_m: float
-    hits: int
-    """Rays that met the full detail: only they can find a hole."""
-    strict_misses: int
-    """Of the hits, rays on which the mixed model is missing up to detail, base and tolerance."""
-    base_misses: int
-    """Of the strict misses, rays that miss the full base too: outlines, whatever is loaded."""
-    smoothed: int
-    """Of these, rays at things that the base does not have, though there is ground below them."""
-    holes_hidden: int
-    """Places where a base face was hidden and nothing took its place."""
-    holes_uncovered: int
-    """Places of the detail over and under which there is no base at all."""
-    unverified: int
-    """Of both, rays that were not judged against a built mixed model."""
-    distance_m: dict[str, float]
-    """Percentiles (``p50``, ``p99``, ``p99.9``, ``max``) of the distance from the full detail to
-    the mixed model, over all hits."""
-    down_distance_m: dict[str, float]
-    """The same over downward rays, along the ray: a plain difference of heights."""
-    overlap: float
-    """Share of hits on loaded detail that a base face still shown lies before (the rim)."""
-    kinds: tuple[KindReport, ...]
-    worst: WorstRay | None
-
-    @property
-    def holes(self) -> int:
-        """All holes."""
-        return self.holes_hidden + self.holes_uncovered
-
-    @property
-    def holes_per_million(self) -> float:
-        """Holes per million rays that met the full detail; 0 when none did."""
-        return 1e6 * self.holes / self.hits if self.hits else 0.0
 
 
 def check_hand_off(
@@ -224,6 +132,7 @@ class _Prover:
         self._distances: list[Float32] = []
         self._down: list[Float32] = []
         self._worst: WorstRay | None = None
+        self._worst_score = -1.0
 
     def look(self, index: int) -> int:
         """Cast one subset's rays; returns how many."""
@@ -263,7 +172,8 @@ class _Prover:
         self._distances.append(distance)
         down = rays.kind[rows] == RayKind.DOWN
         self._down.append(np.abs(mixed_t[rows] - detail_first[0][rows])[down])
-        self._keep_worst(rays, detail_first[0], rows, distance, holes, loaded)
+        lost = missed & np.isfinite(base_first[0])
+        self._keep_worst(rays, detail_first[0], rows, distance, (holes, lost), loaded)
         return len(rays.kind)
 
     def report(self) -> HandOffReport:
@@ -331,8 +241,13 @@ class _Prover:
         met = np.flatnonzero(np.isfinite(first[0][rows]))
         chosen = rows[met]
         places = self._base_places(rays, first, chosen)
-        reach = self._model.tolerance_m
-        near[met] = places.distance(mixed, np.full(len(met), np.inf, np.float32), reach) <= reach
+        tolerance, nothing = self._model.tolerance_m, np.full(len(met), np.inf, np.float32)
+        reach = MEASURE_REACH * tolerance
+        now = places.distance(mixed, nothing, reach)
+        # The full detail itself may lie further from the base here than the tolerance.
+        full = ShownFaces(self._detail, np.ones(len(self._model.detail_faces), dtype=np.bool_))
+        due = places.distance(full, nothing, reach)
+        near[met] = (now <= tolerance) | (np.isfinite(now) & (now <= due + tolerance * 1e-2))
         return near
 
     def _verify(
@@ -408,21 +323,23 @@ class _Prover:
         detail_t: Float32,
         rows: Rows,
         distance: Float32,
-        holes: Bool,
+        marks: tuple[Bool, Bool],
         loaded: Bool,
     ) -> None:
+        """Keep the ray that fared worst: holes first, then what hid base to no avail, then far."""
         if len(rows) == 0:
             return
-        hole = holes[rows]
-        # Further away lie outlines and what the base smooths away: not the hand-off's doing.
+        # Further than the reach lie outlines and what the base smooths away: not the hand-off's.
         reach = MEASURE_REACH * self._model.tolerance_m
-        known = np.where(distance <= reach, distance, -1.0)
-        at = int(np.argmax(np.where(hole, np.inf, known)))
-        row = int(rows[at])
-        is_hole, length = bool(hole[at]), float(distance[at])
-        last = self._worst
-        if last is not None and (last.hole, last.distance_m) >= (is_hole, length):
+        rank = np.where(distance <= reach, distance / reach, -1.0) + sum(
+            weight * mark[rows] for weight, mark in zip((4, 2), marks, strict=True)
+        )
+        at = int(np.argmax(rank))
+        row, score = int(rows[at]), float(rank[at])
+        if score <= self._worst_score:
             return
+        self._worst_score = score
+        is_hole, length = bool(marks[0][row]), float(distance[at])
         origin, heading = rays.origins[row], rays.directions[row]
         self._worst = WorstRay(
             origin=_triple(origin),

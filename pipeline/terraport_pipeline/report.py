@@ -16,7 +16,8 @@ from typing import Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.handoff import HandOffOptions, HandOffReport, check_hand_off
+from terraport_pipeline.handoff import check_hand_off
+from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.report_facts import collect_facts, format_bytes
 from terraport_pipeline.report_pictures import (

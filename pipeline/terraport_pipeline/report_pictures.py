@@ -18,7 +18,7 @@ from terraport_pipeline.engines.palettes import (
 )
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.handoff import WorstRay
+from terraport_pipeline.handoff_report import WorstRay
 from terraport_pipeline.landing_view import (
     Landing,
     choose_landing,
@@ -41,7 +41,7 @@ FRAMING_POINTS: Final = 20_000
 """Vertices looked at to frame the overview."""
 
 MAX_ATTRIBUTES: Final = 4
-"""Attributes drawn; further ones are named in a table only."""
+"""Attributes drawn; further ones, and constant ones, are named in a table only."""
 
 MAX_POINTS: Final = 3_000_000
 """Points of the input drawn; a larger cloud is thinned evenly."""
@@ -148,7 +148,8 @@ class PictureTaker:
         )
         yield self._base()
         yield from self._labels()
-        for name in list(detail.attributes)[:MAX_ATTRIBUTES]:
+        varied = [name for name, values in detail.attributes.items() if _varies(values)]
+        for name in varied[:MAX_ATTRIBUTES]:
             yield self._attribute(name)
 
     def hand_off(self) -> Iterator[Picture]:
@@ -381,6 +382,11 @@ class PictureTaker:
         data = encode_jpeg(image, self._options.quality)
         height, width = image.shape[:2]
         return Picture(key, title, alt, caption, data, width, height, legend)
+
+
+def _varies(values: Float32) -> bool:
+    low, high = value_range(values)
+    return high > low
 
 
 def _draw_ring(image: UInt8) -> None:

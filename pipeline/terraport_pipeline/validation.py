@@ -15,7 +15,8 @@ import numpy as np
 
 from terraport_pipeline.engines.gltf_validator import GltfCheck, check_gltf
 from terraport_pipeline.errors import PipelineError
-from terraport_pipeline.handoff import HandOffOptions, HandOffReport, check_hand_off
+from terraport_pipeline.handoff import check_hand_off
+from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.scene_model import load_scene_model
 from terraport_store import Manifest, Scene, StoreError, read_manifest

@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.handoff import HandOffOptions, HandOffReport
+from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.validation import ValidationOptions, ValidationResult, validate
 

@@ -10,7 +10,7 @@ import pytest
 
 from terraport_pipeline.engines import gltf_validator
 from terraport_pipeline.engines.gltf_validator import GltfCheck, GltfMessage
-from terraport_pipeline.handoff import HandOffOptions
+from terraport_pipeline.handoff_report import HandOffOptions
 from terraport_pipeline.validation import ValidationOptions, validate
 from terraport_store import SceneNotFoundError
 
