@@ -20,6 +20,24 @@ _DIRECTORY = typer.Argument(
 )
 
 
+_HELP = """Serve scenes to VR clients: landings over WebSocket, files over HTTP.
+
+Every client lands with land(position, radius) and receives what it does not hold yet. New versions
+of a scene are picked up while running. SIGTERM or Ctrl-C lets open landings finish first.
+
+Try it:
+
+  terraport serve scenes/
+
+  terraport land http://127.0.0.1:8080/scenes/quarry 0 0 0 --radius 60
+
+  curl http://127.0.0.1:8080/scenes
+
+Every option and many more can be set in the environment as TERRAPORT_NAME, e.g. TERRAPORT_TOKEN,
+TERRAPORT_MAX_RADIUS_M; docs/topics/limits.md lists them. An option given here wins over it.
+"""
+
+
 def serve(
     directory: Annotated[Path, _DIRECTORY],
     host: Annotated[
@@ -54,22 +72,7 @@ def serve(
         str | None, typer.Option(help="debug, info, warning or error. [default: info]")
     ] = None,
 ) -> None:
-    r"""Serve scenes to VR clients: landings over WebSocket, files over HTTP.
-
-    Every client lands with `land(position, radius)` and receives what it does not hold yet.
-    New versions of a scene are picked up while running. SIGTERM or Ctrl-C lets open landings
-    finish first.
-
-    \b
-    Try it:
-      terraport serve scenes/
-      terraport land http://127.0.0.1:8080/scenes/quarry 0 0 0 --radius 60
-      curl http://127.0.0.1:8080/scenes
-
-    Every option and many more can be set in the environment as TERRAPORT_NAME, e.g.
-    TERRAPORT_TOKEN, TERRAPORT_MAX_RADIUS_M; docs/topics/limits.md lists them. An option given here
-    wins over the environment.
-    """
+    """Serve scenes; the text for people is ``_HELP``."""
     given: dict[str, Any] = {
         "scenes_dir": directory,
         "host": host,
@@ -97,7 +100,7 @@ def serve(
 
 def register(app: typer.Typer) -> None:
     """Add the server's commands to the command line."""
-    app.command("serve")(serve)
+    app.command("serve", help=_HELP)(serve)
 
 
 def _settings(given: dict[str, Any]) -> Settings:

@@ -135,9 +135,6 @@ class Service:
         self._senders[sender] = served
         self._empty.clear()
         self.metrics.sessions.labels(served.id).inc()
-        newest = self.registry.get(served.id)
-        if newest.version != served.version:  # published between look-up and now
-            sender.session.scene_published(newest.version)
 
     def remove(self, sender: Sender) -> None:
         """Let a client go."""

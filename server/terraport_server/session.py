@@ -97,6 +97,7 @@ class Session:
         self._draining_until_s: float | None = None
         self._generation: int | None = None
         self._picks = 0
+        self._news: str | None = None
         self._deliveries: Deliveries | None = None
 
     @property
@@ -112,11 +113,6 @@ class Session:
     def closing(self) -> bool:
         """Whether the session is over but for what is pending."""
         return self._closing
-
-    @property
-    def welcomed(self) -> bool:
-        """Whether ``hello`` was accepted."""
-        return self._deliveries is not None
 
     @property
     def generation(self) -> int | None:
@@ -242,8 +238,12 @@ class Session:
             self._error(ErrorCode.INTERNAL, INTERNAL_TEXT, request=request)
 
     def scene_published(self, version: str) -> None:
-        """Tell that a newer version is served to new sessions."""
-        if self.welcomed and not self._closing:
+        """Tell, after the welcome at the earliest, that new sessions get a newer version."""
+        if self._closing:
+            return
+        if self._deliveries is None:
+            self._news = version
+        else:
             self._say(Notice(kind="scene_published", version=version))
 
     def drain(self, now_s: float, timeout_s: float) -> None:
@@ -272,6 +272,8 @@ class Session:
             return
         self._deliveries = Deliveries(scene, limits, hello, say=self._say, observer=self._observer)
         self._say(make_welcome(hello, scene, limits, self._deliveries, self.id))
+        if self._news is not None:
+            self.scene_published(self._news)
 
     def _on_evict(self, evict: Evict, deliveries: Deliveries) -> None:
         wrong = deliveries.evict(evict.segments)

@@ -709,6 +709,14 @@ def test_a_new_version_is_told_and_changes_nothing() -> None:
     assert kinds(client.run())[-1] == "Ready"
 
 
+def test_news_before_hello_wait_for_the_welcome() -> None:
+    client = make_client(greet=False)
+    client.session.scene_published("v2")
+    assert client.run() == []
+    client.greet()
+    assert client.run() == [Notice(kind="scene_published", version="v2")]
+
+
 def test_the_observer_hears_of_times_and_bytes() -> None:
     heard: list[Any] = []
 

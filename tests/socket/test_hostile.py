@@ -1,0 +1,86 @@
+"""Random and mutated bytes on real sockets: refused as documented, never a fault of ours."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import random
+
+import pytest
+from server.plain_client import PlainClient, make_hello
+from websockets.exceptions import ConnectionClosed
+
+from terraport_server import BackgroundServer
+from terraport_wire import (
+    Aim,
+    Credit,
+    Error,
+    Land,
+    Pick,
+    Ready,
+    Reject,
+    Subprotocol,
+    encode,
+)
+
+MESSAGES = [
+    make_hello(),
+    Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=15.0, inner_radius_m=5.0),
+    Aim(generation=2, position=(30.0, 0.0, 30.0), radius_m=15.0),
+    Credit(bytes=1000),
+    Pick(request=1, origin=(15.0, 9.0, 15.0), direction=(0.0, -1.0, 0.1)),
+    Reject(generation=1, segment=3, reason="hash_mismatch"),
+]
+ALLOWED = {4400, 4401, 4409, 4413}
+
+
+def mutated(data: bytes, rng: random.Random) -> bytes:
+    """One to four random edits."""
+    out = bytearray(data)
+    for _ in range(rng.randint(1, 4)):
+        at = rng.randrange(len(out)) if out else 0
+        match rng.randrange(4):
+            case 0 if out:
+                out[at] ^= 1 << rng.randrange(8)
+            case 1:
+                out[at:at] = rng.randbytes(rng.randint(1, 5))
+            case 2:
+                del out[at : at + rng.randint(1, 5)]
+            case _:
+                out[at : at + 1] = bytes([rng.choice([0, 0x7F, 0x80, 0xC1, 0xDF, 0xFF])])
+    return bytes(out)
+
+
+@pytest.mark.parametrize("subprotocol", list(Subprotocol))
+def test_mutated_messages(
+    server: BackgroundServer, subprotocol: Subprotocol, caplog: pytest.LogCaptureFixture
+) -> None:
+    rng = random.Random(11)
+    refused = 0
+    with caplog.at_level(logging.ERROR, logger="terraport.server"):
+        for _ in range(60):
+            with PlainClient(server.scene_url("grid"), subprotocol=subprotocol) as client:
+                client.hello(credit_bytes=100_000)
+                with contextlib.suppress(ConnectionClosed):
+                    for _ in range(6):
+                        data = encode(rng.choice(MESSAGES), subprotocol)
+                        if isinstance(data, str):
+                            text = mutated(data.encode(), rng).decode("utf-8", "replace")
+                            client.socket.send(text)
+                        else:
+                            client.socket.send(mutated(data, rng))
+                    while True:
+                        got = client.receive(timeout_s=0.02)
+                        refused += isinstance(got, Error)
+                        if isinstance(got, Error) and got.fatal:
+                            assert client.closed() in ALLOWED
+                            break
+                        assert not isinstance(got, Error) or got.code != "internal"
+                if client.socket.close_code is not None:
+                    assert client.socket.close_code in ALLOWED | {1006}
+    assert refused > 40
+    assert caplog.records == [], "nothing failed on our side"
+    with PlainClient(server.scene_url("grid")) as client:
+        client.hello()
+        client.send(MESSAGES[1])
+        client.until(Ready)
