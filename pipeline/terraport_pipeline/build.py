@@ -328,8 +328,12 @@ def _check_paths(options: BuildOptions) -> None:
         raise SurveyError(f"{survey} is a directory; expected one point cloud file")
     if not survey.stat().st_size:
         raise SurveyError(f"{survey} is empty (0 bytes)")
-    if not scene.parent.is_dir():
-        raise OptionError(f"no directory {scene.parent} for the scene to stand in; make it first")
+    try:
+        scene.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OptionError(
+            f"cannot make {scene.parent} for the scene to stand in: {error.strerror}"
+        ) from error
     if scene.exists() and not scene.is_dir():
         raise OptionError(f"{scene} is a file; expected a scene directory or nothing")
     if scene.is_dir() and not (scene / MANIFEST_NAME).exists():
