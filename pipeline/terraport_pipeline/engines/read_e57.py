@@ -1,0 +1,222 @@
+"""E57 (ASTM E2807) by pye57's libe57: every scan, with its pose applied.
+
+All fields of all scans are kept; a field that only some scans have is NaN in the others. With more
+than one scan, the attribute ``scan`` says which one a point belongs to. Points marked invalid by
+the scanner are left out.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from pye57 import ScanHeader, libe57
+from pyproj import CRS
+from pyproj.exceptions import CRSError
+
+from terraport_pipeline.engines.raw_survey import (
+    Advance,
+    RawSurvey,
+    thinning_rows,
+    to_eight_bits,
+)
+from terraport_pipeline.errors import ReadError
+from terraport_pipeline.model import Float64
+
+__all__ = ["read_e57"]
+
+_CHUNK_POINTS: Final = 500_000
+
+_CARTESIAN: Final = ("cartesianX", "cartesianY", "cartesianZ")
+_SPHERICAL: Final = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
+_INVALID: Final = ("cartesianInvalidState", "sphericalInvalidState")
+_COLOURS: Final = ("colorRed", "colorGreen", "colorBlue")
+
+_MAX_POINTS_PER_BYTE: Final = 64
+"""E57 packs bits; a point of less than an eighth of a bit holds no coordinates."""
+
+_AGAIN: Final = "the file is cut off or damaged: copy or export it again"
+
+
+def read_e57(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
+    """Read an E57 file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    advance : callable
+        Told of progress.
+    max_points : int, optional
+        Thin to this many points, counted over all scans before invalid ones are left out.
+
+    Raises
+    ------
+    ReadError
+        When the file is damaged (E57 has a checksum per kilobyte), has no points, or a scan has no
+        coordinates; names the scan.
+    """
+    try:
+        image = libe57.ImageFile(str(path), "r")
+    except (libe57.E57Exception, RuntimeError) as error:
+        raise ReadError(path, f"the E57 file cannot be opened ({_brief(error)})", _AGAIN) from error
+    try:
+        return _read_image(path, image, advance, max_points)
+    except (libe57.E57Exception, RuntimeError) as error:
+        raise ReadError(path, f"the E57 file cannot be read ({_brief(error)})", _AGAIN) from error
+    finally:
+        image.close()
+
+
+def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None) -> RawSurvey:
+    root = image.root()
+    scans = root["data3D"] if root.isDefined("data3D") else []
+    headers = [ScanHeader(scans[index]) for index in range(len(scans))]
+    counts = [int(header.point_count) for header in headers]
+    total = sum(counts)
+    if total == 0:
+        raise ReadError(path, f"{len(headers)} scans with 0 points", "export the survey again")
+    if total > _MAX_POINTS_PER_BYTE * path.stat().st_size:
+        raise ReadError(path, f"{total:,} points in {path.stat().st_size:,} bytes", _AGAIN)
+    rows = thinning_rows(total, max_points)
+    tables, invalid, start = [], 0, 0
+    for number, (header, count) in enumerate(zip(headers, counts, strict=True)):
+        if count == 0:
+            continue
+        own = None
+        if rows is not None:
+            low, high = np.searchsorted(rows, (start, start + count))
+            own = rows[low:high] - start
+        table = _read_scan(path, image, header, number, own, lambda n: advance(n, total))
+        bad = next((table.pop(name) for name in _INVALID if name in table), None)
+        for name in _INVALID:
+            table.pop(name, None)
+        if bad is not None and bad.any():
+            invalid += int(np.count_nonzero(bad))
+            table = {name: values[bad == 0] for name, values in table.items()}
+        if len(headers) > 1:
+            table["scan"] = np.full(len(table["x"]), number, dtype=np.float64)
+        tables.append(table)
+        start += count
+    warnings: tuple[str, ...] = ()
+    if invalid:
+        warnings = (f"{invalid:,} points that the scanner marked invalid were left out.",)
+    return _assemble(tables, _find_crs(root), warnings)
+
+
+def _read_scan(
+    path: Path,
+    image: Any,
+    header: Any,
+    number: int,
+    rows: npt.NDArray[np.int64] | None,
+    advance: Any,
+) -> dict[str, npt.NDArray[Any]]:
+    """Read one scan: x, y, z in the file's frame, and every other field."""
+    fields = list(header.point_fields)
+    shape = next((s for s in (_CARTESIAN, _SPHERICAL) if all(n in fields for n in s)), None)
+    if shape is None:
+        raise ReadError(
+            path,
+            f"scan {number} has neither cartesian nor spherical coordinates; its fields are "
+            f"{', '.join(fields)}",
+            "export the survey again",
+        )
+    count = int(header.point_count)
+    size = min(_CHUNK_POINTS, count)
+    buffers = libe57.VectorSourceDestBuffer()
+    chunk = {name: np.empty(size, dtype=np.float64) for name in fields}
+    for name in fields:
+        buffers.append(libe57.SourceDestBuffer(image, name, chunk[name], size, True, True))
+    reader = header.points.reader(buffers)
+    kept = count if rows is None else len(rows)
+    table = {name: np.empty(kept, dtype=np.float64) for name in fields}
+    first, done = 0, 0
+    while first < count:
+        got = int(reader.read())
+        if got == 0:
+            raise ReadError(
+                path,
+                f"scan {number} ends after {first:,} of {count:,} points",
+                _AGAIN,
+                f"point {first:,}",
+            )
+        wanted: Any = slice(0, got)
+        if rows is not None:
+            low, high = np.searchsorted(rows, (first, first + got))
+            wanted = rows[low:high] - first
+        part = len(chunk[fields[0]][wanted])
+        for name in fields:
+            table[name][done : done + part] = chunk[name][wanted]
+        done += part
+        first += got
+        advance(got)
+    reader.close()
+    points = np.stack([table.pop(name) for name in shape], axis=1)
+    if shape is _SPHERICAL:
+        points = _from_spherical(points)
+    if header.has_pose():
+        points = points @ np.asarray(header.rotation_matrix).T + np.asarray(header.translation)
+    table["x"], table["y"], table["z"] = points.T
+    return table
+
+
+def _from_spherical(values: Float64) -> Float64:
+    """Convert (range, azimuth, elevation), ASTM E2807 8.3.2, to x, y, z."""
+    distance, azimuth, elevation = values.T
+    flat = distance * np.cos(elevation)
+    return np.stack(
+        [flat * np.cos(azimuth), flat * np.sin(azimuth), distance * np.sin(elevation)], axis=1
+    )
+
+
+def _find_crs(root: Any) -> Any | None:
+    """Read the CRS from coordinateMetadata, which the standard leaves as free text (WKT mostly)."""
+    if not root.isDefined("coordinateMetadata"):
+        return None
+    text = str(root["coordinateMetadata"].value()).strip()
+    try:
+        return CRS.from_user_input(text) if text else None
+    except CRSError:
+        return None
+
+
+def _assemble(
+    tables: list[dict[str, npt.NDArray[Any]]], crs: Any | None, warnings: tuple[str, ...]
+) -> RawSurvey:
+    names = list(dict.fromkeys(name for table in tables for name in table))
+    columns: dict[str, npt.NDArray[Any]] = {}
+    for name in names:
+        parts = [
+            table.get(name, np.full(len(table["x"]), np.nan, dtype=np.float64)) for table in tables
+        ]
+        columns[name] = np.concatenate(parts)
+    partial = [name for name in names if any(name not in table for table in tables)]
+    points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
+    colours = None
+    if all(name in columns for name in _COLOURS):
+        parts3 = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
+        colours, notes = to_eight_bits(parts3, where=", ".join(_COLOURS))
+        warnings += notes
+        if any(name in partial for name in _COLOURS):
+            warnings += ("Some scans have no colour; their points are black.",)
+    partial = [name for name in partial if name in columns]
+    if partial:
+        warnings += (f"Not every scan has {', '.join(partial)}; it is NaN in the others.",)
+    attributes = {name: _narrow(values) for name, values in columns.items()}
+    return RawSurvey(points, colours, attributes, crs, warnings)
+
+
+def _narrow(values: Float64) -> npt.NDArray[Any]:
+    """Give whole numbers an integer type again; others stay float64 (timestamps need it)."""
+    if len(values) and np.isfinite(values).all() and (values == np.rint(values)).all():
+        low, high = values.min(), values.max()
+        for code in (np.uint8, np.uint16, np.int32):
+            if np.iinfo(code).min <= low and high <= np.iinfo(code).max:
+                return values.astype(code)
+    return values
+
+
+def _brief(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__

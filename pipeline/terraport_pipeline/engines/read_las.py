@@ -1,0 +1,230 @@
+"""LAS, LAZ and COPC by laspy with lazrs.
+
+COPC is LAZ with an index: its full resolution is read in file order. Every dimension is kept as an
+attribute under its LAS name, except X, Y, Z and colour, and except standard fields that hold their
+"not set" value in every point (0; 1 for the return numbers).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import laspy
+import lazrs
+import numpy as np
+import numpy.typing as npt
+from pyproj.exceptions import CRSError
+
+from terraport_pipeline.engines.raw_survey import (
+    Advance,
+    RawSurvey,
+    thinning_rows,
+    to_eight_bits,
+)
+from terraport_pipeline.errors import ReadError
+
+__all__ = ["read_las"]
+
+_CHUNK_POINTS: Final = 500_000
+"""Points decoded at once: about 60 MB."""
+
+_COLOURS: Final = ("red", "green", "blue")
+
+_UNSET: Final = {"return_number": (0, 1), "number_of_returns": (0, 1)}
+"""Values of a standard field that say nothing when every point has them; 0 for the others."""
+
+_MAX_POINTS_PER_BYTE: Final = 2000
+
+_DAMAGED: Final = (laspy.LaspyException, lazrs.LazrsError, ValueError, EOFError, OSError)
+"""What laspy and lazrs raise on damaged files."""
+
+
+def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
+    """Read a LAS, LAZ or COPC file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Starts with ``LASF``.
+    advance : callable
+        Told of progress.
+    max_points : int, optional
+        Thin to this many points while reading.
+
+    Returns
+    -------
+    RawSurvey
+        Coordinates with scale and offset applied in float64.
+
+    Raises
+    ------
+    ReadError
+        When header or points are damaged or cut off; names the point where reading ended.
+    """
+    try:
+        reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs)
+    except (*_DAMAGED, UnicodeDecodeError, OverflowError, MemoryError) as error:
+        raise ReadError(
+            path,
+            f"the LAS header or the compressed table cannot be read ({_brief(error)})",
+            "the file is cut off or damaged: copy or export it again",
+        ) from error
+    with reader:
+        header = reader.header
+        count = int(header.point_count)
+        if count == 0:
+            raise ReadError(path, "the header says 0 points", "export the survey again")
+        _check_size(path, header)
+        crs, warnings = _find_crs(header)
+        rows = thinning_rows(count, max_points)
+        names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
+        kept = count if rows is None else len(rows)
+        points = np.empty((kept, 3))
+        columns: dict[str, npt.NDArray[Any]] = {}
+        done = 0
+        for first, chunk in _iterate(reader, path, count):
+            wanted: Any = slice(None)
+            if rows is not None:
+                low, high = np.searchsorted(rows, (first, first + len(chunk)))
+                wanted = rows[low:high] - first
+            part = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
+            target = slice(done, done + len(part))
+            points[target] = part * header.scales + header.offsets
+            for name in names:
+                values = np.asarray(chunk[name])
+                if name not in columns:
+                    columns[name] = np.empty((kept, *values.shape[1:]), dtype=values.dtype)
+                columns[name][target] = values[wanted]
+            done = target.stop
+            advance(len(chunk), count)
+        standard = set(header.point_format.standard_dimension_names)
+    colours, notes = _take_colours(columns)
+    return RawSurvey(points, colours, _keep_attributes(columns, standard), crs, (*warnings, *notes))
+
+
+def _check_size(path: Path, header: Any) -> None:
+    """Refuse an uncompressed file that is shorter than its header says, before any allocation."""
+    size = path.stat().st_size
+    start, length = int(header.offset_to_point_data), int(header.point_format.size)
+    if header.are_points_compressed:
+        _check_compressed(path, start, size, int(header.point_count))
+        return
+    whole = max(size - start, 0) // length
+    if whole < header.point_count:
+        raise ReadError(
+            path,
+            f"the file ends after {whole:,} of {header.point_count:,} points",
+            "it is cut off: copy or export it again",
+            f"byte {size:,}",
+        )
+
+
+def _check_compressed(path: Path, start: int, size: int, count: int) -> None:
+    """Refuse a LAZ whose chunk table lies beyond its end, and one of absurdly many points.
+
+    The points begin with the offset of the chunk table that follows them, or -1 when the writer
+    could not go back (then it is in the last eight bytes, and the decoder finds out).
+    """
+    with path.open("rb") as file:
+        file.seek(start)
+        (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\xff"))
+    if start + 8 > size:
+        raise ReadError(
+            path,
+            f"the points should begin at byte {start:,}, but the file ends",
+            "it is cut off: copy or export it again",
+            f"byte {size:,}",
+        )
+    if table + 8 > size:
+        points = max(size - start - 8, 0)
+        share = points / (table - start - 8)
+        raise ReadError(
+            path,
+            f"the compressed points reach to byte {table:,}, but the file ends; about "
+            f"{share:.0%} of {count:,} points are there",
+            "it is cut off: copy or export it again",
+            f"byte {size:,}",
+        )
+    # Identical points cost LAZ about 1/100 byte; a header that claims far more is damaged.
+    if count > _MAX_POINTS_PER_BYTE * size:
+        raise ReadError(
+            path,
+            f"the header says {count:,} points in {size:,} bytes",
+            "the header is damaged: export the survey again",
+        )
+
+
+def _iterate(reader: Any, path: Path, count: int) -> Iterator[tuple[int, Any]]:
+    """Yield (first point, chunk); turn whatever the decoder raises into a ReadError."""
+    first = 0
+    chunks = reader.chunk_iterator(_CHUNK_POINTS)
+    while first < count:
+        try:
+            chunk = next(chunks, None)
+        except _DAMAGED as error:
+            last = min(first + _CHUNK_POINTS, count)
+            raise ReadError(
+                path,
+                f"the point data is cut off or damaged between points {first:,} and {last:,} of "
+                f"{count:,} ({_brief(error)})",
+                "copy or export the file again",
+                f"point {first:,}",
+            ) from error
+        if chunk is None or len(chunk) == 0:
+            raise ReadError(
+                path,
+                f"the file ends after {first:,} of {count:,} points",
+                "it is cut off: copy or export it again",
+                f"point {first:,}",
+            )
+        yield first, chunk
+        first += len(chunk)
+
+
+def _find_crs(header: Any) -> tuple[Any | None, tuple[str, ...]]:
+    try:
+        return header.parse_crs(), ()
+    except (CRSError, ValueError, KeyError, laspy.LaspyException) as error:
+        told = (
+            f"The file's coordinate reference system cannot be understood ({_brief(error)}); the "
+            "survey is treated as one without."
+        )
+        return None, (told,)
+
+
+def _take_colours(columns: dict[str, npt.NDArray[Any]]) -> tuple[Any, tuple[str, ...]]:
+    if not all(name in columns for name in _COLOURS):
+        return None, ()
+    wide = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
+    colours, warnings = to_eight_bits(wide, where="red, green, blue")
+    if colours is not None and int(wide.max()) <= np.iinfo(np.uint8).max:
+        warnings = (
+            *warnings,
+            "The colours use only 8 of the 16 bits that LAS gives them; they are taken as 0..255.",
+        )
+    return colours, warnings
+
+
+def _keep_attributes(
+    columns: dict[str, npt.NDArray[Any]], standard: set[str]
+) -> dict[str, npt.NDArray[Any]]:
+    """Leave out unset standard fields; give each part of a vector field its own name."""
+    kept: dict[str, npt.NDArray[Any]] = {}
+    for name, values in columns.items():
+        unset = name in standard and values.ndim == 1 and values[0] in _UNSET.get(name, (0,))
+        if unset and (values == values[0]).all():
+            continue
+        if values.ndim == 1:
+            kept[name] = values
+        else:
+            for part in range(values.shape[1]):
+                kept[f"{name}_{part}"] = np.ascontiguousarray(values[:, part])
+    return kept
+
+
+def _brief(error: BaseException) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text[:160]

@@ -1,0 +1,301 @@
+"""XYZ, CSV, TXT, ASC and PTS by pyarrow's CSV reader.
+
+Delimiter (comma, semicolon, tab or blanks), decimal comma (with semicolons, tabs or blanks) and a
+header are detected from the start of the file. Lines that begin with ``#`` or ``//`` are comments;
+one directly above the first row that names as many columns as the row has is the header
+(CloudCompare writes it so). A first line with a single whole number is a point count (PTS).
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+from pyarrow import csv
+
+from terraport_pipeline.engines.raw_survey import (
+    Advance,
+    RawSurvey,
+    thinning_rows,
+    to_eight_bits,
+)
+from terraport_pipeline.engines.text_columns import (
+    DEGREES,
+    name_bare_columns,
+    name_header_columns,
+)
+from terraport_pipeline.errors import ReadError
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer  # in collections.abc from Python 3.12
+
+__all__ = ["read_xyz"]
+
+_SAMPLE_BYTES: Final = 1 << 16
+_SAMPLE_ROWS: Final = 200
+
+_BLOCK_BYTES: Final = 1 << 22
+"""Text that is normalised and parsed at once."""
+
+_COLOURS: Final = ("red", "green", "blue")
+
+_COMMENT: Final = re.compile(rb"^[ \t]*(?:#|//)[^\n]*\n?", re.MULTILINE)
+_BLANKS: Final = re.compile(rb"[ \t]+")
+_EDGES: Final = re.compile(rb"^[ \t\r]+|[ \t\r]+$", re.MULTILINE)
+
+_NULLS: Final = ["", "nan", "NaN", "NAN", "null", "NULL", "-", "*", "inf", "-inf"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    delimiter: str
+    """One character; a blank stands for any run of blanks and tabs."""
+    decimal: str
+    skip_lines: int
+    """Lines before the first row, comments not counted."""
+    names: list[str]
+    bare: bool
+    """The file has no header."""
+
+
+def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
+    """Read a text file with one point per line.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Its suffix matters in one case: ``.pts`` has intensity before colour.
+    advance : callable
+        Told of progress, in bytes read and bytes of the file.
+    max_points : int, optional
+        Thin to this many points (after reading).
+
+    Raises
+    ------
+    ReadError
+        When the text is no table of numbers, x, y or z is missing, columns are degrees, or a line
+        is damaged; names the line where it can.
+    """
+    layout = _find_layout(path)
+    table = _parse(path, layout, advance)
+    if table.num_rows == 0:
+        raise ReadError(path, "there is not one row of numbers", "export the survey again")
+    rows = thinning_rows(table.num_rows, max_points)
+    columns: dict[str, npt.NDArray[Any]] = {}
+    text: list[str] = []
+    for name in layout.names:
+        column = table[name]
+        if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
+            values = column.to_numpy()
+            columns[name] = values if rows is None else values[rows]
+        elif pa.types.is_null(column.type):
+            continue  # an empty column, such as a delimiter at the end of every line makes
+        else:
+            text.append(name)
+    return _assemble(columns, layout, text)
+
+
+def _find_layout(path: Path) -> _Layout:
+    with path.open("rb") as file:
+        head = file.read(_SAMPLE_BYTES)
+    if b"\x00" in head:
+        raise ReadError(
+            path,
+            "this is no text: it has zero bytes",
+            "check the file's kind; terraport reads LAS, LAZ, PLY, PCD, E57 and text",
+            f"byte {head.index(0):,}",
+        )
+    lines = head.decode("utf-8-sig", errors="replace").splitlines()
+    if len(head) == _SAMPLE_BYTES:
+        lines = lines[:-1]  # the last one may be cut
+    above = ""
+    rows: list[str] = []
+    for line in lines:
+        bare = line.strip()
+        if not bare:
+            continue
+        if bare.startswith(("#", "//")):
+            above = above if rows else bare
+            continue
+        rows.append(bare)
+        if len(rows) > _SAMPLE_ROWS:
+            break
+    skip = 0
+    if len(rows) > 1 and re.fullmatch(r"[0-9]+", rows[0]):
+        skip, rows = 1, rows[1:]
+    if not rows:
+        raise ReadError(path, "there is not one row of numbers", "export the survey again")
+    delimiter = _find_delimiter(rows[-1])
+    cells = [_split(row, delimiter) for row in rows]
+    comma = delimiter != "," and any(re.search(r"\d,\d", cell) for cell in cells[-1])
+    decimal = "," if comma else "."
+    header: list[str] | None = None
+    if not all(_is_number(cell, decimal) for cell in cells[0]):
+        header, skip, cells = cells[0], skip + 1, cells[1:]
+    elif above:
+        named = _split(above.lstrip("#/ \t"), delimiter)
+        header = named if len(named) == len(cells[0]) and not _is_number(named[0], ".") else None
+    if not cells or not any(_is_number(cell, decimal) for cell in cells[0]):
+        raise ReadError(
+            path,
+            f"{rows[0][:60]!r} is not followed by rows of numbers",
+            "expected one point per line: x y z, then colours or other values",
+        )
+    if header is not None:
+        _refuse_degrees(path, header)
+        return _Layout(delimiter, decimal, skip, name_header_columns(header), bare=False)
+    return _Layout(delimiter, decimal, skip, _name_bare(path, cells, decimal), bare=True)
+
+
+def _name_bare(path: Path, cells: list[list[str]], decimal: str) -> list[str]:
+    width = len(cells[0])
+    if width < 3:
+        raise ReadError(
+            path,
+            f"the rows have {width} columns, expected x, y, z at least",
+            "export the survey with three coordinates",
+        )
+    numbers = [
+        [float(cell.replace(decimal, ".")) if _is_number(cell, decimal) else np.nan for cell in row]
+        for row in cells
+        if len(row) == width
+    ]
+    pts = path.suffix.lower() == ".pts"
+    return name_bare_columns(np.array(numbers, dtype=np.float64), intensity_first=pts)
+
+
+def _refuse_degrees(path: Path, header: list[str]) -> None:
+    labels = [name.strip().strip('"').lower() for name in header]
+    found = [name for name in labels if name in DEGREES]
+    if found and not {"x", "y"} <= set(name_header_columns(header)):
+        raise ReadError(
+            path,
+            f"the columns {', '.join(found)} are degrees, expected metres",
+            "project the survey first, for example to its UTM zone",
+            "line 1",
+        )
+
+
+def _find_delimiter(row: str) -> str:
+    for delimiter in (";", "\t"):
+        if row.count(delimiter) >= 2:
+            return " " if delimiter == "\t" and "," not in row else delimiter
+    # A comma between every two values, or a decimal comma within blanks?
+    if row.count(",") >= 2 and not re.search(r"\d[ \t]+-?\d", row):
+        return ","
+    return " "
+
+
+def _split(row: str, delimiter: str) -> list[str]:
+    return row.split() if delimiter == " " else [cell.strip() for cell in row.split(delimiter)]
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    if cell in _NULLS:
+        return True
+    try:
+        float(cell.replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _parse(path: Path, layout: _Layout, advance: Advance) -> pa.Table:
+    types = {axis: pa.float64() for axis in "xyz"}
+    with path.open("rb") as file:
+        source = _Normalised(file, layout, path.stat().st_size, advance)
+        try:
+            return csv.read_csv(
+                pa.PythonFile(source, mode="r"),
+                # One thread: only then does pyarrow know the line of an error.
+                csv.ReadOptions(
+                    use_threads=False, block_size=_BLOCK_BYTES, column_names=layout.names
+                ),
+                csv.ParseOptions(delimiter=layout.delimiter),
+                csv.ConvertOptions(
+                    column_types=types,
+                    null_values=_NULLS,
+                    decimal_point=layout.decimal,
+                    strings_can_be_null=True,
+                ),
+            )
+        except pa.ArrowInvalid as error:
+            reason = " ".join(str(error).split())[:200]
+            row = re.search(r"Row #(\d+)", reason)
+            place = None
+            if row is not None:
+                place = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
+            raise ReadError(
+                path,
+                f"the text is no table of {len(layout.names)} columns ({reason})",
+                "repair the line or export the survey again",
+                place,
+            ) from error
+
+
+class _Normalised(io.RawIOBase):
+    """The file without comments, head lines and surplus blanks, as a stream for pyarrow."""
+
+    def __init__(self, file: io.BufferedReader, layout: _Layout, size: int, advance: Advance):
+        super().__init__()
+        self._file = file
+        self._layout = layout
+        self._size = size
+        self._advance = advance
+        self._skip = layout.skip_lines
+        self._first = True
+        self._ready = b""
+        self._at = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Buffer, /) -> int:
+        view = memoryview(buffer).cast("B")
+        while self._at == len(self._ready):
+            block = self._file.read(_BLOCK_BYTES)
+            if not block:
+                return 0
+            block += self._file.readline()
+            self._advance(len(block), self._size)
+            self._ready, self._at = self._clean(block), 0
+        part = self._ready[self._at : self._at + len(view)]
+        view[: len(part)] = part
+        self._at += len(part)
+        return len(part)
+
+    def _clean(self, block: bytes) -> bytes:
+        if self._first:
+            block, self._first = block.removeprefix(b"\xef\xbb\xbf"), False
+        if b"#" in block or b"//" in block:
+            block = _COMMENT.sub(b"", block)
+        if self._layout.delimiter == " ":
+            block = _BLANKS.sub(b" ", block)
+        block = _EDGES.sub(b"", block)
+        while self._skip and block:
+            line, _, block = block.partition(b"\n")
+            self._skip -= bool(line.strip())
+        return block
+
+
+def _assemble(columns: dict[str, npt.NDArray[Any]], layout: _Layout, text: list[str]) -> RawSurvey:
+    points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
+    warnings: list[str] = []
+    if text:
+        warnings.append(f"The columns {', '.join(text)} hold text and were left out.")
+    colours = None
+    if all(name in columns for name in _COLOURS):
+        parts = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
+        colours, notes = to_eight_bits(parts, where="red, green, blue")
+        warnings += notes
+    if layout.bare:
+        warnings.append(
+            f"The file has no header; its columns were taken as {', '.join(layout.names)}."
+        )
+    return RawSurvey(points, colours, columns, None, tuple(warnings))

@@ -1,0 +1,109 @@
+"""Which column of a text survey means what. PURE.
+
+With a header, names decide (any case; see :data:`ALIASES`); other columns keep their names.
+
+Without one, the first three columns are x (east), y (north), z (up), and of the rest:
+
+1. three neighbouring columns, the 4th to 6th or the 5th to 7th, that hold whole numbers 0..255 in
+   every sampled row and are not all equal are red, green, blue. In ``.pts`` files (intensity
+   first) the 5th to 7th are tried first, elsewhere the 4th to 6th.
+2. a single column, or the one before or after the colours, is ``intensity``.
+3. three columns of unit vectors are ``nx``, ``ny``, ``nz``.
+4. everything else is ``column_4``, ``column_5``, ... by its place in the file, from 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from terraport_pipeline.model import Float64
+
+__all__ = ["ALIASES", "DEGREES", "name_bare_columns", "name_header_columns"]
+
+ALIASES: Final[dict[str, tuple[str, ...]]] = {
+    "x": ("x", "e", "east", "easting", "coord_x", "utm_x", "x_m", "rechtswert"),
+    "y": ("y", "n", "north", "northing", "coord_y", "utm_y", "y_m", "hochwert"),
+    "z": ("z", "h", "height", "elevation", "elev", "altitude", "alt", "coord_z", "z_m"),
+    "red": ("red", "r"),
+    "green": ("green", "g"),
+    "blue": ("blue", "b"),
+}
+"""Column names that mean a coordinate or a colour, lower case."""
+
+DEGREES: Final = ("lon", "longitude", "long", "lat", "latitude")
+"""Column names that mean an angle."""
+
+_UNIT_TOLERANCE: Final = 0.02
+"""Normals are written with three or more digits."""
+
+
+def name_header_columns(header: Sequence[str]) -> list[str]:
+    """Translate a header: aliases become x, y, z, red, green, blue; other names stay.
+
+    The first column that matches wins; a later one of the same meaning keeps its own name.
+
+    Examples
+    --------
+    >>> name_header_columns(["Northing", "Easting", "Height", "R", "G", "B", "class"])
+    ['y', 'x', 'z', 'red', 'green', 'blue', 'class']
+    """
+    names: list[str] = []
+    for raw in header:
+        label = raw.strip().strip('"').lstrip("/#").strip()
+        meaning = next((key for key, also in ALIASES.items() if label.lower() in also), label)
+        names.append(meaning if meaning and meaning not in names else label)
+    return [
+        name if name and name not in names[:index] else f"column_{index + 1}"
+        for index, name in enumerate(names)
+    ]
+
+
+def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[str]:
+    """Name the columns of a file without a header, by the rules above.
+
+    Parameters
+    ----------
+    sample : ndarray of shape (K, C), float64
+        The first rows; C >= 3.
+    intensity_first : bool
+        The file is a ``.pts``.
+
+    Examples
+    --------
+    >>> rows = np.array([[1.5, 2.5, 3.5, 200, 180, 90], [1.6, 2.6, 3.6, 201, 181, 90]])
+    >>> name_bare_columns(rows, intensity_first=False)
+    ['x', 'y', 'z', 'red', 'green', 'blue']
+    """
+    count = sample.shape[1]
+    names = ["x", "y", "z"] + [f"column_{index + 1}" for index in range(3, count)]
+    starts = [4, 3] if intensity_first else [3, 4]
+    colour = next((s for s in starts if s + 3 <= count and _are_colours(sample[:, s : s + 3])), -1)
+    if colour >= 0:
+        names[colour : colour + 3] = ["red", "green", "blue"]
+        beside = 3 if colour == 4 else colour + 3
+        if beside < count:
+            names[beside] = "intensity"
+    elif count == 4:
+        names[3] = "intensity"
+    for start in range(3, count - 2):
+        part = sample[:, start : start + 3]
+        if all(name.startswith("column_") for name in names[start : start + 3]) and _are_unit(part):
+            names[start : start + 3] = ["nx", "ny", "nz"]
+            break
+    return names
+
+
+def _are_colours(part: Float64) -> bool:
+    whole = np.isfinite(part).all() and (part == np.rint(part)).all()
+    return bool(
+        whole and part.min() >= 0 and part.max() <= np.iinfo(np.uint8).max and np.ptp(part) > 0
+    )
+
+
+def _are_unit(part: Float64) -> bool:
+    if not np.isfinite(part).all():
+        return False
+    return bool((np.abs(np.linalg.norm(part, axis=1) - 1.0) < _UNIT_TOLERANCE).all())
