@@ -18,6 +18,10 @@ Mask = npt.NDArray[np.bool_]
 _MIXERS = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)
 """Odd 64-bit multipliers, one per axis (the primes of xxHash): they spread equal low bits."""
 
+HOPELESS_RATIO = 10.0
+"""A point this many times farther from its neighbours than usual supports no surface: trimming
+reaches four spacings, and counts local spacings up to three times the cloud's."""
+
 _MAD_TO_SIGMA = 1.4826
 """Median absolute deviation of a normal distribution, as its standard deviation."""
 
@@ -70,7 +74,9 @@ def outlier_mask(
     - more than `deviations` robust standard deviations above the cloud's median, on a log scale.
 
     The first test spares thinly sampled ground (its neighbours are as thin), the second spares the
-    denser parts' rims.
+    denser parts' rims. Lone points whose neighbours are other lone points pass the first; they go
+    when their distance is more than :data:`HOPELESS_RATIO` times the cloud's median, where no
+    surface would be kept through them anyway.
 
     Parameters
     ----------
@@ -96,4 +102,5 @@ def outlier_mask(
     sigma = _MAD_TO_SIGMA * float(np.median(np.abs(logs - middle)))
     alone: Mask = mean_m > ratio * around_m
     alone &= logs > middle + deviations * sigma
+    alone |= logs > middle + np.log(HOPELESS_RATIO)
     return alone
