@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 import xxhash
+from store.tiny_scene import SCALES, STEP_M, lattice_mesh
 
 from terraport.cache import CachedSegment, SegmentCache
 from terraport.events import Event, RestoreNeeded, SegmentArrived
 from terraport.session import ClientSession, SessionOptions
+from terraport_payload import encode_glb
 from terraport_server.actions import (
     Close,
     RunPick,
@@ -40,18 +43,18 @@ GRID = 6
 class ToyScene:
     """GRID x GRID segments in the plane y = 0; i is at (2 * (i % GRID), 0, 2 * (i // GRID))."""
 
-    def __init__(self, *, length: int = 900, seed: int = 0, version: str = "v1") -> None:
+    def __init__(self, *, cells: int = 2, seed: int = 0, version: str = "v1") -> None:
         random = np.random.default_rng(seed)
         count = GRID * GRID
         ids = np.arange(count)
         low = np.stack([2.0 * (ids % GRID), np.zeros(count), 2.0 * (ids // GRID)], axis=1)
         self.bounds = np.concatenate([low, low + np.array([1, 0, 1])], axis=1).astype(np.float32)
         self.payloads = [
-            random.bytes(int(size)) for size in random.integers(length // 2, length * 2, count)
+            _glb(int(size), number)
+            for number, size in enumerate(random.integers(1, 2 * cells, count))
         ]
-        self.hashes = np.array(
-            [xxhash.xxh3_64_intdigest(p) for p in self.payloads], dtype=np.uint64
-        )
+        hashes = [xxhash.xxh3_64_intdigest(payload) for payload in self.payloads]
+        self.hashes = np.array(hashes, dtype=np.uint64)
         self.lengths = np.array([len(p) for p in self.payloads], dtype=np.uint32)
         table = SegmentTable(
             bounds=self.bounds,
@@ -70,6 +73,12 @@ class ToyScene:
         low, high = self.bounds[:, :3].astype(float), self.bounds[:, 3:].astype(float)
         gap = np.maximum(np.maximum(low - at, 0), at - high)
         return np.flatnonzero(np.sqrt((gap**2).sum(axis=1)) <= radius_m)
+
+
+@cache
+def _glb(cells: int, seed: int) -> bytes:
+    """A small GLB; another seed, another hash."""
+    return encode_glb(lattice_mesh(0, 0, cells, seed=seed), step_m=STEP_M, attribute_scales=SCALES)
 
 
 @dataclass
@@ -93,7 +102,11 @@ class Pair:
         max_bytes: int | None = None,
         disk: FakeDisk | None = None,
         limits: SessionLimits | None = None,
+        lag: int = 0,
     ) -> None:
+        """Make a pair; `lag` messages of the server are on their way before one arrives."""
+        self.lag = lag
+        self.down: deque[bytes | str] = deque()
         self.scene = scene
         self.disk = disk
         self.limits = limits or SessionLimits(max_messages_per_s=1e6)
@@ -130,6 +143,7 @@ class Pair:
     def disconnect(self) -> None:
         """Lose the connection with everything that was on its way."""
         self.server = None
+        self.down.clear()
         self.client.connection_lost()
         self._collect()
 
@@ -146,9 +160,12 @@ class Pair:
             except DecodeError as error:
                 self.server.refuse(error, self.now_s)
         action = self.server.next_action()
-        if action is None:
+        if action is not None:
+            self._carry_out(action)
+        if len(self.down) > (self.lag if action is not None or data else 0):
+            self.client.receive(self.down.popleft())
+        elif action is None:
             return bool(data)
-        self._carry_out(action)
         self._collect()
         return True
 
@@ -176,7 +193,7 @@ class Pair:
     def _carry_out(self, action: object) -> None:
         assert self.server is not None
         if isinstance(action, SendMessage):
-            self.client.receive(encode(action.message, self.subprotocol))
+            self.down.append(encode(action.message, self.subprotocol))
         elif isinstance(action, SendChunk):
             payload = self.scene.payloads[action.segment]
             frame = PayloadFrame(
@@ -189,10 +206,12 @@ class Pair:
             data = encode_frame(frame) if self.spoil is None else self.spoil(frame)
             self.server.chunk_sent(action, self.now_s)
             self.chunk_bytes += action.length
-            self.client.receive(data)
+            self.down.append(data)
         elif isinstance(action, RunPick):
             self.server.picked(action.request, self.hit)
         elif isinstance(action, Close):
+            while self.down:
+                self.client.receive(self.down.popleft())
             self.closed = action
             self.disconnect()
 

@@ -81,6 +81,19 @@ def test_a_second_visit_costs_no_bytes(pair: Pair) -> None:
     assert sorted(pair.received) == sorted(set(pair.received))
 
 
+def test_whole_is_not_ready_before_the_server_says_so(toy: ToyScene) -> None:
+    """The last byte is here, ``ready`` is not: nothing is shown (6.4, rule 5)."""
+    pair = Pair(toy)
+    pair.connect()
+    pair.client.land(MIDDLE, 4.0)
+    while len(pair.received) < len(expected(toy, MIDDLE, 4.0)):
+        pair.step()
+    assert pair.of(Ready) == []
+    assert pair.client.visible == ()
+    pair.settle()
+    assert len(pair.of(Ready)) == 1
+
+
 def test_credit_of_one_byte_still_delivers_everything(toy: ToyScene) -> None:
     """However small the credit, it is granted back."""
     pair = Pair(toy, credit_bytes=1)
@@ -92,7 +105,7 @@ def test_credit_of_one_byte_still_delivers_everything(toy: ToyScene) -> None:
 
 def test_a_newer_landing_supersedes_and_its_parts_go_on(toy: ToyScene) -> None:
     """A segment that is half here is not begun again."""
-    pair = Pair(ToyScene(length=4000), credit_bytes=100)
+    pair = Pair(ToyScene(cells=8), credit_bytes=100)
     pair.connect()
     first = pair.client.land((0, 0, 0), 1.0)
     while pair.chunk_bytes < 300:
@@ -208,6 +221,29 @@ def test_a_wrong_byte_is_rejected_and_sent_again(pair: Pair) -> None:
     assert rejected.actual != rejected.expected
     assert pair.of(Ready)[-1].missing == ()
     assert pair.client.held.peek(14).payload == pair.scene.payloads[14]
+
+
+def test_a_reject_that_crosses_the_next_landing_is_sent_again_in_that_one(toy: ToyScene) -> None:
+    """The new plan keeps what was found wrong meanwhile; it is not rejected a second time."""
+    pair = Pair(toy, lag=5)
+    pair.connect()
+    spoilt: list[int] = []
+
+    def spoil(frame: PayloadFrame) -> bytes:
+        spoilt.append(frame.segment)
+        return encode_frame(frame)[:-1] + (b"?" if len(spoilt) == 1 else b"")
+
+    pair.spoil = spoil
+    pair.client.land((0, 0, 0), 1.0)
+    while not spoilt:
+        pair.step()
+    pair.client.land((0, 0, 0), 1.0)  # the spoilt chunk is still on its way
+    toy_payload, pair.spoil = toy.payloads[0], None
+    pair.settle()
+    assert len(pair.of(SegmentRejected)) == 1
+    assert pair.of(Planned)[-1].plan.keep.tolist() == [0]
+    assert pair.of(Ready)[-1].missing == ()
+    assert pair.client.held.peek(0).payload == toy_payload
 
 
 def test_a_segment_that_stays_wrong_is_missing(pair: Pair) -> None:
@@ -472,7 +508,7 @@ def test_messages_before_welcome_and_a_second_welcome_are_violations(toy: ToySce
     pair.connect()
     welcome: list[bytes] = []
     receive = pair.client.receive
-    pair.client.receive = lambda data: (welcome.append(data), receive(data))  # type: ignore[method-assign]
+    pair.client.receive = lambda data: (welcome.append(data), receive(data))
     pair.settle()
     with pytest.raises(ProtocolViolationError, match="second welcome"):
         receive(welcome[0])
@@ -516,22 +552,23 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(
     steps=STEPS,
-    cache_bytes=st.sampled_from([0, 3000, 20_000, 1 << 20]),
-    credit_bytes=st.sampled_from([64, 1000, 1 << 20]),
+    cache_bytes=st.sampled_from([0, 5000, 30_000, 1 << 20]),
+    credit_bytes=st.sampled_from([200, 2000, 1 << 20]),
     with_disk=st.booleans(),
+    lag=st.sampled_from([0, 1, 5, 30]),
 )
 def test_whatever_happens_the_last_landing_alone_decides_what_is_visible(
-    steps: list[tuple], cache_bytes: int, credit_bytes: int, with_disk: bool
+    steps: list[tuple], cache_bytes: int, credit_bytes: int, with_disk: bool, lag: int
 ) -> None:
     """Random landings, aims, cuts, flipped bits and lost files end in what brute force finds."""
     toy = ToyScene()
     disk = FakeDisk() if with_disk else None
-    pair = Pair(toy, cache_bytes=cache_bytes, credit_bytes=credit_bytes, disk=disk)
+    pair = Pair(toy, cache_bytes=cache_bytes, credit_bytes=credit_bytes, disk=disk, lag=lag)
     pair.connect()
-    spoil_next = [0]
+    spoil_next, lost = [0], False
 
     def spoil(frame: PayloadFrame) -> bytes:
         data = bytearray(encode_frame(frame))
@@ -542,6 +579,7 @@ def test_whatever_happens_the_last_landing_alone_decides_what_is_visible(
 
     pair.spoil = spoil
     for step in steps:
+        assert pair.closed is None, pair.of(Refused)
         match step:
             case ("land", place, radius_m):
                 pair.client.land(place, radius_m)
@@ -557,7 +595,8 @@ def test_whatever_happens_the_last_landing_alone_decides_what_is_visible(
             case ("spoil",):
                 spoil_next[0] = 1
             case ("lose", segment) if disk is not None:
-                if segment not in pair.restores and disk.entries.pop(segment, None):
+                if disk.entries.pop(segment, None):
+                    lost = True
                     pair.client.removed_from_disk([segment])
             case ("disk",):
                 pair.restore_one()
@@ -565,9 +604,11 @@ def test_whatever_happens_the_last_landing_alone_decides_what_is_visible(
     pair.client.land(MIDDLE, 3.3)
     pair.settle()
     want = expected(toy, MIDDLE, 3.3)
-    assert pair.closed is None
+    assert pair.closed is None, pair.of(Refused)
     assert pair.client.visible == want
     assert pair.client.unfinished is None
+    if not lost and ("spoil",) not in steps:
+        assert pair.of(SegmentRejected) == []
     pinned = sum(len(toy.payloads[segment]) for segment in want)
     assert pair.client.held.cache_bytes <= max(cache_bytes, pinned)
     for segment in want:

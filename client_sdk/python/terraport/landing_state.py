@@ -34,6 +34,9 @@ class LandingState:
     """Of the load table, by id."""
     relost: dict[int, int] = field(default_factory=dict)
     """xxh3 of segments of ``keep`` that were lost here and asked for again, by id."""
+    crossed: dict[int, tuple[SegmentFacts | None, int]] = field(default_factory=dict)
+    """Facts (None when unknown) and xxh3 of segments rejected after this landing was asked for and
+    before its plan came, by id: the plan may still keep them, and the server sends them again."""
     wanted: frozenset[int] = frozenset()
     """Ids of load and keep."""
     waiting: set[int] = field(default_factory=set)
@@ -66,6 +69,14 @@ class LandingState:
         self.restoring = set()
         self.missing = set()
         self.ready_seen = False
+
+    def expect_again(self, segment: int, facts: SegmentFacts | None, xxh3: int) -> None:
+        """Wait for a segment of ``keep`` that is not here after all."""
+        self.waiting.add(segment)
+        if facts is None:
+            self.relost[segment] = xxh3
+        else:
+            self.facts[segment] = facts
 
     @property
     def complete(self) -> bool:

@@ -149,6 +149,8 @@ class Transfers:
             entry = self.held.recall(segment)
             if entry is not None:
                 kept.append(entry)
+            elif segment in landing.crossed:
+                landing.expect_again(segment, *landing.crossed[segment])
             else:
                 (restore if self.held.on_disk(segment) else gone).append(segment)
         landing.waiting.update(restore, gone)
@@ -212,7 +214,7 @@ class Transfers:
         if actual != xxh3:
             number = None if landing is None else landing.number
             self._report(SegmentRejected(number, frame.segment, actual, xxh3))
-            self._reject(frame.generation, frame.segment, "hash_mismatch")
+            self._reject(frame.generation, frame.segment, facts, xxh3, "hash_mismatch")
             if landing is None and prefetch is not None:
                 self._give_up_second_time(prefetch, frame.segment)
             return
@@ -278,12 +280,17 @@ class Transfers:
             raise ProtocolViolationError(
                 f"plan {landing.generation} keeps segment {segment}, which was never held"
             )
-        landing.relost[segment] = xxh3
+        landing.expect_again(segment, None, xxh3)
         self._report(SegmentRejected(landing.number, segment, None, xxh3))
-        self._reject(landing.generation, segment, "lost")
+        self._reject(landing.generation, segment, None, xxh3, "lost")
 
-    def _reject(self, generation: int, segment: int, reason: str) -> None:
+    def _reject(
+        self, generation: int, segment: int, facts: SegmentFacts | None, xxh3: int, reason: str
+    ) -> None:
+        """Tell that a segment is not held; for a landing under way that crosses on the wire."""
         self.held.forget([segment])
+        for asked in self._asked:
+            asked.crossed[segment] = (facts, xxh3)
         self._say(Reject(generation=generation, segment=segment, reason=reason))
 
     def _give_up_second_time(self, prefetch: PrefetchState, segment: int) -> None:

@@ -1,0 +1,24 @@
+"""CRS and scene coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from terraport.frames import to_crs, to_scene
+from terraport_pipeline import model
+
+COORDINATE = st.floats(-1e7, 1e7)
+
+
+@given(
+    point=st.tuples(COORDINATE, COORDINATE, COORDINATE),
+    origin=st.tuples(COORDINATE, COORDINATE, COORDINATE),
+)
+def test_it_is_the_pipelines_frame_and_comes_back(point, origin) -> None:
+    """The same axes as the build used; there and back within float64's rounding."""
+    there = to_scene(point, origin)
+    built = model.to_scene(np.array([point]), np.array(origin))[0]
+    np.testing.assert_array_equal(np.float32(there), built)
+    np.testing.assert_allclose(to_crs(there, origin), point, rtol=0, atol=1e-8)

@@ -1,0 +1,127 @@
+"""Meshes for their users."""
+
+from __future__ import annotations
+
+import builtins
+from pathlib import Path
+
+import numpy as np
+import pytest
+from store.tiny_scene import CELLS, SCALES, STEP_M, base_cover, lattice_mesh
+
+from terraport.base import BaseMesh
+from terraport.cover import CoverCounters
+from terraport.errors import MissingExtraError, ProtocolViolationError, UsageError
+from terraport.mesh import concatenate, mixed_model, to_trimesh, write_glb
+from terraport_payload import SegmentMesh, decode_glb, encode_glb
+
+
+@pytest.fixture
+def base() -> BaseMesh:
+    mesh, cover = lattice_mesh(0, 0, 4, stride=3), base_cover()
+    return BaseMesh("v", mesh, cover, CoverCounters.of(cover))
+
+
+def tile(number: int) -> SegmentMesh:
+    return lattice_mesh(number // 2 * CELLS, number % 2 * CELLS)
+
+
+def test_to_trimesh_keeps_every_vertex_and_face() -> None:
+    mesh = tile(0)
+    made = to_trimesh(mesh)
+    np.testing.assert_array_equal(made.vertices, mesh.positions)
+    np.testing.assert_array_equal(made.faces, mesh.faces)
+    np.testing.assert_array_equal(made.visual.vertex_colors[:, :3], mesh.colours)
+    np.testing.assert_array_equal(made.vertex_attributes["grade"], mesh.attributes["grade"])
+    np.testing.assert_array_equal(made.vertex_attributes["region_id"], mesh.region_ids)
+
+
+def test_without_trimesh_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.__import__
+
+    def without(name: str, *arguments, **options):
+        if name == "trimesh":
+            raise ImportError(name)
+        return real(name, *arguments, **options)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(MissingExtraError, match='pip install "trimesh"'):
+        to_trimesh(tile(0))
+
+
+@pytest.mark.parametrize("shown", [(), (0,), (1, 2), (0, 1, 2, 3)])
+def test_the_mixed_model_has_the_right_faces(base: BaseMesh, shown: tuple[int, ...]) -> None:
+    """8 base faces a quarter: those of shown quarters are replaced by the segment's 72."""
+    model = mixed_model(base, {number: tile(number) for number in shown})
+    assert len(model.faces) == 8 * (4 - len(shown)) + 72 * len(shown)
+    assert model.faces.max() < len(model.positions)
+    # The model covers the patch, seen from above, exactly once: 3 m x 3 m.
+    flat = model.positions * np.array([1, 0, 1])
+    a, b, c = (flat[model.faces[:, corner]] for corner in range(3))
+    area = np.abs(np.cross(b - a, c - a)).sum() / 2
+    assert area == pytest.approx(9.0, rel=1e-5)
+
+
+def test_the_rim_is_sunk_and_nothing_else() -> None:
+    """One quad under two segments, one loaded: its vertices move down by as much as was asked."""
+    from terraport_payload import Cover
+
+    mesh = lattice_mesh(0, 0, 1)
+    cover = Cover(np.array([0, 2, 4], np.uint32), np.array([0, 1, 0, 1], np.uint32))
+    base = BaseMesh("v", mesh, cover, CoverCounters.of(cover))
+    sunk = mixed_model(base, {0: tile(3)}, sink_rim_m=0.25)
+    np.testing.assert_allclose(
+        sunk.positions[:4], mesh.positions - 0.25 * mesh.normals, rtol=0, atol=1e-6
+    )
+    np.testing.assert_array_equal(sunk.positions[4:], tile(3).positions)
+    np.testing.assert_array_equal(base.mesh.positions, mesh.positions)
+    with pytest.raises(UsageError, match="sink_rim_m is -1"):
+        mixed_model(base, {}, sink_rim_m=-1)
+
+
+def test_concatenate_fills_what_some_do_not_have() -> None:
+    bare = SegmentMesh(tile(0).positions, tile(0).faces, tile(0).normals)
+    both = concatenate([bare, tile(1)])
+    count = len(bare.positions)
+    assert (both.colours[:count] == 160).all()
+    assert np.isnan(both.attributes["grade"][:count]).all()
+    assert (both.region_ids[:count] == 0).all()
+    np.testing.assert_array_equal(both.faces[len(bare.faces) :], tile(1).faces + count)
+    assert concatenate([bare, bare]).colours is None
+    assert len(concatenate([]).faces) == 0
+
+
+def test_a_written_glb_comes_back_on_the_grid(tmp_path: Path, base: BaseMesh) -> None:
+    model = mixed_model(base, {0: tile(0)}, sink_rim_m=0.01)
+    path = tmp_path / "here.glb"
+    size = write_glb(model, path, step_m=STEP_M, attribute_scales=SCALES)
+    assert size == path.stat().st_size
+    read = decode_glb(path.read_bytes())
+    assert len(read.faces) == len(model.faces)
+    there, here = np.sort(read.positions, axis=0), np.sort(model.positions, axis=0)
+    np.testing.assert_allclose(there, here, rtol=0, atol=STEP_M)
+    assert [path.name for path in tmp_path.iterdir()] == ["here.glb"]
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path, base: BaseMesh) -> None:
+    path = tmp_path / "here.glb"
+    path.write_bytes(b"old")
+    with pytest.raises(ValueError, match="expected at least one face"):
+        write_glb(concatenate([]), path, step_m=STEP_M)
+    assert path.read_bytes() == b"old"
+    with pytest.raises(FileNotFoundError):
+        write_glb(base.mesh, tmp_path / "nowhere" / "here.glb", step_m=STEP_M)
+
+
+def test_base_and_cover_must_belong_together() -> None:
+    glb = encode_glb(tile(0), step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True)
+    with pytest.raises(ProtocolViolationError, match="32 rows, expected 72"):
+        BaseMesh.of("v", glb, base_cover().to_bytes())
+    with pytest.raises(ProtocolViolationError, match="base mesh: "):
+        BaseMesh.of("v", glb[:-8], base_cover().to_bytes())
+
+
+def test_hidden_faces_is_a_copy_for_the_caller(base: BaseMesh) -> None:
+    hidden = base.hidden_faces([0])
+    base.hidden_faces([])
+    assert hidden.sum() == 8

@@ -1,0 +1,36 @@
+"""What a caller says is checked before anything is sent."""
+
+from __future__ import annotations
+
+import pytest
+
+import terraport
+from terraport.errors import UsageError
+from terraport.options import SessionOptions
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"credit_bytes": 0}, "credit_bytes is 0, expected 1 or more"),
+        ({"max_bytes": -1}, "max_bytes"),
+        ({"release_factor": 0.5}, "release_factor"),
+        ({"encoding": "obj"}, "encoding"),
+    ],
+)
+def test_options_that_cannot_be_are_refused(options, text: str) -> None:
+    with pytest.raises(UsageError, match=text):
+        SessionOptions(client="test", **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"encoding": "obj"}, "encoding is 'obj', expected one of: glb, arrays"),
+        ({"subprotocol": "xml"}, "subprotocol is 'xml', expected one of: msgpack, json"),
+        ({"url": "pit"}, "expected http"),
+    ],
+)
+def test_connect_refuses_before_it_does_anything(options, text: str) -> None:
+    with pytest.raises(UsageError, match=text):
+        terraport.connect(**{"url": "http://h/scenes/pit", **options})
