@@ -25,7 +25,6 @@ with the next 63 in face order. Keeps the pairs linear in the faces (a fan of 10
 
 _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
-_SMALL_BUCKET: Final = 48  # insertion sort beats merge sort up to about here
 
 
 def face_pairs(faces: npt.NDArray[np.integer], n_vertices: int) -> tuple[_Int32, _Int32]:
@@ -168,41 +167,39 @@ def _is_repeated(faces: _Int32, f: int, c: int) -> bool:
 
 @numba.njit(cache=True)
 def _bucket_half_edges(faces: _Int32, n_vertices: int) -> tuple[_Int64, _Int32, _Int32]:
-    """Half-edges grouped by lower vertex, sorted by (higher vertex, face) within each group."""
+    """Half-edges grouped by lower vertex, sorted by (higher vertex, face) within each group.
+
+    Two stable counting sorts, by higher and then by lower vertex: linear for any mesh, a fan of any
+    size included.
+    """
+    by_high = np.zeros(n_vertices + 1, np.int64)
     starts = np.zeros(n_vertices + 1, np.int64)
     for f in range(len(faces)):
         for c in range(3):
             a, b = faces[f, c], faces[f, (c + 1) % 3]
             if a != b and not _is_repeated(faces, f, c):
+                by_high[max(a, b) + 1] += 1
                 starts[min(a, b) + 1] += 1
     for v in range(n_vertices):
+        by_high[v + 1] += by_high[v]
         starts[v + 1] += starts[v]
-    high = np.empty(starts[n_vertices], np.int32)
-    face = np.empty(starts[n_vertices], np.int32)
-    cursor = starts[:-1].copy()
+    half_edge = np.empty(starts[n_vertices], np.int64)  # 3 * face + corner
+    cursor = by_high[:-1].copy()
     for f in range(len(faces)):
         for c in range(3):
             a, b = faces[f, c], faces[f, (c + 1) % 3]
             if a != b and not _is_repeated(faces, f, c):
-                low = min(a, b)
-                high[cursor[low]] = max(a, b)
-                face[cursor[low]] = f
-                cursor[low] += 1
-    for v in range(n_vertices):
-        start, end = starts[v], starts[v + 1]
-        if end - start > _SMALL_BUCKET:
-            order = np.argsort(high[start:end], kind="mergesort")
-            high[start:end] = high[start:end][order]
-            face[start:end] = face[start:end][order]
-            continue
-        for i in range(start + 1, end):  # stable: faces stay ascending within one edge
-            h, f, j = high[i], face[i], i - 1
-            while j >= start and high[j] > h:
-                high[j + 1] = high[j]
-                face[j + 1] = face[j]
-                j -= 1
-            high[j + 1] = h
-            face[j + 1] = f
+                half_edge[cursor[max(a, b)]] = 3 * f + c
+                cursor[max(a, b)] += 1
+    high = np.empty(starts[n_vertices], np.int32)
+    face = np.empty(starts[n_vertices], np.int32)
+    cursor = starts[:-1].copy()
+    for i in range(len(half_edge)):
+        f, c = half_edge[i] // 3, half_edge[i] % 3
+        a, b = faces[f, c], faces[f, (c + 1) % 3]
+        high[cursor[min(a, b)]] = max(a, b)
+        face[cursor[min(a, b)]] = f
+        cursor[min(a, b)] += 1
     return starts, high, face
 
 

@@ -182,6 +182,8 @@ def build_cover(
         *base, grid, reach, runs, np.inf if max_gap_m is None else max_gap_m,
         far.offsets, far.segment, int(segment.max()) + 1, hide_partly_covered,
     )  # fmt: skip
+    row = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
+    members = members[np.lexsort((members, row))]
     return BaseCover(
         rows.astype(np.uint32), members.astype(np.uint32), grid.cell_m, reach,
         int(np.count_nonzero(status == _BARE)), int(np.count_nonzero(status == _PARTLY)),
@@ -264,9 +266,9 @@ def _unite(
     for f in range(len(faces)):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         least, most = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
-        middle = (a + b + c) / 3.0
+        middle_x, middle_z = (a[0] + b[0] + c[0]) / 3.0, (a[2] + b[2] + c[2]) / 3.0
         partly = _is_bare(
-            runs, int((middle[0] - grid.x) / cell), int((middle[2] - grid.z) / cell), grid
+            runs, int((middle_x - grid.x) / cell), int((middle_z - grid.z) / cell), grid
         )
         i0, i1 = cell_span(a[0], b[0], c[0], grid.x, cell, grow)
         j0, j1 = cell_span(a[2], b[2], c[2], grid.z, cell, grow)
@@ -305,11 +307,13 @@ def _unite(
         begin = rows[f]
         if begin + count > len(members):
             larger = np.empty(2 * len(members) + count, np.int32)
-            larger[:begin] = members[:begin]
+            for i in range(begin):
+                larger[i] = members[i]
             members = larger
-        members[begin : begin + count] = np.sort(found[:count])
+        for i in range(count):
+            members[begin + i] = found[i]
         rows[f + 1] = begin + count
-    return rows, members[: rows[len(faces)]].copy(), status
+    return rows, members[: rows[len(faces)]], status
 
 
 @numba.njit(cache=True)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.geometry.columns import Grid, rasterise
+from terraport_pipeline.geometry.face_measures import face_centres
 
 __all__ = ["FarDetail", "far_detail", "median_edge"]
 
@@ -75,9 +76,8 @@ def far_detail(
     base_vertices, base_faces = base
     vertices, faces = detail
     starts, entries = rasterise(base_vertices, base_faces, grid, reach_m)
-    state = _match(
-        vertices, faces, base_vertices, base_faces, starts, entries, grid, 2.0 * tolerance_m
-    )
+    centres = face_centres(vertices, faces)
+    state = _match(centres, base_vertices, base_faces, starts, entries, grid, 2.0 * tolerance_m)
     baseless = int(np.count_nonzero(state == _BASELESS))
     far = np.flatnonzero(state != _CLOSE)
     if len(far) == 0:
@@ -85,9 +85,8 @@ def far_detail(
     vertex_ids = np.unique(base_faces)
     limit = max(_FAR * tolerance_m, 4.0 * median_edge(base_vertices, base_faces))
     k = min(_NEAREST_VERTICES, len(vertex_ids))
-    centres = vertices[faces[far]].mean(axis=1)
     distance, nearest = cKDTree(base_vertices[vertex_ids]).query(
-        centres, k=k, distance_upper_bound=limit, workers=-1
+        centres[far], k=k, distance_upper_bound=limit, workers=-1
     )
     found = np.isfinite(distance).reshape(len(far), k)
     vertex = vertex_ids[nearest.reshape(len(far), k)[found]]
@@ -113,35 +112,48 @@ def median_edge(vertices: _Float64, faces: _Int32) -> float:
 
 @numba.njit(cache=True)
 def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> float:
-    """Squared distance of point p to triangle abc (Ericson, Real-Time Collision Detection, 5.1)."""
-    ab, ac, ap, bp, cp = b - a, c - a, p - a, p - b, p - c
-    d1, d2 = np.dot(ab, ap), np.dot(ac, ap)
-    d3, d4 = np.dot(ab, bp), np.dot(ac, bp)
-    d5, d6 = np.dot(ab, cp), np.dot(ac, cp)
-    if d1 <= 0.0 and d2 <= 0.0:
-        gap = ap
-    elif d3 >= 0.0 and d4 <= d3:
-        gap = bp
-    elif d6 >= 0.0 and d5 <= d6:
-        gap = cp
-    else:
-        va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-        if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-            gap = ap - ab * (d1 / (d1 - d3))
-        elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-            gap = ap - ac * (d2 / (d2 - d6))
-        elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:
-            gap = bp - (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)))
-        else:
-            total = va + vb + vc
-            gap = ap - ab * (vb / total) - ac * (vc / total) if total > 0.0 else ap
-    return float(np.dot(gap, gap))
+    """Squared distance of point p to triangle abc (Ericson, Real-Time Collision Detection, 5.1).
+
+    The nearest point is a + v (b - a) + w (c - a). Scalars only: arrays of three would be
+    allocated.
+    """
+    d1 = d2 = d3 = d4 = d5 = d6 = 0.0
+    for k in range(3):
+        ab, ac = b[k] - a[k], c[k] - a[k]
+        d1 += ab * (p[k] - a[k])
+        d2 += ac * (p[k] - a[k])
+        d3 += ab * (p[k] - b[k])
+        d4 += ac * (p[k] - b[k])
+        d5 += ab * (p[k] - c[k])
+        d6 += ac * (p[k] - c[k])
+    v = w = 0.0
+    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
+    if d1 <= 0.0 and d2 <= 0.0:  # corner a
+        v = w = 0.0
+    elif d3 >= 0.0 and d4 <= d3:  # corner b
+        v = 1.0
+    elif d6 >= 0.0 and d5 <= d6:  # corner c
+        w = 1.0
+    elif vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0 and d1 > d3:  # edge ab, unless a = b
+        v = d1 / (d1 - d3)
+    elif vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0 and d2 > d6:  # edge ac, unless a = c
+        w = d2 / (d2 - d6)
+    elif va <= 0.0 and d4 - d3 >= 0.0 and d5 - d6 >= 0.0:  # edge bc
+        along = d4 - d3 + d5 - d6
+        w = (d4 - d3) / along if along > 0.0 else 0.0
+        v = 1.0 - w
+    elif va + vb + vc > 0.0:  # inside
+        v, w = vb / (va + vb + vc), vc / (va + vb + vc)
+    total = 0.0
+    for k in range(3):
+        gap = p[k] - a[k] - v * (b[k] - a[k]) - w * (c[k] - a[k])
+        total += gap * gap
+    return total
 
 
 @numba.njit(cache=True)
 def _match(
-    vertices: _Float64,
-    faces: _Int32,
+    centres: _Float64,
     base_vertices: _Float64,
     base_faces: _Int32,
     starts: _Int64,
@@ -150,9 +162,9 @@ def _match(
     limit: float,
 ) -> npt.NDArray[np.uint8]:
     """Say of each detail face whether a base face entered in its centre's column is close to it."""
-    state = np.empty(len(faces), np.uint8)
-    for f in range(len(faces)):
-        p = (vertices[faces[f, 0]] + vertices[faces[f, 1]] + vertices[faces[f, 2]]) / 3.0
+    state = np.empty(len(centres), np.uint8)
+    for f in range(len(centres)):
+        p = centres[f]
         q = int((p[0] - grid.x) / grid.cell_m) * grid.nz + int((p[2] - grid.z) / grid.cell_m)
         state[f] = _BASELESS
         for e in range(starts[q], starts[q + 1]):

@@ -5,7 +5,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numba
 import numpy as np
@@ -15,11 +15,16 @@ __all__ = ["split_units"]
 
 _Float32 = npt.NDArray[np.float32]
 _Int32 = npt.NDArray[np.int32]
+_UInt32 = npt.NDArray[np.uint32]
 _Int64 = npt.NDArray[np.int64]
+
+_Whole = int | np.signedinteger[Any]
 
 _FILL: Final = 0.8
 """Pieces aim at this share of ``max_faces``, so that they can take up crumbs of their neighbours
 afterwards."""
+_STACK: Final = 256
+"""A cut leaves at most two thirds on one side, so 2^31 faces are cut at most 54 deep."""
 
 
 def split_units(
@@ -56,8 +61,44 @@ def split_units(
     order = np.argsort(labels, kind="stable").astype(np.int32)
     starts = np.concatenate([[0], np.cumsum(np.bincount(labels, minlength=count))])
     target = max(int(_FILL * max_faces), 1)
-    pieces, n_pieces = _split(order, starts, low, high, max_faces, target, max_extent_m)
+    keys = _ordered_bits(low + high)
+    pieces, n_pieces = _split(order, starts, low, high, keys, max_faces, target, max_extent_m)
     return pieces, int(n_pieces)
+
+
+def _ordered_bits(values: _Float32) -> _UInt32:
+    """Unsigned integers in the order of the floats: sign bit flipped, negatives inverted."""
+    bits = (values + np.float32(0.0)).view(np.uint32)  # -0.0 becomes 0.0
+    sign = np.uint32(0x80000000)
+    ordered: _UInt32 = np.where(bits & sign, ~bits, bits | sign)
+    return ordered
+
+
+@numba.njit(cache=True)
+def _select(
+    keys: _UInt32, axis: int, order: _Int32, start: _Whole, end: _Whole, rank: _Whole
+) -> tuple[_Whole, _Whole]:
+    """Key of this rank among faces order[start:end], and how many keys lie below it.
+
+    Radix selection, a byte at a time: four passes for any data. (np.partition in numba takes longer
+    to compile than all other kernels together.)
+    """
+    counts = np.empty(256, np.int64)
+    prefix = np.int64(0)
+    left = rank
+    for byte in range(3, -1, -1):
+        shift = np.int64(8 * byte)
+        counts[:] = 0
+        for i in range(start, end):
+            key = np.int64(keys[order[i], axis])
+            if key >> (shift + 8) == prefix >> (shift + 8):
+                counts[(key >> shift) & 255] += 1
+        digit = 0
+        while left >= counts[digit]:
+            left -= counts[digit]
+            digit += 1
+        prefix |= np.int64(digit) << shift
+    return prefix, rank - left
 
 
 @numba.njit(cache=True)
@@ -66,6 +107,7 @@ def _split(
     starts: _Int64,
     low: _Float32,
     high: _Float32,
+    keys: _UInt32,
     max_faces: int,
     target: int,
     max_extent_m: float,
@@ -73,16 +115,17 @@ def _split(
     n_faces = len(order)
     pieces = np.empty(n_faces, np.int32)
     spare = np.empty(n_faces, np.int32)
-    keys = np.empty(n_faces, np.float32)
-    stack = [(np.int64(0), np.int64(0))]
-    stack.pop()
+    stack = np.empty((_STACK, 2), np.int64)
+    depth = 0
     side = np.empty(3, np.float32)
     count = 0
     for u in range(len(starts) - 1):
         if starts[u] < starts[u + 1]:
-            stack.append((starts[u], starts[u + 1]))
-        while len(stack):
-            start, end = stack.pop()
+            stack[0, 0], stack[0, 1] = starts[u], starts[u + 1]
+            depth = 1
+        while depth:
+            depth -= 1
+            start, end = stack[depth, 0], stack[depth, 1]
             n = end - start
             for axis in range(3):
                 least, most = low[order[start], axis], high[order[start], axis]
@@ -105,27 +148,23 @@ def _split(
             rank = n * (parts // 2) // parts  # below n, since parts // 2 < parts
             if rank < 1:
                 rank += 1
-            for i in range(start, end):
-                keys[i] = low[order[i], longest] + high[order[i], longest]
-            cut = np.partition(keys[start:end], rank)[rank]
-            below = 0
-            for i in range(start, end):
-                if keys[i] < cut:
-                    below += 1
+            cut, below = _select(keys, longest, order, start, end, rank)
             level = rank - below  # so many of the faces at the cut go left, in face order
             left, right = start, start + rank
             for i in range(start, end):
-                go_left = keys[i] < cut
-                if keys[i] == cut and level > 0:
-                    go_left = True
+                key = np.int64(keys[order[i], longest])
+                if key == cut and level > 0:
                     level -= 1
-                if go_left:
+                    key -= 1
+                if key < cut:
                     spare[left] = order[i]
                     left += 1
                 else:
                     spare[right] = order[i]
                     right += 1
-            order[start:end] = spare[start:end]
-            stack.append((start + rank, end))
-            stack.append((start, start + rank))
+            for i in range(start, end):
+                order[i] = spare[i]
+            stack[depth, 0], stack[depth, 1] = start + rank, end
+            stack[depth + 1, 0], stack[depth + 1, 1] = start, start + rank
+            depth += 2
     return pieces, count

@@ -232,35 +232,33 @@ def _rows_from_graph(
 
 @numba.njit(cache=True)
 def _combine(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[_Int64, _Int32, _Int64]:
-    """Sort every row by neighbour and add the borders of equal neighbours."""
+    """Sort every row by neighbour and add the borders of equal neighbours.
+
+    The graph is symmetric, so writing it out transposed gives the same graph; and rows of a
+    transposed graph come out sorted, because the source rows are gone through in order.
+    """
     count = len(offsets) - 1
     new = np.zeros(count + 1, np.int64)
-    write = 0
+    kept = np.empty(len(neighbours), np.int32)
+    weight = np.empty(len(neighbours), np.int64)
+    cursor = offsets[:-1].copy()
     for u in range(count):
-        start, end = offsets[u], offsets[u + 1]
-        if end - start > 32:
-            order = np.argsort(neighbours[start:end], kind="mergesort")
-            neighbours[start:end] = neighbours[start:end][order]
-            border[start:end] = border[start:end][order]
-        else:
-            for i in range(start + 1, end):
-                n, w, j = neighbours[i], border[i], i - 1
-                while j >= start and neighbours[j] > n:
-                    neighbours[j + 1] = neighbours[j]
-                    border[j + 1] = border[j]
-                    j -= 1
-                neighbours[j + 1] = n
-                border[j + 1] = w
-        row = write
-        for i in range(start, end):  # write never overtakes i, so the rows shrink in place
-            if write > row and neighbours[write - 1] == neighbours[i]:
-                border[write - 1] += border[i]
+        for e in range(offsets[u], offsets[u + 1]):
+            v = neighbours[e]
+            if cursor[v] > offsets[v] and kept[cursor[v] - 1] == u:
+                weight[cursor[v] - 1] += border[e]
             else:
-                neighbours[write] = neighbours[i]
-                border[write] = border[i]
-                write += 1
+                kept[cursor[v]] = u
+                weight[cursor[v]] = border[e]
+                cursor[v] += 1
+    write = 0
+    for u in range(count):  # close the gaps that equal neighbours left
+        for e in range(offsets[u], cursor[u]):
+            kept[write] = kept[e]
+            weight[write] = weight[e]
+            write += 1
         new[u + 1] = write
-    return new, neighbours[:write].copy(), border[:write].copy()
+    return new, kept[:write].copy(), weight[:write].copy()
 
 
 @numba.njit(cache=True)

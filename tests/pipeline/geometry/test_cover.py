@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.columns import fit_grid
 from terraport_pipeline.geometry.cover import build_cover
-from terraport_pipeline.geometry.far_detail import far_detail
 
 
 def height(x, z, seed):
@@ -209,21 +207,6 @@ def test_storeys_apart_with_a_gap():
     lists = np.split(near.segments, near.offsets[1:-1])
     # the tunnel is far from any base: rule 2 lists it nowhere, its distance being beyond all reach
     assert {tuple(one.tolist()) for one in lists} == {(0,)}
-
-
-def test_far_detail_counts_and_names_nearest_faces():
-    """A detail face 1 m above the base is far at a tolerance of 0.2 m; one 0.3 m above is not."""
-    base_v, base_f = grid_mesh(2, 4.0, lambda x, z: 0 * x)
-    corners = np.array([[0.5, 0, 0.5], [0.9, 0, 0.5], [0.5, 0, 0.9]])
-    detail_v = np.concatenate([np.add(corners, [0, 0.3, 0]), np.add(corners, [0, 1.0, 0])])
-    detail_f = np.arange(6, dtype=np.int32).reshape(2, 3)
-    base = np.ascontiguousarray(base_v), base_f.astype(np.int32)
-    grid = fit_grid([base, (detail_v, detail_f)], 0.5, 0.5)
-    segment = np.array([7, 9], np.int32)
-    found = far_detail(base, (detail_v, detail_f), segment, grid, reach_m=0.5, tolerance_m=0.2)
-    assert (found.far_faces, found.baseless_faces) == (1, 0)
-    assert set(found.segment.tolist()) == {9}
-    assert found.offsets[1] > 0, "the base face below it is among the nearest"
 
 
 def test_deterministic_and_free_of_vertex_order():
