@@ -90,8 +90,8 @@ def run(settings: Settings) -> None:
     ServerError
         When the service could not start (the log says why: port in use, unreadable certificate).
     """
-    configure_logging(settings.log_level, settings.log_format)
     server = make_server(settings)
+    configure_logging(settings.log_level, settings.log_format)
     try:
         server.run()
     except KeyboardInterrupt:
