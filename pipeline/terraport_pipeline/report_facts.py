@@ -236,7 +236,8 @@ def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]
         memory = _number(row.get("peak_bytes"), 0.0)
         counts = row.get("counts")
         told = (
-            ", ".join(_fact(key, value) for key, value in counts.items() if value is not None)
+            # Most zeros are exceptions that did not occur.
+            ", ".join(_fact(key, value) for key, value in counts.items() if value)
             if isinstance(counts, Mapping)
             else ""
         )
@@ -309,7 +310,7 @@ def _number(value: object, default: float) -> float:
 
 def _fact(name: str, value: object) -> str:
     """Write one count of a stage, its unit taken from its name."""
-    words, text = name.replace("_", " "), str(value)
+    words, text = name.replace("_", " "), "yes" if value is True else str(value)
     if isinstance(value, int | float) and not isinstance(value, bool):
         text = f"{value:,}" if isinstance(value, int) else f"{value:,.4g}"
         if name.endswith("_m"):
