@@ -21,7 +21,7 @@ class Built:
         return self.scenes / "quarry"
 
 
-def terraport(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+def run_terraport(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Run the command line in a process of its own; never raises for its exit code."""
     return subprocess.run(
         [Path(sys.executable).with_name("terraport"), *map(str, arguments)],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from command_line import Built, terraport
+from command_line import Built, run_terraport
 
 
 @pytest.fixture(scope="session")
@@ -11,9 +11,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     """Make 60,000 points of the procedural quarry and build them."""
     root = tmp_path_factory.mktemp("end_to_end")
     survey = root / "quarry.laz"
-    made = terraport("synth", "-o", survey, "--points", "60k", "--seed", "3")
+    made = run_terraport("synth", "-o", survey, "--points", "60k", "--seed", "3")
     assert made.returncode == 0, made.stderr
     result = Built(survey, root / "scenes")
-    done = terraport("build", survey, "-o", result.scene, "--encodings", "glb,arrays")
+    done = run_terraport("build", survey, "-o", result.scene, "--encodings", "glb,arrays")
     assert done.returncode == 0, done.stderr
     return result

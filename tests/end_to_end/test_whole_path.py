@@ -8,7 +8,7 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
-from command_line import Built, terraport
+from command_line import Built, run_terraport
 from scipy.spatial import Delaunay, cKDTree
 
 import terraport.sync
@@ -119,7 +119,7 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
     segments = ((centres[:, 0] > quarter[0]) + 2 * (centres[:, 2] > quarter[2])).astype(np.int32)
     nowhere = np.zeros(len(flat) + 1, dtype=np.uint32)
     pack.run(
-        tmp_path / "scenes" / "known",
+        tmp_path / "known",
         Reconstructed(mesh, mesh, (0.0, 0.0, 0.0, 0.0), Facts()),
         Segmented(
             regions=np.zeros(len(flat), dtype=np.int32),
@@ -148,7 +148,7 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
         pack.Options(name="known"),
         Context(scratch=tmp_path),
     )
-    with BackgroundServer(tmp_path / "scenes") as server:
+    with BackgroundServer(tmp_path) as server:
         url = server.scene_url("known")
         with terraport.sync.connect(url) as session:
             manifest = session.manifest()
@@ -169,7 +169,7 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
 
 
 def test_validate_finds_a_fresh_scene_good_and_a_damaged_one_bad(built: Built) -> None:
-    good = terraport("validate", built.scene, "--rays", "60000", "--subsets", "10")
+    good = run_terraport("validate", built.scene, "--rays", "60000", "--subsets", "10")
     assert good.returncode == 0, good.stdout + good.stderr
     pack_file = next(built.scene.glob("v-*/segments.pack"))
     original = pack_file.read_bytes()
@@ -177,7 +177,7 @@ def test_validate_finds_a_fresh_scene_good_and_a_damaged_one_bad(built: Built) -
         middle = len(original) // 2
         flipped = bytes([original[middle] ^ 0x10])
         pack_file.write_bytes(original[:middle] + flipped + original[middle + 1 :])
-        bad = terraport("validate", built.scene, "--rays", "60000", "--subsets", "10")
+        bad = run_terraport("validate", built.scene, "--rays", "60000", "--subsets", "10")
         assert bad.returncode == 1
         assert "segments.pack" in bad.stdout + bad.stderr
     finally:
@@ -187,7 +187,7 @@ def test_validate_finds_a_fresh_scene_good_and_a_damaged_one_bad(built: Built) -
 def test_another_build_gives_the_same_bytes(built: Built, tmp_path: Path) -> None:
     """Another folder, another work directory, one thread: the scene is the same, byte for byte."""
     other = tmp_path / "quarry"
-    done = terraport(
+    done = run_terraport(
         "build", built.survey, "-o", other, "--encodings", "glb,arrays", "--threads", "1"
     )
     assert done.returncode == 0, done.stderr
