@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from terraport_pipeline.geometry.adjacency import as_kernel_input
 from terraport_pipeline.geometry.columns import fit_grid, rasterise, segment_runs
 
 
-def as_kernel_input(mesh):
-    """Contiguous float64 vertices and int32 faces."""
-    return np.ascontiguousarray(mesh.vertices, np.float64), np.ascontiguousarray(
-        mesh.faces, np.int32
-    )
+def arrays_of(mesh):
+    """Vertices and faces as the kernels take them."""
+    return as_kernel_input(mesh.vertices, np.float64), as_kernel_input(mesh.faces, np.int32)
 
 
 def entered(starts, entries, cell):
@@ -24,7 +23,7 @@ def entered(starts, entries, cell):
 @pytest.mark.parametrize("grow", [0.0, 1.3])
 def test_every_column_a_face_meets_holds_it(soup, seed, grow):
     """Points sampled on faces, moved by up to `grow`, fall into columns that hold the face."""
-    vertices, faces = as_kernel_input(soup(seed))
+    vertices, faces = arrays_of(soup(seed))
     grid = fit_grid([(vertices, faces)], 1.7, grow)
     starts, entries = rasterise(vertices, faces, grid, grow)
     rng = np.random.default_rng(seed)
@@ -40,7 +39,7 @@ def test_every_column_a_face_meets_holds_it(soup, seed, grow):
 @pytest.mark.parametrize("seed", range(10))
 def test_columns_hold_no_face_that_is_far(soup, seed):
     """The test is exact: a face in a column comes within rounding of its square."""
-    vertices, faces = as_kernel_input(soup(seed))
+    vertices, faces = arrays_of(soup(seed))
     grid = fit_grid([(vertices, faces)], 1.7, 0.0)
     starts, entries = rasterise(vertices, faces, grid, 0.0)
     weights = np.array([(a, b, 60 - a - b) for a in range(61) for b in range(61 - a)]) / 60
@@ -56,11 +55,11 @@ def test_columns_hold_no_face_that_is_far(soup, seed):
 def test_runs_are_the_heights_per_segment(terrain):
     """Per column each segment once, with the lowest and highest corner of its faces there."""
     mesh = terrain(3, cells=8)
-    vertices, faces = as_kernel_input(mesh)
+    vertices, faces = arrays_of(mesh)
     segment = np.random.default_rng(3).integers(0, 4, len(faces)).astype(np.int32)
     grid = fit_grid([(vertices, faces)], 5.0, 0.0)
     starts, entries = rasterise(vertices, faces, grid, 0.0)
-    runs = segment_runs(starts, entries, vertices, faces, segment)
+    runs = segment_runs(starts, entries, vertices, faces, as_kernel_input(segment, np.int32))
     for cell in range(grid.nx * grid.nz):
         row = slice(runs.offsets[cell], runs.offsets[cell + 1])
         here = np.array(sorted(entered(starts, entries, cell)), int)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.geometry import far_detail as module
+from terraport_pipeline.geometry.adjacency import as_kernel_input
 from terraport_pipeline.geometry.columns import fit_grid
 from terraport_pipeline.geometry.far_detail import far_detail, median_edge
 
@@ -38,11 +39,11 @@ def test_far_faces_are_counted_and_listed_nearby():
     corners = np.array([[0.5, 0, 0.5], [0.9, 0, 0.5], [0.5, 0, 0.9]])
     detail_v = np.concatenate([np.add(corners, [0, 0.3, 0]), np.add(corners, [0, 1.0, 0])])
     detail_f = np.arange(6, dtype=np.int32).reshape(2, 3)
-    grid = fit_grid([(base_v, base_f), (detail_v, detail_f)], 0.5, 0.5)
+    base = as_kernel_input(base_v, np.float64), as_kernel_input(base_f, np.int32)
+    detail = as_kernel_input(detail_v, np.float64), as_kernel_input(detail_f, np.int32)
+    grid = fit_grid([base, detail], 0.5, 0.5)
     segment = np.array([7, 9], np.int32)
-    found = far_detail(
-        (base_v, base_f), (detail_v, detail_f), segment, grid, reach_m=0.5, tolerance_m=0.2
-    )
+    found = far_detail(base, detail, segment, grid, reach_m=0.5, tolerance_m=0.2)
     assert (found.far_faces, found.baseless_faces) == (1, 0)
     assert set(found.segment.tolist()) == {9}
     # the four nearest vertices are 0, 1, 3 and 4: every face but the last has one of them
@@ -51,8 +52,10 @@ def test_far_faces_are_counted_and_listed_nearby():
 
 def test_detail_without_base_is_counted():
     """Nothing in the column: far, baseless, and beyond all reach unlisted."""
-    base = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]]), np.array([[0, 1, 2]], np.int32)
-    detail = base[0] + [50.0, 0, 50.0], base[1]
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]])
+    face = as_kernel_input(np.array([[0, 1, 2]]), np.int32)
+    base = as_kernel_input(corners, np.float64), face
+    detail = as_kernel_input(np.add(corners, [50.0, 0, 50.0]), np.float64), face
     grid = fit_grid([base, detail], 1.0, 1.0)
     found = far_detail(base, detail, np.array([0], np.int32), grid, reach_m=1.0, tolerance_m=0.1)
     assert (found.far_faces, found.baseless_faces, found.offsets.tolist()) == (1, 1, [0, 0])
