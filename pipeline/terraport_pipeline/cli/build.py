@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, cast
 
@@ -11,11 +13,14 @@ from rich.console import Console
 
 from terraport_pipeline.build import BuildOptions
 from terraport_pipeline.build import build as run_build
+from terraport_pipeline.build_report import BuildReport
+from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.synth import parse_count
-from terraport_pipeline.errors import OptionError, PipelineError
-from terraport_pipeline.progress import NullProgress, RichProgress
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.input_cloud import find_input_cloud
+from terraport_pipeline.progress import NullProgress, Progress, RichProgress
+from terraport_pipeline.report import REPORT_NAME, write_report
 from terraport_pipeline.stages import clean, reconstruct, segment
-from terraport_store.errors import StoreError
 
 __all__ = ["build", "parse_size", "register"]
 
@@ -99,6 +104,9 @@ def build(
     threads: Annotated[
         int | None, typer.Option(help="The result does not depend on it.  [all cores]")
     ] = None,
+    report: Annotated[
+        bool, typer.Option(help="Write SCENE/report.html with pictures afterwards.")
+    ] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")] = False,
 ) -> None:
     """Turn a survey into a scene: clean, reconstruct, segment, pack, publish.
@@ -106,8 +114,8 @@ def build(
     Interrupt it whenever you like: the same command goes on after the last finished stage. The
     published scene is replaced in one act at the very end.
     """
-    complain = Console(stderr=True, soft_wrap=True)
-    try:
+    console = Console(stderr=True, soft_wrap=True)
+    with reporting_errors(console):
         options = BuildOptions(
             survey=survey,
             scene=output,
@@ -137,26 +145,14 @@ def build(
             threads=threads,
             max_memory_bytes=None if max_memory is None else parse_size(max_memory),
         )
-        if quiet:
-            report = run_build(options, NullProgress())
-        else:
-            with RichProgress(complain) as progress:
-                report = run_build(options, progress)
-    except KeyboardInterrupt:
-        complain.print("interrupted; the same command goes on after the last finished stage")
-        raise typer.Exit(130) from None
-    except OptionError as error:
-        complain.print(f"error: {error}", markup=False, highlight=False)
-        raise typer.Exit(2) from None
-    except (PipelineError, StoreError) as error:
-        complain.print(f"error: {error}", markup=False, highlight=False)
-        raise typer.Exit(1) from None
-    for text in report.warnings:
-        complain.print(f"warning: {text}", markup=False, highlight=False)
+        with _watching(console, quiet=quiet) as progress:
+            built = _build(options, console, progress, with_report=report)
+    for text in built.warnings:
+        console.print(f"warning: {text}", markup=False, highlight=False)
     if not quiet:
-        complain.print(report.table())
-        state = "published" if report.published else "is up to date"
-        complain.print(f"{report.scene} {state}", markup=False, highlight=False)
+        console.print(built.table())
+        state = "published" if built.published else "is up to date"
+        console.print(f"{built.scene} {state}", markup=False, highlight=False)
 
 
 def parse_size(text: str) -> int:
@@ -184,3 +180,29 @@ def _parse_units(text: str) -> Literal["segments", "pools"]:
     if text == "pools":
         return "pools"
     raise OptionError(f"units {text!r}; expected segments or pools")
+
+
+@contextmanager
+def _watching(console: Console, *, quiet: bool) -> Iterator[Progress]:
+    if quiet:
+        yield NullProgress()
+        return
+    with RichProgress(console) as progress:
+        yield progress
+
+
+def _build(
+    options: BuildOptions, console: Console, progress: Progress, *, with_report: bool
+) -> BuildReport:
+    try:
+        built = run_build(options, progress)
+        if with_report and (built.published or not (built.scene / REPORT_NAME).exists()):
+            write_report(
+                built.scene,
+                cloud=lambda scene: find_input_cloud(scene, options.work),
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        console.print("the same command goes on after the last finished stage", highlight=False)
+        raise
+    return built

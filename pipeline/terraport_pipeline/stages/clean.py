@@ -99,10 +99,10 @@ def run(survey: Survey, options: Options, context: Context) -> Cleaned:
     Raises
     ------
     SurveyError
-        Too few different points, coordinates that are not finite or not metres, or all points on
-        one line or plane.
+        Too few different points, coordinates that are not finite, or all points on one line or
+        plane.
     """
-    warnings = _check_units(survey)
+    warnings: list[str] = []
     points = survey.points
     _check_finite(points)
     count = len(points)
@@ -146,8 +146,6 @@ def run(survey: Survey, options: Options, context: Context) -> Cleaned:
         )
     attributes, codes, told = _convert_attributes(survey.attributes, stays)
     warnings += told
-    if survey.colours is None:
-        warnings.append("the survey has no colour: the scene is grey")
     return Cleaned(
         cloud=Cloud(
             points=scene,
@@ -213,21 +211,6 @@ def restore(stored: Stored, facts: Facts) -> Cleaned:
         codes=tuple(values["codes"]),
         facts=facts,
     )
-
-
-def _check_units(survey: Survey) -> list[str]:
-    """Refuse degrees, doubt feet."""
-    if survey.crs is None:
-        return ["the survey states no coordinate reference system; its units are taken as metres"]
-    text = survey.crs.wkt.lstrip().upper()
-    if text.startswith(("GEOGCS", "GEOGCRS", "GEODCRS")):
-        raise SurveyError(
-            f"the survey's coordinates are degrees ({survey.crs.name}); expected metres: reproject "
-            "it to a projected system, for example UTM"
-        )
-    if "FOOT" in text and "METRE" not in text.replace("METER", "METRE"):
-        return [f"{survey.crs.name} is in feet; lengths in the scene are taken as metres"]
-    return []
 
 
 def _check_finite(points: Float64) -> None:

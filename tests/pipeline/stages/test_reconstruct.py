@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from terraport_pipeline.errors import OptionError, ResourceError
+from terraport_pipeline.geometry.deviation import distances_to_mesh
+from terraport_pipeline.geometry.vertex_normals import face_normals
+from terraport_pipeline.model import Survey
+from terraport_pipeline.stages import clean, reconstruct
+from terraport_pipeline.stages.contract import Context
+from terraport_pipeline.stages.reconstruct import Reconstructed
+
+Hill = Callable[..., Survey]
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("scratch")
+
+
+@pytest.fixture(scope="module")
+def cleaned(scratch: Path) -> clean.Cleaned:
+    rng = np.random.default_rng(1)
+    x, z = rng.uniform(-15, 15, (2, 6000))
+    hole = np.hypot(x - 5, z - 5) < 4
+    x, z = x[~hole], z[~hole]
+    points = np.stack([x, z, 2 * np.sin(x / 5) + np.cos(z / 4)], axis=1)
+    survey = Survey(
+        points=points,
+        colours=np.where((x > 0)[:, None], (250, 10, 10), (10, 10, 250)).astype(np.uint8),
+        attributes={"grade": x.astype(np.float32), "code": (z > 0).astype(np.uint8)},
+        crs=None,
+        format="xyz",
+    )
+    return clean.run(survey, clean.Options(), Context(scratch))
+
+
+@pytest.fixture(scope="module")
+def result(cleaned: clean.Cleaned, scratch: Path) -> Reconstructed:
+    return reconstruct.run(cleaned, reconstruct.Options(base_faces=600), Context(scratch))
+
+
+def test_detail_passes_through_the_samples(cleaned: clean.Cleaned, result: Reconstructed) -> None:
+    mesh = result.detail
+    inside = np.abs(cleaned.cloud.points[:, ::2]).max(axis=1) < 14
+    distance_m = distances_to_mesh(cleaned.cloud.points[inside], mesh.vertices, mesh.faces)
+    assert np.percentile(distance_m, 95) < 0.1 * cleaned.cloud.spacing_m
+
+
+def test_detail_ends_where_samples_end(cleaned: clean.Cleaned, result: Reconstructed) -> None:
+    distance_m, _ = cKDTree(cleaned.cloud.points).query(result.detail.vertices)
+    assert distance_m.max() <= 4.0 * 3.0 * cleaned.cloud.spacing_m
+    centre = result.detail.vertices[result.detail.faces].mean(axis=1)
+    middle_of_hole = np.hypot(centre[:, 0] - 5, centre[:, 2] + 5) < 1.0
+    assert not middle_of_hole.any()
+
+
+def test_faces_look_up(result: Reconstructed) -> None:
+    for mesh in (result.base, result.detail):
+        assert (face_normals(mesh.vertices, mesh.faces)[0][:, 1] >= 0).mean() > 0.999
+        assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
+
+
+def test_the_base_lies_under_all_of_the_detail(result: Reconstructed) -> None:
+    """Seen from above: every detail vertex has a base face in its column."""
+    base, detail = result.base, result.detail
+    corners = base.vertices[base.faces][:, :, ::2].astype(np.float64)
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    for point in detail.vertices[::7, ::2].astype(np.float64):
+        sides = [
+            (q[:, 0] - p[:, 0]) * (point[1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (point[0] - p[:, 0])
+            for p, q in ((a, b), (b, c), (c, a))
+        ]
+        # Faces look up, so inside is one sign; a millimetre squared for points on the border.
+        inside = np.abs(np.sign(np.where(np.abs(sides) < 1e-3, 0, sides)).sum(axis=0))
+        zeros = (np.abs(sides) < 1e-3).sum(axis=0)
+        assert (inside == 3 - zeros).any(), f"no base at {point}"
+
+
+def test_the_base_keeps_its_budget(result: Reconstructed) -> None:
+    assert result.facts.counts["base_faces_trimmed"] > 600
+    assert len(result.base.faces) <= 660
+
+
+def test_colours_attributes_and_codes_are_carried(result: Reconstructed) -> None:
+    for mesh in (result.base, result.detail):
+        x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]
+        clear = (np.abs(x) > 1) & (np.abs(x) < 14) & (np.abs(z) < 14)
+        assert ((mesh.colours[:, 0] > 128) == (x > 0))[clear].all()
+        assert np.abs(mesh.attributes["grade"] - x)[clear & (np.hypot(x - 5, z + 5) > 5)].max() < 1
+        assert np.isin(mesh.attributes["code"], (0.0, 1.0)).all()
+
+
+def test_the_depths_follow_the_density_and_it_says_so(result: Reconstructed) -> None:
+    counts = result.facts.counts
+    assert counts["detail_depth"] < 13
+    assert counts["base_depth"] == counts["detail_depth"] - 1
+    told = " ".join(result.facts.warnings)
+    assert f"detail depth {counts['detail_depth']} instead of 13" in told
+    assert f"base depth {counts['base_depth']} instead of 9" in told
+
+
+def test_the_deviation_is_measured(result: Reconstructed) -> None:
+    base, detail = result.base, result.detail
+    distance_m = distances_to_mesh(detail.vertices, base.vertices, base.faces)
+    assert result.deviation_m == tuple(np.percentile(distance_m, (50, 95, 99, 99.9)).tolist())
+    assert list(result.deviation_m) == sorted(result.deviation_m)
+
+
+def test_the_result_does_not_depend_on_threads(
+    cleaned: clean.Cleaned, result: Reconstructed, scratch: Path
+) -> None:
+    options = reconstruct.Options(base_faces=600)
+    second = reconstruct.run(cleaned, options, Context(scratch, threads=2))
+    for name, array in reconstruct.store(result).arrays.items():
+        assert array.tobytes() == reconstruct.store(second).arrays[name].tobytes(), name
+
+
+def test_stored_and_restored(result: Reconstructed) -> None:
+    back = reconstruct.restore(reconstruct.store(result), result.facts)
+    assert (back.detail.vertices == result.detail.vertices).all()
+    assert list(back.base.attributes) == ["grade", "code"]
+    assert back.deviation_m == result.deviation_m
+
+
+def test_too_little_memory_is_said_before_anything_runs(
+    cleaned: clean.Cleaned, scratch: Path
+) -> None:
+    context = Context(scratch, max_memory_bytes=2**26)
+    with pytest.raises(ResourceError, match=r"allowed are 0\.1 GiB; lower --detail-depth"):
+        reconstruct.run(cleaned, reconstruct.Options(), context)
+
+
+def test_nothing_stays_in_scratch(result: Reconstructed, scratch: Path) -> None:
+    assert not list(scratch.iterdir())
+
+
+def test_higher_trim_keeps_more(cleaned: clean.Cleaned, scratch: Path) -> None:
+    kept = [
+        len(
+            reconstruct.run(
+                cleaned,
+                reconstruct.Options(detail_depth=5, base_depth=4, trim_spacings=spacings),
+                replace(Context(scratch)),
+            ).detail.faces
+        )
+        for spacings in (1.0, 6.0)
+    ]
+    assert kept[0] < kept[1]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"base_depth": 2},
+        {"detail_depth": 17},
+        {"base_faces": 5},
+        {"trim_spacings": 0.5},
+        {"island_faces": 0},
+        {"point_weight": -1.0},
+    ],
+)
+def test_options_out_of_range(options: dict[str, float]) -> None:
+    with pytest.raises(OptionError, match="expected"):
+        reconstruct.Options(**options)  # type: ignore[arg-type]
