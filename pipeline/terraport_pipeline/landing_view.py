@@ -65,6 +65,7 @@ class MixedMesh:
     vertices: Float32
     faces: Int32
     colours: UInt8
+    normals: Float32
     base_from: int
     """The first face that belongs to the base."""
 
@@ -156,6 +157,7 @@ def mixed_mesh(
         np.concatenate([model.detail.vertices, base_vertices.astype(np.float32)]),
         np.concatenate([detail_faces, base_faces]),
         np.concatenate([model.detail.colours, np.round(tinted).astype(np.uint8)]),
+        np.concatenate([model.detail.normals, model.base.normals]),
         len(detail_faces),
     )
 

@@ -361,6 +361,7 @@ class PictureTaker:
             camera,
             (options.width, options.height),
             colours=mesh.colours,
+            normals=mesh.normals,
             relief=PHOTO_RELIEF,
             # The two levels shade each other at the rim, which no client does.
             shadows=False,
