@@ -171,7 +171,7 @@ def _milliseconds(seconds: float | None) -> str:
 
 def _wait(console: Console) -> None:
     """Serve until Ctrl-C."""
-    console.print("serving; Ctrl-C stops", style="dim")
     with contextlib.suppress(KeyboardInterrupt):
+        console.print("serving; Ctrl-C stops", style="dim")
         while True:
             time.sleep(3600)
