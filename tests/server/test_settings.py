@@ -17,7 +17,8 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "topics" / "limits.md"
 def listed() -> dict[str, str]:
     """Default by setting, as the page's tables say."""
     rows = {}
-    for names, default in re.findall(r"^\| (`[^|]+`) \| ([^|]+) \|", PAGE.read_text(), re.M):
+    service = PAGE.read_text().split("## The Python SDK")[0]
+    for names, default in re.findall(r"^\| (`[^|]+`) \| ([^|]+) \|", service, re.M):
         for name in re.findall(r"`(\w+)`", names):
             rows[name] = default.strip().strip("`")
     return rows
