@@ -61,6 +61,12 @@ def hill() -> Callable[..., Survey]:
     return hill_survey
 
 
+@pytest.fixture(scope="session")
+def make_hill() -> Callable[..., Survey]:
+    """Make a hill survey; for fixtures of a wider scope."""
+    return hill_survey
+
+
 @pytest.fixture
 def context(tmp_path: Path) -> Context:
     """One thread, silent, scratch files under the test's folder."""
@@ -104,3 +110,9 @@ def hill_file(tmp_path: Path) -> Path:
     path = tmp_path / "hill.xyz"
     path.write_text(survey_text(hill_survey()), encoding="ascii")
     return path
+
+
+@pytest.fixture(scope="session")
+def make_hill_text() -> str:
+    """A hill of 3,000 points as the text of an XYZ file."""
+    return survey_text(hill_survey())

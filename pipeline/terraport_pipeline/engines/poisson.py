@@ -265,7 +265,8 @@ def _write_ply(path: Path, points: Float32, normals: Float32) -> None:
     header += [f"property float {name}" for name in names] + ["end_header", ""]
     with path.open("wb") as file:
         file.write("\n".join(header).encode("ascii"))
-        np.hstack([points, normals]).astype("<f4", copy=False).tofile(file)
+        # Not `tofile`: it tells a full disk without its errno.
+        file.write(np.hstack([points, normals]).astype("<f4", copy=False).data)
 
 
 def _read_ply(path: Path) -> tuple[Float32, Int32]:
@@ -291,7 +292,10 @@ def _read_ply(path: Path) -> tuple[Float32, Int32]:
         raw = np.fromfile(file, dtype=np.uint8, count=stride * count["vertex"])
         lists = np.fromfile(file, dtype="<i4", count=4 * count["face"])
     if len(raw) != stride * count["vertex"] or len(lists) != 4 * count["face"]:
-        raise EngineError(f"{path.name}: shorter than its header says; was the disk full?")
+        raise ResourceError(
+            f"{path} is shorter than its header says: no space left there? free some, or give "
+            "--work another disk"
+        )
     lists = lists.reshape(-1, 4)
     if len(lists) and not (lists[:, 0] == 3).all():
         raise EngineError(f"{path.name}: holds faces that are not triangles")

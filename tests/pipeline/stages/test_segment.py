@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.model import Survey
+from terraport_pipeline.stages import clean, reconstruct, segment
+from terraport_pipeline.stages.contract import Context
+from terraport_pipeline.stages.segment import Segmented
+
+SMALL = segment.Options(min_faces=150, max_faces=900)
+
+
+@pytest.fixture(scope="module")
+def context(tmp_path_factory: pytest.TempPathFactory) -> Context:
+    return Context(tmp_path_factory.mktemp("scratch"))
+
+
+@pytest.fixture(scope="module")
+def meshes(make_hill: Callable[..., Survey], context: Context) -> reconstruct.Reconstructed:
+    cleaned = clean.run(make_hill(), clean.Options(), context)
+    return reconstruct.run(cleaned, reconstruct.Options(base_faces=800), context)
+
+
+@pytest.fixture(scope="module")
+def result(meshes: reconstruct.Reconstructed, context: Context) -> Segmented:
+    return segment.run(meshes, SMALL, context)
+
+
+def test_every_face_has_one_region_and_one_segment(
+    meshes: reconstruct.Reconstructed, result: Segmented
+) -> None:
+    count = len(meshes.detail.faces)
+    assert result.regions.shape == result.segments.shape == (count,)
+    assert sorted(set(result.segments.tolist())) == list(range(len(result.main_region)))
+    assert sorted(set(result.regions.tolist())) == list(range(result.facts.counts["regions"]))
+    assert np.bincount(result.segments).max() <= 900
+
+
+def test_main_region_is_the_region_of_most_faces(result: Segmented) -> None:
+    for number in range(len(result.main_region)):
+        inside = np.bincount(result.regions[result.segments == number])
+        assert inside[result.main_region[number]] == inside.max()
+        assert result.region_counts[number] == np.count_nonzero(inside)
+
+
+def test_the_cover_has_a_row_per_base_face_and_names_known_segments(
+    meshes: reconstruct.Reconstructed, result: Segmented
+) -> None:
+    assert len(result.cover_offsets) == len(meshes.base.faces) + 1
+    assert result.cover_offsets[-1] == len(result.cover_segments)
+    assert result.cover_segments.max() < len(result.main_region)
+    assert result.tolerance_m >= meshes.deviation_m[2]
+
+
+def test_two_materials_are_two_regions(
+    meshes: reconstruct.Reconstructed, result: Segmented
+) -> None:
+    """The hill is red in the east and green in the west."""
+    centre = meshes.detail.vertices[meshes.detail.faces].mean(axis=1)
+    east, west = (result.regions[centre[:, 0] * side > 3] for side in (1, -1))
+    assert result.facts.counts["regions"] == 2
+    assert len(set(east.tolist())) == len(set(west.tolist())) == 1
+    assert east[0] != west[0]
+
+
+def test_same_input_same_bytes(
+    meshes: reconstruct.Reconstructed, result: Segmented, context: Context
+) -> None:
+    again = segment.store(segment.run(meshes, SMALL, replace(context, threads=2)))
+    for name, array in segment.store(result).arrays.items():
+        assert array.tobytes() == again.arrays[name].tobytes(), name
+
+
+def test_stored_and_restored(result: Segmented) -> None:
+    back = segment.restore(segment.store(result), result.facts)
+    assert (back.segments == result.segments).all()
+    assert back.region_facts == result.region_facts
+    assert back.tolerance_m == result.tolerance_m
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"region_threshold": 0.0},
+        {"segment_threshold": float("nan")},
+        {"region_small": 1.0},
+        {"min_faces": 10, "max_faces": 5},
+        {"min_faces": 0},
+        {"max_extent_m": -1.0},
+    ],
+)
+def test_options_out_of_range(options: dict[str, float]) -> None:
+    with pytest.raises(OptionError, match="expected"):
+        segment.Options(**options)  # type: ignore[arg-type]
+
+
+def test_scratch_is_not_used(result: Segmented, context: Context) -> None:
+    assert isinstance(context.scratch, Path)
+    assert not list(context.scratch.iterdir())
