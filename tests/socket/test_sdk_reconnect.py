@@ -61,33 +61,37 @@ def test_after_it_is_ready_a_cut_changes_nothing(server: BackgroundServer) -> No
     """The visible set stays, and a second visit is free on the new connection too."""
 
     async def work() -> None:
-        async with Proxy(server.url) as proxy:
-            async with terraport.connect(f"{proxy.url}/scenes/grid") as session:
-                await (await session.land(CENTRE, radius_m=15.0)).ready(10)
-                before = await session.visible_set_hash()
-                await proxy.cut()
-                landing = await session.land(CENTRE, radius_m=15.0)
-                await landing.ready(10)
-                assert session.stats.connections == 2
-                assert landing.stats.streamed_bytes == 0
-                assert await session.visible_set_hash() == before
+        async with (
+            Proxy(server.url) as proxy,
+            terraport.connect(f"{proxy.url}/scenes/grid") as session,
+        ):
+            await (await session.land(CENTRE, radius_m=15.0)).ready(10)
+            before = await session.visible_set_hash()
+            await proxy.cut()
+            landing = await session.land(CENTRE, radius_m=15.0)
+            await landing.ready(10)
+            assert session.stats.connections == 2
+            assert landing.stats.streamed_bytes == 0
+            assert await session.visible_set_hash() == before
 
     run(work())
 
 
 def test_picks_and_landings_wait_for_the_next_connection(server: BackgroundServer) -> None:
     async def work() -> None:
-        async with Proxy(server.url) as proxy:
-            async with terraport.connect(f"{proxy.url}/scenes/grid") as session:
-                proxy.refuse = True
-                await proxy.cut()
-                pick = asyncio.create_task(session.pick((5.0, 50.0, 5.0)))
-                landing = asyncio.create_task(session.land(CENTRE, radius_m=15.0))
-                await asyncio.sleep(0.1)
-                assert not pick.done()
-                proxy.refuse = False
-                assert (await pick).segment == 0
-                await (await landing).ready(10)
+        async with (
+            Proxy(server.url) as proxy,
+            terraport.connect(f"{proxy.url}/scenes/grid") as session,
+        ):
+            proxy.refuse = True
+            await proxy.cut()
+            pick = asyncio.create_task(session.pick((5.0, 50.0, 5.0)))
+            landing = asyncio.create_task(session.land(CENTRE, radius_m=15.0))
+            await asyncio.sleep(0.1)
+            assert not pick.done()
+            proxy.refuse = False
+            assert (await pick).segment == 0
+            await (await landing).ready(10)
 
     run(work())
 
@@ -121,15 +125,17 @@ def test_a_bit_flipped_on_the_way_is_found_and_sent_again(
     """TCP's checksum misses one in 65,536; the content hash does not."""
 
     async def work() -> None:
-        async with Proxy(server.url) as proxy:
-            async with terraport.connect(f"{proxy.url}/scenes/big") as session:
-                proxy.flip_at = 3_000_000
-                landing = await session.land(CENTRE, radius_m=EVERYWHERE_M)
-                segments = await landing.ready(20)
-                assert proxy.flip_at is None
-                assert landing.stats.rejected == 1
-                assert session.stats.connections == 1
-                assert [segment.payload for segment in segments] == big.payloads
+        async with (
+            Proxy(server.url) as proxy,
+            terraport.connect(f"{proxy.url}/scenes/big") as session,
+        ):
+            proxy.flip_at = 3_000_000
+            landing = await session.land(CENTRE, radius_m=EVERYWHERE_M)
+            segments = await landing.ready(20)
+            assert proxy.flip_at is None
+            assert landing.stats.rejected == 1
+            assert session.stats.connections == 1
+            assert [segment.payload for segment in segments] == big.payloads
 
     run(work())
 

@@ -221,6 +221,8 @@ class Link:
                     if pause_s > 0:
                         await asyncio.sleep(pause_s)
                     await websocket.send(data)
+                if self._leaving:
+                    await websocket.close()  # behind bye; does not wait for the server's own close
         except ConnectionClosed:
             return  # the reader learns the same, with the reason
 

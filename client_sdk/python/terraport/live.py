@@ -312,7 +312,7 @@ class Session:
             async with asyncio.timeout(self._timeouts.close_s):
                 if self._worker is not None and len(self._tasks) > 1:
                     await self._worker.drained()
-                if self._tasks:
+                if self._tasks and self._state.open:  # else there is nobody to say it to
                     await asyncio.wait(self._tasks[:1])
         except TimeoutError:
             pass  # what is left is cut off
@@ -370,25 +370,35 @@ class Session:
         if self._failure is not None:
             raise SessionClosedError(str(self._failure)) from self._failure
 
+    def _record(self, number: int) -> LandingRecord:
+        """Return the record of an open landing; a blank one for a landing that is over."""
+        return self._landings.get(number) or LandingRecord(number, "", time.monotonic, 0.0)
+
+    def _finish(self, number: int) -> LandingRecord:
+        """Return the record of a landing that ends now."""
+        record = self._record(number)
+        self._landings.pop(number, None)
+        return record
+
     def _take(self, event: Event) -> None:
         """Carry out one event of the state machine."""
         if isinstance(event, SegmentArrived):
             self._on_arrived(event)
         elif isinstance(event, Planned):
-            self._landings[event.landing].planned(event.plan, event.kept)
+            self._record(event.landing).planned(event.plan, event.kept)
         elif isinstance(event, Ready):
-            self._landings.pop(event.landing).ready(event.shown, event.missing)
+            self._finish(event.landing).ready(event.shown, event.missing)
         elif isinstance(event, Degraded):
-            self._landings[event.landing].degrade(event.segments)
+            self._record(event.landing).degrade(event.segments)
         elif isinstance(event, Superseded):
             error = LandingSupersededError(event.landing, event.by)
-            self._landings.pop(event.landing).fail(error)
+            self._finish(event.landing).fail(error)
         elif isinstance(event, Refused) and event.landing is not None:
-            self._landings.pop(event.landing).fail(ServerError(event.code, event.message))
+            self._finish(event.landing).fail(ServerError(event.code, event.message))
         elif isinstance(event, SegmentRejected):
             self._rejected += 1
             if event.landing is not None:
-                self._landings[event.landing].rejected += 1
+                self._record(event.landing).rejected += 1
             if self._worker is not None:
                 self._worker.remove({event.segment: event.expected})
         elif isinstance(event, RestoreNeeded):
@@ -418,7 +428,7 @@ class Session:
                 self._worker.store(entry)
         if event.landing is not None:
             source = "disk" if event.restored else "stream"
-            self._landings[event.landing].arrive(entry, source)
+            self._record(event.landing).arrive(entry, source)
 
     def _on_picked(self, event: PickAnswered | PickRefused) -> None:
         answer = self._picks.get(event.request)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import importlib
 import json
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +15,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, Trans
 from rich.table import Table
 
 from terraport.client import Session, connect
-from terraport.errors import LandingTimeoutError, UsageError
+from terraport.errors import LandingTimeoutError, MissingExtraError, UsageError
 from terraport.frames import to_crs, to_scene
 from terraport.landing import Landing
 from terraport.mesh import mixed_model, write_glb
@@ -23,7 +24,7 @@ from terraport_payload import AttributeScale, SegmentMesh
 
 __all__ = ["land", "register"]
 
-_PICTURE: Final = (1600, 900)
+_PICTURE: Final = (1280, 720)
 """Width and height of ``--png`` in pixels."""
 
 
@@ -229,12 +230,12 @@ def _write(
 
 def _require_pictures() -> None:
     """Say before a landing, not after it, that pictures need an extra."""
-    from importlib.util import find_spec
-
-    from terraport.errors import MissingExtraError
-
-    if any(find_spec(name) is None for name in ("embreex", "PIL")):
-        raise MissingExtraError("--png", "terraport[pipeline]")
+    try:
+        importlib.import_module("terraport_pipeline.engines.pictures")
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("terraport"):
+            raise
+        raise MissingExtraError("--png", "terraport[pipeline]") from None
 
 
 def _write_picture(model: SegmentMesh, landing: Landing, path: Path) -> None:

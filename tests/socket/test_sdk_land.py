@@ -1,0 +1,126 @@
+"""``terraport land`` against the real service."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from server.grid_scene import STEP_M, GridScene
+
+from terraport.cli import app
+from terraport_payload import decode_glb
+from terraport_server import BackgroundServer
+
+
+@dataclass(frozen=True)
+class Shown:
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def land(capsys: pytest.CaptureFixture[str]) -> Callable[..., Shown]:
+    """Run ``terraport land`` here: a process of its own each time takes seconds to start."""
+
+    def run(*arguments: object) -> Shown:
+        with pytest.raises(SystemExit) as exit_:
+            app(["land", *map(str, arguments)], prog_name="terraport")
+        out, err = capsys.readouterr()
+        return Shown(exit_.value.code or 0, out, err)
+
+    return run
+
+
+def test_tables_for_people(land, server: BackgroundServer) -> None:
+    """Plan, times and bytes; the second landing at the same place streams nothing."""
+    shown = land(server.scene_url("grid"), 30, 1, 30, "--radius", 12, "--repeat", 2)
+    assert shown.returncode == 0, shown.stderr
+    lines = {line.split("  ")[0].strip(): line for line in shown.stdout.splitlines()}
+    assert "landed at 30.00, 1.00, 30.00 m" in shown.stdout
+    assert "E 500,030.00, N 7,999,970.00, H 101.00" in shown.stdout
+    assert "landing 1" in shown.stdout
+    assert "landing 2" in shown.stdout
+    assert lines["streamed"].split()[-2:] == ["0", "B"]
+    assert "ms" in lines["ready after"]
+    assert shown.stderr == ""
+
+
+def test_json_for_programs(land, server: BackgroundServer, grid: GridScene) -> None:
+    shown = land(
+        server.scene_url("grid"),
+        30,
+        1,
+        30,
+        "--radius",
+        100,
+        "--max-bytes",
+        50_000,
+        "--json",
+    )
+    facts = json.loads(shown.stdout)
+    (landing,) = facts["landings"]
+    assert facts["scene"]["version"] == grid.manifest.version
+    assert landing["streamed_bytes"] == landing["load_bytes"] <= 50_000
+    assert landing["omitted_by"] == "max_bytes"
+    assert len(facts["visible_set_hash"]) == 16
+
+
+def test_crs_coordinates_mean_the_same_place(land, server: BackgroundServer) -> None:
+    """E N H of the survey, from the origin of the manifest; a negative number is no option."""
+    by_crs = land(server.scene_url("grid"), 500_030, 7_999_970.5, 101, "--crs", "--json")
+    by_scene = land(server.scene_url("grid"), 30, 1, 29.5, "--json")
+    one, other = json.loads(by_crs.stdout), json.loads(by_scene.stdout)
+    assert one["position"] == other["position"] == [30.0, 1.0, 29.5]
+    assert one["visible_set_hash"] == other["visible_set_hash"]
+    negative = land(server.scene_url("grid"), -3, -0.5, -1e1, "--json")
+    assert json.loads(negative.stdout)["position"] == [-3.0, -0.5, -10.0]
+
+
+def test_glb_and_png_show_base_and_detail(
+    land, server: BackgroundServer, grid: GridScene, tmp_path: Path
+) -> None:
+    """The mixed model: two base faces less and a segment more for each that is visible."""
+    glb, png = tmp_path / "here.glb", tmp_path / "here.png"
+    shown = land(
+        server.scene_url("grid"), 30, 1, 30, "--radius", 12, "--glb", glb, "--png", png,
+        "--json",
+    )  # fmt: skip
+    assert shown.returncode == 0, shown.stderr
+    facts = json.loads(shown.stdout)
+    count = facts["landings"][0]["load_segments"]
+    model = decode_glb(glb.read_bytes())
+    assert len(model.faces) == 72 - 2 * count + facts["landings"][0]["total_triangles"]
+    flat = model.positions * np.array([1, 0, 1])
+    a, b, c = (flat[model.faces[:, corner]].astype(float) for corner in range(3))
+    assert np.abs(np.cross(b - a, c - a)).sum() / 2 == pytest.approx(3600.0, abs=60 * STEP_M)
+    assert png.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["here.glb", "here.png"]
+
+
+def test_refusals_are_one_line(
+    land, server: BackgroundServer, scenes_dir: Path, token: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for arguments, text in (
+        (("nowhere", 0, 0, 0), "unknown_scene"),
+        (("grid", 0, 0, 0, "--radius", 501), "radius_too_large"),
+        (("grid", 0, 0, 0, "--radius", -1), "radius_m"),
+        (("grid", 0, 0, 0, "--radius", "nan"), "radius_m"),
+    ):
+        failed = land(server.scene_url(arguments[0]), *arguments[1:])
+        assert failed.returncode in (1, 2)
+        assert failed.stderr.startswith("error: ")
+        assert text in failed.stderr
+        assert failed.stderr.count("\n") == 1
+    with BackgroundServer(scenes_dir, token=token) as closed:
+        url = closed.scene_url("grid")
+        failed = land(url, 0, 0, 0, "--token", "wrong-wrong-wrong-wrong")
+        assert failed.returncode == 1
+        assert "unauthorised" in failed.stderr
+        assert "wrong-wrong" not in failed.stderr
+        monkeypatch.setenv("TERRAPORT_TOKEN", token)
+        assert land(url, 0, 0, 0).returncode == 0
