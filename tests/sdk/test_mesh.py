@@ -79,6 +79,21 @@ def test_the_rim_is_sunk_and_nothing_else() -> None:
         mixed_model(base, {}, sink_rim_m=-1)
 
 
+def test_the_base_is_pushed_back_along_the_lines_of_sight(base: BaseMesh) -> None:
+    """Every vertex stays on its pixel, farther by as much as was asked; detail stays."""
+    eye = np.array([1.0, 9.0, 2.0])
+    model = mixed_model(base, {0: tile(0)}, push_back_m=0.5, eye=eye)
+    plain = mixed_model(base, {0: tile(0)})
+    count = len(plain.positions) - len(tile(0).positions)
+    before, after = plain.positions[:count] - eye, model.positions[:count] - eye
+    near, far = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
+    np.testing.assert_allclose(far - near, 0.5, atol=1e-5)
+    np.testing.assert_allclose(before / near[:, None], after / far[:, None], atol=1e-6)
+    np.testing.assert_array_equal(model.positions[count:], tile(0).positions)
+    with pytest.raises(UsageError, match="push_back_m is 1 without eye"):
+        mixed_model(base, {}, push_back_m=1)
+
+
 def test_concatenate_fills_what_some_do_not_have() -> None:
     bare = SegmentMesh(tile(0).positions, tile(0).faces, tile(0).normals)
     both = concatenate([bare, tile(1)])

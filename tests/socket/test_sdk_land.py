@@ -81,6 +81,17 @@ def test_crs_coordinates_mean_the_same_place(land, server: BackgroundServer) -> 
     assert json.loads(negative.stdout)["position"] == [-3.0, -0.5, -10.0]
 
 
+def test_ground_puts_the_landing_onto_the_surface(land, server: BackgroundServer) -> None:
+    """Whatever height was given; beside the scene there is none."""
+    shown = land(server.scene_url("grid"), 30, 400, 30, "--ground", "--json")
+    x, y, z = json.loads(shown.stdout)["position"]
+    assert (x, z) == (30.0, 30.0)
+    assert 0.4 <= y <= 1.6
+    beside = land(server.scene_url("grid"), -100, 0, 0, "--ground")
+    assert beside.returncode == 2
+    assert "no surface above or below (-100.0, 0.0, 0.0)" in beside.stderr
+
+
 def test_glb_and_png_show_base_and_detail(
     land, server: BackgroundServer, grid: GridScene, tmp_path: Path
 ) -> None:

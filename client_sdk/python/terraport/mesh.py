@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -56,7 +56,12 @@ def to_trimesh(mesh: SegmentMesh) -> trimesh.Trimesh:
 
 
 def mixed_model(
-    base: BaseMesh, segments: Mapping[int, SegmentMesh], *, sink_rim_m: float = 0.0
+    base: BaseMesh,
+    segments: Mapping[int, SegmentMesh],
+    *,
+    sink_rim_m: float = 0.0,
+    push_back_m: float = 0.0,
+    eye: Sequence[float] | None = None,
 ) -> SegmentMesh:
     """Return what a viewer draws at a landing: the base less its hidden faces, and the detail.
 
@@ -68,8 +73,11 @@ def mixed_model(
         Every segment that is shown, by id.
     sink_rim_m : float
         How far, in metres against their normals, to move the vertices of base faces that segments
-        cover in part, so that the base does not poke through the detail at the rim. The
-        manifest's ``hand_off.deviation_m`` is right for pictures; 0 leaves the base as it is.
+        cover in part, so that the base does not poke through the detail at the rim. For files, to
+        be seen from anywhere; the manifest's ``hand_off.deviation_m`` is right.
+    push_back_m, eye : float, sequence of 3 floats
+        How far to move the whole base away from an eye, along the lines of sight. For pictures from
+        that eye: no outline changes by it, and no step opens; ``hand_off.deviation_m`` again.
 
     Returns
     -------
@@ -79,16 +87,27 @@ def mixed_model(
     Raises
     ------
     UsageError
-        `sink_rim_m` is negative or not finite.
+        A distance is negative or not finite, or `push_back_m` comes without `eye`.
+
+    References
+    ----------
+    ``docs/topics/hand-off.md``, "The rim".
     """
-    if not (np.isfinite(sink_rim_m) and sink_rim_m >= 0):
-        raise UsageError(f"sink_rim_m is {sink_rim_m}, expected 0 or more")
+    for name, distance_m in (("sink_rim_m", sink_rim_m), ("push_back_m", push_back_m)):
+        if not (np.isfinite(distance_m) and distance_m >= 0):
+            raise UsageError(f"{name} is {distance_m}, expected 0 or more")
+    if push_back_m and eye is None:
+        raise UsageError(f"push_back_m is {push_back_m} without eye, expected both")
     hidden = base.hidden_faces(segments)
     positions = base.mesh.positions
     if sink_rim_m:
         rim = np.unique(base.mesh.faces[base.counters.rim])
         positions = positions.copy()
         positions[rim] -= np.float32(sink_rim_m) * base.mesh.normals[rim]
+    if push_back_m and eye is not None:
+        sight = positions - np.asarray(eye, dtype=np.float64)
+        length = np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), np.finfo(float).tiny)
+        positions = (positions + sight / length * push_back_m).astype(np.float32)
     drawn = _without_unused(
         SegmentMesh(
             positions=positions,

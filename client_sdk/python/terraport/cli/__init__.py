@@ -30,7 +30,7 @@ With a survey:
 
     terraport serve scenes                    serve it
 
-    terraport land http://127.0.0.1:8080/scenes/pit 0 0 0 --radius 60 --png here.png
+    terraport land http://127.0.0.1:8080/scenes/pit 0 0 0 --ground --png here.png
 
 `terraport VERB --help` says more about each.
 """

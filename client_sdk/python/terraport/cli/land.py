@@ -14,7 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 from rich.table import Table
 
-from terraport.client import Session, connect
+from terraport.base import BaseMesh
+from terraport.client import connect
 from terraport.errors import LandingTimeoutError, MissingExtraError, UsageError
 from terraport.frames import to_crs, to_scene
 from terraport.landing import Landing
@@ -26,6 +27,8 @@ __all__ = ["land", "register"]
 
 _PICTURE: Final = (1280, 720)
 """Width and height of ``--png`` in pixels."""
+_PHOTO_RELIEF: Final = 0.4
+"""Photographed colours hold the light of the day already: shade softly, cast no shadows."""
 
 
 def register(app: typer.Typer) -> None:
@@ -45,6 +48,9 @@ def land(
     radius: Annotated[float, typer.Option(help="Metres around the place.")] = 60.0,
     crs: Annotated[
         bool, typer.Option("--crs", help="X Y Z are easting, northing, height of the survey's CRS.")
+    ] = False,
+    ground: Annotated[
+        bool, typer.Option("--ground", help="Land on the surface above or below that place.")
     ] = False,
     token: Annotated[
         str | None,
@@ -74,7 +80,7 @@ def land(
 
     For example:
 
-        terraport land http://127.0.0.1:8080/scenes/pit 12 3.5 -40 --radius 60
+        terraport land http://127.0.0.1:8080/scenes/pit 12 0 -40 --ground --radius 60
 
         terraport land http://127.0.0.1:8080 --crs 500012 8000040 103.5 --repeat 2 --png here.png
 
@@ -98,6 +104,7 @@ def land(
             (x, y, z),
             radius,
             crs=crs,
+            ground=ground,
             token=token,
             repeat=repeat,
             timeout_s=timeout,
@@ -115,6 +122,7 @@ async def _land(
     radius_m: float,
     *,
     crs: bool,
+    ground: bool,
     token: str | None,
     repeat: int,
     timeout_s: float,
@@ -126,6 +134,11 @@ async def _land(
     async with connect(url, token, **options) as session:
         manifest = await session.manifest()
         position = to_scene(place, manifest["origin"]) if crs else place
+        if ground:
+            hit = await session.pick(position)
+            if hit is None:
+                raise UsageError(f"no surface above or below {position}, expected a place on it")
+            position = hit.position
         landings = []
         for number in range(1, repeat + 1):
             landing = await session.land(position, radius_m)
@@ -144,9 +157,9 @@ async def _land(
             "visible_set_hash": await session.visible_set_hash(),
         }
         if glb is not None or png is not None:
-            model = await _model(session, landing, manifest)
+            base = await session.base()
             facts["files"] = await asyncio.to_thread(
-                _write, model, landing, manifest, glb=glb, png=png
+                _write, base, landing, manifest, glb=glb, png=png
             )
         if as_json:
             typer.echo(json.dumps(facts, indent=1))
@@ -194,28 +207,20 @@ def _facts(landing: Landing) -> dict[str, Any]:
     }
 
 
-async def _model(session: Session, landing: Landing, manifest: dict[str, Any]) -> SegmentMesh:
-    """Return what a viewer would draw here."""
-    base = await session.base()
-    deviation_m = float(manifest["hand_off"]["deviation_m"])
-
-    def mix() -> SegmentMesh:
-        segments = {segment.id: segment.arrays() for segment in landing.segments}
-        return mixed_model(base, segments, sink_rim_m=deviation_m)
-
-    return await asyncio.to_thread(mix)
-
-
 def _write(
-    model: SegmentMesh,
+    base: BaseMesh,
     landing: Landing,
     manifest: dict[str, Any],
     *,
     glb: Path | None,
     png: Path | None,
 ) -> list[dict[str, Any]]:
+    """Write what a viewer would draw here: base and detail."""
+    segments = {segment.id: segment.arrays() for segment in landing.segments}
+    deviation_m = float(manifest["hand_off"]["deviation_m"])
     written = []
     if glb is not None:
+        model = mixed_model(base, segments, sink_rim_m=deviation_m)
         scales = {
             attribute["name"]: AttributeScale(attribute["offset"], attribute["step"])
             for attribute in manifest["attributes"]
@@ -223,7 +228,7 @@ def _write(
         size = write_glb(model, glb, step_m=manifest["step_m"], attribute_scales=scales)
         written.append({"file": str(glb), "bytes": size, "triangles": len(model.faces)})
     if png is not None:
-        _write_picture(model, landing, png)
+        _write_picture(base, segments, landing, deviation_m, png)
         written.append({"file": str(png), "bytes": png.stat().st_size})
     return written
 
@@ -238,7 +243,14 @@ def _require_pictures() -> None:
         raise MissingExtraError("--png", "terraport[pipeline]") from None
 
 
-def _write_picture(model: SegmentMesh, landing: Landing, path: Path) -> None:
+def _write_picture(
+    base: BaseMesh,
+    segments: dict[int, SegmentMesh],
+    landing: Landing,
+    deviation_m: float,
+    path: Path,
+) -> None:
+    """Draw the landing obliquely from above."""
     import numpy as np
 
     from terraport_pipeline.engines.cameras import oblique
@@ -246,14 +258,18 @@ def _write_picture(model: SegmentMesh, landing: Landing, path: Path) -> None:
 
     width, height = _PICTURE
     boxes = np.array([segment.bounds for segment in landing.segments], dtype=np.float64)
-    corners = boxes.reshape(-1, 3) if len(boxes) else model.positions
+    corners = boxes.reshape(-1, 3) if len(boxes) else base.mesh.positions
+    camera = oblique(corners, aspect=width / height)
+    model = mixed_model(base, segments, push_back_m=deviation_m, eye=camera.eye)
     picture = render_mesh(
         model.positions,
         model.faces.astype(np.int32),
-        oblique(corners, aspect=width / height),
+        camera,
         _PICTURE,
         colours=model.colours,
         normals=model.normals,
+        relief=_PHOTO_RELIEF,
+        shadows=False,
         supersample=2,
     )
     save_png(picture, path)
