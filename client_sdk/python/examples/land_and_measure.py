@@ -3,7 +3,6 @@
 python land_and_measure.py http://127.0.0.1:8080/scenes/quarry 0 0 0
 """
 
-# ruff: noqa: D103, INP001, T201 - a script that prints, not a module of the package
 from __future__ import annotations
 
 import asyncio
