@@ -63,6 +63,14 @@ class BuildOptions:
     max_memory_bytes: int | None = None
     """80 % of what is free by default."""
 
+    def __post_init__(self) -> None:
+        self.pack_options()  # refused before any work, not after an hour
+
+    def pack_options(self) -> pack.Options:
+        """Options of the last stage."""
+        name = self.scene.absolute().name if self.name is None else self.name
+        return pack.Options(name, self.encodings)
+
     def recorded(self) -> dict[str, Any]:
         """Options that change the published bytes, as the manifest records them."""
         return {
@@ -245,7 +253,7 @@ def _run_stages(
     )
     crs = read.record.values["crs"]
     build_info = _build_info(options, input_info, runner.reports)
-    pack_options = pack.Options(options.name or scene.name, options.encodings)
+    pack_options = options.pack_options()
 
     def publish(context: Context) -> pack.Packed:
         cloud = cleaned.value().cloud

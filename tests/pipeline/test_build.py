@@ -264,6 +264,13 @@ def test_options_out_of_range(hill_file: Path, tmp_path: Path, more: dict[str, i
     assert not default_work_directory(tmp_path / "scene").exists()
 
 
+def test_options_of_the_last_stage_are_refused_before_the_first() -> None:
+    with pytest.raises(OptionError, match="expected glb"):
+        BuildOptions(Path("a.laz"), Path("b"), encodings=("arrays",))
+    with pytest.raises(OptionError, match="1 to 200"):
+        BuildOptions(Path("a.laz"), Path("b"), name="")
+
+
 def test_too_little_memory_is_said(hill_file: Path, tmp_path: Path) -> None:
     with pytest.raises(ResourceError, match="--max-memory"):
         build(options_for(hill_file, tmp_path / "scene", max_memory_bytes=2**28))

@@ -130,7 +130,7 @@ def run(
         The disk is full, or somebody else publishes the same scene; nothing half-written is left.
     """
     detail, base, progress = reconstructed.detail, reconstructed.base, context.progress
-    step_m = choose_step_m(_widest_m(detail, segmented.segments), _farthest_m(detail, base))
+    step_m = choose_step_m(_widest_m(segmented.bounds), _farthest_m(detail, base))
     scales = {
         name: choose_attribute_scale(np.concatenate([values, base.attributes[name]]))
         for name, values in detail.attributes.items()
@@ -262,16 +262,9 @@ def _in_order(
                 future.cancel()
 
 
-def _widest_m(detail: Mesh, segments: Int32) -> float:
+def _widest_m(bounds: Float32) -> float:
     """Longest side of any segment's box."""
-    count = int(segments.max()) + 1
-    low = np.full((count, 3), np.inf, dtype=np.float32)
-    high = np.full((count, 3), -np.inf, dtype=np.float32)
-    for corner in range(3):
-        positions = detail.vertices[detail.faces[:, corner]]
-        np.minimum.at(low, segments, positions)
-        np.maximum.at(high, segments, positions)
-    return float((high.astype(np.float64) - low).max())
+    return float((bounds[:, 3:].astype(np.float64) - bounds[:, :3]).max())
 
 
 def _farthest_m(*meshes: Mesh) -> float:

@@ -17,7 +17,7 @@ from terraport_pipeline.geometry.cover import build_cover
 from terraport_pipeline.geometry.region_facts import region_facts
 from terraport_pipeline.geometry.segments import SegmentOptions, build_segments
 from terraport_pipeline.geometry.triangle_pool import TrianglePoolOptions, triangle_pools
-from terraport_pipeline.model import Int32
+from terraport_pipeline.model import Float32, Int32
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
 
@@ -87,6 +87,8 @@ class Segmented:
     """(S,) region with most faces in the segment."""
     region_counts: Int32
     """(S,) regions in the segment."""
+    bounds: Float32
+    """(S, 6) each segment's box: minimum x, y, z, maximum x, y, z; metres, scene frame."""
     region_facts: dict[str, Json]
     """Contents of regions.json."""
     tolerance_m: float
@@ -189,6 +191,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         cover_segments=cover.segments,
         main_region=segments.main_region,
         region_counts=segments.region_counts,
+        bounds=segments.bounds,
         region_facts=facts,
         tolerance_m=tolerance_m,
         max_extent_m=segments.max_extent_m,
@@ -199,7 +202,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
 def store(result: Segmented) -> Stored:
     """Turn the result into arrays and values."""
     names = ("regions", "segments", "cover_offsets", "cover_segments", "main_region")
-    arrays = {name: getattr(result, name) for name in (*names, "region_counts")}
+    arrays = {name: getattr(result, name) for name in (*names, "region_counts", "bounds")}
     values = {
         "region_facts": result.region_facts,
         "tolerance_m": result.tolerance_m,
@@ -218,6 +221,7 @@ def restore(stored: Stored, facts: Facts) -> Segmented:
         cover_segments=np.asarray(arrays["cover_segments"], dtype=np.uint32),
         main_region=np.asarray(arrays["main_region"], dtype=np.int32),
         region_counts=np.asarray(arrays["region_counts"], dtype=np.int32),
+        bounds=np.asarray(arrays["bounds"], dtype=np.float32),
         region_facts=values["region_facts"],
         tolerance_m=values["tolerance_m"],
         max_extent_m=values["max_extent_m"],

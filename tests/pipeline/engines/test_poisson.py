@@ -3,7 +3,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 
@@ -24,7 +23,13 @@ def sphere(count: int = 3000) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_sphere_comes_back_oriented_and_close(tmp_path: Path) -> None:
     points, normals = sphere()
-    ((vertices, faces),) = poisson.reconstruct(points, normals, [6], tmp_path, side_by_side=False)
+    ticks: list[float] = []
+    started = time.monotonic()
+    ((vertices, faces),) = poisson.reconstruct(
+        points, normals, [6], tmp_path, side_by_side=False, tick=ticks.append
+    )
+    assert 0 < sum(ticks) <= time.monotonic() - started
+    assert not list(tmp_path.iterdir())
     assert np.abs(np.linalg.norm(vertices, axis=1) - 5.0).max() < 0.1
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     assert ((np.cross(b - a, c - a) * (a + b + c)).sum(axis=1) > 0).mean() > 0.999
@@ -34,17 +39,12 @@ def test_a_sphere_comes_back_oriented_and_close(tmp_path: Path) -> None:
 def test_side_by_side_gives_the_same_bytes(tmp_path: Path) -> None:
     points, normals = sphere()
     both = [
-        poisson.reconstruct(points, normals, [4, 6], tmp_path, side_by_side=together)
+        poisson.reconstruct(points, normals, [4, 5], tmp_path, side_by_side=together)
         for together in (True, False)
     ]
     for (v1, f1), (v2, f2) in zip(*both, strict=True):
         assert v1.tobytes() == v2.tobytes()
         assert f1.tobytes() == f2.tobytes()
-
-
-def test_nothing_is_left_behind(tmp_path: Path) -> None:
-    poisson.reconstruct(*sphere(500), [4], tmp_path, side_by_side=False)
-    assert not list(tmp_path.iterdir())
 
 
 def test_more_memory_than_allowed_stops_the_child(tmp_path: Path) -> None:
@@ -95,14 +95,6 @@ def test_a_killed_parent_takes_its_children_along(tmp_path: Path) -> None:
     gone, alive = psutil.wait_procs(children, timeout=10)
     assert gone
     assert not alive
-
-
-def test_ticks_add_up_to_the_time(tmp_path: Path) -> None:
-    ticks: list[float] = []
-    started = time.monotonic()
-    poisson.reconstruct(*sphere(), [6], tmp_path, side_by_side=False, tick=ticks.append)
-    assert 0 < sum(ticks) <= time.monotonic() - started
-    assert threading.active_count() >= 1
 
 
 @pytest.mark.parametrize(

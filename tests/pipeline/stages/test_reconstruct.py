@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -139,20 +138,6 @@ def test_too_little_memory_is_said_before_anything_runs(
 
 def test_nothing_stays_in_scratch(result: Reconstructed, scratch: Path) -> None:
     assert not list(scratch.iterdir())
-
-
-def test_higher_trim_keeps_more(cleaned: clean.Cleaned, scratch: Path) -> None:
-    kept = [
-        len(
-            reconstruct.run(
-                cleaned,
-                reconstruct.Options(detail_depth=5, base_depth=4, trim_spacings=spacings),
-                replace(Context(scratch)),
-            ).detail.faces
-        )
-        for spacings in (1.0, 6.0)
-    ]
-    assert kept[0] < kept[1]
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,15 @@ def test_main_region_is_the_region_of_most_faces(result: Segmented) -> None:
         assert result.region_counts[number] == np.count_nonzero(inside)
 
 
+def test_bounds_are_the_boxes_of_the_segments(
+    meshes: reconstruct.Reconstructed, result: Segmented
+) -> None:
+    for number, box in enumerate(result.bounds):
+        inside = meshes.detail.vertices[meshes.detail.faces[result.segments == number].ravel()]
+        assert (box[:3] == inside.min(axis=0)).all()
+        assert (box[3:] == inside.max(axis=0)).all()
+
+
 def test_the_cover_has_a_row_per_base_face_and_names_known_segments(
     meshes: reconstruct.Reconstructed, result: Segmented
 ) -> None:

@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from terraport_pipeline.cli import build as command
+from terraport_pipeline.cli.build import parse_size, register
+from terraport_pipeline.errors import OptionError
+from terraport_store.validate import validate_scene
+
+
+def run(*arguments: object) -> tuple[int, str]:
+    app = typer.Typer()
+    register(app)
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    return result.exit_code, " ".join(result.output.split())
+
+
+def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) -> None:
+    code, said = run(
+        hill_file, "-o", tmp_path / "hill", "--min-faces", 150, "--max-faces", 900,
+        "--base-faces", "1k", "--max-memory", "4G", "--no-report",
+    )  # fmt: skip
+    assert code == 0, said
+    assert validate_scene(tmp_path / "hill") == []
+    for word in ("read", "clean", "reconstruct", "segment", "pack", "MiB", "published"):
+        assert word in said
+    assert "warning: detail depth" in said
+    assert not (tmp_path / "hill" / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "message"),
+    [
+        (["--detail-depth", "99"], 2, "error: detail depth 99; expected 3 to 16"),
+        (["--units", "tiles"], 2, "error: units 'tiles'; expected segments or pools"),
+        (["--max-memory", "lots"], 2, "error: size 'lots'; expected a number with"),
+        (["--encodings", "obj"], 2, "error: encodings obj; expected glb, or glb,arrays"),
+        (["--no-such-option"], 2, "No such option"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_wrong_options_exit_with_2(
+    hill_file: Path, tmp_path: Path, more: list[str], code: int, message: str
+) -> None:
+    got, said = run(hill_file, "-o", tmp_path / "scene", *more)
+    assert got == code
+    assert message in said
+    assert not (tmp_path / "scene").exists()
+    assert not (tmp_path / ".scene.work").exists()
+
+
+def test_a_bad_survey_exits_with_1(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.xyz"
+    bad.write_text("x y z\n1 2 3\n4 5 6\n7 8 1\n", encoding="ascii")
+    code, said = run(bad, "-o", tmp_path / "scene")
+    assert code == 1
+    assert "error: 3 different points (of 3 read)" in said
+    assert "Traceback" not in said
+
+
+def test_ctrl_c_exits_with_130_and_says_how_to_go_on(
+    hill_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "run_build", interrupted)
+    code, said = run(hill_file, "-o", tmp_path / "scene", "--quiet")
+    assert code == 130
+    assert "the same command goes on after the last finished stage" in said
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("8G", 8 * 2**30), ("500m", 500 * 2**20), ("1.5 GiB", 3 * 2**29), ("1024", 1024)],
+)
+def test_sizes(text: str, expected: int) -> None:
+    assert parse_size(text) == expected
+
+
+@pytest.mark.parametrize("text", ["", "G", "-1G", "8X", "1e9", "nan"])
+def test_sizes_that_are_none(text: str) -> None:
+    with pytest.raises(OptionError, match="expected a number"):
+        parse_size(text)
