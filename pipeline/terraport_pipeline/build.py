@@ -133,7 +133,7 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     survey, scene = options.survey.absolute(), options.scene.absolute()
     with scene_locked(scene):
         threads = options.threads or _cores()
-        numba.set_num_threads(min(threads, _cores()))
+        numba.set_num_threads(min(threads, int(numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
         runner = _Runner(
             WorkDirectory(options.work or default_work_directory(scene)),
             resume=options.resume,
