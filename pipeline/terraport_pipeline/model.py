@@ -3,12 +3,12 @@
 Two frames occur, and only two:
 
 *CRS frame*
-    Easting, northing, height (metres, float64) in the survey's own coordinate reference system. Only
-    :class:`Survey` uses it.
+    Easting, northing, height (metres, float64) in the survey's own coordinate reference system.
+    Only :class:`Survey` uses it.
 *Scene frame*
-    Metres, right-handed, **Y up** (glTF), float32 about a float64 ``origin`` (E0, N0, H0) in the CRS:
-    ``x = E - E0``, ``y = H - H0``, ``z = -(N - N0)``. Everything after the clean stage uses it; nothing converts
-    again until an engine adapter does.
+    Metres, right-handed, **Y up** (glTF), float32 about a float64 ``origin`` (E0, N0, H0) in the
+    CRS: ``x = E - E0``, ``y = H - H0``, ``z = -(N - N0)``. Everything after the clean stage uses
+    it; nothing converts again until an engine adapter does.
 
 PURE: no I/O, no clock.
 """
@@ -21,7 +21,19 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["UP", "Cloud", "Crs", "Float32", "Float64", "Int32", "Mesh", "Survey", "UInt8", "to_crs", "to_scene"]
+__all__ = [
+    "UP",
+    "Cloud",
+    "Crs",
+    "Float32",
+    "Float64",
+    "Int32",
+    "Mesh",
+    "Survey",
+    "UInt8",
+    "to_crs",
+    "to_scene",
+]
 
 Float32 = npt.NDArray[np.float32]
 Float64 = npt.NDArray[np.float64]
@@ -112,12 +124,13 @@ def to_scene(points: Float64, origin: Float64) -> Float32:
     Returns
     -------
     ndarray of shape (N, 3), float32
-        x east, y up, z south, metres about the origin. The subtraction is done in float64, so a UTM northing of
-        8e6 m loses nothing.
+        x east, y up, z south, metres about the origin. The subtraction is done in float64, so a
+        UTM northing of 8e6 m loses nothing.
 
     Examples
     --------
-    >>> to_scene(np.array([[500010.0, 8000020.0, 130.0]]), np.array([500000.0, 8000000.0, 100.0])).tolist()
+    >>> origin = np.array([500000.0, 8000000.0, 100.0])
+    >>> to_scene(np.array([[500010.0, 8000020.0, 130.0]]), origin).tolist()
     [[10.0, 30.0, -20.0]]
     """
     local = points - origin

@@ -128,6 +128,13 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
             cover_segments=nowhere[:0],
             main_region=np.zeros(4, dtype=np.int32),
             region_counts=np.ones(4, dtype=np.int32),
+            bounds=np.array(
+                [
+                    np.concatenate([corners.min(axis=0), corners.max(axis=0)])
+                    for number in range(4)
+                    for corners in [mesh.vertices[flat[segments == number].ravel()]]
+                ]
+            ),
             region_facts={"regions": [{"id": 0}]},
             tolerance_m=0.1,
             max_extent_m=400.0,
