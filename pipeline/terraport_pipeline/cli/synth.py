@@ -12,7 +12,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from terraport_pipeline.errors import OptionError, PipelineError
+from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.errors import OptionError
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
 from terraport_pipeline.synth.options import QuarryOptions
@@ -104,8 +105,8 @@ def synth(
 
         terraport build quarry.laz -o scenes/quarry
     """
-    errors = Console(stderr=True, soft_wrap=True)
-    try:
+    console = Console(stderr=True, soft_wrap=True)
+    with reporting_errors(console):
         values: dict[str, Any] = {
             "points": None if points is None else parse_count(points),
             "seed": seed,
@@ -121,14 +122,8 @@ def synth(
         base = _DEFAULTS if parameters is None else QuarryOptions.from_json(parameters)
         options = dataclasses.replace(base, **given)
         start = time.perf_counter()
-        with RichProgress(errors) as progress:
+        with RichProgress(console) as progress:
             written = write_quarry(options, output, overwrite=force, progress=progress)
-    except PipelineError as error:
-        errors.print(f"error: {error}", markup=False, highlight=False)
-        raise typer.Exit(2 if isinstance(error, OptionError) else 1) from error
-    except KeyboardInterrupt as error:
-        errors.print("stopped; nothing was written", markup=False)
-        raise typer.Exit(130) from error
     Console().print(_make_table(written, options, time.perf_counter() - start))
 
 

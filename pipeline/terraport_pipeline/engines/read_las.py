@@ -36,10 +36,27 @@ _COLOURS: Final = ("red", "green", "blue")
 _UNSET: Final = {"return_number": (0, 1), "number_of_returns": (0, 1)}
 """Values of a standard field that say nothing when every point has them; 0 for the others."""
 
+_HEADER_BYTES: Final = 375
+_RECORD_BYTES: Final = 54
+_EXTENDED_RECORD_BYTES: Final = 60
+"""Sizes of LAS 1.4: public header block, and the heads of variable length records."""
+
 _MAX_POINTS_PER_BYTE: Final = 2000
 
-_DAMAGED: Final = (laspy.LaspyException, lazrs.LazrsError, ValueError, EOFError, OSError)
-"""What laspy and lazrs raise on damaged files."""
+_DAMAGED: Final = (
+    laspy.LaspyException,
+    lazrs.LazrsError,
+    ArithmeticError,
+    EOFError,
+    MemoryError,
+    OSError,
+    ValueError,
+)
+"""What laspy and lazrs raise on damaged files (found by flipping bytes)."""
+
+_PANIC_MODULE: Final = "pyo3_runtime"
+"""Home of the exception that a failed check inside lazrs raises; it has no importable name and is
+no :class:`Exception`."""
 
 
 def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
@@ -64,9 +81,12 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     ReadError
         When header or points are damaged or cut off; names the point where reading ended.
     """
+    _check_records(path)
     try:
         reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs)
-    except (*_DAMAGED, UnicodeDecodeError, OverflowError, MemoryError) as error:
+    except BaseException as error:
+        if not _means_damage(error):
+            raise
         raise ReadError(
             path,
             f"the LAS header or the compressed table cannot be read ({_brief(error)})",
@@ -81,6 +101,13 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
         crs, warnings = _find_crs(header)
         rows = thinning_rows(count, max_points)
         names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
+        if not all(names) or len(set(names)) < len(names):
+            raise ReadError(
+                path,
+                f"the point's fields are {', '.join(map(repr, names))}: one has no name or occurs "
+                "twice",
+                "the header is damaged: copy or export the file again",
+            )
         kept = count if rows is None else len(rows)
         points = np.empty((kept, 3))
         columns: dict[str, npt.NDArray[Any]] = {}
@@ -92,7 +119,8 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
                 wanted = rows[low:high] - first
             part = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
             target = slice(done, done + len(part))
-            points[target] = part * header.scales + header.offsets
+            with np.errstate(over="ignore", invalid="ignore"):  # a damaged scale; dropped later
+                points[target] = part * header.scales + header.offsets
             for name in names:
                 values = np.asarray(chunk[name])
                 if name not in columns:
@@ -103,6 +131,27 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
         standard = set(header.point_format.standard_dimension_names)
     colours, notes = _take_colours(columns)
     return RawSurvey(points, colours, _keep_attributes(columns, standard), crs, (*warnings, *notes))
+
+
+def _check_records(path: Path) -> None:
+    """Refuse more variable length records than fit: laspy would read on past the end for hours."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(_HEADER_BYTES).ljust(_HEADER_BYTES, b"\0")
+    header_size, points_start, records = struct.unpack_from("<HII", head, 94)
+    room = min(points_start, size) - header_size
+    extended_start, extended = struct.unpack_from("<QI", head, 235)
+    if head[25] < 4:  # minor version: extended records came with LAS 1.4
+        extended = 0
+    if records * _RECORD_BYTES > max(room, 0) or (
+        extended * _EXTENDED_RECORD_BYTES > max(size - extended_start, 0)
+    ):
+        raise ReadError(
+            path,
+            f"the header says {records:,} records and {extended:,} extended ones, more than fit "
+            f"into {size:,} bytes",
+            "the file is cut off or damaged: copy or export it again",
+        )
 
 
 def _check_size(path: Path, header: Any) -> None:
@@ -140,7 +189,7 @@ def _check_compressed(path: Path, start: int, size: int, count: int) -> None:
         )
     if table + 8 > size:
         points = max(size - start - 8, 0)
-        share = points / (table - start - 8)
+        share = points / max(table - start - 8, 1)
         raise ReadError(
             path,
             f"the compressed points reach to byte {table:,}, but the file ends; about "
@@ -148,12 +197,29 @@ def _check_compressed(path: Path, start: int, size: int, count: int) -> None:
             "it is cut off: copy or export it again",
             f"byte {size:,}",
         )
+    if table > start:
+        _check_chunk_table(path, table, count)
     # Identical points cost LAZ about 1/100 byte; a header that claims far more is damaged.
     if count > _MAX_POINTS_PER_BYTE * size:
         raise ReadError(
             path,
             f"the header says {count:,} points in {size:,} bytes",
             "the header is damaged: export the survey again",
+        )
+
+
+def _check_chunk_table(path: Path, table: int, count: int) -> None:
+    """Refuse a table of more chunks than points: lazrs would end the process over its memory."""
+    with path.open("rb") as file:
+        file.seek(table)
+        version, chunks = struct.unpack("<II", file.read(8))
+    if version != 0 or chunks > count:
+        raise ReadError(
+            path,
+            f"the table of compressed chunks is damaged (version {version}, {chunks:,} chunks for "
+            f"{count:,} points)",
+            "copy or export the file again",
+            f"byte {table:,}",
         )
 
 
@@ -164,7 +230,9 @@ def _iterate(reader: Any, path: Path, count: int) -> Iterator[tuple[int, Any]]:
     while first < count:
         try:
             chunk = next(chunks, None)
-        except _DAMAGED as error:
+        except BaseException as error:
+            if not _means_damage(error):
+                raise
             last = min(first + _CHUNK_POINTS, count)
             raise ReadError(
                 path,
@@ -223,6 +291,10 @@ def _keep_attributes(
             for part in range(values.shape[1]):
                 kept[f"{name}_{part}"] = np.ascontiguousarray(values[:, part])
     return kept
+
+
+def _means_damage(error: BaseException) -> bool:
+    return isinstance(error, _DAMAGED) or type(error).__module__ == _PANIC_MODULE
 
 
 def _brief(error: BaseException) -> str:

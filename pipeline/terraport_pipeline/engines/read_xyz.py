@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -131,7 +132,7 @@ def _find_layout(path: Path) -> _Layout:
         skip, rows = 1, rows[1:]
     if not rows:
         raise ReadError(path, "there is not one row of numbers", "export the survey again")
-    delimiter = _find_delimiter(rows[-1])
+    delimiter, _ = Counter(map(_find_delimiter, rows)).most_common(1)[0]
     cells = [_split(row, delimiter) for row in rows]
     comma = delimiter != "," and any(re.search(r"\d,\d", cell) for cell in cells[-1])
     decimal = "," if comma else "."
@@ -149,7 +150,15 @@ def _find_layout(path: Path) -> _Layout:
         )
     if header is not None:
         _refuse_degrees(path, header)
-        return _Layout(delimiter, decimal, skip, name_header_columns(header), bare=False)
+        names = name_header_columns(header)
+        missing = [axis for axis in "xyz" if axis not in names]
+        if missing:
+            raise ReadError(
+                path,
+                f"there is no column {', '.join(missing)}; the columns are {', '.join(names)}",
+                "name the coordinates x, y, z (or easting, northing, height)",
+            )
+        return _Layout(delimiter, decimal, skip, names, bare=False)
     return _Layout(delimiter, decimal, skip, _name_bare(path, cells, decimal), bare=True)
 
 

@@ -7,8 +7,8 @@ Without one, the first three columns are x (east), y (north), z (up), and of the
 1. three neighbouring columns, the 4th to 6th or the 5th to 7th, that hold whole numbers 0..255 in
    every sampled row and are not all equal are red, green, blue. In ``.pts`` files (intensity
    first) the 5th to 7th are tried first, elsewhere the 4th to 6th.
-2. a single column, or the one before or after the colours, is ``intensity``.
-3. three columns of unit vectors are ``nx``, ``ny``, ``nz``.
+2. three neighbouring columns of unit vectors are ``nx``, ``ny``, ``nz``.
+3. a single column, or the one before or after the colours, is ``intensity``.
 4. everything else is ``column_4``, ``column_5``, ... by its place in the file, from 1.
 """
 
@@ -33,6 +33,8 @@ ALIASES: Final[dict[str, tuple[str, ...]]] = {
 }
 """Column names that mean a coordinate or a colour, lower case."""
 
+_COLOURS: Final = ("red", "green", "blue")
+
 DEGREES: Final = ("lon", "longitude", "long", "lat", "latitude")
 """Column names that mean an angle."""
 
@@ -43,17 +45,22 @@ _UNIT_TOLERANCE: Final = 0.02
 def name_header_columns(header: Sequence[str]) -> list[str]:
     """Translate a header: aliases become x, y, z, red, green, blue; other names stay.
 
-    The first column that matches wins; a later one of the same meaning keeps its own name.
+    The first column that matches wins; a later one of the same meaning keeps its own name. Colours
+    are translated only where all three are there: a lone ``g`` is no green.
 
     Examples
     --------
     >>> name_header_columns(["Northing", "Easting", "Height", "R", "G", "B", "class"])
     ['y', 'x', 'z', 'red', 'green', 'blue', 'class']
     """
+    labels = [raw.strip().strip('"').lstrip("/#").strip() for raw in header]
+    lower = {label.lower() for label in labels}
+    aliases = dict(ALIASES)
+    if not all(lower.intersection(ALIASES[colour]) for colour in _COLOURS):
+        aliases = {key: also for key, also in ALIASES.items() if key not in _COLOURS}
     names: list[str] = []
-    for raw in header:
-        label = raw.strip().strip('"').lstrip("/#").strip()
-        meaning = next((key for key, also in ALIASES.items() if label.lower() in also), label)
+    for label in labels:
+        meaning = next((key for key, also in aliases.items() if label.lower() in also), label)
         names.append(meaning if meaning and meaning not in names else label)
     return [
         name if name and name not in names[:index] else f"column_{index + 1}"
@@ -83,16 +90,14 @@ def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[str]:
     colour = next((s for s in starts if s + 3 <= count and _are_colours(sample[:, s : s + 3])), -1)
     if colour >= 0:
         names[colour : colour + 3] = ["red", "green", "blue"]
-        beside = 3 if colour == 4 else colour + 3
-        if beside < count:
-            names[beside] = "intensity"
-    elif count == 4:
-        names[3] = "intensity"
     for start in range(3, count - 2):
         part = sample[:, start : start + 3]
         if all(name.startswith("column_") for name in names[start : start + 3]) and _are_unit(part):
             names[start : start + 3] = ["nx", "ny", "nz"]
             break
+    beside = 3 if colour != 3 else 6
+    if beside < count and names[beside].startswith("column_") and (colour >= 0 or count == 4):
+        names[beside] = "intensity"
     return names
 
 

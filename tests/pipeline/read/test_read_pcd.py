@@ -1,0 +1,108 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pypcd4 import Encoding, PointCloud
+
+from terraport_pipeline.engines.read_pcd import read_pcd
+from terraport_pipeline.errors import ReadError
+
+ENCODINGS = [Encoding.ASCII, Encoding.BINARY, Encoding.BINARY_COMPRESSED]
+
+
+def write(path: Path, sample, encoding, *, packed=True) -> Path:
+    names = ["x", "y", "z", "intensity", "label"]
+    types = [np.float64, np.float64, np.float64, np.float32, np.uint16]
+    columns = [*sample.points.T, sample.grade, sample.classes.astype(np.uint16)]
+    if packed:
+        wide = sample.colours.astype(np.uint32)
+        bits = (wide[:, 0] << 16) | (wide[:, 1] << 8) | wide[:, 2]
+        names.append("rgb")
+        types.append(np.uint32)
+        columns.append(bits)
+    else:
+        names += ["r", "g", "b"]
+        types += [np.uint8] * 3
+        columns += list(sample.colours.T)
+    cloud = PointCloud.from_points(columns, tuple(names), tuple(types))
+    cloud.save(path, encoding=encoding)
+    return path
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("packed", [True, False])
+def test_everything_comes_back(tmp_path, sample, advance, encoding, packed: bool) -> None:
+    raw = read_pcd(write(tmp_path / "a.pcd", sample, encoding, packed=packed), advance=advance)
+    np.testing.assert_allclose(raw.points, sample.points, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(raw.colours, sample.colours)
+    np.testing.assert_allclose(raw.attributes["intensity"], sample.grade, rtol=1e-6)
+    np.testing.assert_array_equal(raw.attributes["label"], sample.classes)
+    assert list(raw.attributes) == ["intensity", "label"]
+
+
+def test_colour_packed_into_a_float(tmp_path, sample, advance) -> None:
+    """PCL's own habit: 0x00RRGGBB stored as if it were a float32."""
+    wide = sample.colours.astype(np.uint32)
+    bits = (wide[:, 0] << 16) | (wide[:, 1] << 8) | wide[:, 2]
+    columns = [*sample.points.astype(np.float32).T, bits.view(np.float32)]
+    path = tmp_path / "a.pcd"
+    PointCloud.from_points(columns, ("x", "y", "z", "rgb"), (np.float32,) * 4).save(
+        path, encoding=Encoding.BINARY
+    )
+    np.testing.assert_array_equal(read_pcd(path, advance=advance).colours, sample.colours)
+
+
+def test_thinning(tmp_path, sample, advance) -> None:
+    path = write(tmp_path / "a.pcd", sample, Encoding.BINARY)
+    raw = read_pcd(path, advance=advance, max_points=30)
+    assert raw.points.shape == (30, 3)
+    assert len(raw.attributes["label"]) == 30
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_every_truncation_is_a_read_error(tmp_path, sample, encoding) -> None:
+    path = write(tmp_path / "a.pcd", sample, encoding)
+    data = path.read_bytes()
+    # A cut within the last ASCII number still leaves a number: stop before it.
+    for length in range(5, len(data) - 12, 601):
+        path.write_bytes(data[:length])
+        with pytest.raises(ReadError):
+            read_pcd(path, advance=lambda count, total: None)
+
+
+def test_a_cut_binary_file_says_at_which_point(tmp_path, sample, advance) -> None:
+    path = write(tmp_path / "a.pcd", sample, Encoding.BINARY)
+    data = path.read_bytes()
+    start = data.index(b"DATA binary\n") + 12
+    path.write_bytes(data[: start + 100 * 34 + 1])
+    with pytest.raises(ReadError, match="ends after 100 of 500 points"):
+        read_pcd(path, advance=advance)
+
+
+HEAD = "VERSION 0.7\nFIELDS {fields}\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {n}\nHEIGHT 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (HEAD.format(fields="x y w", n=1) + "POINTS 1\nDATA ascii\n1 2 3\n", "no field z"),
+        (HEAD.format(fields="x y z", n=0) + "POINTS 0\nDATA ascii\n", "0 points"),
+        (HEAD.format(fields="x y", n=1) + "POINTS 1\nDATA ascii\n1 2\n", ""),
+        (HEAD.format(fields="x y z", n=1) + "POINTS 1\n", "no DATA line"),
+        (HEAD.format(fields="x y z", n=1) + "POINTS 1\nDATA zip\n", "header is wrong"),
+        (HEAD.format(fields="x y z", n=9) + "POINTS 99999999999\nDATA binary\n1", "ends after 0"),
+        (
+            HEAD.format(fields="x y z", n=9) + "POINTS 9\nDATA ascii\n" + "1.25 2.25 3.25\n" * 8,
+            "8 of 9",
+        ),
+        (HEAD.format(fields="x y z", n=1) + "POINTS 1\nDATA ascii\n1 2 three\n", "cannot be read"),
+    ],
+)
+def test_bad_files_are_named(tmp_path, advance, text: str, told: str) -> None:
+    path = tmp_path / "a.pcd"
+    path.write_text(text)
+    with pytest.raises(ReadError) as caught:
+        read_pcd(path, advance=advance)
+    assert told in str(caught.value)

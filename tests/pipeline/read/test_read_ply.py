@@ -1,0 +1,144 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from terraport_pipeline.engines.read_ply import read_ply
+from terraport_pipeline.errors import ReadError
+
+TYPES = [
+    ("x", "double", "f8"), ("y", "double", "f8"), ("z", "double", "f8"),
+    ("red", "uchar", "u1"), ("green", "uchar", "u1"), ("blue", "uchar", "u1"),
+    ("scalar_grade", "float", "f4"), ("class", "ushort", "u2"), ("id", "int", "i4"),
+]  # fmt: skip
+
+
+def header(kind: str, count: int, types=TYPES, tail="element face 2\nproperty list uchar int v\n"):
+    lines = "".join(f"property {ply} {name}\n" for name, ply, _ in types)
+    return (
+        f"ply\nformat {kind} 1.0\ncomment made here\nelement vertex {count}\n{lines}{tail}"
+        "end_header\n"
+    ).encode()
+
+
+def rows(sample, endian: str) -> np.ndarray:
+    table = np.zeros(len(sample.points), [(name, endian + code) for name, _, code in TYPES])
+    table["x"], table["y"], table["z"] = sample.points.T
+    table["red"], table["green"], table["blue"] = sample.colours.T
+    table["scalar_grade"], table["class"] = sample.grade, sample.classes
+    table["id"] = -np.arange(len(table))
+    return table
+
+
+def write(path: Path, sample, kind: str) -> Path:
+    faces = b"\x03" + np.array([0, 1, 2], "<i4").tobytes()
+    if kind == "ascii":
+        body = "".join(
+            " ".join(repr(value.item()) for value in row) + "\n" for row in rows(sample, "<")
+        ).encode()
+        path.write_bytes(header(kind, 500) + body + b"3 0 1 2\n3 1 2 3\n")
+    else:
+        endian = "<" if kind == "binary_little_endian" else ">"
+        path.write_bytes(header(kind, 500) + rows(sample, endian).tobytes() + faces * 2)
+    return path
+
+
+KINDS = ["ascii", "binary_little_endian", "binary_big_endian"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_scalar_property_comes_back(tmp_path, sample, advance, kind: str) -> None:
+    raw = read_ply(write(tmp_path / "a.ply", sample, kind), advance=advance)
+    np.testing.assert_array_equal(raw.points, sample.points)
+    np.testing.assert_array_equal(raw.colours, sample.colours)
+    assert list(raw.attributes) == ["scalar_grade", "class", "id"]
+    np.testing.assert_array_equal(raw.attributes["scalar_grade"], sample.grade)
+    assert raw.attributes["class"].dtype == np.uint16
+    np.testing.assert_array_equal(raw.attributes["id"], -np.arange(500))
+    assert raw.warnings == ("Only the vertices are read; the file's 2 face elements are ignored.",)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_thinning_takes_whole_points(tmp_path, sample, advance, kind: str) -> None:
+    raw = read_ply(write(tmp_path / "a.ply", sample, kind), advance=advance, max_points=60)
+    at = -raw.attributes["id"]
+    assert len(at) == 60
+    np.testing.assert_array_equal(raw.points, sample.points[at])
+    np.testing.assert_array_equal(raw.colours, sample.colours[at])
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+def test_a_cut_binary_file_says_at_which_vertex(tmp_path, sample, advance, kind: str) -> None:
+    path = write(tmp_path / "a.ply", sample, kind)
+    row = rows(sample, "<").itemsize
+    length = len(header(kind, 500)) + 77 * row + 3
+    path.write_bytes(path.read_bytes()[:length])
+    with pytest.raises(ReadError, match="ends after 77 of 500 vertices") as caught:
+        read_ply(path, advance=advance)
+    assert caught.value.place == f"byte {length:,}"
+
+
+def test_a_cut_ascii_file_says_at_which_vertex(tmp_path, sample, advance) -> None:
+    path = write(tmp_path / "a.ply", sample, "ascii")
+    lines = path.read_bytes().splitlines(keepends=True)
+    head = header("ascii", 500).count(b"\n")
+    path.write_bytes(b"".join(lines[: head + 450]))
+    with pytest.raises(ReadError, match="ends after 450 of 500 vertices"):
+        read_ply(path, advance=advance)
+    path.write_bytes(b"".join(lines[: head + 450]) + b"1.0 2.0")
+    with pytest.raises(ReadError, match="is no row of 9 numbers") as caught:
+        read_ply(path, advance=advance)
+    assert caught.value.place == "vertex 450"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_truncation_of_the_vertices_is_a_read_error(tmp_path, sample, kind: str) -> None:
+    path = write(tmp_path / "a.ply", sample, kind)
+    data = path.read_bytes()
+    last = data.rindex(b"3 0 1 2") - 8 if kind == "ascii" else len(data) - 2 * 13 - 1
+    for length in range(3, last, 997):
+        path.write_bytes(data[:length])
+        with pytest.raises(ReadError):
+            read_ply(path, advance=lambda count, total: None)
+
+
+def test_nan_is_read_and_left_to_the_stage(tmp_path, advance) -> None:
+    path = tmp_path / "a.ply"
+    path.write_bytes(header("ascii", 2, TYPES[:3], "") + b"nan 1 2\n3 4 5\n")
+    raw = read_ply(path, advance=advance)
+    assert np.isnan(raw.points[0, 0])
+    assert raw.points[1].tolist() == [3.0, 4.0, 5.0]
+
+
+def test_an_element_before_the_vertices_is_stepped_over(tmp_path, advance) -> None:
+    camera = b"element camera 1\nproperty double a\nproperty uchar b\n"
+    head = header("binary_little_endian", 1, TYPES[:3], "")
+    at = head.index(b"element vertex")
+    path = tmp_path / "a.ply"
+    path.write_bytes(head[:at] + camera + head[at:] + b"\x07" * 9 + np.arange(3.0).tobytes())
+    assert read_ply(path, advance=advance).points.tolist() == [[0.0, 1.0, 2.0]]
+
+
+@pytest.mark.parametrize(
+    ("data", "text"),
+    [
+        (header("ascii", 1, TYPES[:2], "") + b"1 2\n", "the vertices have no z"),
+        (header("ascii", 0, TYPES[:3], ""), "the header says 0 vertices"),
+        (header("binary_middle", 1, TYPES[:3], ""), "format is 'binary_middle'"),
+        (b"ply\nformat ascii 1.0\nelement face 1\nend_header\n", "no vertex element, only face"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\n", "no PLY header ends"),
+        (b"ply\nformat ascii 1.0\nproperty float x\nend_header\n", "'property float x'"),
+        (b"ply\nformat ascii 1.0\nelement vertex many\nend_header\n", "'element vertex many'"),
+        (b"ply\nelement vertex 1\nproperty half x\nend_header\n", "'property half x'"),
+        (header("ascii", 10**12, TYPES[:3], "") + b"1 2 3\n", "1,000,000,000,000 vertices"),
+        (header("binary_little_endian", 10**15, TYPES[:3], ""), "ends after 0 of"),
+    ],
+)
+def test_bad_headers_are_named(tmp_path, advance, data: bytes, text: str) -> None:
+    path = tmp_path / "a.ply"
+    path.write_bytes(data)
+    with pytest.raises(ReadError) as caught:
+        read_ply(path, advance=advance)
+    assert text in str(caught.value)
