@@ -122,6 +122,8 @@ class _Prover:
         self._detail = detail_rays or RayScene(model.detail_vertices, model.detail_faces)
         self._base = base_rays or RayScene(model.base_vertices, model.base_faces)
         self._rng = np.random.default_rng(options.seed)
+        self._all_detail = ShownFaces(self._detail, np.ones(len(model.detail_faces), np.bool_))
+        self._all_base = ShownFaces(self._base, np.ones(len(model.base_faces), np.bool_))
         self._subsets = random_subsets(_segment_centres(model), options.subsets, self._rng)
         self._area = cumulative_face_area(model.detail_vertices, model.detail_faces)
         self._top_m = float(model.detail_vertices[:, 1].max())
@@ -156,6 +158,7 @@ class _Prover:
         distance = places.distance(mixed, mixed_t[rows], MEASURE_REACH * tolerance)
         holes = np.zeros(len(rays.kind), dtype=np.bool_)
         suspects = rows[missed[rows] & (distance > tolerance)]
+        suspects = suspects[~self._detail_is_replaced(mixed, rays, detail_first, suspects)]
         suspects = suspects[~self._base_is_replaced(mixed, rays, base_first, suspects)]
         holes[suspects] = True
         bare = self._sort_out(rays, detail_first, base_first, mixed, holes)
@@ -239,16 +242,22 @@ class _Prover:
         """Tell where the mixed model has surface at the place where the ray meets the base."""
         near = np.zeros(len(rows), dtype=np.bool_)
         met = np.flatnonzero(np.isfinite(first[0][rows]))
-        chosen = rows[met]
-        places = self._base_places(rays, first, chosen)
-        tolerance, nothing = self._model.tolerance_m, np.full(len(met), np.inf, np.float32)
-        reach = MEASURE_REACH * tolerance
-        now = places.distance(mixed, nothing, reach)
-        # The full detail itself may lie further from the base here than the tolerance.
-        full = ShownFaces(self._detail, np.ones(len(self._model.detail_faces), dtype=np.bool_))
-        due = places.distance(full, nothing, reach)
-        near[met] = (now <= tolerance) | (np.isfinite(now) & (now <= due + tolerance * 1e-2))
+        # Where a base face hides, it is the detail that stands for it.
+        near[met] = self._whole(self._base_places(rays, first, rows[met]), mixed, self._all_detail)
         return near
+
+    def _detail_is_replaced(self, mixed: TracedModel, rays: Rays, first: Hit, rows: Rows) -> Bool:
+        """Tell where the mixed model has surface at the place where the ray meets the detail."""
+        # Where detail is not loaded, it is the base that stands for it.
+        return self._whole(self._detail_places(rays, first, rows), mixed, self._all_base)
+
+    def _whole(self, places: Places, mixed: TracedModel, standing_in: TracedModel) -> Bool:
+        """Tell where the mixed model is within the tolerance, or as near as what stands in."""
+        tolerance = self._model.tolerance_m
+        nothing, reach = np.float32(np.inf), MEASURE_REACH * tolerance
+        now, due = (places.distance(one, nothing, reach) for one in (mixed, standing_in))
+        whole: Bool = (now <= tolerance) | (np.isfinite(now) & (now <= due + tolerance * 1e-2))
+        return whole
 
     def _verify(
         self,
@@ -268,9 +277,8 @@ class _Prover:
         built = BuiltModel(self._model, loaded, hidden)
         t = built.closest(rays.origins[suspects], rays.directions[suspects])
         missed = strict_misses(detail_first[0][suspects], base_first[0][suspects], t, tolerance)
-        places = self._detail_places(rays, detail_first, suspects)
-        far = places.distance(built, t, tolerance) > tolerance
-        left = suspects[missed & far]
+        left = suspects[missed]
+        left = left[~self._detail_is_replaced(built, rays, detail_first, left)]
         return left[~self._base_is_replaced(built, rays, base_first, left)]
 
     def _sort_out(
@@ -282,9 +290,7 @@ class _Prover:
         bare = rows[~np.isfinite(base_first[0][rows])]
         reach = self._model.tolerance_m
         places = self._detail_places(rays, detail_first, bare)
-        full = ShownFaces(self._base, np.ones(len(self._model.base_faces), dtype=np.bool_))
-        nothing = np.full(len(bare), np.inf, np.float32)
-        absent = places.distance(full, nothing, reach) > reach
+        absent = places.distance(self._all_base, np.float32(np.inf), reach) > reach
         bare, places = bare[absent], self._detail_places(rays, detail_first, bare[absent])
         # The base has nothing near. Ground above or below is no hole: the base smoothed the thing
         # away. No ground at any height is one, whoever is to blame.
@@ -292,7 +298,7 @@ class _Prover:
         holes[bare[ground]] = False
         self._smoothed += int(ground.sum())
         open_sky = np.zeros(len(holes), dtype=np.bool_)
-        open_sky[bare[~ground & ~places.meets_vertical(full)]] = True
+        open_sky[bare[~ground & ~places.meets_vertical(self._all_base)]] = True
         return open_sky
 
     def _detail_places(self, rays: Rays, first: Hit, rows: Rows) -> Places:

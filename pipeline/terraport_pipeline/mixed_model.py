@@ -140,7 +140,7 @@ class Places:
         self._points = origins + directions * t[:, None]
         self._normals = normals
 
-    def distance(self, model: TracedModel, ray_t: Float32, reach_m: float) -> Float32:
+    def distance(self, model: TracedModel, ray_t: Float32 | np.float32, reach_m: float) -> Float32:
         """Distance to the model, (R,): along the ray, the normal or the vertical, least of these.
 
         Only places whose ray did not meet the model at the very point are looked at more closely.
