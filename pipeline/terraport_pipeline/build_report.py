@@ -23,7 +23,7 @@ _SHOWN: Final = {
     "read": ("points", "attributes"),
     "clean": ("points", "duplicates", "outliers", "spacing_m"),
     "reconstruct": ("base_depth", "detail_depth", "base_faces", "detail_faces", "deviation_p99_m"),
-    "segment": ("regions", "segments", "max_extent_m", "base_faces_uncovered"),
+    "segment": ("regions", "segments", "max_extent_m", "base_faces_beyond"),
     "pack": ("payload_bytes", "bytes_per_face", "base_bytes", "step_m"),
 }
 """Counts of each stage that the table shows."""

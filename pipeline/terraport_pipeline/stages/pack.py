@@ -129,7 +129,8 @@ def run(
     SceneStoreError
         The disk is full, or somebody else publishes the same scene; nothing half-written is left.
     """
-    detail, base, progress = reconstructed.detail, reconstructed.base, context.progress
+    detail, progress = reconstructed.detail, context.progress
+    base = _kept(reconstructed.base, segmented.base_kept)
     step_m = choose_step_m(_widest_m(segmented.bounds), _farthest_m(detail, base))
     scales = {
         name: choose_attribute_scale(np.concatenate([values, base.attributes[name]]))
@@ -218,6 +219,19 @@ def split_segments(detail: Mesh, segments: Int32, regions: Int32) -> Iterator[Se
             region_ids=region.astype(np.uint16),
             attributes={name: values[vertex] for name, values in detail.attributes.items()},
         )
+
+
+def _kept(base: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
+    """Keep some faces in their order, and the vertices that they use."""
+    faces = base.faces[kept]
+    used, corner = np.unique(faces, return_inverse=True)
+    return Mesh(
+        vertices=base.vertices[used],
+        faces=corner.reshape(-1, 3).astype(np.int32),
+        normals=base.normals[used],
+        colours=base.colours[used],
+        attributes={name: values[used] for name, values in base.attributes.items()},
+    )
 
 
 def _segment_mesh(mesh: Mesh) -> SegmentMesh:

@@ -80,8 +80,11 @@ class Segmented:
     """(F,) region of every detail face, 0 to R - 1."""
     segments: Int32
     """(F,) segment of every detail face, numbered along a Morton curve."""
+    base_kept: npt.NDArray[np.bool_]
+    """(B,) base faces with detail over them. The others reach beyond the surface that there is and
+    are not published: never hidden, they would stand as a fringe around loaded detail."""
     cover_offsets: UInt32
-    """(B + 1,) CSR rows, one per base face."""
+    """(K + 1,) CSR rows, one per base face that is kept."""
     cover_segments: UInt32
     main_region: Int32
     """(S,) region with most faces in the segment."""
@@ -155,8 +158,18 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     # (3) cover
     progress.start("segment: cover", None, "base faces")
     tolerance_m = max(reconstructed.deviation_m[2], _SMALLEST_TOLERANCE_M)
-    cover = build_cover(base.vertices, base.faces, *mesh, segments.labels, tolerance_m=tolerance_m)
-    progress.done({"never hidden": cover.uncovered_faces + cover.partly_covered_faces})
+    # Faces partly beyond the detail may be hidden too, because nothing is kept beyond them: no slit
+    # can open between the detail's rim and a next base face.
+    cover = build_cover(
+        base.vertices,
+        base.faces,
+        *mesh,
+        segments.labels,
+        tolerance_m=tolerance_m,
+        hide_partly_covered=True,
+    )
+    base_kept = np.diff(cover.offsets.astype(np.int64)) > 0
+    progress.done({"base faces": int(base_kept.sum())})
     # (4) facts
     progress.start("segment: facts", None, "regions")
     facts = region_facts(
@@ -172,8 +185,8 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         "max_extent_m": segments.max_extent_m,
         "tolerance_m": tolerance_m,
         "cover_entries": len(cover.segments),
-        "base_faces_uncovered": cover.uncovered_faces,
-        "base_faces_partly_covered": cover.partly_covered_faces,
+        "base_faces": int(base_kept.sum()),
+        "base_faces_beyond": int((~base_kept).sum()),
         "detail_faces_far_from_base": cover.far_detail_faces,
         "detail_faces_without_base": cover.baseless_detail_faces,
     }
@@ -187,7 +200,8 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     return Segmented(
         regions=regions.labels,
         segments=segments.labels,
-        cover_offsets=cover.offsets,
+        base_kept=base_kept,
+        cover_offsets=cover.offsets[np.append(True, base_kept)],
         cover_segments=cover.segments,
         main_region=segments.main_region,
         region_counts=segments.region_counts,
@@ -201,7 +215,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
 
 def store(result: Segmented) -> Stored:
     """Turn the result into arrays and values."""
-    names = ("regions", "segments", "cover_offsets", "cover_segments", "main_region")
+    names = ("regions", "segments", "base_kept", "cover_offsets", "cover_segments", "main_region")
     arrays = {name: getattr(result, name) for name in (*names, "region_counts", "bounds")}
     values = {
         "region_facts": result.region_facts,
@@ -217,6 +231,7 @@ def restore(stored: Stored, facts: Facts) -> Segmented:
     return Segmented(
         regions=np.asarray(arrays["regions"], dtype=np.int32),
         segments=np.asarray(arrays["segments"], dtype=np.int32),
+        base_kept=np.asarray(arrays["base_kept"], dtype=bool),
         cover_offsets=np.asarray(arrays["cover_offsets"], dtype=np.uint32),
         cover_segments=np.asarray(arrays["cover_segments"], dtype=np.uint32),
         main_region=np.asarray(arrays["main_region"], dtype=np.int32),

@@ -61,10 +61,24 @@ def test_bounds_are_the_boxes_of_the_segments(
 def test_the_cover_has_a_row_per_base_face_and_names_known_segments(
     meshes: reconstruct.Reconstructed, result: Segmented
 ) -> None:
-    assert len(result.cover_offsets) == len(meshes.base.faces) + 1
+    assert len(result.base_kept) == len(meshes.base.faces)
+    assert len(result.cover_offsets) == result.base_kept.sum() + 1
+    assert (np.diff(result.cover_offsets.astype(np.int64)) > 0).all()
     assert result.cover_offsets[-1] == len(result.cover_segments)
     assert result.cover_segments.max() < len(result.main_region)
     assert result.tolerance_m >= meshes.deviation_m[2]
+
+
+def test_base_beyond_the_detail_is_not_kept_and_all_other_is(
+    meshes: reconstruct.Reconstructed, context: Context
+) -> None:
+    detail = meshes.detail
+    cut = (detail.vertices[:, 0] < 5)[detail.faces].all(axis=1)
+    shorter = replace(meshes, detail=replace(detail, faces=detail.faces[cut]))
+    kept = segment.run(shorter, SMALL, context).base_kept
+    x = meshes.base.vertices[meshes.base.faces][:, :, 0]
+    assert kept[x.min(axis=1) < 4].all()
+    assert not kept[x.min(axis=1) > 9].any()
 
 
 def test_two_materials_are_two_regions(
