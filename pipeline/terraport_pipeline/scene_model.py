@@ -86,7 +86,7 @@ def load_scene_model(scene: Scene, *, progress: Progress | None = None) -> Scene
     if total_faces > MAX_DETAIL_FACES:
         raise ResourceError(
             f"the scene has {total_faces} detail faces, expected at most {MAX_DETAIL_FACES} to "
-            "look at in memory; inspect still works, and so does validate --no-rays"
+            "look at in memory; inspect still works, and so does validate --rays 0"
         )
     watcher.start("read segments", len(index), "segments")
     parts = _Parts(
