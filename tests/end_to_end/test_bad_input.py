@@ -125,8 +125,6 @@ def test_an_interrupted_build_goes_on_where_it_stopped(tmp_path: Path, built: Bu
         stdout=subprocess.DEVNULL,
         text=True,
         start_new_session=True,
-        # A script that runs in the background ignores SIGINT, and its children inherit that.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 120
     while not (work / "clean" / "stage.json").exists() and time.monotonic() < deadline:
