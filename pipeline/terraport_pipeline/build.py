@@ -18,7 +18,9 @@ from typing import Any, Final, Generic, TypeVar
 import numba
 import psutil
 
+from terraport_pipeline import stages
 from terraport_pipeline.build_report import BuildReport, StageReport, write_build_report
+from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.measure import Measure
 from terraport_pipeline.model import Survey
@@ -150,6 +152,10 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     return report
 
 
+def _key(name: str, options: Mapping[str, Any], inputs: Mapping[str, str]) -> str:
+    return stage_key(name, code_digest(f"{stages.__name__}.{name}"), options, inputs)
+
+
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
@@ -220,7 +226,7 @@ def _run_stages(
     read = _read(runner, survey, input_info, options)
     cleaned = runner.step(
         clean.NAME,
-        stage_key(clean.NAME, asdict(options.clean), {"survey": read.record.digest}),
+        _key(clean.NAME, asdict(options.clean), {"survey": read.record.digest}),
         lambda context: clean.run(read.value(), options.clean, context),
         lambda result: result.facts,
         clean.store,
@@ -229,7 +235,7 @@ def _run_stages(
     read.release()
     reconstructed = runner.step(
         reconstruct.NAME,
-        stage_key(
+        _key(
             reconstruct.NAME,
             asdict(options.reconstruct),
             {"cloud": cleaned.record.digest},
@@ -241,7 +247,7 @@ def _run_stages(
     )
     segmented = runner.step(
         segment.NAME,
-        stage_key(
+        _key(
             segment.NAME,
             asdict(options.segment),
             {"meshes": reconstructed.record.digest},
@@ -269,7 +275,7 @@ def _run_stages(
             scene, reconstructed.value(), segmented.value(), about, pack_options, context
         )
 
-    key = stage_key(
+    key = _key(
         pack.NAME,
         {**asdict(pack_options), "build": build_info.model_dump(mode="json"), "crs": crs},
         {
@@ -286,7 +292,7 @@ def _read(
 ) -> _Step[Survey]:
     return runner.step(
         survey_store.NAME,
-        stage_key(
+        _key(
             survey_store.NAME,
             {"max_points": options.max_points, "suffix": survey.suffix.lower()},
             {"file": f"{input_info.bytes}-{input_info.xxh3}"},

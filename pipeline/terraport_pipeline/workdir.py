@@ -9,14 +9,13 @@
         .scratch.<random>.tmp/  files of an engine
 
 A result is written beside, synced, and renamed into place. It is taken up again when its key (the
-stage's name, this package's code, its options, the digests of its inputs) is unchanged and its
+stage's name, its code, its options, the digests of its inputs) is unchanged and its
 files have the size that was written.
 """
 
 from __future__ import annotations
 
 import contextlib
-import functools
 import json
 import os
 import shutil
@@ -33,14 +32,12 @@ import xxhash
 from terraport_pipeline.errors import ResourceError, WorkDirectoryError
 from terraport_pipeline.stages.contract import Facts, Json, Stored
 
-__all__ = ["Cost", "StageRecord", "WorkDirectory", "code_digest", "file_digest", "stage_key"]
+__all__ = ["Cost", "StageRecord", "WorkDirectory", "file_digest", "stage_key"]
 
 _MARK: Final = ".terraport-work"
 """Says that a directory is ours, so that nothing else's files are ever deleted."""
 
 _RECORD: Final = "stage.json"
-
-_CODE_FOLDERS: Final = frozenset({"engines", "geometry", "stages"})
 
 _DISK_FULL: Final = frozenset({28, 27, 122})
 """errno ENOSPC, EFBIG, EDQUOT."""
@@ -206,13 +203,15 @@ class WorkDirectory:
                 shutil.rmtree(beside.with_name(f".{beside.name[1:]}.old.tmp"), ignore_errors=True)
 
 
-def stage_key(name: str, options: Mapping[str, Json], inputs: Mapping[str, str]) -> str:
+def stage_key(name: str, code: str, options: Mapping[str, Json], inputs: Mapping[str, str]) -> str:
     """Compute what identifies a stage's result.
 
     Parameters
     ----------
     name : str
         Of the stage.
+    code : str
+        Digest of the code that makes the result.
     options : mapping
         Plain values; all that change the result, none that do not.
     inputs : mapping of str to str
@@ -225,22 +224,10 @@ def stage_key(name: str, options: Mapping[str, Json], inputs: Mapping[str, str])
 
     Examples
     --------
-    >>> stage_key("clean", {"a": 1}, {}) == stage_key("clean", {"a": 2}, {})
+    >>> stage_key("clean", "c", {"a": 1}, {}) == stage_key("clean", "c", {"a": 2}, {})
     False
     """
-    return xxhash.xxh3_128_hexdigest(_canonical([name, code_digest(), dict(options), dict(inputs)]))
-
-
-@functools.cache
-def code_digest() -> str:
-    """Compute the XXH3-64 of the source that results depend on: another release, other results."""
-    digest = xxhash.xxh3_64()
-    package = Path(__file__).parent
-    for path in sorted(package.glob("*/*.py")):
-        if path.parent.name in _CODE_FOLDERS:
-            digest.update(f"{path.parent.name}/{path.name}".encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return xxhash.xxh3_128_hexdigest(_canonical([name, code, dict(options), dict(inputs)]))
 
 
 def file_digest(path: Path) -> str:

@@ -125,19 +125,14 @@ def test_scratch_is_gone_afterwards(work: WorkDirectory) -> None:
 
 def test_keys_differ_in_everything_that_matters() -> None:
     keys = {
-        stage_key("a", {"x": 1}, {"in": "1"}),
-        stage_key("b", {"x": 1}, {"in": "1"}),
-        stage_key("a", {"x": 2}, {"in": "1"}),
-        stage_key("a", {"x": 1}, {"in": "2"}),
+        stage_key("a", "code", {"x": 1}, {"in": "1"}),
+        stage_key("b", "code", {"x": 1}, {"in": "1"}),
+        stage_key("a", "other", {"x": 1}, {"in": "1"}),
+        stage_key("a", "code", {"x": 2}, {"in": "1"}),
+        stage_key("a", "code", {"x": 1}, {"in": "2"}),
     }
-    assert len(keys) == 4
-    assert stage_key("a", {"x": 1, "y": 2}, {}) == stage_key("a", {"y": 2, "x": 1}, {})
-
-
-def test_keys_follow_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = stage_key("a", {}, {})
-    monkeypatch.setattr(workdir, "code_digest", lambda: "another release")
-    assert stage_key("a", {}, {}) != before
+    assert len(keys) == 5
+    assert stage_key("a", "c", {"x": 1, "y": 2}, {}) == stage_key("a", "c", {"y": 2, "x": 1}, {})
 
 
 def test_file_digest_is_of_the_bytes(tmp_path: Path) -> None:

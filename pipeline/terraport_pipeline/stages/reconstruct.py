@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from terraport_payload import order_for_cache
+from terraport_payload.order import order_for_cache
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.errors import OptionError, ResourceError, SurveyError

@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+from terraport_pipeline.code_digest import code_digest, modules_behind
+
+STAGES = "terraport_pipeline.stages."
+
+
+def test_a_stage_depends_on_what_it_imports_and_on_the_child_it_starts() -> None:
+    behind = modules_behind(STAGES + "reconstruct")
+    for name in (
+        "terraport_pipeline.stages.reconstruct",
+        "terraport_pipeline.engines.poisson",
+        "terraport_pipeline.engines.poisson_child",
+        "terraport_pipeline.geometry.trim",
+        "terraport_payload.order",
+    ):
+        assert name in behind
+
+
+def test_a_stage_does_not_depend_on_later_ones() -> None:
+    """A better cover must not cost another reconstruction."""
+    behind = modules_behind(STAGES + "reconstruct")
+    assert "terraport_pipeline.geometry.cover" not in behind
+    assert "terraport_pipeline.stages.pack" not in behind
+    assert "terraport_pipeline.geometry.cover" in modules_behind(STAGES + "segment")
+    assert "terraport_payload.glb_encode" in modules_behind(STAGES + "pack")
+
+
+def test_what_is_only_said_does_not_count() -> None:
+    assert "terraport_pipeline.progress" not in modules_behind(STAGES + "clean")
+
+
+def test_other_peoples_modules_do_not_count() -> None:
+    assert all(name.startswith("terraport_") for name in modules_behind(STAGES + "read"))
+
+
+def test_digests_differ_and_are_stable() -> None:
+    digests = [code_digest(STAGES + name) for name in ("read", "clean", "segment", "pack")]
+    assert len(set(digests)) == 4
+    assert digests[0] == code_digest(STAGES + "read")
