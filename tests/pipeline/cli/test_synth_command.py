@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from terraport_pipeline.cli.synth import parse_count, register
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.synth.files import load_options
+
+
+def run(*arguments: str | Path):
+    app = typer.Typer()
+    app.callback()(lambda: None)
+    register(app)
+    return CliRunner().invoke(app, ["synth", *map(str, arguments)], env={"COLUMNS": "120"})
+
+
+def test_a_quarry_and_its_table(tmp_path: Path) -> None:
+    path = tmp_path / "q.laz"
+    result = run("-o", path, "--points", "2k", "--seed", "4", "--size", "90", "--noise", "0")
+    assert result.exit_code == 0, result.output
+    assert len(read_survey(path).points) == 2000
+    assert "2,000" in result.output
+    assert "EPSG:32735" in result.output
+    assert "rock_face" in result.output
+    options = load_options(tmp_path / "q.truth.npz")
+    assert (options.seed, options.size_m, options.noise_m, options.holes) == (4, 90.0, 0.0, 2)
+
+
+def test_flags_override_a_parameter_file(tmp_path: Path) -> None:
+    (tmp_path / "p.json").write_text(json.dumps({"points": 1500, "seed": 11, "benches": 3}))
+    path = tmp_path / "q.laz"
+    result = run("-o", path, "--parameters", tmp_path / "p.json", "--seed", "12")
+    assert result.exit_code == 0, result.output
+    options = load_options(tmp_path / "q.truth.npz")
+    assert (options.points, options.seed, options.benches) == (1500, 12, 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--points", "many"], "points is 'many'"),
+        (["--points", "10"], "points is 10, expected 1,000 to"),
+        (["--outliers", "2"], "outlier_fraction is 2.0"),
+        (["--parameters", "none.json"], "none.json: cannot be read"),
+    ],
+)
+def test_wrong_options_end_with_one_line_and_two(tmp_path: Path, arguments, told: str) -> None:
+    result = run("-o", tmp_path / "q.laz", *arguments)
+    assert result.exit_code == 2
+    assert told in result.output
+    assert "error: " in result.output
+    assert "Traceback" not in result.output
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_files_that_are_there_stay_unless_forced(tmp_path: Path) -> None:
+    path = tmp_path / "q.laz"
+    path.write_text("mine")
+    assert run("-o", path, "--points", "1k").exit_code == 2
+    assert path.read_text() == "mine"
+    assert run("-o", path, "--points", "1k", "--force").exit_code == 0
+    assert len(read_survey(path).points) == 1000
+
+
+def test_help_teaches(tmp_path: Path) -> None:
+    text = run("--help").output
+    for word in ("For example", "--points 5M", "truth.npz", "overhangs", "[300k]"):
+        assert word in text
+
+
+@pytest.mark.parametrize(
+    ("text", "count"),
+    [("300000", 300_000), ("300_000", 300_000), ("300k", 300_000), ("1.5M", 1_500_000)],
+)
+def test_counts(text: str, count: int) -> None:
+    assert parse_count(text) == count
+
+
+@pytest.mark.parametrize("text", ["", "k", "-5", "1e6", "5 G"])
+def test_bad_counts(text: str) -> None:
+    with pytest.raises(OptionError):
+        parse_count(text)

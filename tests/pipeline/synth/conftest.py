@@ -1,0 +1,22 @@
+"""One quarry for all tests of this folder: making it takes a second."""
+
+from __future__ import annotations
+
+import pytest
+
+from terraport_pipeline.synth import Quarry, QuarryOptions, synthesise
+
+
+@pytest.fixture(scope="session")
+def quarry() -> Quarry:
+    return synthesise(QuarryOptions(points=60_000, seed=7))
+
+
+@pytest.fixture(scope="session")
+def clean_quarry() -> Quarry:
+    """The same site measured by a perfect sensor."""
+    options = QuarryOptions(
+        points=60_000, seed=7, noise_m=0.0, colour_noise=0.0, outlier_fraction=0.0, holes=0,
+        uneven=0.0,
+    )  # fmt: skip
+    return synthesise(options)
