@@ -294,7 +294,11 @@ def _read(
         survey_store.NAME,
         _key(
             survey_store.NAME,
-            {"max_points": options.max_points, "suffix": survey.suffix.lower()},
+            {
+                "max_points": options.max_points,
+                "suffix": survey.suffix.lower(),
+                "store": code_digest(survey_store.__name__),
+            },
             {"file": f"{input_info.bytes}-{input_info.xxh3}"},
         ),
         lambda context: read_survey(
