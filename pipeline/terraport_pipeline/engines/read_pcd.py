@@ -59,7 +59,8 @@ def read_pcd(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     meta, start = _read_header(path)
     if meta.points == 0:
         raise ReadError(path, "the header says 0 points", "export the survey again")
-    missing = [axis for axis in "xyz" if axis not in meta.fields]
+    single = {name for name, count in zip(meta.fields, meta.count, strict=True) if count == 1}
+    missing = [axis for axis in "xyz" if axis not in single]
     if missing:
         fields = ", ".join(name for name in meta.fields if not name.startswith(_PADDING))
         raise ReadError(
@@ -70,7 +71,7 @@ def read_pcd(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     _check_size(path, meta, start)
     try:
         table = PointCloud.from_path(path).pc_data
-    except (ValueError, RuntimeError, OSError, struct.error) as error:
+    except (ValueError, TypeError, LookupError, RuntimeError, OSError, struct.error) as error:
         raise ReadError(
             path,
             f"the points cannot be read ({' '.join(str(error).split())[:160]})",
@@ -126,7 +127,7 @@ def _check_size(path: Path, meta: Any, start: int) -> None:
             file.seek(start)
             sizes = file.read(8)
         packed, whole = struct.unpack("<II", sizes) if len(sizes) == 8 else (0, 0)
-        if whole < meta.points * length and len(sizes) == 8:
+        if whole != meta.points * length and len(sizes) == 8:
             raise ReadError(
                 path,
                 f"the compressed data holds {whole:,} bytes, expected {meta.points * length:,}",

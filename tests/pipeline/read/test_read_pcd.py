@@ -72,6 +72,18 @@ def test_every_truncation_is_a_read_error(tmp_path, sample, encoding) -> None:
             read_pcd(path, advance=lambda count, total: None)
 
 
+def test_damage_inside_compressed_points_is_a_read_error(tmp_path, sample) -> None:
+    path = write(tmp_path / "a.pcd", sample, Encoding.BINARY_COMPRESSED)
+    data = path.read_bytes()
+    start = data.index(b"DATA binary_compressed\n") + 23
+    for at in (start, start + 4, start + 8):  # packed size, whole size, first control byte
+        spoilt = bytearray(data)
+        spoilt[at] = 255 - spoilt[at]
+        path.write_bytes(spoilt)
+        with pytest.raises(ReadError):
+            read_pcd(path, advance=lambda count, total: None)
+
+
 def test_a_cut_binary_file_says_at_which_point(tmp_path, sample, advance) -> None:
     path = write(tmp_path / "a.pcd", sample, Encoding.BINARY)
     data = path.read_bytes()
@@ -89,6 +101,16 @@ HEAD = "VERSION 0.7\nFIELDS {fields}\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH
     [
         (HEAD.format(fields="x y w", n=1) + "POINTS 1\nDATA ascii\n1 2 3\n", "no field z"),
         (HEAD.format(fields="x y z", n=0) + "POINTS 0\nDATA ascii\n", "0 points"),
+        (
+            HEAD.format(fields="x y z", n=1).replace("SIZE 4 4 4", "SIZE 4 4 9")
+            + "POINTS 1\nDATA ascii\n1 2 3\n",
+            "cannot be read",
+        ),
+        (
+            HEAD.format(fields="x y z", n=1).replace("COUNT 1 1 1", "COUNT 1 1 2")
+            + "POINTS 1\nDATA ascii\n1 2 3 4\n",
+            "no field z",
+        ),
         (HEAD.format(fields="x y", n=1) + "POINTS 1\nDATA ascii\n1 2\n", ""),
         (HEAD.format(fields="x y z", n=1) + "POINTS 1\n", "no DATA line"),
         (HEAD.format(fields="x y z", n=1) + "POINTS 1\nDATA zip\n", "header is wrong"),
