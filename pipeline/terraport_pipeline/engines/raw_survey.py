@@ -18,6 +18,7 @@ __all__ = [
     "COLOUR_NAMES",
     "Advance",
     "RawSurvey",
+    "check_precision",
     "find_colours",
     "thinning_rows",
     "to_eight_bits",
@@ -32,6 +33,9 @@ COLOUR_NAMES: Final = (
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
 )
 """Field names that mean colour, compared in lower case."""
+
+_WORST_STEP_M: Final = 0.001
+"""Coordinates stored in coarser steps than this are worth a warning."""
 
 _MAX_EIGHT_BIT: Final = 255
 
@@ -122,6 +126,38 @@ def to_eight_bits(colours: npt.NDArray[Any], *, where: str) -> tuple[UInt8 | Non
     if high <= _MAX_EIGHT_BIT:
         return colours.astype(np.uint8), ()
     return (colours.astype(np.uint16) >> 8).astype(np.uint8), ()
+
+
+def check_precision(points: Float64) -> tuple[str, ...]:
+    """Warn where coordinates went through 32-bit floats that are too coarse for them.
+
+    Parameters
+    ----------
+    points : ndarray of shape (N, 3), float64
+        Finite, as stored (before any pose or offset is added).
+
+    Returns
+    -------
+    tuple of str
+        One sentence, or nothing. An axis counts when each of its values is a 32-bit float and the
+        largest one's neighbour is more than 1 mm away.
+    """
+    worst, largest = 0.0, 0.0
+    for axis in range(3):
+        single = points[:, axis].astype(np.float32)
+        if len(single) and (single == points[:, axis]).all():
+            top = np.abs(single).max()
+            step = float(np.spacing(top))
+            if step > worst:
+                worst, largest = step, float(top)
+    if worst <= _WORST_STEP_M:
+        return ()
+    told = (
+        f"Coordinates near {largest:,.0f} m were stored as 32-bit floats: they move in steps of "
+        f"{worst:g} m, and detail below that is lost. Export the survey with 64-bit coordinates or "
+        "with a local offset."
+    )
+    return (told,)
 
 
 def find_colours(names: Sequence[str]) -> tuple[str, str, str] | None:

@@ -19,6 +19,7 @@ from pyproj.exceptions import CRSError
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
+    check_precision,
     thinning_rows,
     to_eight_bits,
 )
@@ -81,6 +82,7 @@ def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None
         raise ReadError(path, f"{total:,} points in {path.stat().st_size:,} bytes", _AGAIN)
     rows = thinning_rows(total, max_points)
     tables, invalid, start = [], 0, 0
+    coarse: tuple[str, ...] = ()
     for number, (header, count) in enumerate(zip(headers, counts, strict=True)):
         if count == 0:
             continue
@@ -88,7 +90,8 @@ def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None
         if rows is not None:
             low, high = np.searchsorted(rows, (start, start + count))
             own = rows[low:high] - start
-        table = _read_scan(path, image, header, number, own, lambda n: advance(n, total))
+        table, notes = _read_scan(path, image, header, number, own, lambda n: advance(n, total))
+        coarse = coarse or notes
         bad = next((table.pop(name) for name in _INVALID if name in table), None)
         for name in _INVALID:
             table.pop(name, None)
@@ -99,9 +102,9 @@ def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None
             table["scan"] = np.full(len(table["x"]), number, dtype=np.float64)
         tables.append(table)
         start += count
-    warnings: tuple[str, ...] = ()
+    warnings = coarse
     if invalid:
-        warnings = (f"{invalid:,} points that the scanner marked invalid were left out.",)
+        warnings += (f"{invalid:,} points that the scanner marked invalid were left out.",)
     return _assemble(tables, _find_crs(root), warnings)
 
 
@@ -112,8 +115,8 @@ def _read_scan(
     number: int,
     rows: npt.NDArray[np.int64] | None,
     advance: Any,
-) -> dict[str, npt.NDArray[Any]]:
-    """Read one scan: x, y, z in the file's frame, and every other field."""
+) -> tuple[dict[str, npt.NDArray[Any]], tuple[str, ...]]:
+    """Read one scan: x, y, z in the file's frame and every other field; and warnings."""
     fields = list(header.point_fields)
     shape = next((s for s in (_CARTESIAN, _SPHERICAL) if all(n in fields for n in s)), None)
     if shape is None:
@@ -156,10 +159,11 @@ def _read_scan(
     points = np.stack([table.pop(name) for name in shape], axis=1)
     if shape is _SPHERICAL:
         points = _from_spherical(points)
+    warnings = check_precision(points[np.isfinite(points).all(axis=1)])
     if header.has_pose():
         points = points @ np.asarray(header.rotation_matrix).T + np.asarray(header.translation)
     table["x"], table["y"], table["z"] = points.T
-    return table
+    return table, warnings
 
 
 def _from_spherical(values: Float64) -> Float64:

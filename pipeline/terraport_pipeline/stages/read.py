@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.engines.raw_survey import Advance, RawSurvey
+from terraport_pipeline.engines.raw_survey import Advance, RawSurvey, check_precision
 from terraport_pipeline.engines.read_e57 import read_e57
 from terraport_pipeline.engines.read_las import read_las
 from terraport_pipeline.engines.read_pcd import read_pcd
@@ -21,7 +21,7 @@ from terraport_pipeline.engines.read_ply import read_ply
 from terraport_pipeline.engines.read_xyz import read_xyz
 from terraport_pipeline.engines.survey_crs import to_metres
 from terraport_pipeline.errors import OptionError, ReadError
-from terraport_pipeline.model import Float64, Survey
+from terraport_pipeline.model import Survey
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = ["FORMATS", "NAME", "find_format", "read_survey"]
@@ -59,9 +59,6 @@ _FOREIGN: Final = (
     (b"<!DOCTYPE", "a web page", "download the file itself"),
     (b"<html", "a web page", "download the file itself"),
 )
-
-_WORST_STEP_M: Final = 0.001
-"""Coordinates stored in coarser steps than this are worth a warning."""
 
 _MAX_SPAN_M: Final = 1e7
 """No survey is wider than a quarter of the Earth: larger spans are damaged coordinates."""
@@ -198,31 +195,10 @@ def _finish(path: Path, raw: RawSurvey, name: str) -> Survey:
             f"the coordinates span {span:.3g}, expected less than {_MAX_SPAN_M:.0e} metres",
             "some are damaged: remove them or export the survey again",
         )
-    if name != "las":  # LAS stores whole multiples of a stated step
-        warnings += _check_precision(points)
+    if name not in ("las", "e57"):  # LAS has a stated step; the E57 reader looks at each scan
+        warnings += check_precision(points)
     points, crs, notes = to_metres(path, points, raw.crs)
     warnings += notes
     if colours is None:
         warnings.append("The survey has no colour (RGB): the scene will be grey.")
     return Survey(points, colours, attributes, crs, name, tuple(warnings))
-
-
-def _check_precision(points: Float64) -> list[str]:
-    """Warn where coordinates went through 32-bit floats that are too coarse for them."""
-    worst, largest = 0.0, 0.0
-    for axis in range(3):
-        values = points[:, axis]
-        single = values.astype(np.float32)
-        if (single == values).all():
-            top = np.abs(single).max()
-            step = float(np.spacing(top))
-            if step > worst:
-                worst, largest = step, float(top)
-    if worst <= _WORST_STEP_M:
-        return []
-    told = (
-        f"Coordinates near {largest:,.0f} m were stored as 32-bit floats: they move in steps of "
-        f"{worst:g} m, and detail below that is lost. Export the survey with 64-bit coordinates or "
-        "with a local offset."
-    )
-    return [told]

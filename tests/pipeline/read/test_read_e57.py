@@ -72,6 +72,16 @@ def test_thinning_over_scans(tmp_path, sample, advance) -> None:
     assert np.bincount(raw.attributes["scan"]).tolist() == [30, 20]
 
 
+def test_coordinates_too_large_for_32_bits_are_named(tmp_path, sample, advance) -> None:
+    data = fields(sample, slice(0, 500))
+    data["cartesianY"] = data["cartesianY"] + OFFSET[1]  # pye57 writes 32-bit floats
+    path = tmp_path / "a.e57"
+    with pye57.E57(str(path), mode="w") as file:
+        file.write_scan_raw(data)
+    (warning,) = read_e57(path, advance=advance).warnings
+    assert "steps of 1 m" in warning
+
+
 def test_no_scan_is_an_error(tmp_path, advance) -> None:
     path = tmp_path / "a.e57"
     with pye57.E57(str(path), mode="w"):
