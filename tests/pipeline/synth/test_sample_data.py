@@ -23,8 +23,9 @@ def test_the_cloud_is_what_the_parameters_make() -> None:
     survey = synthesise(QuarryOptions.from_json(DATA / "sample_quarry.json")).survey
     las = laspy.read(DATA / "sample_quarry_60k.laz")
     step_m = np.max(las.header.scales)
-    np.testing.assert_allclose(np.asarray(las.xyz), survey.points, atol=step_m)
+    # Two steps and one level: the last bit of sin and exp differs between processors.
+    np.testing.assert_allclose(np.asarray(las.xyz), survey.points, rtol=0, atol=2 * step_m)
     assert survey.colours is not None
     stored = np.stack([las.red, las.green, las.blue], axis=1) >> 8
-    np.testing.assert_array_equal(stored, survey.colours)
-    np.testing.assert_array_equal(np.asarray(las["grade"]), survey.attributes["grade"])
+    np.testing.assert_allclose(stored, survey.colours, rtol=0, atol=1)
+    np.testing.assert_allclose(las["grade"], survey.attributes["grade"], rtol=1e-5)
