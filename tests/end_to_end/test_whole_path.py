@@ -124,6 +124,7 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
         Segmented(
             regions=np.zeros(len(flat), dtype=np.int32),
             segments=segments,
+            base_kept=np.ones(len(flat), dtype=bool),
             cover_offsets=nowhere,
             cover_segments=nowhere[:0],
             main_region=np.zeros(4, dtype=np.int32),
