@@ -49,6 +49,7 @@ __all__ = [
     "TrianglePools",
     "chain_count",
     "face_similarity",
+    "pools_of_similarity",
     "triangle_pools",
 ]
 
@@ -109,6 +110,11 @@ class TrianglePoolOptions:
             if getattr(self, name) not in allowed:
                 msg = f"{name} is {getattr(self, name)!r}, expected one of {', '.join(allowed)}"
                 raise ValueError(msg)
+
+    def same_similarity(self, other: TrianglePoolOptions) -> bool:
+        """Whether both options give every face the same s."""
+        names = ("mu", "tau", "normalise", "attribute_range", "origin")
+        return all(getattr(self, name) == getattr(other, name) for name in names)
 
 
 REGION_POOLS: Final = TrianglePoolOptions()
@@ -185,11 +191,42 @@ def triangle_pools(
     [0, 0, 1, 1]
     """
     similarity = face_similarity(vertices, faces, colours=colours, scalar=scalar, options=options)
+    return pools_of_similarity(vertices, faces, similarity, options=options, pairs=pairs)
+
+
+def pools_of_similarity(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    similarity: _Float32,
+    *,
+    options: TrianglePoolOptions = REGION_POOLS,
+    pairs: _Int32 | None = None,
+    ordered: _Float32 | None = None,
+) -> TrianglePools:
+    """Segment a mesh whose similarity index is known: steps 4 to 6.
+
+    Two runs whose similarity agrees (:meth:`TrianglePoolOptions.same_similarity`) share the index
+    and its sorting this way.
+
+    Parameters
+    ----------
+    vertices, faces, options, pairs
+        As in :func:`triangle_pools`; of the options only those of steps 4 to 6 count.
+    similarity : ndarray of shape (F,), float32
+        [s_i] of every face; finite.
+    ordered : ndarray of shape (F,), float32, optional
+        ``np.sort(similarity)`` where the caller has it already.
+
+    Returns
+    -------
+    TrianglePools
+    """
     n_faces = len(faces)
     if n_faces == 0:
         return TrianglePools(np.zeros(0, np.int32), similarity, 0, 0, 0, 0)
     # (1) level 2: k by chaining, then k-means
-    ordered = np.sort(similarity)
+    if ordered is None:
+        ordered = np.sort(similarity)
     k = chain_count(ordered, options.threshold)
     level2 = kmeans_1d(ordered, k).assign(similarity)
     del ordered
