@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import struct
 from collections.abc import Iterator
@@ -53,6 +54,14 @@ def _nested(form: str) -> Iterator[Case]:
         fields = plain(full[type_name], packed=form == "msgpack")
         fields[field] = {"later": STRANGE, **fields[field]}
         yield good(form, full[type_name], "unknown_nested_field", pack(form, fields))
+    picked = plain(full["picked"], packed=False)
+    unnamed = {**picked["hit"], "stable_id": None, "label": None}
+    met = full["picked"]
+    assert isinstance(met, m.Picked)
+    assert met.hit is not None
+    nameless = dataclasses.replace(met.hit, stable_id=None, label=None)
+    without = m.Picked(request=met.request, hit=nameless)
+    yield good(form, without, "null_name_is_absent", pack(form, {**picked, "hit": unnamed}))
     land = plain(full["land"], packed=False)
     whole = {**land, "radius_m": 60, "inner_radius_m": 20, "position": [12, -3, 0]}
     numbers = m.Land(

@@ -130,6 +130,7 @@ FULL: tuple[m.Message, ...] = (
             normal=(0.0, 1.0, 0.0),
             segment=7,
             region=3,
+            stable_id=4_294_967_295,
             label="haul road",
             height_m=412.5,
             attributes={"grade": 1.25, "_NAME 2": -0.0},

@@ -244,8 +244,15 @@ class Hit(Part):
     position: Annotated[Point, Position(), "Point of the surface, metres of the scene frame"]
     normal: Annotated[Point, Position(1.5), "Unit normal of the face"]
     segment: Annotated[int, Integer(0, _U32), "Segment of the face"]
-    region: Annotated[int, Integer(0, _U32), "Region of the face"]
-    label: Annotated[str | None, Text(256), "Label of the region, where it has one"] = None
+    region: Annotated[int, Integer(0, _U32), "Region of the face, in this scene version"]
+    stable_id: Annotated[
+        int | None,
+        Integer(0, _U32),
+        "Number of the region that is the same in every version of the scene, where it has one",
+    ] = None
+    label: Annotated[
+        str | None, Text(256), "Label of the region when the pick is answered, where it has one"
+    ] = None
     height_m: Annotated[
         float, Number(-1e9, 1e9), "Height in metres in the survey's own vertical reference"
     ]
