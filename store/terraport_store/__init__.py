@@ -5,6 +5,8 @@ A scene is a directory that is published atomically; format in ``spec/scene-form
 * :class:`Scene` (``Scene.open``), :func:`list_scenes`, :func:`read_manifest`: read;
 * :class:`SceneWriter`: write a new version and publish it;
 * :func:`validate_scene`: check everything;
+* :func:`change_labels`, :func:`read_labels`, :func:`read_names`, :class:`RegionNames`: what regions
+  are called;
 * :class:`SegmentIndex`, :class:`Cover`, :class:`Manifest`: what is in it;
 * :class:`SpatialIndex` with :class:`RTreeIndex` and :class:`BruteForceIndex`: segments within a
   radius;
@@ -18,6 +20,7 @@ from terraport_store.cover import Cover
 from terraport_store.errors import (
     CorruptPayloadError,
     DamagedSceneError,
+    LabelError,
     OutOfSpaceError,
     PublishError,
     RangeError,
@@ -26,6 +29,8 @@ from terraport_store.errors import (
     StoreError,
 )
 from terraport_store.index import SegmentIndex
+from terraport_store.labelling import change_labels, read_labels, read_names
+from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
 from terraport_store.manifest import (
     AttributeInfo,
     Bounds,
@@ -41,12 +46,14 @@ from terraport_store.manifest import (
     manifest_digest,
 )
 from terraport_store.reader import Scene, list_scenes, read_manifest
+from terraport_store.regions import RegionNames
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadSource
 from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex, box_distances_m
 from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
 
 __all__ = [
+    "MAX_LABEL_LENGTH",
     "AttributeInfo",
     "Bounds",
     "BruteForceIndex",
@@ -62,6 +69,7 @@ __all__ = [
     "Finding",
     "HandOff",
     "InputInfo",
+    "LabelError",
     "Limits",
     "Manifest",
     "MemorySource",
@@ -71,6 +79,7 @@ __all__ = [
     "PublishError",
     "RTreeIndex",
     "RangeError",
+    "RegionNames",
     "Scene",
     "SceneBusyError",
     "SceneInfo",
@@ -80,8 +89,12 @@ __all__ = [
     "SpatialIndex",
     "StoreError",
     "box_distances_m",
+    "change_labels",
+    "label_fault",
     "list_scenes",
     "manifest_digest",
+    "read_labels",
     "read_manifest",
+    "read_names",
     "validate_scene",
 ]

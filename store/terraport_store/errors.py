@@ -7,6 +7,7 @@
     ├── DamagedSceneError       a file of a published scene is not what the manifest says (``file``)
     │   └── CorruptPayloadError one segment's bytes fail their hash (``segment``, ``offset``)
     ├── RangeError              bytes asked for outside a pack
+    ├── LabelError              labels that cannot be set; those before stand
     └── PublishError            a new version could not be published; the old one stands
         ├── OutOfSpaceError     the disk (or a quota) is full
         └── SceneBusyError      another process is publishing the same scene
@@ -19,6 +20,7 @@ from __future__ import annotations
 __all__ = [
     "CorruptPayloadError",
     "DamagedSceneError",
+    "LabelError",
     "OutOfSpaceError",
     "PublishError",
     "RangeError",
@@ -113,6 +115,10 @@ class RangeError(StoreError):
         self.offset = offset
         self.length = length
         self.size = size
+
+
+class LabelError(StoreError):
+    """Labels that cannot be set: an unknown region or a bad label; the labels before stand."""
 
 
 class PublishError(StoreError):

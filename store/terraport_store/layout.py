@@ -13,8 +13,11 @@ __all__ = [
     "BASE",
     "COVER",
     "ENCODINGS",
+    "FORMAT_VERSION",
+    "LABELS",
     "MANIFEST_NAME",
     "MAX_INDEX_BYTES",
+    "MAX_LABELS_BYTES",
     "MAX_MANIFEST_BYTES",
     "MAX_PAYLOAD_BYTES",
     "MAX_REGIONS_BYTES",
@@ -31,6 +34,12 @@ __all__ = [
 MANIFEST_NAME: Final = "scene.json"
 """The manifest; replacing it is the one act that publishes."""
 
+LABELS: Final = "labels.json"
+"""What people call the regions; beside the manifest, part of no version."""
+
+FORMAT_VERSION: Final = "1.1"
+"""What is written; every 1.x is read."""
+
 BASE: Final = "base.glb"
 COVER: Final = "base.cover"
 REGIONS: Final = "regions.json"
@@ -41,7 +50,7 @@ ENCODINGS: Final = {"glb": "model/gltf-binary", "arrays": "application/vnd.terra
 VERSION_FOLDER: Final = re.compile(r"v-[0-9a-f]{12}(-[0-9]{1,6})?")
 """Folder of one published version."""
 
-STAGING: Final = re.compile(r"\.v-[0-9a-f]{16}\.tmp|\.scene-[0-9a-f]{16}\.json\.tmp")
+STAGING: Final = re.compile(r"\.v-[0-9a-f]{16}\.tmp|\.(scene|labels)-[0-9a-f]{16}\.json\.tmp")
 """What an unfinished publication leaves; deleted by the next one."""
 
 ALIGNMENT: Final = 64
@@ -58,6 +67,9 @@ MAX_INDEX_BYTES: Final = 1 << 30
 
 MAX_REGIONS_BYTES: Final = 1 << 28
 """Bounds regions.json."""
+
+MAX_LABELS_BYTES: Final = 64 << 20
+"""Bounds labels.json: 131,072 labels of 256 characters of four bytes do not fit, and need not."""
 
 MAX_PAYLOAD_BYTES: Final = (1 << 32) - 1
 """Payload lengths are u32 in the index and on the wire."""

@@ -15,7 +15,7 @@ import pydantic
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
 from terraport_store.errors import DamagedSceneError
-from terraport_store.layout import MANIFEST_NAME, MAX_MANIFEST_BYTES
+from terraport_store.layout import FORMAT_VERSION, MANIFEST_NAME, MAX_MANIFEST_BYTES
 
 __all__ = [
     "AttributeInfo",
@@ -148,7 +148,7 @@ class Manifest(_Frozen):
     """Contents of ``scene.json``; field table in ``spec/scene-format.md``."""
 
     format: Literal["terraport-scene"] = "terraport-scene"
-    format_version: Annotated[str, Field(pattern=r"^1\.[0-9]{1,4}$")] = "1.0"
+    format_version: Annotated[str, Field(pattern=r"^1\.[0-9]{1,4}$")] = FORMAT_VERSION
     version: Annotated[str, Field(pattern=rf"^[0-9a-f]{{{VERSION_DIGITS}}}$")]
     name: _Name
     crs: CrsInfo | None = None

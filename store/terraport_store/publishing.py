@@ -28,8 +28,10 @@ __all__ = [
     "new_staging_folder",
     "out_of_space_named",
     "remove_versions",
+    "replace_file",
     "replace_manifest",
     "require_space",
+    "sweep_left_overs",
     "sync_folder",
     "write_synced",
 ]
@@ -112,14 +114,19 @@ def require_space(path: Path, needed_bytes: int) -> None:
         raise OutOfSpaceError(str(path), needed_bytes=needed_bytes + _MARGIN_BYTES, free_bytes=free)
 
 
-def new_staging_folder(scene_dir: Path) -> Path:
-    """Delete what dead publications left (the lock is held) and make a folder for this one."""
+def sweep_left_overs(scene_dir: Path) -> None:
+    """Delete what dead publications left; the lock is held."""
     for entry in list(scene_dir.iterdir()):
         if STAGING.fullmatch(entry.name):
             if entry.is_dir():
                 shutil.rmtree(entry)
             else:
                 entry.unlink()
+
+
+def new_staging_folder(scene_dir: Path) -> Path:
+    """Delete what dead publications left (the lock is held) and make a folder for this one."""
+    sweep_left_overs(scene_dir)
     folder = scene_dir / f".v-{secrets.token_hex(8)}.tmp"
     folder.mkdir()
     return folder
@@ -153,10 +160,18 @@ def sync_folder(path: Path) -> None:
 
 def replace_manifest(scene_dir: Path, data: bytes) -> None:
     """Publish: put a new ``scene.json`` in place of the old one, in one step."""
-    temporary = scene_dir / f".scene-{secrets.token_hex(8)}.json.tmp"
+    replace_file(scene_dir, MANIFEST_NAME, f".scene-{secrets.token_hex(8)}.json.tmp", data)
+
+
+def replace_file(scene_dir: Path, name: str, temporary_name: str, data: bytes) -> None:
+    """Put a file of a scene directory in place of an older one, in one step, on the disk.
+
+    The lock is held; the temporary name is one that :func:`sweep_left_overs` knows.
+    """
+    temporary = scene_dir / temporary_name
     try:
         write_synced(temporary, data)
-        temporary.replace(scene_dir / MANIFEST_NAME)
+        temporary.replace(scene_dir / name)
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise

@@ -16,10 +16,19 @@ import numpy as np
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
 from terraport_store.errors import DamagedSceneError
 from terraport_store.findings import Finding, Findings
-from terraport_store.layout import ALIGNMENT, BASE, MANIFEST_NAME, PACK_HEADER_BYTES
+from terraport_store.labelling import read_labels
+from terraport_store.layout import (
+    ALIGNMENT,
+    BASE,
+    LABELS,
+    MANIFEST_NAME,
+    PACK_HEADER_BYTES,
+    REGIONS,
+)
 from terraport_store.manifest import Manifest, manifest_digest
 from terraport_store.publishing import hash_file
 from terraport_store.reader import Scene, read_manifest
+from terraport_store.regions import RegionNames
 from terraport_store.validate_mesh import box_of, check_mesh_fits, check_segment
 
 __all__ = ["Finding", "validate_scene"]
@@ -170,10 +179,7 @@ class _SceneCheck:
                         f"{column} differ from the glb index, expected equal",
                     )
             self.padding(scene, name)
-        try:
-            _ = scene.regions
-        except DamagedSceneError as error:
-            self.out.damaged("regions", error)
+        self.names(scene)
         regions = np.flatnonzero(index.region >= counts.regions)
         if len(regions):
             self.out.error(
@@ -186,6 +192,33 @@ class _SceneCheck:
             check_segment(self.out, scene, segment)
             if progress is not None:
                 progress(segment + 1, len(index))
+
+    def names(self, scene: Scene) -> None:
+        """Check region ids, stable ids and labels."""
+        path = scene.manifest.files[REGIONS].path
+        try:
+            document = scene.regions
+            names = RegionNames.of(document, file=path)
+        except DamagedSceneError as error:
+            self.out.damaged("regions", error)
+            return
+        for place, row in enumerate(document["regions"]):
+            found = row.get("id") if isinstance(row, dict) else row
+            if found != place:
+                self.out.error(
+                    "regions", path, f"region {place} has id {found!r}, expected {place}"
+                )
+        try:
+            highest = max(read_labels(self.path), default=-1)
+        except DamagedSceneError as error:
+            self.out.damaged("labels", error)
+            return
+        if names.stable_ids is not None and highest >= names.next_stable_id:
+            self.out.error(
+                "labels",
+                LABELS,
+                f"a label for stable id {highest}, expected below {names.next_stable_id}",
+            )
 
     def base(self, scene: Scene) -> SegmentMesh | None:
         file, counts = scene.manifest.files[BASE].path, scene.manifest.counts

@@ -1,7 +1,7 @@
 """Publish in forked children, kill them, and report what a reader then finds; one JSON line each.
 
-Run as ``kill_publisher.py acts|random SCENE``. A process of its own, because forking a test process
-with threads is unsafe.
+Run as ``kill_publisher.py acts|random|labels SCENE``. A process of its own, because forking a test
+process with threads is unsafe.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from store.tiny_scene import write_tiny_scene
 
-from terraport_store import read_manifest, validate_scene
+from terraport_store import change_labels, read_labels, read_manifest, validate_scene
 
 ACTS = frozenset({"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree"})
 """Audit events of what changes a directory (Python raises them before the act)."""
@@ -41,9 +41,8 @@ def report(scene: Path, *, killed: bool) -> None:
     sys.stdout.flush()
 
 
-def kill_at_act(scene: Path, number: int) -> bool:
-    """Publish version 1 over version 0 and die right before one file-system act; False when there
-    are fewer."""
+def kill_at_act(scene: Path, number: int, act: Callable[[], object]) -> bool:
+    """Do something and die right before one file-system act of it; False when there are fewer."""
 
     def work() -> None:
         seen = 0
@@ -56,7 +55,7 @@ def kill_at_act(scene: Path, number: int) -> bool:
                     os.kill(os.getpid(), signal.SIGKILL)
 
         sys.addaudithook(count)
-        write_tiny_scene(scene, seed=1)
+        act()
 
     _, status = os.waitpid(fork(work), 0)
     return os.WIFSIGNALED(status)
@@ -65,8 +64,24 @@ def kill_at_act(scene: Path, number: int) -> bool:
 def every_act(scene: Path) -> None:
     for number in range(1, 1000):
         write_tiny_scene(scene, seed=0)
-        killed = kill_at_act(scene, number)
+        killed = kill_at_act(scene, number, lambda: write_tiny_scene(scene, seed=1))
         report(scene, killed=killed)
+        if not killed:
+            return
+
+
+def every_act_of_labelling(scene: Path) -> None:
+    """Label over older labels."""
+    write_tiny_scene(scene, stable_ids=(4, 2, 9))
+    for number in range(1, 1000):
+        change_labels(scene, {4: "old", 2: "old"})
+        killed = kill_at_act(scene, number, lambda: change_labels(scene, {4: "new", 2: "new"}))
+        findings = [str(finding) for finding in validate_scene(scene)]
+        left = sum(entry.name.startswith(".") for entry in scene.iterdir())
+        answer = {"killed": killed, "findings": findings, "left": left}
+        labels = {str(key): label for key, label in read_labels(scene).items()}
+        sys.stdout.write(json.dumps({**answer, "labels": labels}) + "\n")
+        sys.stdout.flush()
         if not killed:
             return
 
@@ -94,4 +109,5 @@ def random_moments(scene: Path) -> None:
 
 
 if __name__ == "__main__":
-    {"acts": every_act, "random": random_moments}[sys.argv[1]](Path(sys.argv[2]))
+    modes = {"acts": every_act, "random": random_moments, "labels": every_act_of_labelling}
+    modes[sys.argv[1]](Path(sys.argv[2]))

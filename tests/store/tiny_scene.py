@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -77,9 +78,17 @@ class TinyScene:
 
 
 def write_tiny_scene(
-    path: Path, *, seed: int = 0, with_arrays: bool = False, copies: int = 1
+    path: Path,
+    *,
+    seed: int = 0,
+    with_arrays: bool = False,
+    copies: int = 1,
+    stable_ids: tuple[int, ...] | None = None,
 ) -> TinyScene:
-    """Publish the patch; another seed is another version; copies repeats every segment."""
+    """Publish the patch; another seed is another version; copies repeats every segment.
+
+    With three ``stable_ids`` the regions have them, and the next one is 10.
+    """
     tiles = [(i, j) for i in (0, CELLS) for j in (0, CELLS)] * copies
     segments = [lattice_mesh(i, j, seed=seed) for i, j in tiles]
     glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES) for mesh in segments]
@@ -92,9 +101,19 @@ def write_tiny_scene(
             encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
             base_cover(),
         )
-        writer.set_regions({"regions": [{"id": 0}, {"id": 1, "label": "bench"}, {"id": 2}]})
+        writer.set_regions(tiny_regions(stable_ids))
         manifest = writer.publish(scene_info(seed))
     return TinyScene(path, manifest, segments, glbs)
+
+
+def tiny_regions(stable_ids: tuple[int, ...] | None = None) -> dict[str, Any]:
+    """Contents of regions.json."""
+    regions: list[dict[str, Any]] = [{"id": 0}, {"id": 1, "label": "bench"}, {"id": 2}]
+    if stable_ids is None:
+        return {"regions": regions}
+    for region, number in zip(regions, stable_ids, strict=True):
+        region["stable_id"] = number
+    return {"regions": regions, "next_stable_id": 10}
 
 
 def base_cover() -> Cover:

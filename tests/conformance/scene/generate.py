@@ -30,13 +30,16 @@ from terraport_payload import (  # noqa: E402
     encode_glb,
 )
 from terraport_payload.glb_container import join_glb, split_glb  # noqa: E402
+from terraport_store.labels import encode_labels  # noqa: E402
 
 
 def main() -> None:
-    """Write ``tiny/`` and ``payload/`` anew."""
-    for name in ("tiny", "payload"):
+    """Write ``tiny-1.1/`` and ``payload/`` anew; ``tiny/`` is of format 1.0 and stays."""
+    for name in ("tiny-1.1", "payload"):
         shutil.rmtree(HERE / name, ignore_errors=True)
-    write_tiny_scene(HERE / "tiny", with_arrays=True)
+    write_tiny_scene(HERE / "tiny-1.1", stable_ids=(5, 2, 9))
+    # 7 is a label whose region is gone.
+    (HERE / "tiny-1.1" / "labels.json").write_bytes(encode_labels({9: "haul road", 7: "Süd 石"}))
     (HERE / "payload").mkdir()
     write_good()
     write_bad()

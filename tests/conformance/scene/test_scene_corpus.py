@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from terraport_payload import PayloadError, decode_arrays, decode_glb
-from terraport_store import DamagedSceneError, Scene, validate_scene
+from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 
 HERE = Path(__file__).resolve().parent
+SCENES = ("tiny", "tiny-1.1")
+"""One of every minor version of the format."""
 DAMAGED = json.loads((HERE / "damaged.json").read_text())
 PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
 
@@ -27,12 +29,14 @@ def expected_of(path: Path) -> Any:
 
 
 def test_corpus_is_small() -> None:
-    assert sum(p.stat().st_size for p in HERE.rglob("*") if p.is_file()) < 160_000
-    assert sum(p.stat().st_size for p in (HERE / "tiny").rglob("*") if p.is_file()) < 60_000
+    assert sum(p.stat().st_size for p in HERE.rglob("*") if p.is_file()) < 200_000
+    for name in SCENES:
+        assert sum(p.stat().st_size for p in (HERE / name).rglob("*") if p.is_file()) < 60_000
 
 
-def test_good_scene_is_whole() -> None:
-    assert validate_scene(HERE / "tiny") == []
+@pytest.mark.parametrize("name", SCENES)
+def test_good_scene_is_whole(name: str) -> None:
+    assert validate_scene(HERE / name) == []
 
 
 def test_good_scene_says_what_it_said_when_it_was_written() -> None:
@@ -47,15 +51,27 @@ def test_good_scene_says_what_it_said_when_it_was_written() -> None:
         assert scene.cover.over(0).tolist() == [0]
         assert scene.cover.over(31).tolist() == [3]
         assert scene.within((0.0, 1.0, 0.0), 1.0).tolist() == [0]
+        assert scene.manifest.format_version == "1.0"
+    names, _ = read_names(HERE / "tiny")
+    assert [names.stable_id(region) for region in range(3)] == [None] * 3
+    assert [names.label(region) for region in range(3)] == [None, "bench", None]
+
+
+def test_names_in_format_1_1() -> None:
+    names, _ = read_names(HERE / "tiny-1.1")
+    assert [names.stable_id(region) for region in range(3)] == [5, 2, 9]
+    assert [names.label(region) for region in range(3)] == [None, "bench", "haul road"]
+    assert names.without_region() == {7: "Süd 石"}
+    assert names.next_stable_id == 10
 
 
 @pytest.mark.parametrize("case", DAMAGED, ids=[case["name"] for case in DAMAGED])
 def test_damaged_scene(case: dict[str, Any], tmp_path: Path) -> None:
     scene = tmp_path / "tiny"
-    shutil.copytree(HERE / "tiny", scene)
+    shutil.copytree(HERE / case.get("scene", "tiny"), scene)
     files = json.loads((scene / "scene.json").read_text())["files"]
     name = case["file"]
-    apply(case["edit"], scene / (name if name == "scene.json" else files[name]["path"]))
+    apply(case["edit"], scene / (files[name]["path"] if name in files else name))
     found = validate_scene(scene)
     assert {finding.code for finding in found} == set(case["findings"])
     if case["open"]:
