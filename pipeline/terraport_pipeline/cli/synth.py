@@ -76,6 +76,16 @@ def synth(
             help=f"How dark unlit ground is: 0 albedo only, 1 black.  [{_DEFAULTS.shadows:g}]"
         ),
     ] = None,
+    contrast: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Factor on colour differences between materials.  [{_DEFAULTS.contrast:g}]"
+        ),
+    ] = None,
+    texture: Annotated[
+        float | None,
+        typer.Option(help=f"Factor on patterns within a material.  [{_DEFAULTS.texture:g}]"),
+    ] = None,
     uneven: Annotated[
         float | None,
         typer.Option(help=f"How patchy the density is, 0 to 0.95.  [{_DEFAULTS.uneven:g}]"),
@@ -116,6 +126,8 @@ def synth(
             "outlier_fraction": outliers,
             "holes": holes,
             "shadows": shadows,
+            "contrast": contrast,
+            "texture": texture,
             "uneven": uneven,
         }
         given = {name: value for name, value in values.items() if value is not None}

@@ -10,13 +10,14 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from terraport_pipeline.model import Float32, Float64
+from terraport_pipeline.model import Float32, Float64, UInt8
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.noise import Noise
+from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface, SurfacePoints
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
-__all__ = ["Sunlight", "albedo", "grade"]
+__all__ = ["Sunlight", "albedo", "grade", "photographed"]
 
 _SUN: Final = np.array([0.56, -0.34, 0.755]) / np.linalg.norm([0.56, -0.34, 0.755])
 """Towards the sun: a December morning south of the equator, 49 degrees high, south of east."""
@@ -48,11 +49,28 @@ _BASE: Final[dict[Material, tuple[int, int, int]]] = {
 """Mean sRGB of each material in full sun."""
 
 
-def albedo(points: SurfacePoints, noise: Noise) -> Float64:
-    """Return colours without light, (N, 3) sRGB in 0..255."""
+def albedo(
+    points: SurfacePoints, noise: Noise, *, contrast: float = 1.0, texture: float = 1.0
+) -> Float64:
+    """Return colours without light, (N, 3) sRGB in 0..255.
+
+    Parameters
+    ----------
+    points : SurfacePoints
+        N places.
+    noise : Noise
+        The patterns.
+    contrast : float
+        Differences between the materials' mean colours are multiplied by this.
+    texture : float
+        Differences within a material (grain, strata, dry grass, rust) are multiplied by this.
+    """
     table = np.zeros((256, 3))
     for material, colour in _BASE.items():
         table[material] = colour
+    if contrast != 1.0:  # at 1 the bytes of earlier clouds stay
+        middle = np.mean([_BASE[m] for m in Material if m != Material.OUTLIER], axis=0)
+        table = middle + contrast * (table - middle)
     colours = table[points.material]
     x, y, z = points.positions.T
     grain = noise(x, y, wavelength=6.0, octaves=5, field=20)
@@ -63,6 +81,9 @@ def albedo(points: SurfacePoints, noise: Noise) -> Float64:
     rusty = np.isin(points.material, (Material.BENCH, Material.ROCK_FACE))
     vein = np.clip(_vein(x, y, z) * 1.1 - 0.35, 0.0, 0.75) * rusty
     colours += (vein * (0.6 + 0.5 * grain))[:, None] * (np.array([166, 98, 62]) - colours)
+    if texture != 1.0:
+        flat = table[points.material]
+        colours = flat + texture * (colours - flat)
     result: Float64 = np.clip(colours, 0.0, 255.0)
     return result
 
@@ -120,6 +141,23 @@ class Sunlight:
         sky = 0.5 + 0.5 * points.normals[:, 2]
         result: Float64 = 0.22 * sky + 0.78 * slope * lit
         return result
+
+
+def photographed(
+    points: SurfacePoints,
+    surface: Surface,
+    sunlight: Sunlight,
+    options: QuarryOptions,
+    rng: np.random.Generator,
+) -> UInt8:
+    """Return colours as a camera sees them: albedo, light, sensor noise; (N, 3) sRGB."""
+    colours = albedo(points, surface.noise, contrast=options.contrast, texture=options.texture)
+    dark = options.shadows * (1.0 - sunlight(points))
+    colours *= (1.0 - dark)[:, None]
+    sigma = options.colour_noise / np.sqrt(2.0)
+    colours += rng.normal(0.0, 1.0, (len(colours), 1)) * sigma
+    colours += rng.normal(0.0, 1.0, colours.shape) * sigma
+    return np.clip(np.rint(colours), 0, 255).astype(np.uint8)
 
 
 def _vein(x: Float64, y: Float64, z: Float64) -> Float64:

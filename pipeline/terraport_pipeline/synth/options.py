@@ -43,6 +43,8 @@ _RANGES: Final[dict[str, tuple[float, float]]] = {
     "outlier_fraction": (0.0, 0.2),
     "holes": (0, 50),
     "shadows": (0.0, 1.0),
+    "contrast": (0.0, 2.0),
+    "texture": (0.0, 2.0),
     "uneven": (0.0, 0.95),
     "easting_m": (100_000.0, 900_000.0),
     "northing_m": (0.0, 10_000_000.0),
@@ -100,6 +102,10 @@ class QuarryOptions:
     """Round areas on dry ground without a single point."""
     shadows: float = 0.45
     """0: albedo only; 1: unlit ground is black. Cast shadows and slope shading alike."""
+    contrast: float = 1.0
+    """Differences between the materials' mean colours are multiplied by this; 0: all alike."""
+    texture: float = 1.0
+    """Patterns within a material (grain, strata, dry grass, rust) are multiplied by this."""
     uneven: float = 0.35
     """0: even density by area; towards 1: patches with (1 - uneven) times the density."""
     easting_m: float = 641_200.0

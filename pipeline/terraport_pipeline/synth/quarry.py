@@ -21,7 +21,7 @@ from scipy.spatial import cKDTree
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Crs, Float32, Float64, Int32, Survey, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
-from terraport_pipeline.synth.appearance import Sunlight, albedo, grade
+from terraport_pipeline.synth.appearance import Sunlight, grade, photographed
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface, SurfacePoints
@@ -231,13 +231,7 @@ class QuarryMaker:
     # Colour
 
     def _colour(self, points: SurfacePoints, rng: np.random.Generator) -> UInt8:
-        colours = albedo(points, self.surface.noise)
-        dark = self.options.shadows * (1.0 - self._sunlight(points))
-        colours *= (1.0 - dark)[:, None]
-        sigma = self.options.colour_noise / np.sqrt(2.0)
-        colours += rng.normal(0.0, 1.0, (len(colours), 1)) * sigma
-        colours += rng.normal(0.0, 1.0, colours.shape) * sigma
-        return np.clip(np.rint(colours), 0, 255).astype(np.uint8)
+        return photographed(points, self.surface, self._sunlight, self.options, rng)
 
 
 def synthesise(options: QuarryOptions, *, progress: Progress | None = None) -> Quarry:

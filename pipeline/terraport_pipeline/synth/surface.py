@@ -75,13 +75,17 @@ class Surface:
 
     # Triangles
 
-    def triangles(self, longest: float) -> tuple[Int64, Float64, Float64, Int64]:
+    def triangles(
+        self, longest: float, *, body_rounds: int = 2
+    ) -> tuple[Int64, Float64, Float64, Int64]:
         """Triangulate everything.
 
         Parameters
         ----------
         longest : float
             Bound on every edge, design metres.
+        body_rounds : int
+            A body has at least 20 x 4^rounds faces, however small it is.
 
         Returns
         -------
@@ -99,7 +103,7 @@ class Surface:
         parameters = np.concatenate([flat, np.zeros((len(flat), 1))], axis=1)
         bodies = [np.full(len(flat), GROUND, dtype=np.int64)]
         parts, places, triangles = [parameters], [positions], [faces]
-        unit, corners = icosphere(2)
+        unit, corners = icosphere(body_rounds)
         count = len(flat)
         for body in range(len(self.blobs.kind)):
             place = self._placer(body)
@@ -167,8 +171,24 @@ class Surface:
         )
         corners = self._corners[triangle]
         parameters = np.einsum("ni,nij->nj", w, corners)
-        body = self._body[triangle]
-        count = len(triangle)
+        return self._evaluate(self._body[triangle], parameters, self._near_body[triangle])
+
+    def evaluate_at(self, body: Int64, parameters: Float64) -> SurfacePoints:
+        """Evaluate the surface at parameters, such as those of :meth:`triangles`.
+
+        Parameters
+        ----------
+        body : ndarray of shape (N,), int64
+            Body of each place, :data:`GROUND` for the ground.
+        parameters : ndarray of shape (N, 3), float64
+            (u, v, 0) on the ground, a direction of any length on bodies.
+        """
+        return self._evaluate(body, parameters, np.ones(len(body), dtype=bool))
+
+    def _evaluate(
+        self, body: Int64, parameters: Float64, near_body: npt.NDArray[np.bool_]
+    ) -> SurfacePoints:
+        count = len(body)
         positions, normals = np.empty((count, 3)), np.empty((count, 3))
         material = np.empty(count, dtype=np.uint8)
         lane, inside = np.zeros(count), np.zeros(count)
@@ -184,7 +204,7 @@ class Surface:
         material[on] = _ground_material(
             normals[on, 2], ground.road, ground.water, ground.pile, ground.inside
         )
-        hidden[on] = self._inside_bodies(ground.positions, self._near_body[triangle[on]])
+        hidden[on] = self._inside_bodies(ground.positions, near_body[on])
         positions[off] = self.blobs.positions(body[off], parameters[off])
         normals[off] = self.blobs.normals(body[off], parameters[off])
         kinds = np.array([Material.BOULDER, Material.TREE, Material.BUSH], dtype=np.uint8)

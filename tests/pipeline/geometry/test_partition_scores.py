@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.pipeline.geometry.conftest import make_terrain
 
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.partition_scores import (
@@ -182,9 +181,9 @@ def segment_distance(point, start, end):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_recall_lies_between_exact_bounds(seed):
+def test_recall_lies_between_exact_bounds(seed, terrain):
     """Against distances to whole edges, at the distance and a sixteenth below it."""
-    mesh = make_terrain(seed, cells=8, holes=0.1)
+    mesh = terrain(seed, cells=8, holes=0.1)
     pairs, edges = face_pairs(mesh.faces, len(mesh.vertices))
     rng = np.random.default_rng(seed)
     true = mesh.colours[mesh.faces[:, 0], 0].astype(int) // 40
