@@ -6,6 +6,7 @@ import html
 from pathlib import Path
 from typing import Annotated, Any
 
+import xxhash
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse
 
@@ -15,6 +16,7 @@ from terraport_server.metrics import CONTENT_TYPE
 from terraport_server.scenes import ServedScene
 from terraport_server.service import Service
 from terraport_store import StoreError
+from terraport_store.labels import encode_labels
 from terraport_wire import ErrorCode
 
 __all__ = ["add_routes"]
@@ -97,6 +99,20 @@ def get_regions(
 ) -> Response:
     """Return the regions file."""
     return _file(request, served, "regions.json", "application/json", v, service)
+
+
+@_router.get("/scenes/{scene_id}/labels.json", summary="What people call the regions")
+def get_labels(request: Request, served: _Scene) -> Response:
+    """Return the labels by stable id, as they are now: they belong to no version."""
+    data = encode_labels(served.names.labels)
+    headers = {
+        "ETag": f'"{xxhash.xxh3_64_hexdigest(data)}"',
+        "Cache-Control": _CHECK,
+        "Vary": "Authorization",
+    }
+    if _is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type="application/json", headers=headers)
 
 
 @_router.get("/scenes/{scene_id}/segments/{segment}.glb", summary="One segment's GLB")
@@ -196,6 +212,7 @@ def _links(served: ServedScene) -> dict[str, str]:
         "base": f"{root}/base.glb{query}",
         "cover": f"{root}/base.cover{query}",
         "regions": f"{root}/regions.json{query}",
+        "labels": f"{root}/labels.json",
         "segment": f"{root}/segments/{{segment}}.glb{query}",
         "report": f"{root}/report",
     }

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
 from terraport_server.errors import PickTimeoutError
-from terraport_store import Scene, StoreError
+from terraport_store import RegionNames, Scene, StoreError
 from terraport_wire import Hit
 
 __all__ = ["MeshCache", "RayHit", "pick", "ray_box_entry", "ray_triangles"]
@@ -96,6 +96,7 @@ def pick(
     origin: Sequence[float],
     direction: Sequence[float] | None,
     *,
+    names: RegionNames,
     max_distance_m: float,
     max_segments: int,
     time_is_up: Callable[[], bool],
@@ -114,6 +115,8 @@ def pick(
     direction
         Of any length but 0; ``None`` = the vertical line through the origin, the nearest hit, the
         lower one on a tie.
+    names
+        Stable ids and labels of the scene's regions.
     max_distance_m
         The ray's end.
     max_segments
@@ -167,7 +170,7 @@ def pick(
     if best is None:
         return None
     hit, segment, mesh, ray = best
-    return _describe(scene, hit, segment, mesh, start + hit.distance_m * ray)
+    return _describe(scene, names, hit, segment, mesh, start + hit.distance_m * ray)
 
 
 def ray_box_entry(bounds: npt.NDArray[np.float32], origin: _Floats, ray: _Floats) -> _Floats:
@@ -249,7 +252,14 @@ def ray_triangles(
     return RayHit(float(distance[face]), face, weights)
 
 
-def _describe(scene: Scene, hit: RayHit, segment: int, mesh: SegmentMesh, position: _Floats) -> Hit:
+def _describe(
+    scene: Scene,
+    names: RegionNames,
+    hit: RayHit,
+    segment: int,
+    mesh: SegmentMesh,
+    position: _Floats,
+) -> Hit:
     vertices = mesh.faces[hit.face]
     a, b, c = mesh.positions[vertices].astype(np.float64)
     normal = np.cross(b - a, c - a)
@@ -268,19 +278,11 @@ def _describe(scene: Scene, hit: RayHit, segment: int, mesh: SegmentMesh, positi
         normal=_triple(normal),
         segment=segment,
         region=region,
-        label=_label(scene, region),
+        stable_id=names.stable_id(region),
+        label=names.label(region),
         height_m=float(scene.manifest.origin[2] + position[1]),
         attributes=attributes,
     )
-
-
-def _label(scene: Scene, region: int) -> str | None:
-    regions = scene.regions.get("regions")
-    if not isinstance(regions, list) or region >= len(regions):
-        return None
-    facts = regions[region]
-    label = facts.get("label") if isinstance(facts, dict) else None
-    return label[:256] if isinstance(label, str) else None
 
 
 def _triple(vector: _Floats) -> tuple[float, float, float]:

@@ -3,13 +3,17 @@
 A newer version is noticed by looking at ``scene.json`` again and again (its size, time and inode),
 opened beside the old one, and served to every session from then on. The old one stays open until
 the last session that began with it has ended.
+
+Labels of regions (``labels.json``) belong to no version: they are looked at in the same way, and
+new ones are used at once, by sessions of every version.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
@@ -17,13 +21,24 @@ from terraport_server.actions import SceneView
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logs import log
 from terraport_server.selection import SegmentTable
-from terraport_store import Scene, StoreError, list_scenes
+from terraport_store import RegionNames, Scene, StoreError, list_scenes, read_labels
 
 __all__ = ["SceneRegistry", "ServedScene"]
 
 _MANIFEST: Final = "scene.json"
+_LABELS: Final = "labels.json"
 
 _Stamp = tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """What is seen of a scene directory without opening anything."""
+
+    directory: Path
+    manifest: _Stamp
+    labels: _Stamp | None
+    """None where nobody has set any."""
 
 
 class ServedScene:
@@ -34,9 +49,11 @@ class ServedScene:
     it.
     """
 
-    def __init__(self, scene_id: str, scene: Scene) -> None:
+    def __init__(self, scene_id: str, scene: Scene, names: RegionNames) -> None:
         self.id = scene_id
         self.scene = scene
+        self.names = names
+        """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
         self.version = scene.manifest.version
         index = scene.index
         self.view = SceneView(
@@ -73,7 +90,15 @@ class ServedScene:
         scene = Scene.open(directory, source=source)
         # Built here, once, while no other thread knows the scene; asked on the loop's thread only.
         _ = scene.spatial
-        return cls(scene_id, scene)
+        try:
+            names = RegionNames.of(scene.regions)
+        except (StoreError, OSError) as error:
+            # A name never takes the ground away: the scene is served without.
+            log("regions not read", level=logging.ERROR, scene=scene_id, reason=str(error))
+            names = RegionNames()
+        # The facts are for tools, which read the file; here they would only take memory.
+        scene.__dict__.pop("regions", None)
+        return cls(scene_id, scene, names)
 
     def hold(self) -> None:
         """Keep it open."""
@@ -121,6 +146,8 @@ class SceneRegistry:
         self._current: dict[str, ServedScene] = {}
         self._retired: list[ServedScene] = []
         self._stamps: dict[str, _Stamp] = {}
+        self._label_stamps: dict[str, _Stamp | None] = {}
+        self._labels: dict[str, Mapping[int, str]] = {}
 
     def ids(self) -> list[str]:
         """Ids of the scenes that are served, ascending."""
@@ -150,20 +177,24 @@ class SceneRegistry:
         A scene that cannot be opened is logged once per change, and what was served before stays.
         """
         found = await asyncio.to_thread(self._look)
-        for scene_id, (directory, stamp) in found.items():
-            if self._stamps.get(scene_id) == stamp:
+        for scene_id, seen in found.items():
+            await self._refresh_labels(scene_id, seen)
+            if self._stamps.get(scene_id) == seen.manifest:
                 continue
-            self._stamps[scene_id] = stamp
+            self._stamps[scene_id] = seen.manifest
             try:
                 served = await asyncio.to_thread(
-                    ServedScene.open, scene_id, directory, self._source
+                    ServedScene.open, scene_id, seen.directory, self._source
                 )
             except (StoreError, OSError) as error:
                 log("scene not opened", level=logging.ERROR, scene=scene_id, reason=str(error))
                 continue
+            served.names = served.names.with_labels(self._labels.get(scene_id, {}))
             self._take(served)
         for scene_id in self._stamps.keys() - found.keys():
             del self._stamps[scene_id]
+            self._label_stamps.pop(scene_id, None)
+            self._labels.pop(scene_id, None)
             gone = self._current.pop(scene_id, None)
             if gone is not None:
                 self._retire(gone)
@@ -207,13 +238,36 @@ class SceneRegistry:
         self._retired.append(served)
         served.retire()
 
-    def _look(self) -> dict[str, tuple[Path, _Stamp]]:
+    async def _refresh_labels(self, scene_id: str, seen: _Look) -> None:
+        """Read labels that have changed and hand them to every version that is open."""
+        if self._label_stamps.get(scene_id) == seen.labels:
+            return
+        self._label_stamps[scene_id] = seen.labels
+        try:
+            labels = await asyncio.to_thread(read_labels, seen.directory)
+        except (StoreError, OSError) as error:
+            # Once per change; the labels read before stay.
+            log("labels not read", level=logging.ERROR, scene=scene_id, reason=str(error))
+            return
+        self._labels[scene_id] = labels
+        log("labels read", scene=scene_id, labels=len(labels))
+        for served in [*self._current.values(), *self._retired]:
+            if served.id == scene_id:
+                served.names = served.names.with_labels(labels)
+
+    def _look(self) -> dict[str, _Look]:
         found = {}
         for scene_id, directory in list_scenes(self._directory).items():
-            try:
-                status = (directory / _MANIFEST).stat()
-            except OSError:
-                continue  # gone since it was listed
-            stamp = (status.st_mtime_ns, status.st_size, status.st_ino)
-            found[scene_id] = (directory, stamp)
+            manifest = _stamp(directory / _MANIFEST)
+            if manifest is not None:  # else gone since it was listed
+                found[scene_id] = _Look(directory, manifest, _stamp(directory / _LABELS))
         return found
+
+
+def _stamp(path: Path) -> _Stamp | None:
+    """Time, size and inode of a file; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return (status.st_mtime_ns, status.st_size, status.st_ino)

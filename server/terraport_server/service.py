@@ -163,6 +163,7 @@ class Service:
                 self._cache,
                 action.origin,
                 action.direction,
+                names=served.names,
                 max_distance_m=settings.max_radius_m,
                 max_segments=settings.pick_max_segments,
                 time_is_up=lambda: time.monotonic() > due_s,

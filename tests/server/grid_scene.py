@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -72,8 +73,12 @@ def write_grid_scene(
     compress: bool = True,
     with_arrays: bool = False,
     name: str = "grid",
+    stable_ids: tuple[int, ...] | None = None,
 ) -> GridScene:
-    """Publish a grid of SIDE x SIDE segments; another seed is another version."""
+    """Publish a grid of SIDE x SIDE segments; another seed is another version.
+
+    With three ``stable_ids`` the regions have them, and the next one is 10.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     meshes = [
         tile_mesh(row, column, cells, seed=seed) for row in range(SIDE) for column in range(SIDE)
@@ -91,9 +96,18 @@ def write_grid_scene(
             encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
             _cover(),
         )
-        writer.set_regions({"regions": [{"id": 0, "label": "road"}, {"id": 1}, {"id": 2}]})
+        writer.set_regions(_regions(stable_ids))
         manifest = writer.publish(_info(name, seed))
     return GridScene(path, manifest, payloads, [decode_glb(glb) for glb in payloads])
+
+
+def _regions(stable_ids: tuple[int, ...] | None) -> dict[str, Any]:
+    regions: list[dict[str, Any]] = [{"id": 0, "label": "road"}, {"id": 1}, {"id": 2}]
+    if stable_ids is None:
+        return {"regions": regions}
+    for region, number in zip(regions, stable_ids, strict=True):
+        region["stable_id"] = number
+    return {"regions": regions, "next_stable_id": 10}
 
 
 def _cover() -> Cover:

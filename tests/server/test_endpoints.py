@@ -10,7 +10,8 @@ import pytest
 from server.grid_scene import GridScene, write_grid_scene
 
 from terraport_server import BackgroundServer
-from terraport_store import Scene
+from terraport_store import Scene, change_labels
+from terraport_store.labels import parse_labels
 
 TOKEN = "sixteen-characters"
 
@@ -48,8 +49,22 @@ def test_scenes(http: httpx.Client, grid: GridScene) -> None:
     assert entry["id"] == "grid"
     assert entry["version"] == grid.manifest.version
     assert entry["segments"] == 36
-    for name in ("self", "base", "cover", "regions"):
+    for name in ("self", "base", "cover", "regions", "labels"):
         assert http.get("/" + entry["links"][name]).status_code == 200
+
+
+def test_labels_are_asked_again_and_answered_shortly(tmp_path: Path) -> None:
+    """They belong to no version, so nobody may keep them unasked."""
+    write_grid_scene(tmp_path / "pit", cells=2, stable_ids=(4, 2, 9))
+    change_labels(tmp_path / "pit", {9: "Süd 石"})
+    with BackgroundServer(tmp_path) as running:
+        url = f"{running.url}/scenes/pit/labels.json"
+        whole = httpx.get(url)
+        assert parse_labels(whole.content) == {9: "Süd 石"}
+        assert whole.headers["content-type"] == "application/json"
+        assert whole.headers["cache-control"] == "no-cache"
+        again = httpx.get(url, headers={"If-None-Match": whole.headers["etag"]})
+        assert (again.status_code, again.content) == (304, b"")
 
 
 def test_one_scene_is_its_manifest_with_addresses(http: httpx.Client, grid: GridScene) -> None:
@@ -161,6 +176,7 @@ def test_a_service_without_scenes_is_not_ready(tmp_path: Path) -> None:
         "/scenes/grid/base.glb",
         "/scenes/grid/base.cover",
         "/scenes/grid/regions.json",
+        "/scenes/grid/labels.json",
         "/scenes/grid/segments/0.glb",
         "/scenes/grid/report",
         "/scenes/atlantis",

@@ -12,7 +12,7 @@ from server.grid_scene import GridScene, write_grid_scene
 from terraport_payload import SegmentMesh
 from terraport_server.errors import PickTimeoutError
 from terraport_server.pick import MeshCache, pick, ray_box_entry, ray_triangles
-from terraport_store import Scene
+from terraport_store import RegionNames, Scene
 from terraport_wire import Hit
 
 
@@ -29,6 +29,7 @@ def scene(grid: GridScene) -> Iterator[Scene]:
 
 def ask(scene: Scene, origin: Any, direction: Any, **changed: Any) -> Hit | None:
     options: dict[str, Any] = {
+        "names": RegionNames.of(scene.regions),
         "max_distance_m": 500.0,
         "max_segments": 100,
         "time_is_up": lambda: False,
@@ -114,11 +115,23 @@ def test_a_direction_of_any_length(scene: Scene, scale: float) -> None:
 def test_what_a_hit_says(scene: Scene) -> None:
     hit = ask(scene, (15.0, 9.0, 5.0), (0.0, -1.0, 0.0))
     assert hit is not None
-    assert (hit.segment, hit.region, hit.label) == (1, 0, "road")
+    assert (hit.segment, hit.region, hit.stable_id, hit.label) == (1, 0, None, "road")
     assert np.linalg.norm(hit.normal) == pytest.approx(1.0)
     assert hit.normal[1] > 0.9
     assert hit.height_m == 100.0 + hit.position[1]
     assert hit.attributes["grade"] == pytest.approx(0.65, abs=2.0**-10)
+
+
+def test_the_region_is_named_by_stable_id_and_users_label(scene: Scene) -> None:
+    rows = [{"id": 0, "stable_id": 8, "label": "road"}, {"id": 1, "stable_id": 3}]
+    document = {"regions": [*rows, {"id": 2, "stable_id": 5}], "next_stable_id": 9}
+    names = RegionNames.of(document).with_labels({3: "bench", 8: "haul road"})
+    named = [
+        (hit.region, hit.stable_id, hit.label)
+        for z in (5.0, 15.0, 25.0)
+        if (hit := ask(scene, (15.0, 9.0, z), None, names=names)) is not None
+    ]
+    assert named == [(0, 8, "haul road"), (1, 3, "bench"), (2, 5, None)]
 
 
 def test_both_sides_count_and_the_normal_is_the_front_side(scene: Scene) -> None:

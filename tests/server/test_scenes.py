@@ -10,6 +10,7 @@ from server.grid_scene import write_grid_scene
 
 from terraport_server.errors import UnknownSceneError
 from terraport_server.scenes import SceneRegistry, ServedScene
+from terraport_store import change_labels
 
 
 def test_a_replaced_version_is_closed_with_its_last_holder(tmp_path: Path) -> None:
@@ -90,3 +91,73 @@ def test_both_encodings_share_boxes_and_differ_in_bytes(tmp_path: Path) -> None:
     assert (glb.lengths != arrays.lengths).any()
     assert served.view.within((30.0, 0.0, 30.0), 1.0).tolist() == [14, 15, 20, 21]
     served.retire()
+
+
+def test_new_labels_reach_every_open_version(tmp_path: Path) -> None:
+    """No version is published and none is closed; the old version knows its own stable ids."""
+
+    async def story() -> None:
+        pit = tmp_path / "pit"
+        write_grid_scene(pit, cells=2, stable_ids=(4, 2, 9))
+        registry = SceneRegistry(tmp_path)
+        await registry.refresh()
+        old = registry.get("pit")
+        old.hold()
+        assert [old.names.label(region) for region in range(3)] == ["road", None, None]
+        change_labels(pit, {2: "bench"})
+        await registry.refresh()
+        assert registry.get("pit") is old
+        assert (old.names.stable_id(1), old.names.label(1)) == (2, "bench")
+        write_grid_scene(pit, seed=1, cells=2, stable_ids=(4, 7, 9))
+        await registry.refresh()
+        new = registry.get("pit")
+        assert new is not old
+        assert new.names.label(1) is None
+        change_labels(pit, {7: "pile", 9: "water"})
+        await registry.refresh()
+        assert [new.names.label(region) for region in range(3)] == ["road", "pile", "water"]
+        assert [old.names.label(region) for region in range(3)] == ["road", "bench", "water"]
+        (pit / "labels.json").unlink()
+        await registry.refresh()
+        assert new.names.label(2) is None
+        old.release()
+        registry.close()
+
+    asyncio.run(story())
+
+
+def test_damaged_labels_are_logged_once_and_those_before_stay(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def story() -> None:
+        pit = tmp_path / "pit"
+        write_grid_scene(pit, cells=2, stable_ids=(4, 2, 9))
+        change_labels(pit, {2: "bench"})
+        registry = SceneRegistry(tmp_path)
+        await registry.refresh()
+        (pit / "labels.json").write_text("{}")
+        for _ in range(3):
+            await registry.refresh()
+        assert registry.get("pit").names.label(1) == "bench"
+        registry.close()
+
+    asyncio.run(story())
+    errors = [record.getMessage() for record in caplog.records if record.levelname == "ERROR"]
+    assert errors == ["labels not read"]
+
+
+def test_a_scene_with_damaged_regions_is_served_without_names(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def story() -> None:
+        write_grid_scene(tmp_path / "pit", cells=2, stable_ids=(4, 2, 9))
+        path = next((tmp_path / "pit").glob("v-*/regions.json"))
+        path.write_bytes(path.read_bytes().replace(b"road", b"raod"))
+        registry = SceneRegistry(tmp_path)
+        await registry.refresh()
+        names = registry.get("pit").names
+        assert (names.stable_id(0), names.label(0)) == (None, None)
+        registry.close()
+
+    asyncio.run(story())
+    assert "regions not read" in [record.getMessage() for record in caplog.records]
