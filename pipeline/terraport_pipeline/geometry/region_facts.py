@@ -1,4 +1,4 @@
-"""Facts about every region: size, colour, slope, height, attributes, neighbours.
+"""Facts about every region: size, colour, slope, roughness, height, attributes, neighbours.
 
 What a pick at run time tells about a region, and what the report tabulates. Means are weighted by
 face area, so that dense and sparse parts of a region count by the ground they cover.
@@ -14,12 +14,25 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.adjacency import as_kernel_input, face_pairs
+from terraport_pipeline.geometry.region_kernels import (
+    attribute_sums,
+    face_areas,
+    order_by_slope,
+    region_sums,
+    slope_percentile,
+    squared_deviations,
+)
+from terraport_pipeline.geometry.region_roughness import (
+    automatic_roughness_scale,
+    region_roughness,
+)
 
 __all__ = ["region_facts"]
 
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
+_Neighbours = dict[int, list[dict[str, Any]]]
 
 
 def region_facts(
@@ -30,6 +43,7 @@ def region_facts(
     *,
     attributes: Mapping[str, npt.NDArray[np.floating]] | None = None,
     pairs: tuple[_Int32, _Int32] | None = None,
+    roughness_scale_m: float | None = None,
 ) -> dict[str, Any]:
     """Summarise every region in plain values ready for JSON.
 
@@ -47,135 +61,135 @@ def region_facts(
         Further values per vertex; NaN means no value and is left out.
     pairs : pair of ndarray of shape (P, 2), int32, optional
         Result of ``face_pairs`` where the caller has it already.
+    roughness_scale_m : float, optional
+        Width of the cubes that roughness is measured in; None chooses by the density of faces.
 
     Returns
     -------
     dict
-        ``{"regions": [...]}``, one entry per region number: ``id``, ``label`` (None: nothing has
-        named it yet), ``faces``, ``area_m2``, ``plan_area_m2`` (seen from above), ``centroid`` and
-        ``bounds`` (scene frame), ``mean_colour`` (sRGB 0..255), ``slope_deg`` (mean and 90th
-        percentile by area; 0 = level, 90 = vertical or overhanging), ``height_m`` (min, mean, max),
-        ``attributes`` (min, mean, max, deviation by name), ``neighbours`` (region and length of the
-        common border, longest first; tie: lower number). Numbers are rounded to what they mean:
-        metres to 1 mm, colours and angles to 0.1.
+        ``{"roughness_scale_m": ..., "regions": [...]}``, one entry per region number: ``id``,
+        ``faces``, ``area_m2``, ``plan_area_m2`` (seen from above), ``centroid`` and ``bounds``
+        (scene frame), ``mean_colour`` (sRGB 0..255), ``slope_deg`` (mean and 90th percentile by
+        area; 0 = level, 90 = vertical or overhanging), ``roughness_m`` (see
+        ``region_roughness.py``), ``height_m`` (min, mean, max), ``attributes`` (min, mean, max,
+        deviation by name), ``neighbours`` (region and length of the common border, longest first;
+        tie: lower number). Numbers are rounded to what they mean: metres to 1 mm, roughness to 0.1
+        mm, colours and angles to 0.1.
 
     Raises
     ------
     ValueError
-        Arrays whose lengths do not fit.
+        Arrays whose lengths do not fit, or a region without faces.
 
     Notes
     -----
     Colours are averaged in sRGB as stored, which is what people mean by the colour of a region on
-    screen.
+    screen. In a region without any area every face counts alike. Linear in the faces, whatever the
+    number of regions: compiled passes over all faces (``region_kernels.py``), no loop per region
+    but for writing the answer.
     """
+    attributes = attributes or {}
+    _validate_inputs(vertices, faces, colours, regions, attributes)
+    if len(faces) == 0:
+        return {"roughness_scale_m": roughness_scale_m or 1.0, "regions": []}
+    count = int(regions.max()) + 1
+    sizes = np.bincount(regions, minlength=count)
+    if not sizes.all():
+        msg = f"region {int(np.argmin(sizes))} has no face, expected numbers without gaps"
+        raise ValueError(msg)
+    points = as_kernel_input(vertices, np.float32 if vertices.dtype == np.float32 else np.float64)
+    corners, labels = as_kernel_input(faces, np.int32), as_kernel_input(regions, np.int32)
+    # (1) area, slope; weight by area, or alike where a region has none
+    weight, area, plan, step, slope = face_areas(points, corners, labels, count)
+    if not area.all():
+        weight = np.where((area == 0.0)[labels], 1.0, weight)
+    # (2) sums
+    sums, boxes = region_sums(
+        points, corners, as_kernel_input(colours, np.uint8), labels, weight, slope, count
+    )
+    means = sums[:, 1:] / sums[:, :1]
+    order, run = order_by_slope(labels, step, count)
+    steep = slope_percentile(order, run, weight, slope, 0.9)
+    del order, step, slope
+    told = [_attribute(values, corners, labels, weight, count) for values in attributes.values()]
+    # (3) roughness, borders
+    extent = float((boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)).max())
+    scale_m = roughness_scale_m or automatic_roughness_scale(float(area.sum()), len(faces), extent)
+    rough = region_roughness(points, corners, labels, scale_m)
+    borders = _borders(vertices, faces, regions, pairs)
+    # (4) rounded all at once, then taken apart
+    metres = np.round(np.column_stack([area, plan, means[:, :3], boxes]), 3).tolist()
+    others = np.round(np.column_stack([means[:, 3:7], steep]), 1).tolist()
+    rough_m = np.round(rough, 4).tolist()
+    return {
+        "roughness_scale_m": scale_m,
+        "regions": [
+            {
+                "id": number,
+                "faces": size,
+                "area_m2": row[0],
+                "plan_area_m2": row[1],
+                "centroid": row[2:5],
+                "bounds": {"min": row[5:8], "max": row[8:11]},
+                "mean_colour": other[:3],
+                "slope_deg": {"mean": other[3], "p90": other[4]},
+                "roughness_m": rough_m[number],
+                "height_m": {"min": row[6], "mean": row[3], "max": row[9]},
+                "attributes": {
+                    name: facts[number]
+                    for name, facts in zip(attributes, told, strict=True)
+                    if number in facts
+                },
+                "neighbours": borders.get(number, []),
+            }
+            for number, (size, row, other) in enumerate(
+                zip(sizes.tolist(), metres, others, strict=True)
+            )
+        ],
+    }
+
+
+def _validate_inputs(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    colours: npt.NDArray[np.uint8],
+    regions: _Int32,
+    attributes: Mapping[str, npt.NDArray[np.floating]],
+) -> None:
     if regions.shape != (len(faces),):
         msg = f"regions have shape {regions.shape}, expected ({len(faces)},)"
         raise ValueError(msg)
     if colours.shape != vertices.shape:
         msg = f"colours have shape {colours.shape}, expected {vertices.shape}"
         raise ValueError(msg)
-    for name, values in (attributes or {}).items():
+    for name, values in attributes.items():
         if values.shape != (len(vertices),):
             msg = f"attribute {name!r} has shape {values.shape}, expected ({len(vertices)},)"
             raise ValueError(msg)
-    if len(faces) == 0:
-        return {"regions": []}
-    count = int(regions.max()) + 1
-    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
-    normal = 0.5 * np.cross(b - a, c - a)
-    area = np.sqrt((normal * normal).sum(axis=1))
-    centre = (a + b + c) / 3.0
-    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    slope = np.degrees(np.arccos(np.clip(normal[:, 1] / np.maximum(area, 1e-300), 0.0, 1.0)))
-    slope[area == 0.0] = 0.0
-    colour = sum(colours[faces[:, i]].astype(np.float64) for i in range(3)) / 3.0
-    order = np.argsort(regions, kind="stable")
-    sizes = np.bincount(regions, minlength=count)
-    starts = np.cumsum(sizes) - sizes
-    borders = _borders(vertices, faces, regions, pairs)
-    return {
-        "regions": [
-            _one_region(
-                number, order[starts[number] : starts[number] + sizes[number]],
-                low, high, centre,
-                area, normal, slope, colour, faces, attributes or {}, borders.get(number, []),
-            )
-            for number in range(count)
-        ]
-    }  # fmt: skip
 
 
-def _one_region(
-    number: int,
-    chosen: npt.NDArray[np.int64],
-    low: _Float64,
-    high: _Float64,
-    centre: _Float64,
-    area: _Float64,
-    normal: _Float64,
-    slope: _Float64,
-    colour: _Float64,
-    faces: npt.NDArray[np.integer],
-    attributes: Mapping[str, npt.NDArray[np.floating]],
-    neighbours: list[tuple[int, float]],
-) -> dict[str, Any]:
-    if len(chosen) == 0:
-        msg = f"region {number} has no face, expected numbers without gaps"
-        raise ValueError(msg)
-    weight = area[chosen]
-    total = float(weight.sum())
-    if total == 0.0:
-        weight = np.ones(len(chosen))  # only zero-area faces: every face counts alike
-    least, most = low[chosen].min(axis=0), high[chosen].max(axis=0)
-    mean = np.average(centre[chosen], axis=0, weights=weight)
-    facts: dict[str, Any] = {}
-    for name, values in attributes.items():
-        corner = np.asarray(values, dtype=np.float64)[faces[chosen]]
-        share = np.repeat(weight[:, None], 3, axis=1)
-        known = np.isfinite(corner)
-        if not known.any():
-            continue
-        if share[known].sum() == 0.0:
-            share = np.ones_like(share)
-        average = float(np.average(corner[known], weights=share[known]))
-        variance = float(np.average((corner[known] - average) ** 2, weights=share[known]))
-        facts[name] = {
-            "min": float(corner[known].min()),
-            "mean": average,
-            "max": float(corner[known].max()),
-            "deviation": float(np.sqrt(variance)),
-        }
-    by_slope = np.argsort(slope[chosen], kind="stable")
-    passed = np.cumsum(weight[by_slope])
-    steep = slope[chosen][by_slope[np.searchsorted(passed, 0.9 * passed[-1])]]
+def _attribute(
+    values: npt.NDArray[np.floating],
+    corners: _Int32,
+    labels: _Int32,
+    weight: _Float64,
+    count: int,
+) -> dict[int, dict[str, float]]:
+    """Statistics of one attribute by region; regions without any value are left out."""
+    column = as_kernel_input(values, np.float32 if values.dtype == np.float32 else np.float64)
+    sums = attribute_sums(column, corners, labels, weight, count)
+    known, total = sums[:, 0] > 0, sums[:, 1]
+    # Values on faces without area only: every corner counts alike.
+    alike = known & (total == 0.0)
+    divisor = np.where(alike | ~known, np.maximum(sums[:, 0], 1.0), total)
+    mean = np.where(alike, sums[:, 3], sums[:, 2]) / divisor
+    squares = squared_deviations(column, corners, labels, weight, mean)
+    deviation = np.sqrt(np.where(alike, squares[:, 1], squares[:, 0]) / divisor)
+    rows = np.column_stack([sums[:, 4], mean, sums[:, 5], deviation])[known].tolist()
+    names = ("min", "mean", "max", "deviation")
     return {
-        "id": number,
-        "label": None,
-        "faces": len(chosen),
-        "area_m2": round(total, 3),
-        "plan_area_m2": round(float(np.abs(normal[chosen, 1]).sum()), 3),
-        "centroid": [round(float(value), 3) for value in mean],
-        "bounds": {
-            "min": [round(float(value), 3) for value in least],
-            "max": [round(float(value), 3) for value in most],
-        },
-        "mean_colour": [
-            round(float(value), 1) for value in np.average(colour[chosen], axis=0, weights=weight)
-        ],
-        "slope_deg": {
-            "mean": round(float(np.average(slope[chosen], weights=weight)), 1),
-            "p90": round(float(steep), 1),
-        },
-        "height_m": {
-            "min": round(float(least[1]), 3),
-            "mean": round(float(mean[1]), 3),
-            "max": round(float(most[1]), 3),
-        },
-        "attributes": facts,
-        "neighbours": [
-            {"region": region, "border_m": round(length, 3)} for region, length in neighbours
-        ],
+        region: dict(zip(names, row, strict=True))
+        for region, row in zip(np.flatnonzero(known).tolist(), rows, strict=True)
     }
 
 
@@ -184,7 +198,7 @@ def _borders(
     faces: npt.NDArray[np.integer],
     regions: _Int32,
     pairs: tuple[_Int32, _Int32] | None,
-) -> dict[int, list[tuple[int, float]]]:
+) -> _Neighbours:
     """Per region its neighbours and the length of the common border, longest first."""
     neighbours, edges = face_pairs(faces, len(vertices)) if pairs is None else pairs
     left, right = regions[neighbours[:, 0]], regions[neighbours[:, 1]]
@@ -196,9 +210,14 @@ def _borders(
     span = int(regions.max()) + 1
     low = np.minimum(left[crossing], right[crossing]).astype(np.int64)
     keys, index = np.unique(low * span + np.maximum(left, right)[crossing], return_inverse=True)
-    found: dict[int, list[tuple[int, float]]] = {}
-    for key, metres in zip(keys.tolist(), np.bincount(index, weights=length).tolist(), strict=True):
-        a, b = divmod(key, span)
-        found.setdefault(a, []).append((b, metres))
-        found.setdefault(b, []).append((a, metres))
-    return {region: sorted(near, key=lambda n: (-n[1], n[0])) for region, near in found.items()}
+    metres = np.round(np.bincount(index, weights=length), 3)
+    one, other = np.divmod(keys, span)
+    region, near = np.concatenate([one, other]), np.concatenate([other, one])
+    border = np.concatenate([metres, metres])
+    order = np.lexsort((near, -border, region))
+    found: _Neighbours = {}
+    for r, n, m in zip(
+        region[order].tolist(), near[order].tolist(), border[order].tolist(), strict=True
+    ):
+        found.setdefault(r, []).append({"region": n, "border_m": m})
+    return found

@@ -1,0 +1,199 @@
+"""Compiled sums over the faces of regions: one pass over all faces, not one per region.
+
+Every sum runs in the order of the faces on one thread, so the result does not depend on the number
+of threads.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "attribute_sums",
+    "face_areas",
+    "order_by_slope",
+    "region_sums",
+    "slope_percentile",
+    "squared_deviations",
+]
+
+_Float64 = npt.NDArray[np.float64]
+_Floats = npt.NDArray[np.floating]
+_Int32 = npt.NDArray[np.int32]
+_Int64 = npt.NDArray[np.int64]
+_UInt8 = npt.NDArray[np.uint8]
+_UInt16 = npt.NDArray[np.uint16]
+
+
+@numba.njit(cache=True)
+def face_areas(
+    vertices: _Floats, faces: _Int32, regions: _Int32, count: int
+) -> tuple[_Float64, _Float64, _Float64, _UInt16, _Float64]:
+    """Area and slope of every face, area and plan area of every region.
+
+    Returns ``(area (F,), area (R,), plan area (R,), slope step (F,), slope (F,))``; slopes are
+    degrees, 0 level to 90 vertical or overhanging, 0 for faces without area; a step is 90 / 65535
+    degrees.
+    """
+    area = np.empty(len(faces), np.float64)
+    slope = np.empty(len(faces), np.float64)
+    step = np.empty(len(faces), np.uint16)
+    total = np.zeros(count, np.float64)
+    plan = np.zeros(count, np.float64)
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux = np.float64(vertices[b, 0]) - vertices[a, 0]
+        uy = np.float64(vertices[b, 1]) - vertices[a, 1]
+        uz = np.float64(vertices[b, 2]) - vertices[a, 2]
+        wx = np.float64(vertices[c, 0]) - vertices[a, 0]
+        wy = np.float64(vertices[c, 1]) - vertices[a, 1]
+        wz = np.float64(vertices[c, 2]) - vertices[a, 2]
+        nx = 0.5 * (uy * wz - uz * wy)
+        ny = 0.5 * (uz * wx - ux * wz)
+        nz = 0.5 * (ux * wy - uy * wx)
+        size = np.sqrt(nx * nx + ny * ny + nz * nz)
+        steepness = 0.0
+        if size > 0.0:
+            steepness = np.degrees(np.arccos(min(max(ny / size, 0.0), 1.0)))
+        area[f] = size
+        slope[f] = steepness
+        step[f] = np.uint16(round(steepness * (65535.0 / 90.0)))
+        total[regions[f]] += size
+        plan[regions[f]] += abs(ny)
+    return area, total, plan, step, slope
+
+
+@numba.njit(cache=True)
+def region_sums(
+    vertices: _Floats,
+    faces: _Int32,
+    colours: _UInt8,
+    regions: _Int32,
+    weight: _Float64,
+    slope: _Float64,
+    count: int,
+) -> tuple[_Float64, _Float64]:
+    """Weighted sums and boxes of every region.
+
+    Returns ``(sums (R, 8), boxes (R, 6))``; columns of the sums: weight, weight times x, y, z of
+    the face's centre, times mean red, green, blue of its corners, times its slope; of the boxes:
+    least x, y, z, greatest x, y, z.
+    """
+    sums = np.zeros((count, 8), np.float64)
+    boxes = np.empty((count, 6), np.float64)
+    boxes[:, :3] = np.inf
+    boxes[:, 3:] = -np.inf
+    for f in range(len(faces)):
+        r, w = regions[f], weight[f]
+        sums[r, 0] += w
+        for axis in range(3):
+            centre = 0.0
+            colour = 0.0
+            for corner in range(3):
+                v = faces[f, corner]
+                value = np.float64(vertices[v, axis])
+                centre += value
+                colour += np.float64(colours[v, axis])
+                if value < boxes[r, axis]:
+                    boxes[r, axis] = value
+                if value > boxes[r, axis + 3]:
+                    boxes[r, axis + 3] = value
+            sums[r, 1 + axis] += w * centre / 3.0
+            sums[r, 4 + axis] += w * colour / 3.0
+        sums[r, 7] += w * slope[f]
+    return sums, boxes
+
+
+@numba.njit(cache=True)
+def order_by_slope(regions: _Int32, step: _UInt16, count: int) -> tuple[_Int32, _Int64]:
+    """Faces by region, then slope, then number; with the start of every region's run (R + 1).
+
+    Two stable counting sorts, the less important key first: linear.
+    """
+    starts = np.zeros(65537, np.int64)
+    for f in range(len(step)):
+        starts[np.int64(step[f]) + 1] += 1
+    for s in range(65536):
+        starts[s + 1] += starts[s]
+    by_slope = np.empty(len(step), np.int32)
+    for f in range(len(step)):
+        by_slope[starts[step[f]]] = f
+        starts[step[f]] += 1
+    run = np.zeros(count + 1, np.int64)
+    for f in range(len(regions)):
+        run[regions[f] + 1] += 1
+    for r in range(count):
+        run[r + 1] += run[r]
+    cursor = run[:-1].copy()
+    order = np.empty(len(regions), np.int32)
+    for i in range(len(by_slope)):
+        f = by_slope[i]
+        order[cursor[regions[f]]] = f
+        cursor[regions[f]] += 1
+    return order, run
+
+
+@numba.njit(cache=True)
+def slope_percentile(
+    order: _Int32, run: _Int64, weight: _Float64, slope: _Float64, share: float
+) -> _Float64:
+    """Slope that this share of each region's weight does not exceed, (R,) degrees."""
+    found = np.zeros(len(run) - 1, np.float64)
+    for r in range(len(run) - 1):
+        total = 0.0
+        for i in range(run[r], run[r + 1]):
+            total += weight[order[i]]
+        passed = 0.0
+        for i in range(run[r], run[r + 1]):
+            passed += weight[order[i]]
+            found[r] = slope[order[i]]
+            if passed >= share * total:
+                break
+    return found
+
+
+@numba.njit(cache=True)
+def attribute_sums(
+    values: _Floats, faces: _Int32, regions: _Int32, weight: _Float64, count: int
+) -> _Float64:
+    """Sum one attribute over the corners of every region's faces, NaN and infinity left out.
+
+    Returns (R, 6): known corners, their weight, weighted sum, plain sum, least, greatest.
+    """
+    sums = np.zeros((count, 6), np.float64)
+    sums[:, 4] = np.inf
+    sums[:, 5] = -np.inf
+    for f in range(len(faces)):
+        r = regions[f]
+        for corner in range(3):
+            value = np.float64(values[faces[f, corner]])
+            if not np.isfinite(value):
+                continue
+            sums[r, 0] += 1.0
+            sums[r, 1] += weight[f]
+            sums[r, 2] += weight[f] * value
+            sums[r, 3] += value
+            sums[r, 4] = min(sums[r, 4], value)
+            sums[r, 5] = max(sums[r, 5], value)
+    return sums
+
+
+@numba.njit(cache=True)
+def squared_deviations(
+    values: _Floats, faces: _Int32, regions: _Int32, weight: _Float64, mean: _Float64
+) -> _Float64:
+    """Weighted and plain sum of squared distances from the region's mean, (R, 2)."""
+    sums = np.zeros((len(mean), 2), np.float64)
+    for f in range(len(faces)):
+        r = regions[f]
+        for corner in range(3):
+            value = np.float64(values[faces[f, corner]])
+            if np.isfinite(value):
+                square = (value - mean[r]) * (value - mean[r])
+                sums[r, 0] += weight[f] * square
+                sums[r, 1] += square
+    return sums
