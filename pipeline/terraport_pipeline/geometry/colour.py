@@ -27,7 +27,17 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["face_colour_sums", "srgb_to_lab", "white_distance", "white_distance_of_sums"]
+from terraport_pipeline.geometry.chunks import in_chunks
+from terraport_pipeline.geometry.kernel_input import as_kernel_input
+
+__all__ = [
+    "face_colour_sums",
+    "face_lab",
+    "srgb_to_lab",
+    "white_distance",
+    "white_distance_of_sums",
+    "white_index",
+]
 
 _Float32 = npt.NDArray[np.float32]
 _Float64 = npt.NDArray[np.float64]
@@ -129,6 +139,28 @@ def face_colour_sums(
     return sums
 
 
+def face_lab(
+    colours: npt.NDArray[np.uint8], faces: npt.NDArray[np.integer], steps: float
+) -> npt.NDArray[np.int16]:
+    """CIELAB colour of every face's mean vertex colour, in whole steps.
+
+    Parameters
+    ----------
+    colours : ndarray of shape (V, 3), uint8
+        sRGB.
+    faces : ndarray of shape (F, 3), integer
+        Vertex indices.
+    steps : float
+        Steps per unit of L*, a*, b*; at most 200, so that 16 bits hold them.
+
+    Returns
+    -------
+    ndarray of shape (F, 3), int16
+    """
+    table = _linear(np.arange(255 * 3 + 1, dtype=np.float64) / (255.0 * 3))
+    return _lab_of_sums(face_colour_sums(colours, faces), table, _TO_WHITE_XYZ, steps)
+
+
 def white_distance_of_sums(sums: npt.NDArray[np.uint16], parts: int) -> _Float32:
     """CIEDE2000 difference to white of colours given as sums of ``parts`` 8-bit colours.
 
@@ -149,14 +181,48 @@ def white_distance_of_sums(sums: npt.NDArray[np.uint16], parts: int) -> _Float32
     The sRGB curve becomes a table of ``255 * parts + 1`` entries, so a face costs three cube roots
     and no power.
     """
-    table = _linear(np.arange(255 * parts + 1, dtype=np.float64) / (255.0 * parts))
-    return _white_distance_of_sums(np.ascontiguousarray(sums), table, _TO_WHITE_XYZ)
+    return _white_distance_of_sums(np.ascontiguousarray(sums), _table(parts), _TO_WHITE_XYZ)
+
+
+def white_index(
+    colours: npt.NDArray[np.uint8], faces: npt.NDArray[np.integer], *, threads: int = 1
+) -> _Float32:
+    """CIEDE2000 difference to white of every face's mean vertex colour (3.1).
+
+    Parameters
+    ----------
+    colours : ndarray of shape (V, 3), uint8
+        sRGB.
+    faces : ndarray of shape (F, 3), integer
+        Vertex indices.
+    threads : int
+        Threads at most; they change nothing but the time.
+
+    Returns
+    -------
+    ndarray of shape (F,), float32
+        What :func:`white_distance_of_sums` makes of :func:`face_colour_sums`, without the sums'
+        array in between.
+    """
+    _validate_colours(colours)
+    given, corners = as_kernel_input(colours, np.uint8), as_kernel_input(faces, np.int32)
+    table, index = _table(3), np.empty(len(corners), np.float32)
+    in_chunks(
+        lambda begin, end: _white_index(given, corners, table, _TO_WHITE_XYZ, index, begin, end),
+        len(corners), threads=threads,
+    )  # fmt: skip
+    return index
 
 
 def _validate_colours(colours: npt.NDArray[np.generic]) -> None:
     if colours.ndim != 2 or colours.shape[1] != 3:
         msg = f"colours have shape {colours.shape}, expected (N, 3)"
         raise ValueError(msg)
+
+
+def _table(parts: int) -> _Float64:
+    """Linear light of every possible sum of ``parts`` 8-bit values."""
+    return _linear(np.arange(255 * parts + 1, dtype=np.float64) / (255.0 * parts))
 
 
 def _linear(encoded: _Float64) -> _Float64:
@@ -203,14 +269,52 @@ def _curve(t: float) -> float:
 
 
 @numba.njit(cache=True)
+def _of_linear(r: float, g: float, b: float, matrix: _Float64) -> float:
+    x = _curve(matrix[0, 0] * r + matrix[0, 1] * g + matrix[0, 2] * b)
+    y = _curve(matrix[1, 0] * r + matrix[1, 1] * g + matrix[1, 2] * b)
+    z = _curve(matrix[2, 0] * r + matrix[2, 1] * g + matrix[2, 2] * b)
+    return _to_white(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
+
+
+@numba.njit(cache=True)
 def _white_distance_of_sums(
     sums: npt.NDArray[np.uint16], table: _Float64, matrix: _Float64
 ) -> _Float32:
     distance = np.empty(len(sums), np.float32)
     for i in range(len(sums)):
+        distance[i] = _of_linear(table[sums[i, 0]], table[sums[i, 1]], table[sums[i, 2]], matrix)
+    return distance
+
+
+@numba.njit(cache=True, nogil=True)
+def _white_index(
+    colours: npt.NDArray[np.uint8],
+    faces: npt.NDArray[np.int32],
+    table: _Float64,
+    matrix: _Float64,
+    index: _Float32,
+    begin: int,
+    end: int,
+) -> None:
+    for f in range(begin, end):
+        u, v, w = faces[f, 0], faces[f, 1], faces[f, 2]
+        r = np.int64(colours[u, 0]) + colours[v, 0] + colours[w, 0]
+        g = np.int64(colours[u, 1]) + colours[v, 1] + colours[w, 1]
+        b = np.int64(colours[u, 2]) + colours[v, 2] + colours[w, 2]
+        index[f] = _of_linear(table[r], table[g], table[b], matrix)
+
+
+@numba.njit(cache=True)
+def _lab_of_sums(
+    sums: npt.NDArray[np.uint16], table: _Float64, matrix: _Float64, steps: float
+) -> npt.NDArray[np.int16]:
+    lab = np.empty((len(sums), 3), np.int16)
+    for i in range(len(sums)):
         r, g, b = table[sums[i, 0]], table[sums[i, 1]], table[sums[i, 2]]
         x = _curve(matrix[0, 0] * r + matrix[0, 1] * g + matrix[0, 2] * b)
         y = _curve(matrix[1, 0] * r + matrix[1, 1] * g + matrix[1, 2] * b)
         z = _curve(matrix[2, 0] * r + matrix[2, 1] * g + matrix[2, 2] * b)
-        distance[i] = _to_white(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
-    return distance
+        lab[i, 0] = np.int16(np.rint((116.0 * y - 16.0) * steps))
+        lab[i, 1] = np.int16(np.rint(500.0 * (x - y) * steps))
+        lab[i, 2] = np.int16(np.rint(200.0 * (y - z) * steps))
+    return lab

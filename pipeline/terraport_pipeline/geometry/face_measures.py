@@ -5,10 +5,14 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
+import numba
 import numpy as np
 import numpy.typing as npt
+
+from terraport_pipeline.geometry.chunks import in_chunks
+from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = [
     "automatic_extent",
@@ -18,6 +22,9 @@ __all__ = [
     "face_centres",
     "first_faces",
     "label_boxes",
+    "label_sums",
+    "mesh_input",
+    "surface_area",
 ]
 
 _Float32 = npt.NDArray[np.float32]
@@ -32,71 +39,211 @@ _LENGTH_STEPS: Final = 2**20
 """Steps in the longest edge: finer than float32 rounding, and 2^43 edges fit an int64 sum."""
 
 
-def face_centres(vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]) -> _Float64:
+def face_centres(
+    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
+) -> _Float64:
     """Mean of each face's three corners, (F, 3) float64, in the vertices' unit and frame."""
-    centres: _Float64 = vertices[faces[:, 0]].astype(np.float64)
-    centres += vertices[faces[:, 1]]
-    centres += vertices[faces[:, 2]]
-    centres /= 3.0
+    points, corners = mesh_input(vertices, faces)
+    centres = np.empty((len(corners), 3))
+    in_chunks(
+        lambda begin, end: _centres(points, corners, centres, begin, end),
+        len(corners), threads=threads,
+    )  # fmt: skip
     return centres
 
 
 def face_boxes(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]
+    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
 ) -> tuple[_Float32, _Float32]:
     """Least and greatest corner of every face, two (F, 3) float32, in the vertices' unit."""
-    positions = vertices.astype(np.float32, copy=False)
-    a, b, c = positions[faces[:, 0]], positions[faces[:, 1]], positions[faces[:, 2]]
-    low = np.minimum(a, b)
-    high = np.maximum(a, b)
-    return np.minimum(low, c, out=low), np.maximum(high, c, out=high)
+    positions = as_kernel_input(vertices, np.float32)
+    corners = as_kernel_input(faces, np.int32)
+    low = np.empty((len(corners), 3), np.float32)
+    high = np.empty((len(corners), 3), np.float32)
+    in_chunks(
+        lambda begin, end: _boxes(positions, corners, low, high, begin, end),
+        len(corners), threads=threads,
+    )  # fmt: skip
+    return low, high
 
 
 def label_boxes(
     labels: _Int32, size: _Int64, low: _Float32, high: _Float32
 ) -> tuple[_Float32, _Float32]:
     """Box of the faces of every label, two (L, 3) float32; ``size`` are faces per label, >= 1."""
-    order = np.argsort(labels, kind="stable")
-    starts = np.cumsum(size) - size
-    return np.minimum.reduceat(low[order], starts), np.maximum.reduceat(high[order], starts)
+    return _label_boxes(as_kernel_input(labels, np.int32), len(size), low, high)
+
+
+def label_sums(labels: _Int32, count: int, values: _Float32) -> tuple[_Int64, _Float64]:
+    """Faces of every label 0..count-1 and the sum of their values, in face order, in float64."""
+    return _label_sums(
+        as_kernel_input(labels, np.int32), count, as_kernel_input(values, np.float32)
+    )
 
 
 def first_faces(labels: _Int32, count: int) -> _Int64:
     """Lowest face of every label 0..count-1, (count,) int64; 0 for labels that do not occur."""
-    first = np.zeros(count, np.int64)
-    first[labels[::-1]] = np.arange(len(labels) - 1, -1, -1)
-    return first
+    return _first_faces(as_kernel_input(labels, np.int32), count)
 
 
 def dense_labels(labels: npt.NDArray[np.integer]) -> _Int32:
     """Labels as 0.. without gaps, in their own order."""
-    numbered: _Int32 = np.unique(labels, return_inverse=True)[1].astype(np.int32)
-    return numbered
+    if len(labels) == 0:
+        return np.zeros(0, np.int32)
+    used = np.zeros(int(labels.max()) + 1, np.bool_)
+    used[labels] = True
+    numbers = np.cumsum(used, dtype=np.int32)
+    numbers -= 1
+    dense: _Int32 = np.take(numbers, labels)
+    return dense
 
 
-def edge_steps(vertices: npt.NDArray[np.floating], edges: _Int32) -> _Int64:
+def edge_steps(vertices: npt.NDArray[np.floating], edges: _Int32, *, threads: int = 1) -> _Int64:
     """Edge lengths as whole steps, at least 1, (P,) int64; see ``unit_graph.py``."""
+    steps = np.empty(len(edges), np.int64)
     if len(edges) == 0:
-        return np.zeros(0, np.int64)
-    along = vertices[edges[:, 0]].astype(np.float64)
-    along -= vertices[edges[:, 1]]
-    length = np.sqrt((along * along).sum(axis=1))
-    longest = float(length.max())
-    if longest > 0.0:
-        length *= _LENGTH_STEPS / longest
-    steps: _Int64 = np.maximum(np.rint(length), 1.0).astype(np.int64)
+        return steps
+    points, ends = mesh_input(vertices, edges)
+    longest = max(
+        in_chunks(
+            lambda begin, end: _longest_edge(points, ends, begin, end), len(ends), threads=threads
+        )
+    )
+    scale = _LENGTH_STEPS / longest if longest > 0.0 else 0.0
+    in_chunks(
+        lambda begin, end: _edge_steps(points, ends, scale, steps, begin, end),
+        len(ends), threads=threads,
+    )  # fmt: skip
     return steps
 
 
+def surface_area(
+    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
+) -> float:
+    """Area of all faces, in the square of the vertices' unit."""
+    points, corners = mesh_input(vertices, faces)
+    parts = in_chunks(
+        lambda begin, end: _area(points, corners, begin, end), len(corners), threads=threads
+    )
+    return float(sum(parts))
+
+
 def automatic_extent(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], max_faces: int
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    max_faces: int,
+    *,
+    threads: int = 1,
 ) -> float:
     """Twice the side of the square that ``max_faces`` faces of mean area fill."""
-    corner = vertices[faces[:, 0]].astype(np.float64)
-    normal = np.cross(vertices[faces[:, 1]] - corner, vertices[faces[:, 2]] - corner)
-    area = 0.5 * float(np.sqrt((normal * normal).sum(axis=1)).sum())
+    area = surface_area(vertices, faces, threads=threads)
     side = _AUTO_EXTENT * float(np.sqrt(area * max_faces / len(faces)))
     if side > 0.0:
         return side
     # every face has zero area: do not cut by width
     return max(float(np.ptp(vertices, axis=0).max()), 1.0)
+
+
+def mesh_input(
+    vertices: npt.NDArray[np.floating], indices: npt.NDArray[np.integer]
+) -> tuple[npt.NDArray[Any], _Int32]:
+    """Vertices (float32 stays, everything else becomes float64) and indices for the kernels."""
+    dtype = np.float32 if vertices.dtype == np.float32 else np.float64
+    return as_kernel_input(vertices, dtype), as_kernel_input(indices, np.int32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _centres(
+    vertices: npt.NDArray[Any], faces: _Int32, centres: _Float64, begin: int, end: int
+) -> None:
+    for f in range(begin, end):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        for axis in range(3):
+            total = np.float64(vertices[a, axis]) + np.float64(vertices[b, axis])
+            centres[f, axis] = (total + np.float64(vertices[c, axis])) / 3.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _boxes(
+    vertices: _Float32, faces: _Int32, low: _Float32, high: _Float32, begin: int, end: int
+) -> None:
+    for f in range(begin, end):
+        for axis in range(3):
+            a = vertices[faces[f, 0], axis]
+            b = vertices[faces[f, 1], axis]
+            c = vertices[faces[f, 2], axis]
+            low[f, axis] = min(a, b, c)
+            high[f, axis] = max(a, b, c)
+
+
+@numba.njit(cache=True, nogil=True)
+def _label_boxes(
+    labels: _Int32, count: int, low: _Float32, high: _Float32
+) -> tuple[_Float32, _Float32]:
+    least = np.full((count, 3), np.float32(np.inf), np.float32)
+    most = np.full((count, 3), np.float32(-np.inf), np.float32)
+    for f in range(len(labels)):
+        label = labels[f]
+        for axis in range(3):
+            least[label, axis] = min(least[label, axis], low[f, axis])
+            most[label, axis] = max(most[label, axis], high[f, axis])
+    return least, most
+
+
+@numba.njit(cache=True, nogil=True)
+def _label_sums(labels: _Int32, count: int, values: _Float32) -> tuple[_Int64, _Float64]:
+    size = np.zeros(count, np.int64)
+    total = np.zeros(count, np.float64)
+    for f in range(len(labels)):
+        size[labels[f]] += 1
+        total[labels[f]] += np.float64(values[f])
+    return size, total
+
+
+@numba.njit(cache=True, nogil=True)
+def _first_faces(labels: _Int32, count: int) -> _Int64:
+    first = np.zeros(count, np.int64)
+    for f in range(len(labels) - 1, -1, -1):
+        first[labels[f]] = f
+    return first
+
+
+@numba.njit(cache=True, nogil=True)
+def _length(vertices: npt.NDArray[Any], a: int, b: int) -> float:
+    x = np.float64(vertices[a, 0]) - np.float64(vertices[b, 0])
+    y = np.float64(vertices[a, 1]) - np.float64(vertices[b, 1])
+    z = np.float64(vertices[a, 2]) - np.float64(vertices[b, 2])
+    return np.sqrt(x * x + y * y + z * z)  # type: ignore[no-any-return]
+
+
+@numba.njit(cache=True, nogil=True)
+def _longest_edge(vertices: npt.NDArray[Any], edges: _Int32, begin: int, end: int) -> float:
+    longest = 0.0
+    for i in range(begin, end):
+        longest = max(longest, _length(vertices, edges[i, 0], edges[i, 1]))
+    return longest
+
+
+@numba.njit(cache=True, nogil=True)
+def _edge_steps(
+    vertices: npt.NDArray[Any], edges: _Int32, scale: float, steps: _Int64, begin: int, end: int
+) -> None:
+    for i in range(begin, end):
+        length = np.rint(_length(vertices, edges[i, 0], edges[i, 1]) * scale)
+        steps[i] = np.int64(length) if length > 1.0 else 1
+
+
+@numba.njit(cache=True, nogil=True)
+def _area(vertices: npt.NDArray[Any], faces: _Int32, begin: int, end: int) -> float:
+    total = 0.0
+    for f in range(begin, end):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux = np.float64(vertices[b, 0]) - np.float64(vertices[a, 0])
+        uy = np.float64(vertices[b, 1]) - np.float64(vertices[a, 1])
+        uz = np.float64(vertices[b, 2]) - np.float64(vertices[a, 2])
+        vx = np.float64(vertices[c, 0]) - np.float64(vertices[a, 0])
+        vy = np.float64(vertices[c, 1]) - np.float64(vertices[a, 1])
+        vz = np.float64(vertices[c, 2]) - np.float64(vertices[a, 2])
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        total += 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
+    return total

@@ -25,6 +25,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry.chunks import in_chunks
+from terraport_pipeline.geometry.kernel_input import as_kernel_input
+
 __all__ = ["EXACT_VALUES", "HISTOGRAM_BINS", "MAX_EXACT_CLUSTERS", "Clusters1D", "kmeans_1d"]
 
 EXACT_VALUES: Final = 4096
@@ -55,10 +58,15 @@ class Clusters1D:
     means: _Float64
     """(k,) float64: mean value of each cluster."""
 
-    def assign(self, values: _Float32) -> npt.NDArray[np.int32]:
+    def assign(self, values: _Float32, *, threads: int = 1) -> npt.NDArray[np.int32]:
         """Cluster number of every value: the first cluster whose largest value is not below it."""
-        labels = np.searchsorted(self.upper[:-1], values, side="left")
-        return labels.astype(np.int32)
+        labels = np.empty(len(values), np.int32)
+        given, upper = as_kernel_input(values, np.float32), as_kernel_input(self.upper, np.float32)
+        in_chunks(
+            lambda begin, end: _assign(given, upper, labels, begin, end),
+            len(values), threads=threads,
+        )  # fmt: skip
+        return labels
 
 
 def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
@@ -93,47 +101,94 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
     if len(ordered) == 0 or k < 1:
         msg = f"received {len(ordered)} values and k = {k}, expected at least one of each"
         raise ValueError(msg)
-    steps = ordered[1:] > ordered[:-1]
-    if not (steps | (ordered[1:] == ordered[:-1])).all():
-        bad = int(np.flatnonzero(~(steps | (ordered[1:] == ordered[:-1])))[0])
-        msg = f"value {bad + 1} is {ordered[bad + 1]} after {ordered[bad]}, expected ascending"
+    values = as_kernel_input(ordered, np.float32)
+    distinct, bad = _count_distinct(values)
+    if bad >= 0:
+        msg = f"value {bad} is {ordered[bad]} after {ordered[bad - 1]}, expected ascending"
         raise ValueError(msg)
-    firsts = np.concatenate([[0], np.flatnonzero(steps) + 1]).astype(np.int64)
-    k = min(k, len(firsts))
-    if len(firsts) <= EXACT_VALUES and k <= MAX_EXACT_CLUSTERS:
-        starts = firsts[_optimal_starts(*_grouped(ordered, firsts), k)]
+    k = min(k, distinct)
+    if distinct <= EXACT_VALUES and k <= MAX_EXACT_CLUSTERS:
+        firsts = _firsts(values)
+        starts = firsts[_optimal_starts(*_grouped(values, firsts), k)]
     else:
         if k > MAX_EXACT_CLUSTERS:
-            starts = firsts[np.arange(k) * len(firsts) // k]
+            starts = _firsts(values)[np.arange(k) * distinct // k]
         else:
-            low, high = float(ordered[0]), float(ordered[-1])
+            low, high = float(values[0]), float(values[-1])
             borders = low + (high - low) * np.arange(1, HISTOGRAM_BINS) / HISTOGRAM_BINS
-            cuts = np.searchsorted(ordered, borders.astype(np.float32), side="left")
-            bins = np.unique(np.concatenate([[0], cuts[cuts < len(ordered)]])).astype(np.int64)
+            cuts = np.searchsorted(values, borders.astype(np.float32), side="left")
+            bins = np.unique(np.concatenate([[0], cuts[cuts < len(values)]])).astype(np.int64)
             k_bins = min(k, len(bins))
-            starts = bins[_optimal_starts(*_grouped(ordered, bins), k_bins)]
-        starts = _polish(ordered, starts)
-    ends = np.append(starts[1:], len(ordered))
-    sums = np.add.reduceat(ordered.astype(np.float64), starts)
+            starts = bins[_optimal_starts(*_grouped(values, bins), k_bins)]
+        starts = _polish(values, starts)
+    ends = np.append(starts[1:], len(values))
+    _, sums, _ = _grouped_sums(values, starts, 0.0)
     return Clusters1D(ordered[ends - 1].copy(), sums / (ends - starts))
+
+
+def _firsts(ordered: _Float32) -> _Int64:
+    """Positions where a value differs from the one before."""
+    steps = ordered[1:] > ordered[:-1]
+    return np.concatenate([[0], np.flatnonzero(steps) + 1]).astype(np.int64)
 
 
 def _grouped(ordered: _Float32, starts: _Int64) -> tuple[_Float64, _Float64, _Float64]:
     """Count, sum and sum of squares per group, about the overall mean for accuracy."""
-    centred = ordered.astype(np.float64)
-    centred -= centred.mean()
-    counts = np.diff(np.append(starts, len(ordered))).astype(np.float64)
-    return counts, np.add.reduceat(centred, starts), np.add.reduceat(centred * centred, starts)
+    mean = float(ordered.mean(dtype=np.float64))
+    return _grouped_sums(ordered, starts, mean)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
+def _count_distinct(ordered: _Float32) -> tuple[int, int]:
+    """Count the distinct values; and the first value below the one before it (or nan), or -1."""
+    count = 1
+    for i in range(1, len(ordered)):
+        if ordered[i] > ordered[i - 1]:
+            count += 1
+        elif ordered[i] != ordered[i - 1]:  # also where one is nan
+            return count, i
+    return count, -1
+
+
+@numba.njit(cache=True, nogil=True)
+def _grouped_sums(
+    ordered: _Float32, starts: _Int64, about: float
+) -> tuple[_Float64, _Float64, _Float64]:
+    n = len(starts)
+    counts, sums, squares = np.zeros(n), np.zeros(n), np.zeros(n)
+    for g in range(n):
+        end = starts[g + 1] if g + 1 < n else len(ordered)
+        for i in range(starts[g], end):
+            value = np.float64(ordered[i]) - about
+            sums[g] += value
+            squares[g] += value * value
+        counts[g] = end - starts[g]
+    return counts, sums, squares
+
+
+@numba.njit(cache=True, nogil=True)
+def _assign(
+    values: _Float32, upper: _Float32, labels: npt.NDArray[np.int32], begin: int, end: int
+) -> None:
+    for i in range(begin, end):
+        low, high = 0, len(upper) - 1
+        while low < high:
+            middle = (low + high) // 2
+            if upper[middle] < values[i]:
+                low = middle + 1
+            else:
+                high = middle
+        labels[i] = low
+
+
+@numba.njit(cache=True, nogil=True)
 def _cost(n: _Float64, s: _Float64, q: _Float64, i: int, j: int) -> float:
     """Sum of squares of groups i..j-1 about their mean, from prefix sums."""
     total = s[j] - s[i]
     return float(max(q[j] - q[i] - total * total / (n[j] - n[i]), 0.0))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int) -> _Int64:
     """First group of each cluster in the optimal partition of m groups into k <= m clusters."""
     m = len(counts)
@@ -189,16 +244,16 @@ def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int)
 
 def _polish(ordered: _Float32, starts: _Int64) -> _Int64:
     """Lloyd steps on sorted values until the borders rest; a cluster never becomes empty."""
-    values = ordered.astype(np.float64)
-    prefix = np.concatenate([[0.0], np.cumsum(values)])
+    prefix = np.zeros(len(ordered) + 1)
+    np.cumsum(ordered, dtype=np.float64, out=prefix[1:])
     for _ in range(_MAX_POLISH_STEPS):
-        ends = np.append(starts[1:], len(values))
+        ends = np.append(starts[1:], len(ordered))
         means = (prefix[ends] - prefix[starts]) / (ends - starts)
         middles = ((means[1:] + means[:-1]) * 0.5).astype(np.float32)
         # Equal to the middle -> lower cluster; means lie inside their intervals, so borders stay
         # ascending.
         moved = np.concatenate([[0], np.searchsorted(ordered, middles, side="right")])
-        moved = np.unique(moved[moved < len(values)]).astype(np.int64)
+        moved = np.unique(moved[moved < len(ordered)]).astype(np.int64)
         if len(moved) == len(starts) and (moved == starts).all():
             break
         starts = moved

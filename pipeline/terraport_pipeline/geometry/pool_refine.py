@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from terraport_pipeline.geometry.adjacency import as_kernel_input
-from terraport_pipeline.geometry.face_measures import face_centres
+from terraport_pipeline.geometry.face_measures import face_centres, label_sums
+from terraport_pipeline.geometry.kernel_input import as_kernel_input
+from terraport_pipeline.geometry.near_filter import may_be_near
 
 __all__ = ["join_nearest", "number_by_first", "refine_pools"]
 
@@ -28,6 +29,8 @@ _Int64 = npt.NDArray[np.int64]
 
 _TIE: Final = 1.0 + 1e-9
 """Distances within this ratio are compared again, exactly."""
+_SAMPLE: Final = 2**16
+"""Faces that a first, rough search for the nearest looks at."""
 
 
 def refine_pools(
@@ -55,8 +58,8 @@ def refine_pools(
     unreached : ndarray of shape (groups,), bool
         Whether the merged pool is small still, because it could reach no large one.
     """
-    size = np.bincount(labels, minlength=count).astype(np.int64)
-    mean = np.bincount(labels, weights=similarity, minlength=count) / size
+    size, total = label_sums(labels, count, similarity)
+    mean = total / size
     offsets, neighbours = _pool_graph(labels, as_kernel_input(pairs, np.int32), count)
     group = np.arange(count, dtype=np.int32)  # pool -> node of the current graph
     while True:
@@ -90,6 +93,8 @@ def join_nearest(
     faces: npt.NDArray[np.integer],
     groups: _Int32,
     unreached: _Bool,
+    *,
+    threads: int = 1,
 ) -> _Int32:
     """Give each unreached group the group of the nearest face that was reached, centre to centre.
 
@@ -101,6 +106,8 @@ def join_nearest(
         Merged pools.
     unreached : ndarray of shape (G,), bool
         Groups to give away; at least one is and one is not.
+    threads : int
+        Threads at most; they change nothing but the time.
 
     Returns
     -------
@@ -108,14 +115,21 @@ def join_nearest(
         Groups, with gaps in the numbering. Ties in distance: the lowest face of the group decides,
         and of faces equally near to it the lowest.
     """
-    centres = face_centres(vertices, faces)
+    centres = face_centres(vertices, faces, threads=threads)
     lost = unreached[groups]
     kept_faces = np.flatnonzero(~lost)
     lost_faces = np.flatnonzero(lost)
-    # Sliding midpoints: medians take ten times as long on positions that share coordinates (grids).
-    tree = cKDTree(centres[kept_faces], balanced_tree=False, compact_nodes=False)
+    # The nearest of a sample bounds each group's distance; nothing farther need be in the tree.
+    sample = kept_faces[:: len(kept_faces) // _SAMPLE + 1]
+    bound, _ = _tree(centres[sample]).query(centres[lost_faces], workers=threads)
+    group_bound = np.full(len(unreached), np.inf)
+    np.minimum.at(group_bound, groups[lost_faces], bound)
+    radius = group_bound[groups[lost_faces]] * _TIE
+    near_lost = may_be_near(centres, centres[lost_faces], radius, threads=threads)
+    kept_faces = kept_faces[near_lost[kept_faces]]
+    tree = _tree(centres[kept_faces])
     k = min(2, len(kept_faces))
-    distance, near = tree.query(centres[lost_faces], k=k, workers=-1)
+    distance, near = tree.query(centres[lost_faces], k=k, workers=threads)
     distance, near = distance.reshape(-1, k), near.reshape(-1, k)
     order = np.lexsort((lost_faces, distance[:, 0], groups[lost_faces]))
     owner = groups[lost_faces][order]
@@ -124,12 +138,22 @@ def join_nearest(
     mapping[groups[lost_faces[chosen]]] = groups[kept_faces[near[chosen, 0]]]
     # Equally near faces (to rounding) are rare: only these are searched for the lowest.
     tied = chosen[distance[chosen, -1] <= distance[chosen, 0] * _TIE]
-    around = tree.query_ball_point(centres[lost_faces[tied]], distance[tied, 0] * _TIE, workers=-1)
+    around = tree.query_ball_point(
+        centres[lost_faces[tied]], distance[tied, 0] * _TIE, workers=threads
+    )
     for face, found in zip(lost_faces[tied], around, strict=True):
         candidates = kept_faces[np.sort(found)]
         gap = centres[candidates] - centres[face]
         mapping[groups[face]] = groups[candidates[np.argmin((gap * gap).sum(axis=1))]]
     return np.take(mapping, groups)
+
+
+def _tree(points: _Float64) -> cKDTree:
+    """Search tree by sliding midpoints.
+
+    Medians take ten times as long on positions that share coordinates (grids).
+    """
+    return cKDTree(points, balanced_tree=False, compact_nodes=False)
 
 
 def number_by_first(labels: _Int32) -> tuple[_Int32, int]:
@@ -138,7 +162,7 @@ def number_by_first(labels: _Int32) -> tuple[_Int32, int]:
     return numbered, int(count)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int32]:
     """Neighbouring pools as CSR; a neighbour appears once per shared edge."""
     offsets = np.zeros(count + 1, np.int64)
@@ -161,7 +185,7 @@ def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int
     return offsets, neighbours
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _contract(
     offsets: _Int64, neighbours: _Int32, nodes: _Int32, n_nodes: int
 ) -> tuple[_Int64, _Int32]:
@@ -183,7 +207,7 @@ def _contract(
     return new, kept
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _better(
     difference: float, size: int, number: int, best_difference: float, best_size: int, best: int
 ) -> bool:
@@ -195,7 +219,7 @@ def _better(
     return size > best_size or (size == best_size and number < best)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _flood(
     offsets: _Int64,
     neighbours: _Int32,
@@ -249,7 +273,7 @@ def _flood(
     return target
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _join_most_similar(
     offsets: _Int64,
     neighbours: _Int32,
@@ -287,7 +311,7 @@ def _join_most_similar(
     return parent, moved
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _renumber(labels: _Int32, limit: int) -> tuple[_Int32, int]:
     number = np.full(limit, -1, np.int32)
     numbered = np.empty(len(labels), np.int32)

@@ -16,14 +16,12 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.geometry.adjacency import face_pairs, vertex_pairs
+from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.triangle_pool import (
     FINE_POOLS,
     REGION_POOLS,
     TrianglePoolOptions,
-    TrianglePools,
-    face_similarity,
-    pools_of_similarity,
+    triangle_pools_many,
 )
 
 __all__ = [
@@ -127,6 +125,8 @@ class TriangleSegmenter:
     """Parameters of the regions."""
     fine: TrianglePoolOptions = FINE_POOLS
     """Parameters of the fine pools."""
+    threads: int = 1
+    """Threads at most; they change nothing but the time."""
 
     @property
     def name(self) -> str:
@@ -135,48 +135,16 @@ class TriangleSegmenter:
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
         """Cut the mesh into regions and fine pools; see :class:`Segmenter`."""
-        by_edge: _Int32 | None = None
-        by_vertex: _Int32 | None = None
-
-        def neighbours(options: TrianglePoolOptions) -> _Int32:
-            nonlocal by_edge, by_vertex
-            if options.contiguity == "vertex":
-                if by_vertex is None:
-                    by_vertex = vertex_pairs(mesh.faces, len(mesh.vertices))
-                return by_vertex
-            if by_edge is None:
-                by_edge = mesh.edge_pairs()[0]
-            return by_edge
-
-        def similarity_by(options: TrianglePoolOptions) -> _Float32:
-            colours, scalar = mesh.colours, mesh.scalar
-            if scalar is not None:
-                colours = None
-            elif colours is None:
-                scalar = np.zeros(len(mesh.faces))
-            return face_similarity(
-                mesh.vertices, mesh.faces, colours=colours, scalar=scalar, options=options
-            )
-
-        def pools(
-            similarity: _Float32, ordered: _Float32, options: TrianglePoolOptions
-        ) -> TrianglePools:
-            return pools_of_similarity(
-                mesh.vertices,
-                mesh.faces,
-                similarity,
-                options=options,
-                pairs=neighbours(options),
-                ordered=ordered,
-            )
-
-        similarity = similarity_by(self.regions)
-        ordered = np.sort(similarity)
-        regions = pools(similarity, ordered, self.regions)
-        if not self.fine.same_similarity(self.regions):
-            similarity = similarity_by(self.fine)
-            ordered = np.sort(similarity)
-        fine = pools(similarity, ordered, self.fine)
+        colours, scalar = mesh.colours, mesh.scalar
+        if scalar is not None:
+            colours = None
+        elif colours is None:
+            scalar = np.zeros(len(mesh.faces))
+        by_edge = None if mesh.pairs is None else mesh.pairs[0]
+        regions, fine = triangle_pools_many(
+            mesh.vertices, mesh.faces, (self.regions, self.fine),
+            colours=colours, scalar=scalar, pairs=by_edge, threads=self.threads,
+        )  # fmt: skip
         return Segmentation(
             regions=regions.labels,
             region_count=regions.count,

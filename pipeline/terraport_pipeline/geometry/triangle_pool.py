@@ -23,24 +23,29 @@ Where the text is silent or cannot be meant, this module departs from it and say
   mean, then more faces, then lower number (pools are numbered by their first face). What is left
   touches nothing: see ``islands``.
 
-PURE: no I/O, no clock. Time O(n log n) for the sort, everything else linear; peak about 90 bytes
+PURE: no I/O, no clock. Time O(n log n) for the sort, everything else linear; peak about 70 bytes
 per face.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.geometry.adjacency import components, face_pairs, vertex_pairs
-from terraport_pipeline.geometry.colour import face_colour_sums, white_distance_of_sums
-from terraport_pipeline.geometry.face_measures import face_centres
+from terraport_pipeline.geometry.chunks import side_by_side
 from terraport_pipeline.geometry.kmeans_1d import kmeans_1d
+from terraport_pipeline.geometry.pool_options import (
+    FINE_POOLS,
+    REGION_POOLS,
+    TrianglePoolOptions,
+)
 from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first, refine_pools
+from terraport_pipeline.geometry.similarity import similarity_index
 
 __all__ = [
     "FINE_POOLS",
@@ -51,76 +56,11 @@ __all__ = [
     "face_similarity",
     "pools_of_similarity",
     "triangle_pools",
+    "triangle_pools_many",
 ]
 
 _Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True)
-class TrianglePoolOptions:
-    """Parameters of the Triangle Pool Algorithm; the defaults are the thesis's for regions."""
-
-    threshold: float = 0.7
-    """[Th] width of a chained bin in s; larger gives fewer, larger pools. > 0."""
-    small_threshold: float = 0.015
-    """[sTh] share of all faces below which a pool is small and joins a large one; 0 keeps every
-    pool. 0..1."""
-    mu: float = 1.0
-    """Weight of the colour (or scalar) index. >= 0."""
-    tau: float = 0.1
-    """Weight of the separation index. >= 0."""
-    normalise: Literal["minmax", "max", "raw"] = "minmax"
-    """How l is scaled: to 0..``attribute_range`` by its least and largest value, by its largest
-    magnitude only, or not at all."""
-    attribute_range: float = 1.0
-    """Upper end of the normalised l; 2 reproduces the thesis's results with shape diameters. >
-    0."""
-    origin: Literal["min_corner", "first", "centroid"] = "min_corner"
-    """The point d is measured from: the least corner of the centres' box (independent of face
-    order), the first face's centre (the thesis), or the mean of the centres (independent of order
-    and of rotation)."""
-    contiguity: Literal["edge", "vertex"] = "edge"
-    """Whether faces must share an edge, or only a vertex, to be neighbours."""
-    islands: Literal["nearest", "stay"] = "nearest"
-    """Small pools from which no large pool can be reached join the pool of the nearest face, or
-    stay as they are."""
-
-    def __post_init__(self) -> None:
-        """Refuse values outside their range before any work."""
-        for name, low, high in (
-            ("threshold", np.nextafter(0, 1), np.inf),
-            ("small_threshold", 0.0, 1.0),
-            ("mu", 0.0, np.inf),
-            ("tau", 0.0, np.inf),
-            ("attribute_range", np.nextafter(0, 1), np.inf),
-        ):
-            value = getattr(self, name)
-            if not (low <= value <= high and np.isfinite(value)):
-                msg = f"{name} is {value}, expected a finite number in {low:g}..{high:g}"
-                raise ValueError(msg)
-        for name, allowed in (
-            ("normalise", ("minmax", "max", "raw")),
-            ("origin", ("min_corner", "first", "centroid")),
-            ("contiguity", ("edge", "vertex")),
-            ("islands", ("nearest", "stay")),
-        ):
-            if getattr(self, name) not in allowed:
-                msg = f"{name} is {getattr(self, name)!r}, expected one of {', '.join(allowed)}"
-                raise ValueError(msg)
-
-    def same_similarity(self, other: TrianglePoolOptions) -> bool:
-        """Whether both options give every face the same s."""
-        names = ("mu", "tau", "normalise", "attribute_range", "origin")
-        return all(getattr(self, name) == getattr(other, name) for name in names)
-
-
-REGION_POOLS: Final = TrianglePoolOptions()
-"""Published setting for regions: Th = 0.7, sTh = 0.015."""
-FINE_POOLS: Final = TrianglePoolOptions(threshold=0.2, small_threshold=0.0)
-"""Published setting for streaming segments: Th = 0.2, sTh = 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,6 +90,7 @@ def triangle_pools(
     scalar: npt.NDArray[np.floating] | None = None,
     options: TrianglePoolOptions = REGION_POOLS,
     pairs: _Int32 | None = None,
+    threads: int = 1,
 ) -> TrianglePools:
     """Segment a mesh with the Triangle Pool Algorithm.
 
@@ -168,6 +109,8 @@ def triangle_pools(
     pairs : ndarray of shape (P, 2), int32, optional
         Neighbouring faces where the caller has them already (:func:`face_pairs`, or
         :func:`vertex_pairs` for ``contiguity="vertex"``).
+    threads : int
+        Threads at most; they change nothing but the time.
 
     Returns
     -------
@@ -190,8 +133,81 @@ def triangle_pools(
     >>> triangle_pools(vertices, faces, scalar=np.array([0.0, 0.1, 0.9, 1.0])).labels.tolist()
     [0, 0, 1, 1]
     """
-    similarity = face_similarity(vertices, faces, colours=colours, scalar=scalar, options=options)
-    return pools_of_similarity(vertices, faces, similarity, options=options, pairs=pairs)
+    by_edge = pairs if options.contiguity == "edge" else None
+    by_vertex = pairs if options.contiguity == "vertex" else None
+    return triangle_pools_many(
+        vertices, faces, [options], colours=colours, scalar=scalar, pairs=by_edge,
+        touching=by_vertex, threads=threads,
+    )[0]  # fmt: skip
+
+
+def triangle_pools_many(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    options: Sequence[TrianglePoolOptions],
+    *,
+    colours: npt.NDArray[np.uint8] | None = None,
+    scalar: npt.NDArray[np.floating] | None = None,
+    pairs: _Int32 | None = None,
+    touching: _Int32 | None = None,
+    threads: int = 1,
+) -> list[TrianglePools]:
+    """Segment one mesh with several sets of options, sharing what they have in common.
+
+    Parameters
+    ----------
+    vertices, faces, colours, scalar
+        As in :func:`triangle_pools`.
+    options : sequence of TrianglePoolOptions
+        One result for each.
+    pairs : ndarray of shape (P, 2), int32, optional
+        Faces that share an edge, where the caller has them: ``face_pairs(...)[0]``.
+    touching : ndarray of shape (Q, 2), int32, optional
+        Faces that share a vertex, likewise: ``vertex_pairs(...)``.
+    threads : int
+        Threads at most; they change nothing but the time.
+
+    Returns
+    -------
+    list of TrianglePools
+        To the byte what :func:`triangle_pools` gives for each of the options.
+
+    Raises
+    ------
+    ValueError
+        As :func:`triangle_pools`.
+
+    Notes
+    -----
+    Options that agree on what s is made of (``mu``, ``tau``, ``normalise``, ``attribute_range``,
+    ``origin``) share s and its sorting; all share the adjacency, which is found beside s when there
+    are two threads.
+    """
+    _validate_inputs(vertices, faces, colours, scalar)
+    near: dict[str, _Int32 | None] = {"edge": pairs, "vertex": touching}
+    shared: dict[tuple[float | str, ...], tuple[_Float32, _Float32]] = {}
+
+    def find_neighbours() -> None:
+        wanted = {o.contiguity for o in options} if len(faces) else set()
+        if near["edge"] is None and "edge" in wanted:
+            near["edge"] = face_pairs(faces, len(vertices), threads=threads)[0]
+        if near["vertex"] is None and "vertex" in wanted:
+            near["vertex"] = vertex_pairs(faces, len(vertices))
+
+    def find_similarity() -> None:
+        for o in options:
+            if o.similarity_key not in shared:
+                s = _similarity(vertices, faces, colours, scalar, o, threads)
+                shared[o.similarity_key] = s, np.sort(s)
+
+    side_by_side([find_neighbours, find_similarity], threads=threads)
+    return [
+        pools_of_similarity(
+            vertices, faces, shared[o.similarity_key][0], options=o, pairs=near[o.contiguity],
+            ordered=shared[o.similarity_key][1], threads=threads,
+        )
+        for o in options
+    ]  # fmt: skip
 
 
 def pools_of_similarity(
@@ -202,15 +218,13 @@ def pools_of_similarity(
     options: TrianglePoolOptions = REGION_POOLS,
     pairs: _Int32 | None = None,
     ordered: _Float32 | None = None,
+    threads: int = 1,
 ) -> TrianglePools:
     """Segment a mesh whose similarity index is known: steps 4 to 6.
 
-    Two runs whose similarity agrees (:meth:`TrianglePoolOptions.same_similarity`) share the index
-    and its sorting this way.
-
     Parameters
     ----------
-    vertices, faces, options, pairs
+    vertices, faces, options, pairs, threads
         As in :func:`triangle_pools`; of the options only those of steps 4 to 6 count.
     similarity : ndarray of shape (F,), float32
         [s_i] of every face; finite.
@@ -228,12 +242,12 @@ def pools_of_similarity(
     if ordered is None:
         ordered = np.sort(similarity)
     k = chain_count(ordered, options.threshold)
-    level2 = kmeans_1d(ordered, k).assign(similarity)
+    level2 = kmeans_1d(ordered, k).assign(similarity, threads=threads)
     del ordered
     # (2) level 3: connected components
     if pairs is None:
         if options.contiguity == "edge":
-            pairs = face_pairs(faces, len(vertices))[0]
+            pairs = face_pairs(faces, len(vertices), threads=threads)[0]
         else:
             pairs = vertex_pairs(faces, len(vertices))
     level3, level3_count = components(n_faces, pairs, labels=level2)
@@ -245,7 +259,7 @@ def pools_of_similarity(
     merged, unreached = refine_pools(level3, level3_count, pairs, similarity, smallest)
     islands = int(np.count_nonzero(unreached))
     if islands and options.islands == "nearest" and islands < len(unreached):
-        merged = join_nearest(vertices, faces, merged, unreached)
+        merged = join_nearest(vertices, faces, merged, unreached, threads=threads)
     labels, count = number_by_first(merged)
     return TrianglePools(labels, similarity, k, level3_count, count, islands)
 
@@ -257,12 +271,13 @@ def face_similarity(
     colours: npt.NDArray[np.uint8] | None = None,
     scalar: npt.NDArray[np.floating] | None = None,
     options: TrianglePoolOptions = REGION_POOLS,
+    threads: int = 1,
 ) -> _Float32:
     """Similarity index s of every face (3.3).
 
     Parameters
     ----------
-    vertices, faces, colours, scalar, options
+    vertices, faces, colours, scalar, options, threads
         As in :func:`triangle_pools`.
 
     Returns
@@ -276,23 +291,7 @@ def face_similarity(
         As in :func:`triangle_pools`.
     """
     _validate_inputs(vertices, faces, colours, scalar)
-    if len(faces) == 0:
-        return np.zeros(0, np.float32)
-    if colours is not None:
-        index = white_distance_of_sums(face_colour_sums(colours, faces), 3).astype(np.float64)
-    else:
-        index = np.array(scalar, dtype=np.float64)
-    low, high = float(index.min()), float(index.max())
-    if options.normalise == "minmax":
-        index -= low
-        index *= options.attribute_range / (high - low) if high > low else 0.0
-    elif options.normalise == "max":
-        largest = max(abs(low), abs(high))
-        index *= options.attribute_range / largest if largest > 0.0 else 0.0
-    index *= options.mu
-    if options.tau > 0.0:
-        index += options.tau * _separation(face_centres(vertices, faces), options.origin)
-    return index.astype(np.float32)
+    return _similarity(vertices, faces, colours, scalar, options, threads)
 
 
 def chain_count(ordered: _Float32, threshold: float) -> int:
@@ -351,22 +350,24 @@ def _validate_inputs(
             raise ValueError(msg)
 
 
-def _separation(centres: _Float64, origin: str) -> _Float64:
-    """Standardised separation index d, 0..1 (3.2); all zero where the centres coincide."""
-    if origin == "first":
-        start = centres[0].copy()
-    elif origin == "centroid":
-        start = centres.mean(axis=0)
-    else:
-        start = centres.min(axis=0)
-    centres -= start
-    np.square(centres, out=centres)
-    distance = np.sqrt(centres[:, 0] + centres[:, 1] + centres[:, 2])
-    largest = float(distance.max())
-    return distance / largest if largest > 0.0 else distance
+def _similarity(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    colours: npt.NDArray[np.uint8] | None,
+    scalar: npt.NDArray[np.floating] | None,
+    options: TrianglePoolOptions,
+    threads: int,
+) -> _Float32:
+    if len(faces) == 0:
+        return np.zeros(0, np.float32)
+    return similarity_index(
+        vertices, faces, colours=colours, scalar=scalar, mu=options.mu, tau=options.tau,
+        normalise=options.normalise, attribute_range=options.attribute_range,
+        origin=options.origin, threads=threads,
+    )  # fmt: skip
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _chain_count(ordered: _Float32, threshold: float) -> int:
     count = 0
     first = 0.0

@@ -58,9 +58,9 @@ def test_tpa_with_options_that_share_nothing(terrain, fine):
 def test_similarity_is_computed_once_where_the_options_agree(terrain, monkeypatch):
     mesh = SegmenterMesh(terrain(3).vertices, terrain(3).faces, terrain(3).colours)
     calls = []
-    original = triangle_pool.face_similarity
+    original = triangle_pool.similarity_index
     monkeypatch.setattr(
-        "terraport_pipeline.geometry.segmenter.face_similarity",
+        "terraport_pipeline.geometry.triangle_pool.similarity_index",
         lambda *a, **k: calls.append(1) or original(*a, **k),
     )
     TriangleSegmenter().segment(mesh)

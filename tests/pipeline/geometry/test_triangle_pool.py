@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.colour import white_distance
 from terraport_pipeline.geometry.triangle_pool import (
     FINE_POOLS,
     REGION_POOLS,
@@ -15,6 +18,7 @@ from terraport_pipeline.geometry.triangle_pool import (
     chain_count,
     face_similarity,
     triangle_pools,
+    triangle_pools_many,
 )
 
 # --- the literal reference: thesis section 3.5, one paragraph after another ---------------------
@@ -238,6 +242,98 @@ def test_pools_of_soups_equal_the_reference(soup, name, seed):
     expected = reference_pools(mesh, result.similarity, OPTIONS[name])
     assert (result.labels.tolist(), result.k, result.level3_count) == expected
     assert result.count == max(expected[0]) + 1
+
+
+GRID = [
+    TrianglePoolOptions(
+        threshold=threshold, small_threshold=small, tau=tau, attribute_range=2.0,
+        normalise=normalise, origin=origin, contiguity=contiguity, islands=islands,
+    )
+    for normalise in ("minmax", "max", "raw")
+    for origin in ("min_corner", "first", "centroid")
+    for contiguity in ("edge", "vertex")
+    for islands in ("nearest", "stay")
+    for threshold, small, tau in ((0.35, 0.12, 0.2),)
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("number", range(len(GRID)))
+def test_every_combination_of_options_equals_the_reference(soup, terrain, number):
+    """Index, pools, k and level 3 count, from colours and from scalars, on soups and torn grids."""
+    options = GRID[number]
+    for seed in range(4):
+        rng = np.random.default_rng(100 * number + seed)
+        mesh = soup(1000 * number + seed) if seed < 3 else terrain(number, cells=5, holes=0.3)
+        # raw colour runs to 100: chain it at a scale where pools form
+        scale = 30.0 if options.normalise == "raw" else 1.0
+        scalar = rng.choice([-2.0, -0.5, 0.0, 0.25, 1.0], len(mesh.faces))
+        for given in ({"colours": mesh.colours}, {"scalar": scalar}):
+            mine = replace(options, threshold=options.threshold * (scale if seed % 2 else 1.0))
+            result = triangle_pools(mesh.vertices, mesh.faces, options=mine, **given)
+            expected = reference_pools(mesh, result.similarity, mine)
+            assert (result.labels.tolist(), result.k, result.level3_count) == expected
+            index = scalar if "scalar" in given else reference_index(mesh)
+            formula = reference_similarity(mesh, mine, list(index))
+            np.testing.assert_allclose(
+                result.similarity, np.array(formula, np.float32), rtol=3e-7, atol=2e-6
+            )
+
+
+def reference_index(mesh):
+    """Equation (3.1), colour by colour."""
+    means = [mesh.colours[face].astype(np.float64).sum(axis=0) / 3 for face in mesh.faces]
+    return [float(white_distance(mean[None])[0]) for mean in means]
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_one_colour_equals_the_reference(soup, seed):
+    """Every face alike: k is 1 and pools are the connected pieces, before and after refining."""
+    mesh = soup(seed)
+    grey = np.full(mesh.colours.shape, 90 + seed, np.uint8)
+    for name, options in OPTIONS.items():
+        result = triangle_pools(
+            mesh.vertices, mesh.faces, colours=grey, options=replace(options, tau=0.0)
+        )
+        expected = reference_pools(mesh, result.similarity, options)
+        assert (result.labels.tolist(), result.k, result.level3_count) == expected, name
+        assert result.k == 1
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_fans_and_isolated_faces_equal_the_reference(seed):
+    """Many faces on one edge, repeated faces, and faces that touch nothing."""
+    rng = np.random.default_rng(seed)
+    fan = [[0, 1, 2 + i] for i in range(int(rng.integers(3, 20)))]
+    n = 2 + len(fan)
+    loose = [[n + 3 * i, n + 3 * i + 1, n + 3 * i + 2] for i in range(int(rng.integers(1, 8)))]
+    faces = np.array(fan + loose + fan[:3] + loose[:1], np.int32)
+    faces = faces[rng.permutation(len(faces))]
+    vertices = 3.0 * rng.integers(0, 8, (n + 3 * len(loose), 3))
+    mesh = SimpleNamespace(vertices=vertices, faces=faces)
+    values = rng.choice([0.0, 0.5, 1.0], len(faces))
+    for options in OPTIONS.values():
+        result = triangle_pools(vertices, faces, scalar=values, options=options)
+        expected = reference_pools(mesh, result.similarity, options)
+        assert (result.labels.tolist(), result.k, result.level3_count) == expected
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_many_at_once_and_threads_change_no_byte(terrain, seed):
+    """Each of many results is what it is alone."""
+    mesh = terrain(seed, cells=14, holes=0.2)
+    sets = list(OPTIONS.values())
+    for threads in (1, 2):
+        many = triangle_pools_many(
+            mesh.vertices, mesh.faces, sets, colours=mesh.colours, threads=threads
+        )
+        for options, found in zip(sets, many, strict=True):
+            alone = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, options=options)
+            assert found.labels.tobytes() == alone.labels.tobytes()
+            assert found.similarity.tobytes() == alone.similarity.tobytes()
+            assert (found.k, found.level3_count, found.count, found.islands) == (
+                alone.k, alone.level3_count, alone.count, alone.islands,
+            )  # fmt: skip
+    assert many[0].similarity is many[1].similarity
 
 
 @pytest.mark.parametrize("name", OPTIONS)

@@ -1,0 +1,77 @@
+"""Parameters of the Triangle Pool Algorithm, and the two published settings.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+__all__ = ["FINE_POOLS", "REGION_POOLS", "TrianglePoolOptions"]
+
+
+@dataclass(frozen=True, slots=True)
+class TrianglePoolOptions:
+    """Parameters of the Triangle Pool Algorithm; the defaults are the thesis's for regions."""
+
+    threshold: float = 0.7
+    """[Th] width of a chained bin in s; larger gives fewer, larger pools. > 0."""
+    small_threshold: float = 0.015
+    """[sTh] share of all faces below which a pool is small and joins a large one; 0 keeps every
+    pool. 0..1."""
+    mu: float = 1.0
+    """Weight of the colour (or scalar) index. >= 0."""
+    tau: float = 0.1
+    """Weight of the separation index. >= 0."""
+    normalise: Literal["minmax", "max", "raw"] = "minmax"
+    """How l is scaled: to 0..``attribute_range`` by its least and largest value, by its largest
+    magnitude only, or not at all."""
+    attribute_range: float = 1.0
+    """Upper end of the normalised l; 2 reproduces the thesis's results with shape diameters. >
+    0."""
+    origin: Literal["min_corner", "first", "centroid"] = "min_corner"
+    """The point d is measured from: the least corner of the centres' box (independent of face
+    order), the first face's centre (the thesis), or the mean of the centres (independent of order
+    and of rotation)."""
+    contiguity: Literal["edge", "vertex"] = "edge"
+    """Whether faces must share an edge, or only a vertex, to be neighbours."""
+    islands: Literal["nearest", "stay"] = "nearest"
+    """Small pools from which no large pool can be reached join the pool of the nearest face, or
+    stay as they are."""
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range before any work."""
+        for name, low, high in (
+            ("threshold", np.nextafter(0, 1), np.inf),
+            ("small_threshold", 0.0, 1.0),
+            ("mu", 0.0, np.inf),
+            ("tau", 0.0, np.inf),
+            ("attribute_range", np.nextafter(0, 1), np.inf),
+        ):
+            value = getattr(self, name)
+            if not (low <= value <= high and np.isfinite(value)):
+                msg = f"{name} is {value}, expected a finite number in {low:g}..{high:g}"
+                raise ValueError(msg)
+        for name, allowed in (
+            ("normalise", ("minmax", "max", "raw")),
+            ("origin", ("min_corner", "first", "centroid")),
+            ("contiguity", ("edge", "vertex")),
+            ("islands", ("nearest", "stay")),
+        ):
+            if getattr(self, name) not in allowed:
+                msg = f"{name} is {getattr(self, name)!r}, expected one of {', '.join(allowed)}"
+                raise ValueError(msg)
+
+    @property
+    def similarity_key(self) -> tuple[float | str, ...]:
+        """What s depends on: options with equal keys give every face the same s."""
+        return self.mu, self.tau, self.normalise, self.attribute_range, self.origin
+
+
+REGION_POOLS: Final = TrianglePoolOptions()
+"""Published setting for regions: Th = 0.7, sTh = 0.015."""
+FINE_POOLS: Final = TrianglePoolOptions(threshold=0.2, small_threshold=0.0)
+"""Published setting for streaming segments: Th = 0.2, sTh = 0."""
