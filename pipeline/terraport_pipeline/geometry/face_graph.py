@@ -21,7 +21,15 @@ from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
-__all__ = ["EdgeWeights", "FaceGraph", "UnitFacts", "border_weights", "face_graph", "sum_facts"]
+__all__ = [
+    "EdgeWeights",
+    "FaceGraph",
+    "UnitFacts",
+    "border_weights",
+    "face_graph",
+    "sum_areas",
+    "sum_facts",
+]
 
 _Float32 = npt.NDArray[np.float32]
 _Float64 = npt.NDArray[np.float64]
@@ -110,6 +118,7 @@ def face_graph(
     faces: npt.NDArray[np.integer],
     *,
     colours: npt.NDArray[np.uint8] | None = None,
+    scalar: npt.NDArray[np.floating] | None = None,
     pairs: _Int32 | None = None,
 ) -> FaceGraph:
     """Measure faces and their borders.
@@ -122,6 +131,9 @@ def face_graph(
         Vertex indices. F may be 0. Repeated and zero-area faces are allowed.
     colours : ndarray of shape (V, 3), uint8, optional
         sRGB.
+    scalar : ndarray of shape (F,), float, optional
+        A finite value per face that stands for the colour; its range is stretched to 0..100, like a
+        hue, so that the lightness weight leaves it alone.
     pairs : ndarray of shape (P, 2), int32, optional
         Pairs of :func:`face_pairs` where the caller has them.
 
@@ -154,7 +166,11 @@ def face_graph(
     largest = float(area.max())
     longest = float(length.max()) if len(length) else 0.0
     area_steps = _in_steps(area, largest)
-    lab = None if colours is None else face_lab(colours, faces, LAB_STEPS)
+    lab: npt.NDArray[np.int16] | None = None
+    if scalar is not None:
+        lab = _scalar_as_hue(scalar)
+    elif colours is not None:
+        lab = face_lab(colours, faces, LAB_STEPS)
     ones = np.ones(len(faces), np.int32)
     # steps of length per step of area, times the root of the whole area; sum of exact integers
     scale = 1.0
@@ -220,6 +236,20 @@ def border_weights(
     return border, scale
 
 
+def _scalar_as_hue(scalar: npt.NDArray[np.floating]) -> npt.NDArray[np.int16]:
+    """CIELAB rows that differ in a* alone, by 100 between the least and the greatest value."""
+    if not np.isfinite(scalar).all():
+        bad = int(np.flatnonzero(~np.isfinite(scalar))[0])
+        msg = f"scalar of face {bad} is {scalar[bad]}, expected a finite number"
+        raise ValueError(msg)
+    low, high = float(scalar.min()), float(scalar.max())
+    lab = np.zeros((len(scalar), 3), np.int16)
+    if high > low:
+        stretched = (scalar.astype(np.float64) - low) * (100.0 * LAB_STEPS / (high - low))
+        lab[:, 1] = np.rint(stretched).astype(np.int16)
+    return lab
+
+
 def _in_steps(values: _Float64, largest: float) -> _Int64:
     """Whole steps, at least 1."""
     if largest <= 0.0:
@@ -281,6 +311,15 @@ def _measure_borders(vertices: _Float32, faces: _Int32, pairs: _Int32) -> _Float
                     break
         length[i] = total
     return length
+
+
+@numba.njit(cache=True)
+def sum_areas(area: _Int64, nodes: _Int32, count: int) -> _Int64:
+    """Areas of unions: ``nodes[u]`` is the union of unit u."""
+    total = np.zeros(count, np.int64)
+    for u in range(len(nodes)):
+        total[nodes[u]] += area[u]
+    return total
 
 
 @numba.njit(cache=True)

@@ -26,9 +26,11 @@ from terraport_pipeline.geometry.face_graph import (
     EdgeWeights,
     FaceGraph,
     border_weights,
+    sum_areas,
     sum_facts,
 )
-from terraport_pipeline.geometry.merge_heap import merge_by_heap, record_merges
+from terraport_pipeline.geometry.kernel_input import as_kernel_input
+from terraport_pipeline.geometry.merge_heap import merge_by_heap, record_merges, unite_units
 from terraport_pipeline.geometry.merge_rounds import (
     contract_rows,
     mutual_partners,
@@ -38,8 +40,9 @@ from terraport_pipeline.geometry.merge_rounds import (
     unite_partners,
 )
 from terraport_pipeline.geometry.merge_tree import MergeTree, merge_tree
+from terraport_pipeline.geometry.pool_refine import number_by_first
 
-__all__ = ["MergedGraph", "merge_faces"]
+__all__ = ["MergedGraph", "join_small", "merge_faces"]
 
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
@@ -125,3 +128,47 @@ def merge_faces(
     record_merges(merged, node.copy(), children[done:last], n_faces + done)
     tree = merge_tree(n_faces, children[:last], cost[:last] * graph.scale, graph.area)
     return MergedGraph(tree, seed_count, colour_scale)
+
+
+def join_small(
+    graph: FaceGraph, weights: EdgeWeights, labels: _Int32, count: int, small_share: float
+) -> tuple[_Int32, int]:
+    """Let regions below a share of the whole area join a neighbour.
+
+    Merges between regions in the usual order, only those in which one is small, until no small
+    region touches another: the share is a lower bound, but for pieces that touch nothing.
+
+    Parameters
+    ----------
+    graph, weights
+        As for :func:`merge_faces`; borders are weighed between whole regions.
+    labels : ndarray of shape (F,), int32
+        Region of every face, 0..count-1, numbered by first face.
+    count : int
+    small_share : float
+        0..1.
+
+    Returns
+    -------
+    labels, count
+        Numbered by first face; every region given lies within one returned.
+    """
+    small_area = int(np.ceil(small_share * float(graph.area.sum())))
+    if count < 2 or small_area <= 1:
+        return labels, count
+    rows = contract_rows(
+        *rows_of_pairs(len(labels), as_kernel_input(graph.pairs, np.int32), graph.length),
+        labels, count,
+    )  # fmt: skip
+    pairs, length = pairs_of_rows(*rows)
+    border, _ = border_weights(pairs, length, sum_facts(graph.facts, labels, count), weights)
+    offsets, _, both = rows_of_pairs(count, pairs, border)
+    area = sum_areas(graph.area, labels, count)
+    name = np.arange(count, dtype=np.int32)
+    merged, _ = merge_by_heap(
+        pairs.reshape(-1).copy(), border, row_sums(offsets, both), area, name, small_area
+    )
+    union = np.arange(count, dtype=np.int32)
+    unite_units(merged, union)
+    joined, left = number_by_first(union[labels])
+    return joined, left

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from terraport_pipeline.geometry.merge_order import merge_cost, scramble
 
-__all__ = ["merge_by_heap", "record_merges"]
+__all__ = ["merge_by_heap", "record_merges", "unite_units"]
 
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
@@ -153,6 +153,15 @@ def merge_by_heap(
                 _sift_down(heap, place, size, place[e], cost, tie)
             h = following[h]
     return merged[:count].copy(), paid[:count].copy()
+
+
+@numba.njit(cache=True)
+def unite_units(merged: _Int32, union: _Int32) -> None:
+    """Write to ``union``, at first every unit itself, the lowest unit of each one's union."""
+    for m in range(len(merged)):
+        union[merged[m, 1]] = merged[m, 0]
+    for u in range(len(union)):  # a union is lower than what joined it: one pass will do
+        union[u] = union[union[u]]
 
 
 @numba.njit(cache=True)

@@ -11,6 +11,7 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -159,8 +160,13 @@ class TriangleSegmenter:
         )
 
 
-SEGMENTERS: Final[dict[str, type[Any]]] = {"tpa": TriangleSegmenter}
-"""Engines by name."""
+SEGMENTERS: Final = {
+    "tpa": ("segmenter", "TriangleSegmenter"),
+    "graph": ("graph_segmenter", "GraphSegmenter"),
+    "grid": ("grid_segmenter", "GridSegmenter"),
+    "felzenszwalb": ("felzenszwalb", "FelzenszwalbSegmenter"),
+}
+"""Module of this package and class of every engine, by name."""
 
 
 def segmenter_by_name(name: str, **options: Any) -> Segmenter:
@@ -169,7 +175,7 @@ def segmenter_by_name(name: str, **options: Any) -> Segmenter:
     Parameters
     ----------
     name : str
-        ``"tpa"``.
+        ``"tpa"``, ``"graph"``, or one to compare with: ``"grid"``, ``"felzenszwalb"``.
     **options
         Fields of the engine's class.
 
@@ -190,5 +196,8 @@ def segmenter_by_name(name: str, **options: Any) -> Segmenter:
     if name not in SEGMENTERS:
         msg = f"engine is {name!r}, expected one of {', '.join(sorted(SEGMENTERS))}"
         raise ValueError(msg)
-    made: Segmenter = SEGMENTERS[name](**options)
+    module, kind = SEGMENTERS[name]
+    # Imported here: every engine imports this module for the interface.
+    engine = getattr(import_module(f"{__package__}.{module}"), kind)
+    made: Segmenter = engine(**options)
     return made

@@ -8,6 +8,7 @@ import pytest
 from terraport_pipeline.geometry import triangle_pool
 from terraport_pipeline.geometry.adjacency import face_pairs, vertex_pairs
 from terraport_pipeline.geometry.segmenter import (
+    SEGMENTERS,
     SegmenterMesh,
     TriangleSegmenter,
     segmenter_by_name,
@@ -100,6 +101,24 @@ def test_arrays_that_do_not_belong_together_are_refused(terrain):
         SegmenterMesh(mesh.vertices, mesh.faces, None, np.zeros(3))
     with pytest.raises(ValueError, match=r"expected \(V, 3\) and \(F, 3\)"):
         SegmenterMesh(mesh.vertices[0], mesh.faces)
+
+
+@pytest.mark.parametrize("name", SEGMENTERS)
+def test_every_engine_keeps_the_interface(terrain, name):
+    mesh = terrain(7, 24, holes=0.05)
+    given = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
+    engine = segmenter_by_name(name)
+    assert engine.name == name
+    found = engine.segment(given)
+    for labels in (found.regions, found.fine):
+        first = np.unique(labels, return_index=True)[1]
+        assert (labels.dtype, labels.shape) == (np.int32, (len(mesh.faces),))
+        assert (labels[np.sort(first)] == np.arange(len(first))).all(), "numbered by first face"
+    assert found.region_count == found.regions.max() + 1
+    assert found.similarity.dtype == np.float32
+    again = segmenter_by_name(name).segment(given)
+    assert found.regions.tobytes() == again.regions.tobytes()
+    assert found.fine.tobytes() == again.fine.tobytes()
 
 
 def test_unknown_engine_is_refused():
