@@ -29,6 +29,7 @@ from terraport_pipeline.geometry.handoff_rays import (
     rim_base_faces,
     strict_misses,
 )
+from terraport_pipeline.handoff_judge import MEASURE_REACH, Judge, Meetings
 from terraport_pipeline.handoff_report import (
     HandOffOptions,
     HandOffReport,
@@ -39,12 +40,9 @@ from terraport_pipeline.mixed_model import (
     BuiltModel,
     HandOffModel,
     MixedModel,
-    Places,
     ShownFaces,
-    TracedModel,
-    face_normals,
 )
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_pipeline.model import Float32, Float64
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = ["check_hand_off"]
@@ -52,12 +50,8 @@ __all__ = ["check_hand_off"]
 MAX_EXACT_SUBSETS: Final = 16
 """Mixed models that are really built; failing rays of further subsets count as holes unverified."""
 
-MEASURE_REACH: Final = 4.0
-"""Distances are measured up to this many tolerances; what lies further counts by its ray."""
-
 Bool = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.signedinteger]
-Hit = tuple[Float32, Int32]
 
 
 def check_hand_off(
@@ -122,14 +116,13 @@ class _Prover:
         self._detail = detail_rays or RayScene(model.detail_vertices, model.detail_faces)
         self._base = base_rays or RayScene(model.base_vertices, model.base_faces)
         self._rng = np.random.default_rng(options.seed)
-        self._all_detail = ShownFaces(self._detail, np.ones(len(model.detail_faces), np.bool_))
-        self._all_base = ShownFaces(self._base, np.ones(len(model.base_faces), np.bool_))
+        self._judge = Judge(model, self._detail, self._base)
         self._subsets = random_subsets(_segment_centres(model), options.subsets, self._rng)
         self._area = cumulative_face_area(model.detail_vertices, model.detail_faces)
         self._top_m = float(model.detail_vertices[:, 1].max())
         self._counts = np.zeros((len(RayKind), 4), dtype=np.int64)
         self._holes_hidden = self._holes_uncovered = self._unverified = 0
-        self._base_misses = self._smoothed = 0
+        self._base_misses = self._smoothed = self._under_base = 0
         self._overlaps = self._built = 0
         self._distances: list[Float32] = []
         self._down: list[Float32] = []
@@ -142,41 +135,38 @@ class _Prover:
         loaded = self._subsets[index]
         hidden = hidden_base_faces(model.cover_offsets, model.cover_segments, loaded)
         rays = self._choose_rays(index, loaded)
-        detail_first = self._detail.closest_hit(rays.origins, rays.directions)
-        base_first = self._base.closest_hit(rays.origins, rays.directions)
+        met = self._judge.meetings(rays)
         detail = ShownFaces(self._detail, loaded[model.segment_of_face])
         base = ShownFaces(self._base, ~hidden)
-        detail_t = detail.closest(rays.origins, rays.directions, detail_first)
-        base_t = base.closest(rays.origins, rays.directions, base_first)
-        mixed_t = np.minimum(detail_t, base_t)
-        hit = np.isfinite(detail_first[0])
-        base_first = self._standing_in(rays, detail_first, base_first)
-        missed = strict_misses(detail_first[0], base_first[0], mixed_t, tolerance)
+        detail_t = detail.closest(rays.origins, rays.directions, met.detail)
+        base_t = base.closest(rays.origins, rays.directions, met.base_first)
+        mixed_t, mixed = np.minimum(detail_t, base_t), MixedModel(detail, base)
+        first_t = met.detail[0]
+        hit = np.isfinite(first_t)
+        missed = strict_misses(first_t, met.base[0], mixed_t, tolerance)
         rows = np.flatnonzero(hit)
-        places = self._detail_places(rays, detail_first, rows)
-        mixed = MixedModel(detail, base)
+        places = self._judge.places(met, rows)
         distance = places.distance(mixed, mixed_t[rows], MEASURE_REACH * tolerance)
-        holes = np.zeros(len(rays.kind), dtype=np.bool_)
-        suspects = rows[missed[rows] & (distance > tolerance)]
-        suspects = suspects[~self._detail_is_replaced(mixed, rays, detail_first, suspects)]
-        suspects = suspects[~self._base_is_replaced(mixed, rays, base_first, suspects)]
-        holes[suspects] = True
-        bare = self._sort_out(rays, detail_first, base_first, mixed, holes)
-        suspects = np.flatnonzero(holes)
+        suspects, smoothed = self._judge.holes(met, mixed, mixed_t, rows[distance > tolerance])
+        self._smoothed += len(smoothed)
         if len(suspects):
-            holes[:] = False
-            holes[self._verify(rays, detail_first, base_first, suspects, loaded, hidden)] = True
-        self._holes_uncovered += int((holes & bare).sum())
-        self._holes_hidden += int((holes & ~bare).sum())
+            suspects = self._verify(met, suspects, loaded, hidden)
+        holes = np.zeros(len(hit), dtype=np.bool_)
+        holes[suspects] = True
+        bare = int(self._judge.without_base(met, suspects).sum())
+        self._holes_uncovered += bare
+        self._holes_hidden += len(suspects) - bare
         self._count(rays, hit, missed, holes)
-        self._base_misses += int((missed & ~np.isfinite(base_first[0])).sum())
-        whole = loaded[model.segment_of_face[detail_first[1][rows]]]
-        self._overlaps += int((whole & (base_t[rows] < detail_first[0][rows])).sum())
+        strict = np.flatnonzero(missed)
+        self._base_misses += int((~np.isfinite(met.base_first[0][strict])).sum())
+        self._under_base += int(self._judge.under_base(met, mixed, strict).sum())
+        whole = loaded[model.segment_of_face[met.detail[1][rows]]]
+        self._overlaps += int((whole & (base_t[rows] < first_t[rows])).sum())
         self._distances.append(distance)
         down = rays.kind[rows] == RayKind.DOWN
-        self._down.append(np.abs(mixed_t[rows] - detail_first[0][rows])[down])
-        lost = missed & np.isfinite(base_first[0])
-        self._keep_worst(rays, detail_first[0], rows, distance, (holes, lost), loaded)
+        self._down.append(np.abs(mixed_t[rows] - first_t[rows])[down])
+        lost = missed & np.isfinite(met.base_first[0])
+        self._keep_worst(rays, first_t, rows, distance, (holes, lost), loaded)
         return len(rays.kind)
 
     def report(self) -> HandOffReport:
@@ -192,6 +182,7 @@ class _Prover:
             hits=sum(kind.hits for kind in kinds),
             strict_misses=sum(kind.strict_misses for kind in kinds),
             base_misses=self._base_misses,
+            under_base=self._under_base,
             smoothed=self._smoothed,
             holes_hidden=self._holes_hidden,
             holes_uncovered=self._holes_uncovered,
@@ -222,96 +213,26 @@ class _Prover:
             places.append(
                 random_places(model.base_vertices, model.base_faces[rim], at_rim, self._rng)
             )
-        return aim_rays(np.concatenate(places), self._top_m, self._rng)
+        return aim_rays(np.concatenate(places), self._top_m, self._rng, ground_m=self._ground_m)
 
-    def _standing_in(self, rays: Rays, detail_first: Hit, base_first: Hit) -> Hit:
-        """Find where the full base stands in for the detail: not well before it.
+    def _ground_m(self, places: Float64) -> Float64:
+        """Height of the full detail at some places, seen from above; NaN where there is none."""
+        starts = places.copy()
+        starts[:, 1] = self._top_m + 1.0
+        down = np.broadcast_to(np.array([0.0, -1.0, 0.0]), starts.shape)
+        t = self._detail.closest_hit(starts, down)[0].astype(np.float64)
+        return np.where(np.isfinite(t), self._top_m + 1.0 - t, np.nan)
 
-        Base that lies further before the detail than the tolerance is no substitute for it: where
-        the full detail shows nothing there, hiding it is right.
-        """
-        t, face = base_first[0].copy(), base_first[1].copy()
-        from_t = detail_first[0] - np.float32(self._model.tolerance_m)
-        before = np.flatnonzero(np.isfinite(from_t) & (t < from_t))
-        starts = rays.origins[before] + rays.directions[before] * from_t[before, None]
-        further, face[before] = self._base.closest_hit(starts, rays.directions[before])
-        t[before] = from_t[before] + further
-        return t, face
-
-    def _base_is_replaced(self, mixed: TracedModel, rays: Rays, first: Hit, rows: Rows) -> Bool:
-        """Tell where the mixed model has surface at the place where the ray meets the base."""
-        near = np.zeros(len(rows), dtype=np.bool_)
-        met = np.flatnonzero(np.isfinite(first[0][rows]))
-        # Where a base face hides, it is the detail that stands for it.
-        near[met] = self._whole(self._base_places(rays, first, rows[met]), mixed, self._all_detail)
-        return near
-
-    def _detail_is_replaced(self, mixed: TracedModel, rays: Rays, first: Hit, rows: Rows) -> Bool:
-        """Tell where the mixed model has surface at the place where the ray meets the detail."""
-        # Where detail is not loaded, it is the base that stands for it.
-        return self._whole(self._detail_places(rays, first, rows), mixed, self._all_base)
-
-    def _whole(self, places: Places, mixed: TracedModel, standing_in: TracedModel) -> Bool:
-        """Tell where the mixed model is within the tolerance, or as near as what stands in."""
-        tolerance = self._model.tolerance_m
-        nothing, reach = np.float32(np.inf), MEASURE_REACH * tolerance
-        now, due = (places.distance(one, nothing, reach) for one in (mixed, standing_in))
-        whole: Bool = (now <= tolerance) | (np.isfinite(now) & (now <= due + tolerance * 1e-2))
-        return whole
-
-    def _verify(
-        self,
-        rays: Rays,
-        detail_first: Hit,
-        base_first: Hit,
-        suspects: Rows,
-        loaded: Bool,
-        hidden: Bool,
-    ) -> Rows:
+    def _verify(self, met: Meetings, suspects: Rows, loaded: Bool, hidden: Bool) -> Rows:
         """Judge suspects again against the mixed model itself; returns those that stay holes."""
         if self._built >= MAX_EXACT_SUBSETS:
             self._unverified += len(suspects)
             return suspects
         self._built += 1
-        tolerance = self._model.tolerance_m
         built = BuiltModel(self._model, loaded, hidden)
-        t = built.closest(rays.origins[suspects], rays.directions[suspects])
-        missed = strict_misses(detail_first[0][suspects], base_first[0][suspects], t, tolerance)
-        left = suspects[missed]
-        left = left[~self._detail_is_replaced(built, rays, detail_first, left)]
-        return left[~self._base_is_replaced(built, rays, base_first, left)]
-
-    def _sort_out(
-        self, rays: Rays, detail_first: Hit, base_first: Hit, mixed: TracedModel, holes: Bool
-    ) -> Bool:
-        """Clear holes that are none; returns where the full base has no ground at all, (R,)."""
-        rows = np.flatnonzero(holes)
-        # What the base alone would have shown: on the ray, or at the place within the tolerance.
-        bare = rows[~np.isfinite(base_first[0][rows])]
-        reach = self._model.tolerance_m
-        places = self._detail_places(rays, detail_first, bare)
-        absent = places.distance(self._all_base, np.float32(np.inf), reach) > reach
-        bare, places = bare[absent], self._detail_places(rays, detail_first, bare[absent])
-        # The base has nothing near. Ground above or below is no hole: the base smoothed the thing
-        # away. No ground at any height is one, whoever is to blame.
-        ground = places.meets_vertical(mixed)
-        holes[bare[ground]] = False
-        self._smoothed += int(ground.sum())
-        open_sky = np.zeros(len(holes), dtype=np.bool_)
-        open_sky[bare[~ground & ~places.meets_vertical(self._all_base)]] = True
-        return open_sky
-
-    def _detail_places(self, rays: Rays, first: Hit, rows: Rows) -> Places:
-        """Gather where some rays meet the full detail."""
-        faces = self._model.detail_faces
-        normals = face_normals(self._model.detail_vertices, faces, first[1][rows])
-        return Places(rays.origins[rows], rays.directions[rows], first[0][rows], normals)
-
-    def _base_places(self, rays: Rays, first: Hit, rows: Rows) -> Places:
-        """Gather where some rays meet the full base."""
-        faces = self._model.base_faces
-        normals = face_normals(self._model.base_vertices, faces, first[1][rows])
-        return Places(rays.origins[rows], rays.directions[rows], first[0][rows], normals)
+        t = np.full(len(met.rays.kind), np.inf, dtype=np.float32)
+        t[suspects] = built.closest(met.rays.origins[suspects], met.rays.directions[suspects])
+        return self._judge.holes(met, built, t, suspects)[0]
 
     def _count(self, rays: Rays, hit: Bool, missed: Bool, holes: Bool) -> None:
         for kind in RayKind:
@@ -353,6 +274,7 @@ class _Prover:
             target=_triple(origin + heading * detail_t[row]),
             distance_m=length,
             hole=is_hole,
+            verdict="hole" if is_hole else "excused" if marks[1][row] else "distance",
             kind=RayKind(int(rays.kind[row])).name.lower(),
             loaded=tuple(int(i) for i in np.flatnonzero(loaded)),
         )

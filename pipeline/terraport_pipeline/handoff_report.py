@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from terraport_pipeline.errors import OptionError
 
@@ -52,6 +53,9 @@ class WorstRay:
     distance_m: float
     """To the mixed model; ``inf`` for a hole with nothing in reach."""
     hole: bool
+    verdict: Literal["hole", "excused", "distance"]
+    """``"excused"``: no hole, but a strict miss on a ray that meets the full base;
+    ``"distance"``: neither, only the largest distance within four tolerances."""
     kind: str
     loaded: tuple[int, ...]
     """Segments loaded at the time."""
@@ -71,8 +75,11 @@ class HandOffReport:
     """Of the hits, rays on which the mixed model is missing up to detail, base and tolerance."""
     base_misses: int
     """Of the strict misses, rays that miss the full base too: outlines, whatever is loaded."""
+    under_base: int
+    """Of the strict misses, rays whose eye stands below the mixed model and not below the detail:
+    the base lies higher than the viewer's head where no detail is loaded."""
     smoothed: int
-    """Of these, rays at things that the base does not have, though there is ground below them."""
+    """Rays at things that the base does not have, though there is ground below them."""
     holes_hidden: int
     """Places where a base face was hidden and nothing took its place."""
     holes_uncovered: int

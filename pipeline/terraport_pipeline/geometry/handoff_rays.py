@@ -1,19 +1,17 @@
 """The proof of the hand-off, its pure part: which subsets, which rays, and what counts as a hole.
 
 The definition and its reasons stand in ``docs/topics/hand-off.md``. In short, a ray that meets the
-full detail at ``p`` finds a *hole* in a mixed model when the mixed model has no surface
-
-1. on the ray, up to the further of the full detail and the full base, plus the tolerance, nor
-2. at the place ``p``, on its normal or its vertical within the tolerance, nor
-3. at the place where the ray meets the full base, likewise,
-
-and either the full base alone has surface there, or there is no ground at all on the vertical.
+full detail at ``p`` finds a *hole* in a mixed model when the mixed model has no surface on the ray
+up to ``p`` plus the tolerance, nor at the place ``p`` on its normal or its vertical, and either the
+full base does have surface at ``p``, or the ray goes on past where it meets the full base with
+nothing there to replace it, or there is no ground at all on the vertical through ``p``.
 
 PURE: no I/O, no clock. Scene frame: metres, Y up.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
@@ -234,7 +232,13 @@ def cumulative_face_area(vertices: Float32, faces: Int32) -> Float64:
     return running
 
 
-def aim_rays(places: Float64, top_m: float, rng: np.random.Generator) -> Rays:
+def aim_rays(
+    places: Float64,
+    top_m: float,
+    rng: np.random.Generator,
+    *,
+    ground_m: Callable[[Float64], Float64] | None = None,
+) -> Rays:
     """Look at places, a third straight down, a third obliquely from above, a third at eye height.
 
     Parameters
@@ -245,6 +249,9 @@ def aim_rays(places: Float64, top_m: float, rng: np.random.Generator) -> Rays:
         Height of the highest point.
     rng : numpy.random.Generator
         Source of chance.
+    ground_m : callable, optional
+        Heights of the ground at places of shape (N, 3), NaN where there is none. With it a visitor
+        stands on the ground; without it, or where there is none, as high as what he looks at.
 
     Returns
     -------
@@ -262,13 +269,16 @@ def aim_rays(places: Float64, top_m: float, rng: np.random.Generator) -> Rays:
     heading[kind == RayKind.DOWN] = (0.0, -1.0, 0.0)
     rise = top_m + CLEARANCE_M - places[:, 1]
     origins = places - heading * (rise / -heading[:, 1])[:, None]
-    # The eye stands near the place and about as high as the place is, plus a person's height: where
-    # the ground rises between them the ray meets that ground instead.
+    # The eye stands near the place; where the ground rises between them the ray meets that ground
+    # instead.
     eye = kind == RayKind.EYE
     away = rng.uniform(*EYE_REACH_M, int(eye.sum()))
     stand = places[eye].copy()
     stand[:, 0] -= np.sin(bearing[eye]) * away
     stand[:, 2] += np.cos(bearing[eye]) * away
+    if ground_m is not None:
+        ground = ground_m(stand)
+        stand[:, 1] = np.where(np.isnan(ground), stand[:, 1], ground)
     stand[:, 1] += EYE_HEIGHT_M
     origins[eye] = stand
     sight = places[eye] - stand

@@ -148,3 +148,35 @@ def test_base_that_was_too_fat_may_be_hidden(detail, base, make_model) -> None:
     )
     report = check_hand_off(fat, FEW)
     assert report.holes == 0
+
+
+def test_ground_far_behind_is_no_excuse_where_the_base_stands_near(
+    detail, base, make_model
+) -> None:
+    # The base lies three tolerances above the detail: well before it on every ray. It is hidden by
+    # a list that names the wrong segments. What a ray then finds is a second ground 40 m below.
+    right = make_model(detail, base)
+    lift = np.float32([0, 3 * right.tolerance_m, 0])
+    cellar = np.float32([[-50, -40, -50], [-50, -40, 150], [150, -40, 150], [150, -40, -50]])
+    faces = np.int32([[0, 1, 2], [0, 2, 3]])
+    rows = len(right.base_faces)
+    wrong = replace(
+        right,
+        base_vertices=np.concatenate([right.base_vertices + lift, cellar]),
+        base_faces=np.concatenate([right.base_faces, faces + len(right.base_vertices)]),
+        cover_offsets=np.append(np.arange(rows + 1), [rows, rows]).astype(np.uint32),
+        cover_segments=np.zeros(rows, np.uint32),
+    )
+    report = check_hand_off(wrong, FEW)
+    down = report.kinds[0]
+    assert down.strict_misses == 0  # the cellar stops every ray: base as far as base goes
+    assert down.holes > 1_000
+    assert report.holes_hidden > 3_000
+
+
+def test_visitors_below_the_base_are_counted_apart(detail, base, make_model) -> None:
+    model = make_model(detail, base)
+    high = replace(model, base_vertices=model.base_vertices + np.float32([0, 3, 0]))
+    report = check_hand_off(high, FEW)
+    assert report.under_base > 100
+    assert check_hand_off(model, FEW).under_base < 10  # the loose outer border alone
