@@ -32,6 +32,7 @@ from terraport_payload import (
 )
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.region_ids import NewSurface, number_regions
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.reconstruct import Reconstructed
 from terraport_pipeline.stages.segment import Segmented
@@ -165,8 +166,16 @@ def run(
             _segment_mesh(base), step_m=step_m, attribute_scales=scales, keep_face_order=True
         )
         writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
-        writer.set_regions(segmented.region_facts)
+        progress.done({})
+        numbered = number_regions(
+            scene,
+            segmented.region_facts,
+            NewSurface(detail, segmented.segments, segmented.regions, about.origin, about.crs),
+            progress,
+        )
+        writer.set_regions(numbered.document)
         # (3) publish
+        progress.start("pack: publish", None, "files")
         manifest = writer.publish(
             SceneInfo(
                 name=options.name,
@@ -184,7 +193,7 @@ def run(
             )
         )
         progress.done({"version": manifest.version[:12]})
-    return Packed(manifest, Facts(_counts(manifest)))
+    return Packed(manifest, Facts(_counts(manifest) | numbered.counts, numbered.warnings))
 
 
 def split_segments(detail: Mesh, segments: Int32, regions: Int32) -> Iterator[SegmentMesh]:

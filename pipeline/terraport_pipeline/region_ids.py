@@ -1,0 +1,252 @@
+"""Stable ids of a new version's regions, carried over from the version published before.
+
+The thin shell around :mod:`~terraport_pipeline.geometry.region_match`: it reads the published
+scene, brings both surfaces into one frame and writes the numbers into the region facts. Rules in
+``spec/scene-format.md``, section "regions.json".
+
+The version before is all that a build takes from the place it publishes to; in a new place it takes
+nothing, and numbers are 0, 1, 2, ...
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.region_match import carry_ids, match_regions, region_overlaps
+from terraport_pipeline.geometry.surface_samples import SurfaceSamples, surface_samples
+from terraport_pipeline.model import Float64, Int32, Mesh
+from terraport_pipeline.progress import Progress
+from terraport_store import (
+    CorruptPayloadError,
+    CrsInfo,
+    DamagedSceneError,
+    RegionNames,
+    Scene,
+    SceneNotFoundError,
+    read_labels,
+)
+from terraport_store.labels import MAX_STABLE_ID
+
+__all__ = ["NewSurface", "NumberedRegions", "number_regions"]
+
+_SAMPLES: Final = 500_000
+"""Faces of one surface that are looked at; all of them where it has no more. Two trees of so many
+points take three seconds and 60 MB."""
+
+_LISTED_LABELS: Final = 10
+"""Labels that a warning spells out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NewSurface:
+    """What is about to be published."""
+
+    detail: Mesh
+    segments: Int32
+    """(F,) segment of every face."""
+    regions: Int32
+    """(F,) region of every face, 0 to R - 1."""
+    origin: Float64
+    """(3,) E0, N0, H0."""
+    crs: CrsInfo | None
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedRegions:
+    """Region facts with stable ids, and how they came about."""
+
+    document: dict[str, Any]
+    """Contents of regions.json."""
+    counts: dict[str, int]
+    """``regions_kept``, ``regions_new``, ``regions_retired``."""
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Before:
+    """What is known of the version before."""
+
+    first_free: int = 0
+    ids: npt.NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    samples: SurfaceSamples = field(default_factory=lambda: SurfaceSamples.joined([]))
+    labels: Mapping[int, str] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+def number_regions(
+    scene: Path, facts: Mapping[str, Any], surface: NewSurface, progress: Progress
+) -> NumberedRegions:
+    """Give every region its stable id.
+
+    Parameters
+    ----------
+    scene : Path
+        Scene directory, published before or not; locked by the caller.
+    facts : mapping
+        Contents of regions.json without stable ids; not modified.
+    surface : NewSurface
+    progress : Progress
+        Advances by segments of the version before.
+
+    Returns
+    -------
+    NumberedRegions
+        Of the same inputs and the same version before, always the same. Labels count for the
+        warnings alone, and for the lowest number where the version before cannot be read.
+
+    Raises
+    ------
+    OptionError
+        All 2^32 numbers are used.
+    DamagedSceneError
+        Neither the scene before nor its labels can be read.
+    """
+    before = _before(scene, surface, progress)
+    rows = facts["regions"]
+    new = SurfaceSamples.joined(_new_samples(surface)) if len(before.ids) else before.samples
+    matched = match_regions(region_overlaps(new, before.samples))
+    ids, first_free = carry_ids(len(rows), matched, before.ids, before.first_free)
+    if first_free > MAX_STABLE_ID + 1:
+        raise OptionError(
+            f"stable ids up to {first_free - 1}; expected at most {MAX_STABLE_ID}: build the scene "
+            "in a new place"
+        )
+    document = {
+        "next_stable_id": first_free,
+        **{key: value for key, value in facts.items() if key != "regions"},
+        "regions": [
+            {"id": row["id"], "stable_id": number, **row}
+            for row, number in zip(rows, ids.tolist(), strict=True)
+        ],
+    }
+    kept = len(matched[0])
+    counts = {
+        "regions_kept": kept,
+        "regions_new": len(rows) - kept,
+        "regions_retired": len(before.ids) - kept,
+    }
+    gone = set(before.ids.tolist()) - set(ids.tolist())
+    lost = [f"{label!r} ({n})" for n, label in before.labels.items() if n in gone]
+    if lost:
+        more = len(lost) - _LISTED_LABELS
+        listed = ", ".join(lost[:_LISTED_LABELS]) + (f" and {more} more" if more > 0 else "")
+        before.warnings.append(
+            f"{len(lost)} labels have no region any more: {listed}; give them again with "
+            "terraport label"
+        )
+    return NumberedRegions(document, counts, tuple(before.warnings))
+
+
+def _before(scene: Path, surface: NewSurface, progress: Progress) -> _Before:
+    """Read ids, samples and labels of the published version, as far as they can be read."""
+    found = _Before()
+    try:
+        with Scene.open(scene) as opened:
+            names = RegionNames.of(opened.regions, file=opened.manifest.files["regions.json"].path)
+            if names.stable_ids is not None:
+                found.first_free, found.ids = names.next_stable_id, names.stable_ids
+                if _same_crs(opened.manifest.crs, surface.crs):
+                    found.samples = _old_samples(
+                        opened, len(found.ids), surface, progress, found.warnings
+                    )
+                else:
+                    found.warnings.append(
+                        "the scene published before is in another coordinate reference system: all "
+                        "regions get new stable ids"
+                    )
+    except SceneNotFoundError:
+        return found
+    except DamagedSceneError as error:
+        labels = read_labels(scene)
+        found.first_free = max(labels, default=-1) + 1
+        found.warnings.append(
+            f"the scene published before cannot be read ({error}): all regions get new stable ids"
+        )
+        return found
+    try:
+        found.labels = read_labels(scene)
+    except DamagedSceneError as error:
+        found.warnings.append(f"labels cannot be read ({error}); restore or delete labels.json")
+    return found
+
+
+def _old_samples(
+    scene: Scene, regions: int, surface: NewSurface, progress: Progress, warnings: list[str]
+) -> SurfaceSamples:
+    """Sample a published scene's detail, in the new surface's frame."""
+    shift = _shift(np.array(scene.manifest.origin), surface.origin)
+    per_sample = _faces_per_sample(int(scene.index.face_count.sum(dtype=np.int64)))
+    progress.start("pack: regions before", float(len(scene.index)), "segments")
+    parts, unread = [], 0
+    for segment in range(len(scene.index)):
+        try:
+            mesh = decode_glb(scene.payload(segment))
+        except (CorruptPayloadError, PayloadError):
+            unread += 1  # its ground counts as new; the rest is still matched
+        else:
+            region = int(scene.index.region[segment])
+            parts.append(_old_part(mesh, region, regions, per_sample, shift))
+        progress.advance(1)
+    if unread:
+        warnings.append(
+            f"{unread} of {len(scene.index)} segments of the scene published before cannot be "
+            "read: regions there may get new stable ids"
+        )
+    progress.done({"samples": sum(len(part.labels) for part in parts)})
+    return SurfaceSamples.joined(parts)
+
+
+def _old_part(
+    mesh: SegmentMesh, region: int, regions: int, per_sample: int, shift: Float64
+) -> SurfaceSamples:
+    """One payload's samples; vertices on region borders are split, so any corner tells."""
+    labels = np.full(len(mesh.faces), region, np.int32)
+    if mesh.region_ids is not None:
+        labels = mesh.region_ids[mesh.faces[:, 0]].astype(np.int32)
+    part = surface_samples(mesh.positions, mesh.faces, labels, faces_per_sample=per_sample)
+    known = part.labels < regions  # a payload may name regions that regions.json has not
+    return SurfaceSamples(part.points[known] + shift, part.labels[known], part.areas[known])
+
+
+def _new_samples(surface: NewSurface) -> Iterator[SurfaceSamples]:
+    """Sample the new detail, segment by segment as a published scene is sampled."""
+    per_sample = _faces_per_sample(len(surface.segments))
+    order = np.argsort(surface.segments, kind="stable")
+    count = int(surface.segments.max()) + 1
+    starts = np.searchsorted(surface.segments[order], np.arange(count + 1))
+    for begin, end in itertools.pairwise(starts):
+        chosen = order[begin:end]
+        yield surface_samples(
+            surface.detail.vertices,
+            surface.detail.faces[chosen],
+            surface.regions[chosen],
+            faces_per_sample=per_sample,
+        )
+
+
+def _faces_per_sample(faces: int) -> int:
+    return max(1, -(-faces // _SAMPLES))
+
+
+def _shift(old: Float64, new: Float64) -> Float64:
+    """Compute what takes a place from the frame about `old` to that about `new`."""
+    east, north, height = old - new
+    # x east, y up, z south
+    return np.array([east, height, -north])
+
+
+def _same_crs(old: CrsInfo | None, new: CrsInfo | None) -> bool:
+    if old is None or new is None:
+        return old is new
+    if old.epsg is not None and new.epsg is not None:
+        return old.epsg == new.epsg
+    return (old.name, old.wkt) == (new.name, new.wkt)
