@@ -5,6 +5,7 @@
     PipelineError
     ├── SurveyError          the input file or its content cannot be used
     │   └── ReadError        the file cannot be read; carries path and place
+    ├── LabelFileError       a table of labels cannot be used; carries path and line
     ├── OptionError          an option is out of range or contradicts another
     ├── ResourceError        not enough memory or disk
     ├── EngineError          a child process (Poisson) failed
@@ -22,6 +23,7 @@ from pathlib import Path
 __all__ = [
     "BuildLockedError",
     "EngineError",
+    "LabelFileError",
     "OptionError",
     "PipelineError",
     "ReadError",
@@ -64,6 +66,32 @@ class ReadError(SurveyError):
     def __str__(self) -> str:
         where = f" at {self.place}" if self.place else ""
         return f"{self.path}{where}: {self.reason}; {self.advice}"
+
+
+class LabelFileError(PipelineError, ValueError):
+    """A table of labels cannot be used; no label was changed.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        The file.
+    line : int
+        From 1.
+    reason : str
+        What was received and what was expected; lower-case, no full stop.
+    advice : str
+        What to do about it.
+    """
+
+    def __init__(self, path: Path, line: int, reason: str, advice: str) -> None:
+        super().__init__(path, line, reason, advice)
+        self.path = path
+        self.line = line
+        self.reason = reason
+        self.advice = advice
+
+    def __str__(self) -> str:
+        return f"{self.path} line {self.line}: {self.reason}; {self.advice}"
 
 
 class OptionError(PipelineError, ValueError):

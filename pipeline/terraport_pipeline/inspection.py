@@ -1,4 +1,4 @@
-"""``terraport inspect``: what is in a scene, from its manifest and index alone.
+"""``terraport inspect``: what is in a scene, from its manifest, index and region facts.
 
 No payload is read, so a scene of any size answers at once.
 """
@@ -11,9 +11,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from terraport_store import Manifest, Scene
+from terraport_pipeline.region_table import region_rows
+from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
 
 __all__ = ["inspect_scene"]
+
+MAX_REGIONS: Final = 20
+"""Regions that are listed."""
 
 PERCENTILES: Final = (("min", 0), ("p10", 10), ("median", 50), ("p90", 90), ("max", 100))
 
@@ -31,8 +35,9 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
     dict
         Plain values, ready for JSON: ``name``, ``version``, ``format``, ``place`` (crs, origin,
         bounds, size), ``counts``, ``segments`` (distribution of ``faces``, ``bytes``, ``extent_m``,
-        ``bytes_per_face``), ``cover``, ``hand_off``, ``attributes``, ``files``, ``encodings``,
-        ``limits``, ``build`` and ``versions_on_disk``.
+        ``bytes_per_face``), ``regions`` (the largest, and how many have labels), ``cover``,
+        ``hand_off``, ``attributes``, ``files``, ``encodings``, ``limits``, ``build`` and
+        ``versions_on_disk``.
 
     Raises
     ------
@@ -59,6 +64,7 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
                 "extent_m": _spread(sides),
                 "bytes_per_face": round(float(lengths.sum() / faces.sum()), 3),
             },
+            "regions": _regions(scene),
             "cover": {
                 "entries": int(over.sum()),
                 "base_faces_never_hidden": int((over == 0).sum()),
@@ -73,6 +79,21 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
             "build": manifest.build.model_dump(mode="json"),
             "versions_on_disk": sorted(path.name for path in scene_path.glob("v-*")),
         }
+
+
+def _regions(scene: Scene) -> dict[str, Any]:
+    """Names and facts of the largest regions; ``problem`` says why where they cannot be read."""
+    try:
+        names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
+        names = names.with_labels(read_labels(scene.path))
+        rows = region_rows(names, scene.regions, scene.manifest.origin)
+    except DamagedSceneError as error:
+        return {"labelled": 0, "largest": [], "problem": str(error)}
+    return {
+        "labelled": sum(bool(row["label"]) for row in rows),
+        "largest": rows[:MAX_REGIONS],
+        "problem": None,
+    }
 
 
 def _place(manifest: Manifest) -> dict[str, Any]:

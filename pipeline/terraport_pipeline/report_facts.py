@@ -12,7 +12,8 @@ import numpy as np
 
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.histogram import Histogram, histogram
-from terraport_store import DamagedSceneError, Scene
+from terraport_pipeline.region_table import region_rows
+from terraport_store import DamagedSceneError, RegionNames, Scene, read_labels
 
 __all__ = ["ReportFacts", "collect_facts", "format_bytes", "read_build_record"]
 
@@ -174,26 +175,33 @@ def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:
 def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...], str]:
     """Table of the largest regions: columns, rows, and a note."""
     try:
-        listed = scene.regions.get("regions", [])
+        names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
     except DamagedSceneError as error:
         return (), (), str(error)
-    rows = [row for row in listed if isinstance(row, Mapping)]
-    rows.sort(key=lambda row: -_number(row.get("area_m2"), _number(row.get("faces"), 0.0)))
-    shown = rows[:MAX_REGIONS]
-    colours = distinct_colours(len(listed))
-    columns: tuple[str, ...] = ("area m²", "triangles", "mean colour", "slope", "height m")
-    table: list[dict[str, Any]] = []
-    for row in shown:
-        number = int(_number(row.get("id"), 0))
-        colour = colours[number] if 0 <= number < len(colours) else (128, 128, 128)
-        label = row.get("label")
-        table.append(
-            {
-                "name": f"{number}" + (f" · {label}" if label else ""),
-                "colour": _css(colour),
-                "cells": _region_cells(row),
-            }
-        )
+    problem = ""
+    try:
+        names = names.with_labels(read_labels(scene.path))
+    except DamagedSceneError as error:
+        problem = f" Labels are left out: {error}."
+    rows = region_rows(names, scene.regions, scene.manifest.origin)
+    colours = distinct_colours(len(rows))
+    columns: tuple[str, ...] = (
+        "label",
+        "area m²",
+        "triangles",
+        "mean colour",
+        "slope",
+        "roughness m",
+        "height m",
+    )
+    table: list[dict[str, Any]] = [
+        {
+            "name": f"{row['region'] if row['stable_id'] is None else row['stable_id']}",
+            "colour": _css(colours[row["region"]]),
+            "cells": _region_cells(row),
+        }
+        for row in rows[:MAX_REGIONS]
+    ]
     # A column that nobody filled is not shown.
     filled = [
         any(row["cells"][index]["text"] or row["cells"][index]["swatch"] for row in table)
@@ -202,29 +210,36 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
     for row in table:
         row["cells"] = [cell for cell, full in zip(row["cells"], filled, strict=True) if full]
     columns = tuple(column for column, full in zip(columns, filled, strict=True) if full)
-    note = f"The {len(shown)} largest of {len(rows)} regions; the colour is that of the picture."
+    scale = _number(scene.regions.get("roughness_scale_m"), np.nan)
+    note = (
+        f"The {len(table)} largest of {len(rows)} regions, largest first; the colour is that of "
+        "the picture"
+        + (", the number the stable id" if names.stable_ids is not None else "")
+        + "."
+        + ("" if np.isnan(scale) else f" Roughness is measured in cubes of {scale:g} m.")
+        + problem
+    )
     return columns, tuple(table), note
 
 
 def _region_cells(row: Mapping[str, Any]) -> list[dict[str, str]]:
-    mean, heights = row.get("mean_colour"), row.get("height_m")
-    slope = row.get("slope_deg")
-    if isinstance(slope, Mapping):
-        slope = slope.get("mean")
-    if isinstance(heights, Mapping):
-        heights = [heights.get("min"), heights.get("max")]
-    area, faces = _number(row.get("area_m2"), np.nan), _number(row.get("faces"), np.nan)
-    steep = _number(slope, np.nan)
+    low, high = row["lowest_m"], row["highest_m"]
     texts = (
-        "" if np.isnan(area) else f"{area:,.0f}",
-        "" if np.isnan(faces) else f"{faces:,.0f}",
+        row["label"],
+        _told(row["area_m2"], "{:,.0f}"),
+        _told(row["faces"], "{:,.0f}"),
         "",
-        "" if np.isnan(steep) else f"{steep:.0f}°",
-        " to ".join(f"{height:.1f}" for height in heights or []) if _is_numbers(heights, 2) else "",
+        _told(row["slope_deg"], "{:.0f}°"),
+        _told(row["roughness_m"], "{:.3f}"),
+        "" if low is None or high is None else f"{low:,.1f} to {high:,.1f}",
     )
     cells = [{"text": text, "swatch": ""} for text in texts]
-    cells[2]["swatch"] = _css(mean) if _is_numbers(mean, 3) else ""
+    cells[3]["swatch"] = row["mean_colour"] or ""
     return cells
+
+
+def _told(value: float | None, form: str) -> str:
+    return "" if value is None else form.format(value)
 
 
 def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]:
@@ -292,14 +307,6 @@ def _crs(scene: Scene) -> str:
 def _css(colour: Any) -> str:
     red, green, blue = (max(0, min(255, round(float(value)))) for value in colour)
     return f"#{red:02x}{green:02x}{blue:02x}"
-
-
-def _is_numbers(value: Any, count: int) -> bool:
-    return (
-        isinstance(value, list)
-        and len(value) == count
-        and all(isinstance(one, int | float) for one in value)
-    )
 
 
 def _number(value: object, default: float) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 from rich.console import Console, Group
@@ -13,10 +13,14 @@ from rich.table import Table
 from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.cli.label import regions_table
 from terraport_pipeline.inspection import inspect_scene
 from terraport_pipeline.report_facts import format_bytes
 
 __all__ = ["inspect", "register"]
+
+_REGIONS: Final = 10
+"""Regions in the table; --json has twice as many, terraport label --export has all."""
 
 
 def register(app: typer.Typer) -> None:
@@ -28,9 +32,9 @@ def inspect(
     scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Show what is in a scene: counts, sizes, segments, attributes, coordinates, versions.
+    """Show what is in a scene: counts, sizes, regions, segments, attributes, coordinates.
 
-    Reads the manifest and the index only, so it answers at once however large the scene is.
+    Reads manifest, index and region facts only, so it answers at once however large the scene is.
 
     For example:
 
@@ -49,7 +53,11 @@ def inspect(
 def _tables(found: Mapping[str, Any]) -> Group:
     heading = Text.assemble((str(found["name"]), "bold"), f"  version {found['version'][:12]}")
     warnings = [Text(f"to know: {text}", style="yellow") for text in found["build"]["warnings"]]
-    return Group(heading, _summary(found), _segments(found), _files(found), *warnings)
+    regions = found["regions"]
+    listed = [regions_table(regions["largest"], _REGIONS)] if regions["largest"] else []
+    if regions["problem"]:
+        warnings.append(Text(f"regions: {regions['problem']}", style="yellow"))
+    return Group(heading, _summary(found), *listed, _segments(found), _files(found), *warnings)
 
 
 def _summary(found: Mapping[str, Any]) -> Table:
@@ -77,7 +85,11 @@ def _summary(found: Mapping[str, Any]) -> Table:
     table.add_row(
         "base", f"{counts['base_faces']:,} triangles, {counts['base_vertices']:,} vertices"
     )
-    table.add_row("segments", f"{counts['segments']:,} in {counts['regions']:,} regions")
+    table.add_row(
+        "segments",
+        f"{counts['segments']:,} in {counts['regions']:,} regions, "
+        f"{found['regions']['labelled']:,} of them with a label",
+    )
     table.add_row("colour", "yes" if found["has_colour"] else "none in the survey (grey)")
     for one in found["attributes"]:
         low, high = (one[end] for end in ("min", "max"))

@@ -6,9 +6,10 @@ import json
 import shutil
 
 import pytest
+from store.tiny_scene import write_tiny_scene
 
 from terraport_pipeline.inspection import inspect_scene
-from terraport_store import SceneNotFoundError
+from terraport_store import SceneNotFoundError, change_labels
 
 
 def test_counts_distribution_and_coordinates(scene_path, base) -> None:
@@ -40,3 +41,16 @@ def test_no_payload_is_read(scene_path, tmp_path) -> None:
 def test_no_scene_is_an_error(tmp_path) -> None:
     with pytest.raises(SceneNotFoundError):
         inspect_scene(tmp_path)
+
+
+def test_regions_by_area_with_labels(scene_path, tmp_path) -> None:
+    found = inspect_scene(scene_path)["regions"]
+    assert [row["region"] for row in found["largest"]] == [0, 1]
+    assert (found["labelled"], found["problem"]) == (0, None)
+    tiny = write_tiny_scene(tmp_path / "tiny", stable_ids=(4, 2, 9)).path
+    change_labels(tiny, {9: "haul road"})
+    found = inspect_scene(tiny)["regions"]
+    assert [row["label"] for row in found["largest"]] == ["", "bench", "haul road"]
+    assert (found["largest"][2]["stable_id"], found["labelled"]) == (9, 2)
+    (tiny / "labels.json").write_text("{}")
+    assert "labels.json" in inspect_scene(tiny)["regions"]["problem"]

@@ -64,6 +64,12 @@ VERBS: Final = (
         "Show what is in a scene: counts, sizes, coordinates.",
     ),
     Verb(
+        "label",
+        "terraport_pipeline.cli.label",
+        "pipeline",
+        "Call the regions of a scene something; picks in VR answer with it.",
+    ),
+    Verb(
         "validate",
         "terraport_pipeline.cli.validate",
         "pipeline",

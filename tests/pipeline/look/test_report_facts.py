@@ -1,0 +1,64 @@
+"""What a report says of the regions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from store.tiny_scene import write_tiny_scene
+
+from terraport_pipeline.report_facts import collect_facts
+from terraport_store import Scene, SceneWriter, change_labels
+
+
+def with_facts(path: Path) -> Path:
+    """A tiny scene whose regions have facts; region 2 is the largest."""
+    row = {
+        "faces": 7, "slope_deg": {"mean": 12.4, "p90": 30.0}, "roughness_m": 0.0123,
+        "height_m": {"min": 1.0, "mean": 2.0, "max": 3.5}, "mean_colour": [1.0, 2.0, 255.0],
+    }  # fmt: skip
+    original = SceneWriter.set_regions
+
+    def set_regions(self, regions):
+        rows = [{**one, **row, "area_m2": 10.0 + one["id"]} for one in regions["regions"]]
+        original(self, {**regions, "roughness_scale_m": 2.0, "regions": rows})
+
+    SceneWriter.set_regions = set_regions
+    try:
+        return write_tiny_scene(path, stable_ids=(4, 2, 9)).path
+    finally:
+        SceneWriter.set_regions = original
+
+
+def test_regions_in_order_of_area_with_labels_and_stable_ids(tmp_path: Path) -> None:
+    scene = with_facts(tmp_path / "s")
+    change_labels(scene, {9: "<haul> road"})
+    with Scene.open(scene) as opened:
+        facts = collect_facts(opened, has_input=False)
+    assert facts.region_columns == (
+        "label", "area m²", "triangles", "mean colour", "slope", "roughness m", "height m",
+    )  # fmt: skip
+    assert [row["name"] for row in facts.regions] == ["9", "2", "4"]
+    assert [cell["text"] for cell in facts.regions[0]["cells"]] == [
+        "<haul> road", "12", "7", "", "12°", "0.012", "101.0 to 103.5",
+    ]  # fmt: skip
+    assert facts.regions[0]["cells"][3]["swatch"] == "#0102ff"
+    assert [row["cells"][0]["text"] for row in facts.regions] == ["<haul> road", "bench", ""]
+    assert "the number the stable id" in facts.regions_note
+    assert "cubes of 2 m" in facts.regions_note
+
+
+def test_damaged_labels_are_said_and_the_table_stays(tmp_path: Path) -> None:
+    scene = write_tiny_scene(tmp_path / "s", stable_ids=(4, 2, 9)).path
+    (scene / "labels.json").write_text("{}")
+    with Scene.open(scene) as opened:
+        facts = collect_facts(opened, has_input=False)
+    assert [row["name"] for row in facts.regions] == ["4", "2", "9"]
+    assert "Labels are left out: labels.json: format None" in facts.regions_note
+
+
+def test_a_scene_of_format_1_0_shows_its_own_numbers(tmp_path: Path) -> None:
+    with Scene.open(write_tiny_scene(tmp_path / "s").path) as opened:
+        facts = collect_facts(opened, has_input=False)
+    assert [row["name"] for row in facts.regions] == ["0", "1", "2"]
+    assert facts.region_columns == ("label",)
+    assert "stable" not in facts.regions_note
