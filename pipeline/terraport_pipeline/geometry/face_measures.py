@@ -23,6 +23,7 @@ __all__ = [
     "first_faces",
     "label_boxes",
     "label_sums",
+    "main_labels",
     "mesh_input",
     "surface_area",
 ]
@@ -84,6 +85,32 @@ def label_sums(labels: _Int32, count: int, values: _Float32) -> tuple[_Int64, _F
 def first_faces(labels: _Int32, count: int) -> _Int64:
     """Lowest face of every label 0..count-1, (count,) int64; 0 for labels that do not occur."""
     return _first_faces(as_kernel_input(labels, np.int32), count)
+
+
+def main_labels(labels: _Int32, count: int, kinds: _Int32) -> tuple[_Int32, _Int32]:
+    """Say which kind most faces of every label have, and how many kinds it has.
+
+    Parameters
+    ----------
+    labels : ndarray of shape (F,), int32
+        0..count-1.
+    count : int
+        Number of labels.
+    kinds : ndarray of shape (F,), int32
+        Any second label, >= 0.
+
+    Returns
+    -------
+    main : ndarray of shape (count,), int32
+        The lowest of equally common kinds; -1 for labels that do not occur.
+    n_kinds : ndarray of shape (count,), int32
+    """
+    given = as_kernel_input(kinds, np.int32)
+    limit = int(given.max()) + 1 if len(given) else 0
+    found: tuple[_Int32, _Int32] = _main_labels(
+        as_kernel_input(labels, np.int32), count, given, limit
+    )
+    return found
 
 
 def dense_labels(labels: npt.NDArray[np.integer]) -> _Int32:
@@ -198,6 +225,36 @@ def _label_sums(labels: _Int32, count: int, values: _Float32) -> tuple[_Int64, _
         size[labels[f]] += 1
         total[labels[f]] += np.float64(values[f])
     return size, total
+
+
+@numba.njit(cache=True, nogil=True)
+def _main_labels(labels: _Int32, count: int, kinds: _Int32, limit: int) -> tuple[_Int32, _Int32]:
+    starts = np.zeros(count + 1, np.int64)
+    for f in range(len(labels)):
+        starts[labels[f] + 1] += 1
+    for label in range(count):
+        starts[label + 1] += starts[label]
+    by_label = np.empty(len(labels), np.int32)  # the kinds, grouped by label
+    cursor = starts[:-1].copy()
+    for f in range(len(labels)):
+        by_label[cursor[labels[f]]] = kinds[f]
+        cursor[labels[f]] += 1
+    main = np.full(count, -1, np.int32)
+    n_kinds = np.zeros(count, np.int32)
+    seen = np.zeros(limit, np.int64)
+    for label in range(count):
+        most = 0
+        for i in range(starts[label], starts[label + 1]):
+            kind = by_label[i]
+            seen[kind] += 1
+            if seen[kind] == 1:
+                n_kinds[label] += 1
+            if seen[kind] > most or (seen[kind] == most and kind < main[label]):
+                most = seen[kind]
+                main[label] = kind
+        for i in range(starts[label], starts[label + 1]):
+            seen[by_label[i]] = 0
+    return main, n_kinds
 
 
 @numba.njit(cache=True, nogil=True)

@@ -33,13 +33,13 @@ _SLACK: Final = 1e-6
 
 
 def may_be_near(
-    points: _Float64, queries: _Float64, radius_m: _Float64, *, threads: int = 1
+    points: npt.NDArray[np.floating], queries: _Float64, radius_m: _Float64, *, threads: int = 1
 ) -> _Bool:
     """Points that may be within a query's radius.
 
     Parameters
     ----------
-    points : ndarray of shape (N, 3), float64
+    points : ndarray of shape (N, 3), float
         Points to sieve, metres; finite.
     queries : ndarray of shape (Q, 3), float64
         Places of interest, metres; Q >= 1.
@@ -67,7 +67,7 @@ def may_be_near(
     marked = np.zeros(tuple(shape.tolist()), np.uint8)
     _mark(as_kernel_input(queries, np.float64), reach, low - cell, cell, marked)
     near = np.empty(len(points), np.bool_)
-    given = as_kernel_input(points, np.float64)
+    given = as_kernel_input(points, np.float32 if points.dtype == np.float32 else np.float64)
     corner = low - cell
     in_chunks(
         lambda begin, end: _sieve(given, corner, cell, marked, near, begin, end),
@@ -94,7 +94,7 @@ def _mark(queries: _Float64, reach: _Float64, low: _Float64, cell: float, marked
 
 @numba.njit(cache=True, nogil=True)
 def _sieve(
-    points: _Float64,
+    points: npt.NDArray[np.floating],
     low: _Float64,
     cell: float,
     marked: _UInt8,
@@ -104,7 +104,9 @@ def _sieve(
 ) -> None:
     for p in range(begin, end):
         near[p] = False
-        x, y, z = points[p, 0] - low[0], points[p, 1] - low[1], points[p, 2] - low[2]
+        x = np.float64(points[p, 0]) - low[0]
+        y = np.float64(points[p, 1]) - low[1]
+        z = np.float64(points[p, 2]) - low[2]
         if x < 0.0 or y < 0.0 or z < 0.0:
             continue
         u, v, w = x / cell, y / cell, z / cell

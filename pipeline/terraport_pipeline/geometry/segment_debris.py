@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from terraport_pipeline.geometry.curve import morton_order
 from terraport_pipeline.geometry.face_measures import dense_labels
+from terraport_pipeline.geometry.near_filter import may_be_near
 from terraport_pipeline.geometry.unit_graph import Units
 
 __all__ = ["DebrisCounts", "join_debris"]
@@ -50,6 +51,7 @@ def join_debris(
     min_faces: int,
     max_faces: int,
     max_extent_m: float,
+    threads: int = 1,
 ) -> tuple[_Int32, DebrisCounts]:
     """Give debris to the nearest segment within reach, or to its likes nearby.
 
@@ -67,6 +69,8 @@ def join_debris(
         Size bounds; debris is a unit below ``min_faces`` that touches nothing.
     max_extent_m : float
         Longest side of a segment's box, metres.
+    threads : int
+        Threads at most; they change nothing but the time.
 
     Returns
     -------
@@ -100,9 +104,9 @@ def join_debris(
         return True
 
     on_debris = is_debris[labels]
-    centres = (low + high) * np.float32(0.5)
     if not on_debris.all():
-        for unit, candidates in _near_segments(centres, labels, on_debris, reach_m):
+        near = _near_segments(low, high, labels, on_debris, reach_m, threads)
+        for unit, candidates in near:
             any(joins(unit, target) for target in candidates)  # stops at the first that may
     alone = np.flatnonzero(is_debris & (group == np.arange(len(group))))
     head = -1
@@ -121,15 +125,26 @@ def join_debris(
 
 
 def _near_segments(
-    centres: _Float32, labels: _Int32, on_debris: _Bool, reach_m: float
+    low: _Float32,
+    high: _Float32,
+    labels: _Int32,
+    on_debris: _Bool,
+    reach_m: float,
+    threads: int,
 ) -> list[tuple[int, list[int]]]:
     """List for every debris unit the segments near it, nearest first; only units that have one."""
-    kept = np.flatnonzero(~on_debris)
+    centres = low + high
+    centres *= np.float32(0.5)
     lost = np.flatnonzero(on_debris)
+    places = centres[lost].astype(np.float64)
+    near_lost = may_be_near(centres, places, np.full(len(lost), reach_m), threads=threads)
+    kept = np.flatnonzero(near_lost & ~on_debris)
+    if len(kept) == 0:
+        return []
     k = min(_DEBRIS_CANDIDATES, len(kept))
     tree = cKDTree(centres[kept], balanced_tree=False, compact_nodes=False)
     distance, index = tree.query(
-        centres[lost], k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=-1
+        places, k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=threads
     )
     distance, index = distance.reshape(len(lost), k), index.reshape(len(lost), k)
     found = np.isfinite(distance)

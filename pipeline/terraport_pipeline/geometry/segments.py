@@ -36,6 +36,8 @@ from terraport_pipeline.geometry.face_measures import (
     face_boxes,
     first_faces,
     label_boxes,
+    label_sums,
+    main_labels,
 )
 from terraport_pipeline.geometry.segment_debris import DebrisCounts, join_debris
 from terraport_pipeline.geometry.segment_split import split_units
@@ -143,6 +145,7 @@ def build_segments(
     options: SegmentOptions | None = None,
     *,
     pairs: tuple[_Int32, _Int32] | None = None,
+    threads: int = 1,
 ) -> Segments:
     """Build streamable segments from fine pools and regions.
 
@@ -162,6 +165,8 @@ def build_segments(
         Bounds; None for the defaults.
     pairs : pair of ndarray of shape (P, 2), int32, optional
         Result of :func:`face_pairs` where the caller has it already.
+    threads : int
+        Threads at most; they change nothing but the time.
 
     Returns
     -------
@@ -183,21 +188,26 @@ def build_segments(
             empty, 0, empty, np.zeros((0, 6), np.float32), empty, empty,
             options.max_extent_m or 0.0, SegmentExceptions(),
         )  # fmt: skip
-    low, high = face_boxes(vertices, faces)
-    extent_m = options.max_extent_m or automatic_extent(vertices, faces, options.max_faces)
-    neighbours, shared = face_pairs(faces, len(vertices)) if pairs is None else pairs
+    low, high = face_boxes(vertices, faces, threads=threads)
+    extent_m = options.max_extent_m or automatic_extent(
+        vertices, faces, options.max_faces, threads=threads
+    )
+    if pairs is None:
+        pairs = face_pairs(faces, len(vertices), threads=threads)
+    neighbours, shared = pairs
     if options.units == "pools":
         labels, debris = dense_labels(pools_fine), DebrisCounts()
     else:
         mesh = _MeshFacts(
-            neighbours, edge_steps(vertices, shared), similarity, regions, low, high,
-            options.min_faces, options.max_faces, extent_m,
+            neighbours, edge_steps(vertices, shared, threads=threads), similarity, regions, low,
+            high, options.min_faces, options.max_faces, extent_m, threads,
         )  # fmt: skip
         state = _merge_pools(mesh, pools_fine)
         state = _cut_and_repair(mesh, state)
         labels, debris = join_debris(
             state.labels, state.units, np.diff(state.graph.offsets) > 0, low, high,
             min_faces=options.min_faces, max_faces=options.max_faces, max_extent_m=extent_m,
+            threads=threads,
         )  # fmt: skip
     return _finish(labels, neighbours, regions, low, high, options, extent_m, debris)
 
@@ -215,6 +225,7 @@ class _MeshFacts:
     min_faces: int
     max_faces: int
     max_extent_m: float
+    threads: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -255,8 +266,7 @@ def _validate_inputs(
 
 def _measure(mesh: _MeshFacts, labels: _Int32, count: int, region: _Int32) -> Units:
     """Facts of units from their faces."""
-    size = np.bincount(labels, minlength=count).astype(np.int64)
-    total = np.bincount(labels, weights=mesh.similarity, minlength=count).astype(np.float64)
+    size, total = label_sums(labels, count, mesh.similarity)
     low, high = label_boxes(labels, size, mesh.low, mesh.high)
     return Units(size, total, region, low, high)
 
@@ -278,9 +288,7 @@ def _moved(parent: _Int32) -> bool:
 
 def _merge_pools(mesh: _MeshFacts, pools: _Int32) -> _State:
     """Do steps 1 and 2."""
-    a, b = mesh.pairs[:, 0], mesh.pairs[:, 1]
-    same = (pools[a] == pools[b]) & (mesh.regions[a] == mesh.regions[b])
-    labels, count = components(len(pools), mesh.pairs[same])
+    labels, count = components(len(pools), mesh.pairs, labels=pools, also=mesh.regions)
     region = mesh.regions[first_faces(labels, count)]
     graph = unit_graph(labels, count, mesh.pairs, mesh.lengths)
     state = _State(labels, graph, _measure(mesh, labels, count, region))
@@ -314,6 +322,7 @@ def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
             mesh.high,
             mesh.max_faces,
             mesh.max_extent_m,
+            threads=mesh.threads,
         )
         labels, count = components(len(pieces), mesh.pairs, labels=pieces)
         region = state.units.region[state.labels[first_faces(labels, count)]]
@@ -348,13 +357,7 @@ def _finish(
     number[order] = np.arange(count, dtype=np.int32)
     labels = number[labels]
     size, least, most = size[order], least[order], most[order]
-    keys, faces_in = np.unique(
-        labels.astype(np.int64) * (int(regions.max()) + 1) + regions, return_counts=True
-    )
-    owner, region = np.divmod(keys, int(regions.max()) + 1)
-    by_share = np.lexsort((region, -faces_in, owner))
-    main = region[by_share[np.searchsorted(owner[by_share], np.arange(count))]]
-    region_counts = np.bincount(owner, minlength=count).astype(np.int32)
+    main, region_counts = main_labels(labels, count, regions)
     pieces, n_pieces = components(len(labels), pairs, labels=labels)
     parts = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)
     exceptions = SegmentExceptions(
@@ -368,5 +371,5 @@ def _finish(
     )
     return Segments(
         labels, count, size.astype(np.int32), np.concatenate([least, most], axis=1),
-        main.astype(np.int32), region_counts, float(extent_m), exceptions,
+        main, region_counts, float(extent_m), exceptions,
     )  # fmt: skip

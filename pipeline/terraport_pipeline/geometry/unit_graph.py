@@ -179,7 +179,7 @@ def join_within_bounds(
     )  # fmt: skip
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _rows_from_pairs(
     labels: _Int32, count: int, pairs: _Int32, lengths: _Int64
 ) -> tuple[_Int64, _Int32, _Int64]:
@@ -206,7 +206,7 @@ def _rows_from_pairs(
     return offsets, neighbours, border
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _rows_from_graph(
     offsets: _Int64, neighbours: _Int32, border: _Int64, nodes: _Int32, count: int
 ) -> tuple[_Int64, _Int32, _Int64]:
@@ -230,7 +230,7 @@ def _rows_from_graph(
     return new, kept, weight
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _combine(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[_Int64, _Int32, _Int64]:
     """Sort every row by neighbour and add the borders of equal neighbours.
 
@@ -261,7 +261,7 @@ def _combine(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[_Int6
     return new, kept[:write].copy(), weight[:write].copy()
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _root(parent: _Int32, item: int) -> int:
     while parent[item] != item:
         parent[item] = parent[parent[item]]
@@ -269,7 +269,7 @@ def _root(parent: _Int32, item: int) -> int:
     return item
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _join_small(
     offsets: _Int64,
     neighbours: _Int32,
@@ -304,7 +304,7 @@ def _join_small(
     return parent
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _join_within_bounds(
     offsets: _Int64,
     neighbours: _Int32,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from terraport_pipeline.geometry.face_measures import (
     automatic_extent,
@@ -12,6 +13,9 @@ from terraport_pipeline.geometry.face_measures import (
     face_centres,
     first_faces,
     label_boxes,
+    label_sums,
+    main_labels,
+    surface_area,
 )
 
 VERTICES = np.array([[0, 0, 0], [3, 0, 0], [0, 0, 4], [3, 6, 4]], np.float32)
@@ -50,3 +54,39 @@ def test_automatic_extent():
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]], np.float32)
     assert automatic_extent(flat, FACES, 800) == 2 * np.sqrt(0.5 * 800)
     assert automatic_extent(flat, np.zeros((1, 3), int), 800) == 1.0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_main_labels_are_the_most_common(seed):
+    """Ties go to the lowest kind."""
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, 6, 60).astype(np.int32)
+    kinds = rng.integers(0, 4, 60).astype(np.int32)
+    main, n_kinds = main_labels(labels, 7, kinds)
+    for label in range(7):
+        mine = kinds[labels == label].tolist()
+        assert n_kinds[label] == len(set(mine))
+        expected = min(set(mine), key=lambda k: (-mine.count(k), k)) if mine else -1
+        assert main[label] == expected
+
+
+def test_sums_and_area():
+    """Faces and sums by label; the area of both faces."""
+    size, total = label_sums(np.array([1, 0, 1], np.int32), 3, np.array([1, 2, 4], np.float32))
+    assert (size.tolist(), total.tolist()) == ([1, 2, 0], [2.0, 5.0, 0.0])
+    sides = np.cross(VERTICES[1] - VERTICES[2], VERTICES[3] - VERTICES[2])
+    assert surface_area(VERTICES, FACES) == pytest.approx(6.0 + np.linalg.norm(sides) / 2)
+
+
+def test_threads_change_no_byte(terrain):
+    """Several pieces, float32 and float64."""
+    mesh = terrain(2, cells=400)
+    for vertices in (mesh.vertices, mesh.vertices.astype(np.float64)):
+        edges = mesh.faces[:, :2]
+        for work in (
+            lambda n, v=vertices: face_centres(v, mesh.faces, threads=n),
+            lambda n, v=vertices: np.stack(face_boxes(v, mesh.faces, threads=n)),
+            lambda n, v=vertices: edge_steps(v, edges, threads=n),
+            lambda n, v=vertices: np.array(surface_area(v, mesh.faces, threads=n)),
+        ):
+            assert work(1).tobytes() == work(2).tobytes()
