@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -66,14 +67,21 @@ def test_the_rim_is_sunk_and_nothing_else() -> None:
     """One quad under two segments, one loaded: its vertices move down by as much as was asked."""
     from terraport_payload import Cover
 
-    mesh = lattice_mesh(0, 0, 1)
+    corners = np.float32([[0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 0, 0]])
+    up = np.tile(np.float32([0, 1, 0]), (4, 1))
+    mesh = SegmentMesh(corners, np.uint32([[0, 1, 2], [0, 2, 3]]), up)
     cover = Cover(np.array([0, 2, 4], np.uint32), np.array([0, 1, 0, 1], np.uint32))
     base = BaseMesh("v", mesh, cover, CoverCounters.of(cover))
-    sunk = mixed_model(base, {0: tile(3)}, sink_rim_m=0.25)
-    np.testing.assert_allclose(
-        sunk.positions[:4], mesh.positions - 0.25 * mesh.normals, rtol=0, atol=1e-6
-    )
-    np.testing.assert_array_equal(sunk.positions[4:], tile(3).positions)
+    # The detail lies 0.1 m below the base: the rim sinks half as far again, and at most as asked.
+    detail = dataclasses.replace(mesh, positions=mesh.positions - 0.1 * mesh.normals)
+    for most_m, depth_m in ((0.5, 0.15), (0.12, 0.12)):
+        sunk = mixed_model(base, {0: detail}, sink_rim_m=most_m)
+        moved = np.linalg.norm(mesh.positions - sunk.positions[: len(mesh.positions)], axis=1)
+        assert depth_m * 0.9 < moved.max() <= depth_m * 1.0001
+        np.testing.assert_array_equal(sunk.positions[len(mesh.positions) :], detail.positions)
+    above = dataclasses.replace(mesh, positions=mesh.positions + 0.1 * mesh.normals)
+    kept = mixed_model(base, {0: above}, sink_rim_m=0.5)
+    np.testing.assert_array_equal(kept.positions[: len(mesh.positions)], mesh.positions)
     np.testing.assert_array_equal(base.mesh.positions, mesh.positions)
     with pytest.raises(UsageError, match="sink_rim_m is -1"):
         mixed_model(base, {}, sink_rim_m=-1)
