@@ -28,6 +28,7 @@ from terraport_pipeline.landing_view import (
 )
 from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.scene_model import SceneModel
+from terraport_pipeline.worst_place import compare_at, describe, to_survey
 
 __all__ = ["InputCloud", "Legend", "Picture", "PictureOptions", "PictureTaker"]
 
@@ -45,9 +46,6 @@ MAX_ATTRIBUTES: Final = 4
 
 MAX_POINTS: Final = 3_000_000
 """Points of the input drawn; a larger cloud is thinned evenly."""
-
-WORST_DISTANCE_M: Final = 12.0
-"""The picture of the worst place is taken from at most this far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,35 +203,30 @@ class PictureTaker:
         Returns
         -------
         Picture
-            Seen along the ray, from nearby.
+            Seen along the ray, from nearby: see :func:`~terraport_pipeline.worst_place.compare_at`.
         """
-        heading, target = np.array(worst.direction), np.array(worst.target)
-        distance = min(float(np.linalg.norm(target - np.array(worst.origin))), WORST_DISTANCE_M)
-        eye = target - heading * distance
-        # Looking straight down has no bearing of its own: north up.
-        level = np.hypot(heading[0], heading[2])
-        right = (
-            np.array([-heading[2], 0.0, heading[0]]) / level
-            if level > 1e-6
-            else np.array([1.0, 0, 0])
+        image = compare_at(
+            self._model,
+            worst,
+            supersample=self._options.supersample,
+            detail_rays=self.detail_rays,
+            base_rays=self.base_rays,
         )
-        up = np.cross(right, heading)
-        camera = Camera(
-            "perspective", _triple(eye), _triple(right), _triple(up), _triple(heading), 0.5
+        scene, survey = (
+            ", ".join(f"{value:,.2f}" for value in place)
+            for place in (worst.target, to_survey(self._model.manifest.origin, worst.target))
         )
-        loaded = np.zeros(len(self._model.segment_bounds), dtype=np.bool_)
-        loaded[list(worst.loaded)] = True
-        what = "a hole" if worst.hole else f"{worst.distance_m:.3f} m from the full detail"
-        return self._mixed(
+        return self._picture(
             "worst",
             "Worst place of the hand-off",
-            f"The mixed model at the place where the proof fared worst: {what}, in the middle",
-            f"Where the proof fared worst ({what}, ringed), seen along that ray ({worst.kind}), "
-            f"{len(worst.loaded):,} segments loaded; the base is tinted blue.",
-            camera,
-            loaded,
-            tint=0.45,
-            ring=True,
+            "The place where the proof fared worst, ringed, three times side by side: the full "
+            "detail, the mixed model, and how far the one lies behind the other",
+            f"Where the proof fared worst ({describe(worst)}), ringed: at {scene} m in the scene, "
+            f"{survey} in the survey's coordinates; seen along that ray ({worst.kind}), "
+            f"{len(worst.loaded):,} segments loaded. Left the full detail, in the middle the mixed "
+            "model with the base blue, right the distance between them: grey within the "
+            "tolerance, blue nearer, orange further, magenta nothing there.",
+            image,
         )
 
     def _input(self, cloud: InputCloud) -> Picture:
@@ -352,7 +345,6 @@ class PictureTaker:
         loaded: npt.NDArray[np.bool_],
         *,
         tint: float,
-        ring: bool = False,
     ) -> Picture:
         mesh, options = mixed_mesh(self._model, loaded, camera, tint=tint), self._options
         image = render_mesh(
@@ -367,8 +359,6 @@ class PictureTaker:
             shadows=False,
             supersample=options.supersample,
         )
-        if ring:
-            _draw_ring(image)
         return self._picture(key, title, alt, caption, image)
 
     def _picture(
@@ -388,17 +378,3 @@ class PictureTaker:
 def _varies(values: Float32) -> bool:
     low, high = value_range(values)
     return high > low
-
-
-def _draw_ring(image: UInt8) -> None:
-    """Draw a ring around the middle, white within black so that it shows on any ground."""
-    height, width = image.shape[:2]
-    row, column = np.ogrid[:height, :width]
-    away = np.hypot(row - height / 2, column - width / 2)
-    radius = height / 12
-    image[np.abs(away - radius) < 4] = (20, 20, 20)
-    image[np.abs(away - radius) < 2] = (255, 255, 255)
-
-
-def _triple(vector: npt.NDArray[np.floating]) -> tuple[float, float, float]:
-    return float(vector[0]), float(vector[1]), float(vector[2])

@@ -6,6 +6,7 @@ decoded), the proof of the hand-off by rays, and the Khronos validator on a samp
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,11 +15,14 @@ from typing import Final
 import numpy as np
 
 from terraport_pipeline.engines.gltf_validator import GltfCheck, check_gltf
-from terraport_pipeline.errors import PipelineError
+from terraport_pipeline.engines.pictures import save_png
+from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.errors import OptionError, PipelineError
 from terraport_pipeline.handoff import check_hand_off
 from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.scene_model import load_scene_model
+from terraport_pipeline.worst_place import compare_at
 from terraport_store import Manifest, Scene, StoreError, read_manifest
 from terraport_store.validate import Finding, validate_scene
 
@@ -37,6 +41,8 @@ class ValidationOptions:
     khronos: bool | None = None
     """True: it must run; False: it is left out; None: it runs where Node is at hand."""
     gltf_sample: int = GLTF_SAMPLE
+    picture: Path | None = None
+    """Where to write a PNG of the place where the rays fared worst."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +59,10 @@ class ValidationResult:
     """Why the rays were not cast; empty when they were."""
     gltf: GltfCheck
     gltf_required: bool = False
+    hand_off_seconds: float = 0.0
+    """Wall time of the rays and their judgement alone."""
+    picture: Path | None = None
+    """Where the picture of the worst place lies; None when none was drawn."""
 
     @property
     def problems(self) -> int:
@@ -89,13 +99,20 @@ def validate(
     ------
     SceneNotFoundError
         When there is no scene.
+    OptionError
+        When the picture's folder does not exist.
     """
     chosen, watcher = options or ValidationOptions(), progress or NullProgress()
+    if chosen.picture is not None and not chosen.picture.absolute().parent.is_dir():
+        raise OptionError(
+            f"received the picture {chosen.picture}, expected an existing folder "
+            f"{chosen.picture.parent}"
+        )
     findings = tuple(validate_scene(scene_path, progress=_by_segment(watcher)))
     watcher.done({"findings": len(findings)})
-    hand_off, why = None, "left out"
+    found = _Looked(None, "left out")
     if chosen.hand_off is not None:
-        hand_off, why = _look(scene_path, chosen.hand_off, watcher)
+        found = _look(scene_path, chosen.hand_off, chosen.picture, watcher)
     gltf = GltfCheck(0, not_run="left out")
     if chosen.khronos is not False:
         gltf = _judge(scene_path, chosen.gltf_sample, watcher)
@@ -104,7 +121,15 @@ def validate(
     except StoreError:
         manifest = None  # it is among the findings
     return ValidationResult(
-        scene_path, manifest, findings, hand_off, why, gltf, chosen.khronos is True
+        scene_path,
+        manifest,
+        findings,
+        found.report,
+        found.why_not,
+        gltf,
+        chosen.khronos is True,
+        found.seconds,
+        found.picture,
     )
 
 
@@ -120,16 +145,35 @@ def _by_segment(watcher: Progress) -> Callable[[int, int], None]:
     return advance
 
 
+@dataclass(frozen=True, slots=True)
+class _Looked:
+    report: HandOffReport | None
+    why_not: str = ""
+    seconds: float = 0.0
+    picture: Path | None = None
+
+
 def _look(
-    scene_path: Path, options: HandOffOptions, watcher: Progress
-) -> tuple[HandOffReport | None, str]:
+    scene_path: Path, options: HandOffOptions, picture: Path | None, watcher: Progress
+) -> _Looked:
     """Cast the rays; a scene too damaged for it is a reason, not an error."""
     try:
         with Scene.open(scene_path) as scene:
             model = load_scene_model(scene, progress=watcher)
-        return check_hand_off(model.hand_off_model(), options, progress=watcher), ""
+        levels = model.hand_off_model()
+        detail = RayScene(levels.detail_vertices, levels.detail_faces)
+        base = RayScene(levels.base_vertices, levels.base_faces)
+        start = time.perf_counter()
+        report = check_hand_off(
+            levels, options, progress=watcher, detail_rays=detail, base_rays=base
+        )
+        seconds = time.perf_counter() - start
     except (StoreError, PipelineError) as error:
-        return None, str(error)
+        return _Looked(None, str(error))
+    if picture is None or report.worst is None:
+        return _Looked(report, "", seconds)
+    save_png(compare_at(model, report.worst, detail_rays=detail, base_rays=base), picture)
+    return _Looked(report, "", seconds, picture)
 
 
 def _judge(scene_path: Path, sample: int, watcher: Progress) -> GltfCheck:

@@ -22,7 +22,7 @@ from terraport_pipeline.mixed_model import ShownFaces
 from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.scene_model import SceneModel
 
-__all__ = ["compare_at", "difference_colours", "sight_of"]
+__all__ = ["compare_at", "describe", "difference_colours", "sight_of", "to_survey"]
 
 NEAREST_VIEW_M: Final = 12.0
 VIEW_TOLERANCES: Final = 30.0
@@ -42,6 +42,40 @@ NOTHING: Final = np.array([230, 0, 200], dtype=np.float32)
 SKY: Final = np.array([255, 255, 255], dtype=np.float32)
 FULL_COLOUR: Final = 4.0
 """Tolerances of difference that get the full colour."""
+
+
+def describe(worst: WorstRay) -> str:
+    """Say in words what was found at the worst place."""
+    if worst.verdict == "hole":
+        return "a hole"
+    far = f"{worst.distance_m:.3g} m from the full detail"
+    if not np.isfinite(worst.distance_m):
+        far = "nothing within reach"
+    return far if worst.verdict == "distance" else f"no hole: a strict miss, excused; {far}"
+
+
+def to_survey(
+    origin: tuple[float, float, float], place: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Turn a place of the scene into easting, northing and height.
+
+    Parameters
+    ----------
+    origin : (float, float, float)
+        E0, N0, H0 of the manifest, metres.
+    place : (float, float, float)
+        x, y, z, metres, scene frame.
+
+    Returns
+    -------
+    (float, float, float)
+
+    Examples
+    --------
+    >>> to_survey((500.0, 8000.0, 100.0), (1.0, 2.0, 3.0))
+    (501.0, 7997.0, 102.0)
+    """
+    return origin[0] + place[0], origin[1] - place[2], origin[2] + place[1]
 
 
 def sight_of(worst: WorstRay, tolerance_m: float) -> Camera:

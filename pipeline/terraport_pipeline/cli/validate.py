@@ -17,6 +17,7 @@ from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.validation import ValidationOptions, ValidationResult, validate
+from terraport_pipeline.worst_place import describe, to_survey
 
 __all__ = ["register", "validate_command"]
 
@@ -43,6 +44,13 @@ def validate_command(
         ),
     ] = None,
     sample: Annotated[int, typer.Option(help="Segments that it looks at.", min=1)] = 32,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            help="Write a PNG of the worst place: full detail, mixed model, difference.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Check a scene: every hash and payload, holes between base and detail, the glTF.
@@ -57,12 +65,14 @@ def validate_command(
         terraport validate scenes/quarry
 
         terraport validate scenes/quarry --rays 100000 --subsets 20 --no-khronos
+
+        terraport validate scenes/quarry --picture worst.png
     """
     errors = Console(stderr=True)
     start = time.perf_counter()
     with reporting_errors(errors):
         options = ValidationOptions(
-            HandOffOptions(rays, subsets, seed) if rays else None, khronos, sample
+            HandOffOptions(rays, subsets, seed) if rays else None, khronos, sample, picture
         )
         with RichProgress(errors) as progress:
             result = validate(scene, options, progress=progress)
@@ -89,7 +99,8 @@ def _show(console: Console, result: ValidationResult, seconds: float) -> None:
     if report is None:
         table.add_row("hand-off", Text("not run", "yellow"), result.hand_off_not_run)
     else:
-        table.add_row("hand-off", _verdict(report.holes), _hand_off_line(report))
+        line = _hand_off_line(report) + f"; {_rate(result):,.0f} rays/s"
+        table.add_row("hand-off", _verdict(report.holes), line)
     gltf = result.gltf
     if gltf.not_run:
         table.add_row("glTF (Khronos)", Text("not run", "yellow"), gltf.not_run)
@@ -103,7 +114,7 @@ def _show(console: Console, result: ValidationResult, seconds: float) -> None:
     console.print(table)
     if report is not None:
         console.print(_kinds(report))
-        _show_worst(console, report)
+        _show_worst(console, result)
     for finding in result.findings[:MAX_SHOWN]:
         console.print(str(finding), markup=False, highlight=False)
     for message in gltf.messages[:MAX_SHOWN]:
@@ -135,25 +146,36 @@ def _kinds(report: HandOffReport) -> Table:
             *(f"{n:,}" for n in (kind.rays, kind.hits, kind.strict_misses, kind.holes)),
         )
     table.caption = (
-        f"{report.base_misses:,} strict misses miss the whole base too (outlines), "
-        f"{report.smoothed:,} at things the base smooths away; "
+        f"{report.base_misses:,} strict misses miss the whole base too (outlines), of which "
+        f"{report.under_base:,} with the eye below it; "
+        f"{report.smoothed:,} rays at things the base smooths away; "
         f"rim: base before loaded detail at {report.overlap:.1%} of the hits on it"
     )
     table.caption_justify = "left"
     return table
 
 
-def _show_worst(console: Console, report: HandOffReport) -> None:
-    worst = report.worst
-    if worst is None:
+def _show_worst(console: Console, result: ValidationResult) -> None:
+    worst = result.hand_off.worst if result.hand_off else None
+    if worst is None or result.manifest is None:
         return
-    where = ", ".join(f"{value:.2f}" for value in worst.target)
-    what = "hole" if worst.hole else f"{worst.distance_m:.3g} m"
+    scene, survey = (
+        ", ".join(f"{value:.2f}" for value in place)
+        for place in (worst.target, to_survey(result.manifest.origin, worst.target))
+    )
     console.print(
-        f"worst place: {what} at ({where}) scene m, {worst.kind} ray, "
-        f"{len(worst.loaded):,} segments loaded",
+        f"worst place: {describe(worst)}; at ({scene}) scene m, ({survey}) in the survey's "
+        f"coordinates; {worst.kind} ray, {len(worst.loaded):,} segments loaded",
         highlight=False,
     )
+    if result.picture is not None:
+        console.print(f"picture of it: {result.picture}", markup=False, highlight=False)
+
+
+def _rate(result: ValidationResult) -> float:
+    """Rays per second of wall time, judgement included."""
+    rays = result.hand_off.rays if result.hand_off else 0
+    return rays / result.hand_off_seconds if result.hand_off_seconds > 0 else 0.0
 
 
 def _verdict(problems: int) -> Text:
@@ -176,11 +198,22 @@ def _plain(result: ValidationResult) -> dict[str, Any]:
             # JSON has no infinity: a distance that was not found is null.
             "distance_m": _finite(report.distance_m),
             "down_distance_m": _finite(report.down_distance_m),
-            "worst": None if report.worst is None else _finite(asdict(report.worst)),
+            "worst": _plain_worst(result),
+            "seconds": result.hand_off_seconds,
+            "rays_per_second": _rate(result),
         },
+        "picture": None if result.picture is None else str(result.picture),
         "hand_off_not_run": result.hand_off_not_run,
         "gltf": asdict(result.gltf),
     }
+
+
+def _plain_worst(result: ValidationResult) -> dict[str, Any] | None:
+    worst = result.hand_off.worst if result.hand_off else None
+    if worst is None or result.manifest is None:
+        return None
+    survey = to_survey(result.manifest.origin, worst.target)
+    return {**_finite(asdict(worst)), "target_crs": survey}
 
 
 def _finite(values: dict[str, Any]) -> dict[str, Any]:

@@ -56,6 +56,22 @@ def test_validate_json_of_a_good_scene(app, scene_path) -> None:
     plain = json.loads(shown.stdout)
     assert plain["problems"] == plain["hand_off"]["holes"] == 0
     assert plain["hand_off"]["distance_m"]["p99.9"] < 1
+    assert plain["hand_off"]["rays_per_second"] > 0
+    worst = plain["hand_off"]["worst"]
+    assert worst["verdict"] in {"excused", "distance"}
+    assert len(worst["target"]) == len(worst["target_crs"]) == 3
+
+
+def test_validate_draws_the_worst_place_and_says_where_it_is(app, scene_path, tmp_path) -> None:
+    picture = tmp_path / "worst.png"
+    options = ("--rays", "2000", "--subsets", "4", "--no-khronos", "--picture", picture)
+    shown = run(app, "validate", scene_path, *options)
+    assert shown.exit_code == 0
+    assert picture.stat().st_size > 10_000
+    words = " ".join(shown.stdout.split())
+    assert "worst place: " in words
+    assert "in the survey's coordinates" in words
+    assert "rays/s" in words
 
 
 def test_report_writes_the_page(app, scene_path, tmp_path) -> None:
