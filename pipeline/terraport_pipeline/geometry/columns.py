@@ -74,16 +74,9 @@ def fit_grid(meshes: list[tuple[_Float64, _Int32]], cell_m: float, margin_m: flo
     -------
     Grid
     """
-    low = np.full(2, np.inf)
-    high = np.full(2, -np.inf)
-    for vertices, faces in meshes:
-        used = np.zeros(
-            len(vertices), np.bool_
-        )  # a stray vertex of no face must not widen the grid
-        used[faces] = True
-        if used.any():
-            plan = vertices[used][:, ::2]
-            low, high = np.minimum(low, plan.min(axis=0)), np.maximum(high, plan.max(axis=0))
+    # of the faces' corners only: a stray vertex of no face must not widen the grid
+    boxes = np.stack([_plan_box(vertices, faces) for vertices, faces in meshes])
+    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
     while True:
         margin = max(margin_m, cell_m) + 2.0 * cell_m
         n = np.floor((high - low + 2.0 * margin) / cell_m) + 1
@@ -93,7 +86,20 @@ def fit_grid(meshes: list[tuple[_Float64, _Int32]], cell_m: float, margin_m: flo
         cell_m *= 1.25
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
+def _plan_box(vertices: _Float64, faces: _Int32) -> _Float64:
+    """Least x and z and greatest x and z of all corners."""
+    box = np.array([np.inf, np.inf, -np.inf, -np.inf])
+    for f in range(len(faces)):
+        for corner in range(3):
+            v = faces[f, corner]
+            x, z = vertices[v, 0], vertices[v, 2]
+            box[0], box[1] = min(box[0], x), min(box[1], z)
+            box[2], box[3] = max(box[2], x), max(box[3], z)
+    return box
+
+
+@numba.njit(cache=True, nogil=True)
 def cell_span(
     a: float, b: float, c: float, start: float, cell: float, grow: float
 ) -> tuple[int, int]:
@@ -102,7 +108,7 @@ def cell_span(
     return int((min(a, b, c) - edge - start) / cell), int((max(a, b, c) + edge - start) / cell)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def meets_square(a: _Float64, b: _Float64, c: _Float64, x: float, z: float, half: float) -> bool:
     """Whether the projection of triangle abc meets the square about (x, z) with this half side.
 
@@ -119,7 +125,7 @@ def meets_square(a: _Float64, b: _Float64, c: _Float64, x: float, z: float, half
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def rasterise(vertices: _Float64, faces: _Int32, grid: Grid, grow: float) -> tuple[_Int64, _Int32]:
     """Faces in every column.
 
@@ -149,10 +155,11 @@ def rasterise(vertices: _Float64, faces: _Int32, grid: Grid, grow: float) -> tup
             a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
             i0, i1 = cell_span(a[0], b[0], c[0], grid.x, grid.cell_m, grow)
             j0, j1 = cell_span(a[2], b[2], c[2], grid.z, grid.cell_m, grow)
+            in_line = i0 == i1 or j0 == j1  # then it meets every cell that its box meets
             for i in range(i0, i1 + 1):
                 for j in range(j0, j1 + 1):
                     x, z = grid.x + (i + 0.5) * grid.cell_m, grid.z + (j + 0.5) * grid.cell_m
-                    if meets_square(a, b, c, x, z, half):
+                    if in_line or meets_square(a, b, c, x, z, half):
                         cell = i * grid.nz + j
                         if fill == 0:
                             starts[cell] += 1
@@ -189,7 +196,7 @@ def segment_runs(
     return Runs(*_runs(starts, entries, vertices, faces, segment_of_face))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _runs(
     starts: _Int64, entries: _Int32, vertices: _Float64, faces: _Int32, segment_of_face: _Int32
 ) -> tuple[_Int64, _Int32, _Float32, _Float32]:

@@ -56,12 +56,13 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.geometry.adjacency import as_kernel_input
+from terraport_pipeline.geometry.chunks import in_chunks, side_by_side
 from terraport_pipeline.geometry.columns import (
     Grid,
     Runs,
@@ -72,6 +73,7 @@ from terraport_pipeline.geometry.columns import (
     segment_runs,
 )
 from terraport_pipeline.geometry.far_detail import far_detail, median_edge
+from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["BaseCover", "build_cover"]
 
@@ -82,6 +84,10 @@ _UInt8 = npt.NDArray[np.uint8]
 _UInt32 = npt.NDArray[np.uint32]
 
 _COVERED, _BARE, _PARTLY = 0, 1, 2
+_BASE_CHUNK: Final = 2**16
+"""Base faces in a piece of work."""
+_INSERTION: Final = 64
+"""Longest list that insertion sorts; longer ones are read off all segments in order."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +124,7 @@ def build_cover(
     reach_m: float | None = None,
     max_gap_m: float | None = None,
     hide_partly_covered: bool = False,
+    threads: int = 1,
 ) -> BaseCover:
     """Find the segments that must all be loaded before a base face may be hidden.
 
@@ -141,6 +148,8 @@ def build_cover(
         See rule 1; None keeps everything in a column, which is what the proof needs.
     hide_partly_covered : bool
         True leaves rule 3 out.
+    threads : int
+        Threads at most; they change nothing but the time.
 
     Returns
     -------
@@ -174,16 +183,29 @@ def build_cover(
     grid = fit_grid([base, detail], cell_m, wanted_m)
     reach = max(wanted_m, grid.cell_m) if reach_m is None else reach_m
     # (1) detail columns as runs of (segment, lowest, highest)
-    runs = segment_runs(*rasterise(*detail, grid, 0.0), *detail, segment)
     # (2) detail faces that no base face is close to
-    far = far_detail(base, detail, segment, grid, reach_m=reach, tolerance_m=tolerance_m)
+    runs, far = side_by_side(
+        [
+            lambda: segment_runs(*rasterise(*detail, grid, 0.0), *detail, segment),
+            lambda: far_detail(
+                base, detail, segment, grid, reach_m=reach, tolerance_m=tolerance_m, threads=threads
+            ),
+        ],
+        threads=threads,
+    )
     # (3) union per base face
-    rows, members, status = _unite(
-        *base, grid, reach, runs, np.inf if max_gap_m is None else max_gap_m,
-        far.offsets, far.segment, int(segment.max()) + 1, hide_partly_covered,
+    largest_gap_m = np.inf if max_gap_m is None else max_gap_m
+    n_segments = int(segment.max()) + 1
+    parts = in_chunks(
+        lambda begin, end: _unite(
+            *base, grid, reach, runs, largest_gap_m, far.offsets, far.segment, n_segments,
+            hide_partly_covered, begin, end,
+        ),
+        n_base, threads=threads, chunk=_BASE_CHUNK,
     )  # fmt: skip
-    row = np.repeat(np.arange(len(rows) - 1), np.diff(rows))
-    members = members[np.lexsort((members, row))]
+    rows = np.concatenate([[0], np.cumsum(np.concatenate([part[0] for part in parts]))])
+    members = np.concatenate([part[1] for part in parts])
+    status = np.concatenate([part[2] for part in parts])
     return BaseCover(
         rows.astype(np.uint32), members.astype(np.uint32), grid.cell_m, reach,
         int(np.count_nonzero(status == _BARE)), int(np.count_nonzero(status == _PARTLY)),
@@ -232,7 +254,7 @@ def _contiguous(
     return as_kernel_input(vertices, np.float64), as_kernel_input(faces, np.int32)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _is_bare(runs: Runs, i: int, j: int, grid: Grid) -> bool:
     """Whether neither this cell nor any around it holds detail."""
     for u in range(max(i - 1, 0), min(i + 2, grid.nx)):
@@ -242,7 +264,7 @@ def _is_bare(runs: Runs, i: int, j: int, grid: Grid) -> bool:
     return True
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _unite(
     vertices: _Float64,
     faces: _Int32,
@@ -254,16 +276,22 @@ def _unite(
     extra_segment: _Int32,
     n_segments: int,
     hide_partly_covered: bool,
+    first: int,
+    last: int,
 ) -> tuple[_Int64, _Int32, _UInt8]:
-    """Unite the runs of every base face's columns; returns CSR lists and each face's status."""
-    rows = np.zeros(len(faces) + 1, np.int64)
-    members = np.empty(4 * len(faces) + 16, np.int32)
-    status = np.full(len(faces), _COVERED, np.uint8)
+    """Unite the runs of some base faces' columns; returns their lists and each face's status.
+
+    Lists come one after the other, ascending, with their lengths.
+    """
+    lengths = np.zeros(last - first, np.int64)
+    members = np.empty(4 * (last - first) + 16, np.int32)
+    status = np.full(last - first, _COVERED, np.uint8)
     seen = np.full(n_segments, -1, np.int64)
     found = np.empty(n_segments, np.int32)
     cell = grid.cell_m
     half = (0.5 * cell + grow) * (1.0 + 1e-6)
-    for f in range(len(faces)):
+    begin = 0
+    for f in range(first, last):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         least, most = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
         middle_x, middle_z = (a[0] + b[0] + c[0]) / 3.0, (a[2] + b[2] + c[2]) / 3.0
@@ -300,23 +328,33 @@ def _unite(
                 found[count] = s
                 count += 1
         if count == 0:
-            status[f] = _BARE
+            status[f - first] = _BARE
         elif partly and not hide_partly_covered:
-            status[f] = _PARTLY
+            status[f - first] = _PARTLY
             count = 0
-        begin = rows[f]
         if begin + count > len(members):
             larger = np.empty(2 * len(members) + count, np.int32)
-            for i in range(begin):
-                larger[i] = members[i]
+            larger[:begin] = members[:begin]
             members = larger
-        for i in range(count):
-            members[begin + i] = found[i]
-        rows[f + 1] = begin + count
-    return rows, members[: rows[len(faces)]], status
+        if count > _INSERTION:
+            at = begin
+            for s in range(n_segments):
+                if seen[s] == f:
+                    members[at] = s
+                    at += 1
+        else:
+            for i in range(count):
+                j = begin + i
+                while j > begin and members[j - 1] > found[i]:
+                    members[j] = members[j - 1]
+                    j -= 1
+                members[j] = found[i]
+        begin += count
+        lengths[f - first] = count
+    return lengths, members[:begin].copy(), status
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _holds(a: _Float64, b: _Float64, c: _Float64, x: float, z: float) -> bool:
     """Whether (x, z) lies in the projection of triangle abc: a square of no size meets it."""
     return (

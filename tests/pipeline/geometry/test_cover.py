@@ -237,6 +237,37 @@ def test_empty_and_degenerate_meshes():
     assert cover.segments.tolist() == [0]
 
 
+def test_threads_change_no_byte():
+    """Several pieces of base and detail faces, far detail among them."""
+    base_v, base_f = grid_mesh(190, 60.0, lambda x, z: height(x, z, 1))
+    detail_v, detail_f = grid_mesh(
+        380, 60.0, lambda x, z: height(x, z, 1) + 3.0 * ((x > 20) & (x < 22))
+    )
+    assert len(base_f) > 2**16
+    assert len(detail_f) > 2**18
+    segment = np.arange(len(detail_f)) // 5000
+    one, two = (
+        build_cover(base_v, base_f, detail_v, detail_f, segment, tolerance_m=0.3, threads=threads)
+        for threads in (1, 2)
+    )
+    assert one.far_detail_faces == two.far_detail_faces > 0
+    assert one.offsets.tobytes() == two.offsets.tobytes()
+    assert one.segments.tobytes() == two.segments.tobytes()
+
+
+def test_long_lists_are_ascending():
+    """Two base faces over eight hundred segments: every one once, in order."""
+    base_v, base_f = grid_mesh(1, 20.0, lambda x, z: 0 * x)
+    detail_v, detail_f = grid_mesh(20, 20.0, lambda x, z: 0 * x)
+    segment = np.random.default_rng(0).permutation(len(detail_f))
+    cover = build_cover(base_v, base_f, detail_v, detail_f, segment, tolerance_m=0.1)
+    for face in range(2):
+        mine = cover.segments[cover.offsets[face] : cover.offsets[face + 1]]
+        assert len(mine) > 400
+        assert (np.diff(mine.astype(np.int64)) > 0).all()
+    assert set(cover.segments.tolist()) == set(range(len(detail_f)))
+
+
 def test_bad_input_is_named():
     """What was received, what was expected."""
     square, face, zero = np.eye(3), np.array([[0, 1, 2]]), np.zeros(1, int)

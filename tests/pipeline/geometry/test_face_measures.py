@@ -81,8 +81,8 @@ def test_sums_and_area():
 def test_threads_change_no_byte(terrain):
     """Several pieces, float32 and float64."""
     mesh = terrain(2, cells=400)
+    edges = mesh.faces[:, :2]
     for vertices in (mesh.vertices, mesh.vertices.astype(np.float64)):
-        edges = mesh.faces[:, :2]
         for work in (
             lambda n, v=vertices: face_centres(v, mesh.faces, threads=n),
             lambda n, v=vertices: np.stack(face_boxes(v, mesh.faces, threads=n)),
