@@ -270,7 +270,8 @@ class Session:
         Returns
         -------
         Hit or None
-            Position, normal, segment, region, label, height and attributes; None for nothing.
+            Position, normal, segment, region, stable id, label, height and attributes; None for
+            nothing. The label is the one that the region has now.
 
         Raises
         ------
