@@ -22,10 +22,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry.border_weights import EdgeWeights, border_weights
 from terraport_pipeline.geometry.face_graph import (
-    EdgeWeights,
     FaceGraph,
-    border_weights,
     sum_areas,
     sum_facts,
 )

@@ -18,13 +18,27 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.geometry.face_graph import EdgeWeights, FaceGraph, face_graph
+from terraport_pipeline.geometry.border_weights import EdgeWeights
+from terraport_pipeline.geometry.face_graph import (
+    FaceGraph,
+    face_graph,
+    smooth_colours,
+    sum_areas,
+)
 from terraport_pipeline.geometry.graph_merge import MergedGraph, join_small, merge_faces
 from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.geometry.segmenter import Segmentation, SegmenterMesh
 from terraport_pipeline.geometry.triangle_pool import face_similarity
 
-__all__ = ["GraphOptions", "GraphSegmenter", "automatic_seeds"]
+__all__ = [
+    "COLOUR_GRAPH",
+    "SHAPE_GRAPH",
+    "GraphOptions",
+    "GraphSegmenter",
+    "automatic_seeds",
+    "graph_of_mesh",
+    "merge_graph",
+]
 
 _Int32 = npt.NDArray[np.int32]
 
@@ -33,17 +47,22 @@ _SEEDS: Final = 2000
 _SEED_FACES: Final = 32
 """Automatic seeds have at most this many faces: the mean colour of 32 faces has a fifth of one
 vertex's noise, and 5 M faces make some 250,000 seeds."""
+_MOST_ROUNDS: Final = 64
+"""Beyond this colours blur farther than any piece worth telling apart is wide."""
 
 
 @dataclass(frozen=True, slots=True)
 class GraphOptions:
-    """Parameters of the graph engine."""
+    """Parameters of the graph engine; the defaults are for coloured ground."""
 
-    threshold: float = 10.0
+    threshold: float = 0.5
     """Regions merge while that lowers the normalised cut by more than this; scale-free. Larger
     gives more, smaller regions. > 0."""
-    small_share: float = 0.005
+    small_share: float = 0.003
     """Regions below this share of the whole area join a neighbour; 0 keeps them. 0..1."""
+    smooth_rounds: int = 8
+    """Times that every face's colour is averaged with its neighbours' first: against the noise of
+    single points. 0..64."""
     fine_faces: int = 1000
     """Most faces of a fine pool. >= 1."""
     seed_faces: int | None = None
@@ -59,6 +78,9 @@ class GraphOptions:
         if not 0.0 <= self.small_share < 1.0:
             msg = f"small_share is {self.small_share}, expected 0 to below 1"
             raise ValueError(msg)
+        if not 0 <= self.smooth_rounds <= _MOST_ROUNDS:
+            msg = f"smooth_rounds is {self.smooth_rounds}, expected 0..{_MOST_ROUNDS}"
+            raise ValueError(msg)
         for name in ("fine_faces", "seed_faces"):
             value = getattr(self, name)
             if value is not None and value < 1:
@@ -66,14 +88,20 @@ class GraphOptions:
                 raise ValueError(msg)
 
 
+COLOUR_GRAPH: Final = GraphOptions()
+"""For coloured ground, or a scalar that stands for the colour."""
+SHAPE_GRAPH: Final = GraphOptions(
+    threshold=12.0, small_share=0.0, weights=EdgeWeights(colour_scale=0.0, concavity=10.0)
+)
+"""For shape alone (CAD parts, scans without colour): concavity decides."""
+
+
 @dataclass(frozen=True, slots=True)
 class GraphSegmenter:
-    """Greedy normalised-cut merging over shape and colour.
+    """Greedy normalised-cut merging over shape and colour."""
 
-    A mesh with neither colours nor a scalar is cut by its shape alone.
-    """
-
-    options: GraphOptions = field(default_factory=GraphOptions)
+    options: GraphOptions | None = None
+    """None: ``COLOUR_GRAPH`` where the mesh has colours or a scalar, else ``SHAPE_GRAPH``."""
 
     @property
     def name(self) -> str:
@@ -83,22 +111,21 @@ class GraphSegmenter:
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
         """Cut the mesh into regions and fine pools; see :class:`~.segmenter.Segmenter`."""
         options = self.options
-        graph = face_graph(
-            mesh.vertices, mesh.faces,
-            colours=None if mesh.scalar is not None else mesh.colours,
-            scalar=mesh.scalar, pairs=mesh.edge_pairs()[0],
-        )  # fmt: skip
-        merged = self.merge(graph)
+        if options is None:
+            shape_alone = mesh.colours is None and mesh.scalar is None
+            options = SHAPE_GRAPH if shape_alone else COLOUR_GRAPH
+        graph = graph_of_mesh(mesh, options)
+        merged = merge_graph(graph, options)
         tree = merged.tree
         cut, cut_count = tree.cut_by_cost(-options.threshold)
         regions, count = join_small(graph, options.weights, cut, cut_count, options.small_share)
-        regions, count, islands = self._join_islands(mesh, graph, regions, count)
+        regions, count, islands = _join_islands(mesh, graph, regions, count, options.small_share)
         fine, _ = tree.cut_by_size(options.fine_faces, -options.threshold)
         return Segmentation(
             regions=regions,
             region_count=count,
             fine=fine,
-            similarity=self._similarity(mesh),
+            similarity=_similarity(mesh),
             facts={
                 "region_pools": cut_count,
                 "region_islands": islands,
@@ -107,36 +134,50 @@ class GraphSegmenter:
             },
         )
 
-    def merge(self, graph: FaceGraph) -> MergedGraph:
-        """Build the whole merge tree, from which any granularity is read."""
-        seed_faces = self.options.seed_faces
-        if seed_faces is None:
-            seed_faces = automatic_seeds(len(graph.area))
-        return merge_faces(graph, self.options.weights, (seed_faces,) if seed_faces > 1 else ())
 
-    def _join_islands(
-        self, mesh: SegmenterMesh, graph: FaceGraph, regions: _Int32, count: int
-    ) -> tuple[_Int32, int, int]:
-        """Give small regions, which touch nothing by now, the region of the nearest face."""
-        area = np.bincount(regions, weights=graph.area.astype(np.float64), minlength=count)
-        small = area < self.options.small_share * area.sum()
-        islands = int(np.count_nonzero(small))
-        if islands == 0 or islands == count:
-            return regions, count, islands
-        joined = join_nearest(mesh.vertices, mesh.faces, regions, small)
-        labels, left = number_by_first(joined)
-        return labels, left, islands
+def graph_of_mesh(mesh: SegmenterMesh, options: GraphOptions) -> FaceGraph:
+    """Graph of a mesh's faces, colours smoothed as the options say."""
+    graph = face_graph(
+        mesh.vertices, mesh.faces,
+        colours=None if mesh.scalar is not None else mesh.colours,
+        scalar=mesh.scalar, pairs=mesh.edge_pairs()[0],
+    )  # fmt: skip
+    if options.weights.colour_scale <= 0.0:
+        return graph
+    return smooth_colours(graph, options.smooth_rounds)
 
-    def _similarity(self, mesh: SegmenterMesh) -> npt.NDArray[np.float32]:
-        """Index by which pools become segments: the Triangle Pool Algorithm's s."""
-        colours, scalar = mesh.colours, mesh.scalar
-        if scalar is not None:
-            colours = None
-        elif colours is None:
-            scalar = np.zeros(len(mesh.faces))
-        return face_similarity(mesh.vertices, mesh.faces, colours=colours, scalar=scalar)
+
+def merge_graph(graph: FaceGraph, options: GraphOptions) -> MergedGraph:
+    """Build the whole merge tree, from which any granularity is read."""
+    seed_faces = options.seed_faces
+    if seed_faces is None:
+        seed_faces = automatic_seeds(len(graph.area))
+    return merge_faces(graph, options.weights, (seed_faces,) if seed_faces > 1 else ())
 
 
 def automatic_seeds(n_faces: int) -> int:
     """Most faces of a seed where the options leave it open: 1 to 32, at least 2,000 seeds."""
     return max(1, min(_SEED_FACES, n_faces // _SEEDS))
+
+
+def _join_islands(
+    mesh: SegmenterMesh, graph: FaceGraph, regions: _Int32, count: int, small_share: float
+) -> tuple[_Int32, int, int]:
+    """Give small regions, which touch nothing by now, the region of the nearest face."""
+    area = sum_areas(graph.area, regions, count)
+    small = area < small_share * float(area.sum())
+    islands = int(np.count_nonzero(small))
+    if islands == 0 or islands == count:
+        return regions, count, islands
+    labels, left = number_by_first(join_nearest(mesh.vertices, mesh.faces, regions, small))
+    return labels, left, islands
+
+
+def _similarity(mesh: SegmenterMesh) -> npt.NDArray[np.float32]:
+    """Index by which pools become segments: the Triangle Pool Algorithm's s."""
+    colours, scalar = mesh.colours, mesh.scalar
+    if scalar is not None:
+        colours = None
+    elif colours is None:
+        scalar = np.zeros(len(mesh.faces))
+    return face_similarity(mesh.vertices, mesh.faces, colours=colours, scalar=scalar)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.geometry.adjacency import components, face_pairs
-from terraport_pipeline.geometry.face_graph import EdgeWeights, border_weights, face_graph
+from terraport_pipeline.geometry.border_weights import EdgeWeights, border_weights
+from terraport_pipeline.geometry.face_graph import face_graph
 from terraport_pipeline.geometry.graph_merge import merge_faces
 
 # --- the literal reference: dictionaries and exact integers --------------------------------------
