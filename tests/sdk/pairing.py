@@ -39,6 +39,9 @@ from terraport_wire import (
 GRID = 6
 """Segments along one side of the toy scene; boxes of 1 m with gaps of 1 m."""
 
+MIDDLE = (GRID, 0.0, GRID)
+"""Of the toy scene, metres."""
+
 
 class ToyScene:
     """GRID x GRID segments in the plane y = 0; i is at (2 * (i % GRID), 0, 2 * (i // GRID))."""
@@ -225,3 +228,8 @@ class Pair:
                 if self.disk is not None:
                     self.disk.entries[event.entry.facts.segment] = event.entry
                     self.client.stored_on_disk(event.entry.facts)
+
+
+def expected(scene: ToyScene, position: tuple[float, float, float], radius_m: float) -> tuple:
+    """Brute force: ids of the segments that a landing shows."""
+    return tuple(scene.within(position, radius_m).tolist())

@@ -1,4 +1,7 @@
-"""An independent model of a client, to check what a session sends against the specification."""
+"""An independent model of a client, to check what a session sends against the specification.
+
+And what the files of the session's tests share: small scenes, clients, short words for messages.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,24 @@ from typing import Any
 import numpy as np
 from server.plain_client import make_hello
 
-from terraport_server.actions import Action, Close, RunPick, SceneView, SendChunk, SendMessage
+from terraport_server.actions import (
+    Action,
+    Close,
+    RunPick,
+    SceneView,
+    SendChunk,
+    SendMessage,
+    SessionLimits,
+)
 from terraport_server.selection import SegmentTable, box_distances
 from terraport_server.session import Session
 from terraport_wire import (
+    Aim,
+    CloseCode,
     Degraded,
     Error,
+    ErrorCode,
+    Land,
     Message,
     Plan,
     Prefetch,
@@ -151,3 +166,53 @@ class Client:
             self.ends.setdefault(message.generation, []).append("superseded")
         elif isinstance(message, Error):
             assert message.fatal == self.session.closing
+
+
+def make_client(
+    scene: SceneView | None = None, *, greet: bool = True, authorise: Any = None, **limits: Any
+) -> Client:
+    scene = scene or make_scene()
+    limits.setdefault("max_messages_per_s", 1e6)
+    session = Session(
+        scene,
+        SessionLimits(**limits),
+        session_id="s1",
+        now_s=0.0,
+        authorise=authorise,
+    )
+    client = Client(session, scene)
+    if greet:
+        client.greet()
+    return client
+
+
+def land(generation: int, x: float = 0.0, radius_m: float = 25.0, **fields: Any) -> Land:
+    return Land(generation=generation, position=(x, 0.0, 0.0), radius_m=radius_m, **fields)
+
+
+def aim(generation: int, x: float = 0.0, radius_m: float = 25.0) -> Aim:
+    return Aim(generation=generation, position=(x, 0.0, 0.0), radius_m=radius_m)
+
+
+def ids(*segments: int) -> np.ndarray:
+    return np.array(segments, dtype=np.uint32)
+
+
+def last_error(client: Client) -> Error:
+    client.run()
+    error = client.messages[-1]
+    assert isinstance(error, Error)
+    return error
+
+
+def assert_fatal(client: Client, code: ErrorCode, close: CloseCode) -> Error:
+    error = last_error(client)
+    assert (error.code, error.fatal) == (code, True)
+    assert client.close == Close(close, code)
+    client.tell(land(99))
+    assert client.run() == []
+    return error
+
+
+def kinds(seen: list[Any]) -> list[str]:
+    return [type(item).__name__ for item in seen]

@@ -1,4 +1,9 @@
-"""The session state machine, without any event loop."""
+"""The session state machine: greeting, order, errors, time, news, any history against a model.
+
+What the files of the session's tests share stands in ``session_model.py``: small scenes, a client
+that keeps the rules, and short words for messages. Landings are in ``test_session_landings.py``;
+aims, picks and what is held in ``test_session_held.py``.
+"""
 
 from __future__ import annotations
 
@@ -6,35 +11,37 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from server.plain_client import make_hello
-from server.session_model import Client, make_scene
+from server.session_model import (
+    Client,
+    aim,
+    assert_fatal,
+    ids,
+    kinds,
+    land,
+    last_error,
+    make_client,
+    make_scene,
+)
 
-from terraport_server.actions import Close, Observer, SceneView, SendChunk, SessionLimits
+from terraport_server.actions import Close, Observer, SessionLimits
 from terraport_server.selection import box_distances
 from terraport_server.session import INTERNAL_TEXT, Session
 from terraport_wire import (
     HELD_DTYPE,
-    MAX_CHUNK_BYTES,
-    Aim,
     Budgets,
     Bye,
     CloseCode,
     Credit,
-    Degraded,
     Direction,
-    Error,
     ErrorCode,
     Evict,
     FieldError,
-    Land,
     MalformedError,
     Notice,
-    Pick,
-    Picked,
     Plan,
-    Prefetch,
     Ready,
     Reject,
     Subprotocol,
@@ -43,463 +50,6 @@ from terraport_wire import (
     Welcome,
     decode,
 )
-
-
-def make_client(
-    scene: SceneView | None = None, *, greet: bool = True, authorise: Any = None, **limits: Any
-) -> Client:
-    scene = scene or make_scene()
-    limits.setdefault("max_messages_per_s", 1e6)
-    session = Session(
-        scene,
-        SessionLimits(**limits),
-        session_id="s1",
-        now_s=0.0,
-        authorise=authorise,
-    )
-    client = Client(session, scene)
-    if greet:
-        client.greet()
-    return client
-
-
-def land(generation: int, x: float = 0.0, radius_m: float = 25.0, **fields: Any) -> Land:
-    return Land(generation=generation, position=(x, 0.0, 0.0), radius_m=radius_m, **fields)
-
-
-def aim(generation: int, x: float = 0.0, radius_m: float = 25.0) -> Aim:
-    return Aim(generation=generation, position=(x, 0.0, 0.0), radius_m=radius_m)
-
-
-def ids(*segments: int) -> np.ndarray:
-    return np.array(segments, dtype=np.uint32)
-
-
-def last_error(client: Client) -> Error:
-    client.run()
-    error = client.messages[-1]
-    assert isinstance(error, Error)
-    return error
-
-
-def assert_fatal(client: Client, code: ErrorCode, close: CloseCode) -> Error:
-    error = last_error(client)
-    assert (error.code, error.fatal) == (code, True)
-    assert client.close == Close(close, code)
-    client.tell(land(99))
-    assert client.run() == []
-    return error
-
-
-def kinds(seen: list[Any]) -> list[str]:
-    return [type(item).__name__ for item in seen]
-
-
-# Landings.
-
-
-def test_a_landing_from_plan_to_ready() -> None:
-    client = make_client()
-    client.tell(land(1))
-    plan, *chunks, ready = client.run()
-    assert isinstance(plan, Plan)
-    assert plan.load["id"].tolist() == [0, 1, 2]
-    assert plan.load["length"].tolist() == [1000, 1001, 1002]
-    assert plan.load["xxh3"].tolist() == [7000, 7001, 7002]
-    assert (plan.load_bytes, plan.load_triangles, plan.release_radius_m) == (3003, 30, 31.25)
-    assert [chunk.segment for chunk in chunks] == [0, 1, 2]
-    assert isinstance(ready, Ready)
-    assert (ready.delivered, ready.payload_bytes, ready.missing.tolist()) == (3, 3003, [])
-
-
-def test_a_second_visit_loads_nothing() -> None:
-    client = make_client()
-    for generation, x in ((1, 0.0), (2, 100.0)):
-        client.tell(land(generation, x))
-        client.run()
-    client.tell(land(3))
-    plan, ready = client.run()
-    assert (plan.load_bytes, plan.keep.tolist(), ready.payload_bytes) == (0, [0, 1, 2], 0)
-    assert plan.release.tolist() == [8, 9, 10, 11]
-
-
-def test_release_is_what_was_shown_and_is_not_wanted() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.run()
-    client.tell(land(2, 40.0, radius_m=12.0))
-    plan = client.run()[0]
-    assert plan.release.tolist() == [0, 1, 2]
-    client.tell(land(3, 0.0, radius_m=5.0))  # superseded before ready: landing 2 was never shown
-    client.run()
-    assert client.messages[-2].release.tolist() == [3, 4, 5]
-
-
-def test_a_superseded_landing_is_not_shown() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.run(most=2)
-    client.tell(land(2, 100.0, radius_m=5.0))
-    client.run()
-    plan = next(m for m in client.messages if isinstance(m, Plan) and m.generation == 2)
-    assert plan.release.tolist() == []
-
-
-def test_a_large_segment_goes_in_chunks_of_the_largest_frame() -> None:
-    client = make_client(make_scene(2, length=300_000))
-    client.tell(land(1, radius_m=5.0))
-    chunks = [item for item in client.run() if isinstance(item, SendChunk)]
-    assert [chunk.offset for chunk in chunks] == [0, MAX_CHUNK_BYTES, 2 * MAX_CHUNK_BYTES]
-    assert sum(chunk.length for chunk in chunks) == 300_000
-
-
-def test_empty_plan_is_ready_at_once() -> None:
-    client = make_client()
-    client.tell(land(1, -500.0, radius_m=5.0))
-    plan, ready = client.run()
-    assert (len(plan.load), ready.delivered) == (0, 0)
-
-
-def test_budgets_bound_load_and_keep_together() -> None:
-    client = make_client(greet=False)
-    client.greet(budgets=Budgets(max_triangles=25))
-    client.tell(land(1))
-    plan = client.run()[0]
-    assert plan.load["id"].tolist() == [0, 1]
-    assert (plan.omitted_segments, plan.omitted_by) == (1, "max_triangles")
-    assert plan.effective_radius_m == 20.0
-
-
-def test_the_server_bounds_the_plan_too() -> None:
-    client = make_client(max_plan_segments=2)
-    client.tell(land(1))
-    plan = client.run()[0]
-    assert (len(plan.load), plan.omitted_by) == (2, "max_segments")
-
-
-def test_release_factor_of_the_client_wins() -> None:
-    client = make_client(greet=False)
-    assert client.greet(release_factor=2.0).release_factor == 2.0
-    client.tell(land(1, radius_m=30.0))
-    client.run()
-    client.tell(land(2, radius_m=15.0))
-    assert client.run()[0].keep.tolist() == [0, 1, 2, 3]
-
-
-# Supersede.
-
-
-def test_supersede_drops_the_rest_and_continues_what_both_need() -> None:
-    client = make_client(make_scene(12, length=300_000))
-    client.tell(land(1))
-    client.run(until=lambda: len(client.chunks) == 4)  # segment 0 whole, one chunk of segment 1
-    client.tell(land(2, 10.0, radius_m=5.0))
-    superseded, plan, *chunks, ready = client.run()
-    assert isinstance(superseded, Superseded)
-    assert (superseded.generation, superseded.by) == (1, 2)
-    assert superseded.unsent_bytes == 300_001 - MAX_CHUNK_BYTES + 300_002
-    assert plan.keep.tolist() == []
-    assert plan.load["id"].tolist() == [1]
-    assert [chunk.offset for chunk in chunks] == [MAX_CHUNK_BYTES, 2 * MAX_CHUNK_BYTES]
-    assert {chunk.generation for chunk in chunks} == {2}
-    assert ready.payload_bytes == 300_001 - MAX_CHUNK_BYTES
-
-
-def test_parts_that_the_new_plan_does_not_need_are_forgotten() -> None:
-    client = make_client(make_scene(12, length=300_000))
-    client.tell(land(1))
-    client.run(until=lambda: len(client.chunks) == 1)
-    client.tell(land(2, 100.0, radius_m=5.0))
-    client.run()
-    client.tell(land(3, radius_m=5.0))
-    chunks = [item for item in client.run() if isinstance(item, SendChunk)]
-    assert chunks[0].offset == 0
-
-
-def test_a_finished_landing_is_not_superseded() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.run()
-    client.tell(land(2))
-    assert kinds(client.run()) == ["Plan", "Ready"]
-
-
-# Credit.
-
-
-def test_no_chunk_beyond_the_credit() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=1500)
-    client.tell(land(1))
-    seen = client.run()
-    assert [item.length for item in seen[1:]] == [1000, 500]
-    assert client.run() == []
-    client.credit += 600
-    client.tell(Credit(bytes=600))
-    assert [item.length for item in client.run()] == [501, 99]
-
-
-def test_no_credit_no_payload_but_messages() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=0)
-    client.tell(land(1))
-    assert kinds(client.run()) == ["Plan"]
-
-
-def test_credit_is_clamped() -> None:
-    client = make_client(max_credit_bytes=1200)
-    assert client.session.deliveries is not None
-    assert client.session.deliveries.credit_bytes == 1200
-    client.tell(Credit(bytes=1 << 50))
-    assert client.session.deliveries.credit_bytes == 1200
-
-
-# Held, evict, reject.
-
-
-def test_offered_segments_are_accepted_by_hash() -> None:
-    client = make_client(greet=False)
-    offered = np.array([(1, 7001), (2, 1), (5000, 7005)], dtype=HELD_DTYPE)
-    welcome = client.greet(held=offered)
-    assert (welcome.held_count, sorted(welcome.dropped.tolist())) == (1, [2, 5000])
-    client.tell(land(1))
-    plan = client.run()[0]
-    assert plan.keep.tolist() == [1]
-    assert plan.load["id"].tolist() == [0, 2]
-
-
-def test_hashes_are_those_of_the_encoding() -> None:
-    client = make_client(make_scene(encodings=2), greet=False)
-    offered = np.array([(1, 7001), (2, 8002)], dtype=HELD_DTYPE)
-    assert client.greet(held=offered, encoding="arrays").dropped.tolist() == [1]
-
-
-def test_evicted_segments_are_loaded_again() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.run()
-    client.held -= {1}
-    client.tell(Evict(segments=ids(1, 9, 4_000_000)))
-    client.tell(land(2))
-    plan = client.run()[0]
-    assert plan.load["id"].tolist() == [1]
-    assert plan.keep.tolist() == [0, 2]
-
-
-def test_evict_of_the_open_landing_is_fatal() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=0)
-    client.tell(land(1))
-    client.tell(Evict(segments=ids(2)))
-    error = assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
-    assert "segment 2" in error.message
-
-
-def test_a_rejected_segment_is_sent_once_more_then_missing() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.run()
-    client.held -= {1}
-    client.tell(Reject(generation=1, segment=1, reason="hash_mismatch"))
-    chunk, ready = client.run()
-    assert (chunk.segment, chunk.generation, ready.missing.tolist()) == (1, 1, [])
-    assert (ready.delivered, ready.payload_bytes) == (3, 3003 + 1001)
-    client.held -= {1}
-    client.tell(Reject(generation=1, segment=1, reason="hash_mismatch"))
-    (ready,) = client.run()
-    assert ready.missing.tolist() == [1]
-    client.tell(land(2))
-    assert client.run()[0].load["id"].tolist() == [1], "a missing segment is tried again"
-
-
-def test_a_rejected_kept_segment_is_sent() -> None:
-    client = make_client(greet=False)
-    client.greet(held=np.array([(0, 7000)], dtype=HELD_DTYPE))
-    client.tell(land(1, radius_m=5.0))
-    client.run()
-    client.held -= {0}
-    client.tell(Reject(generation=1, segment=0, reason="undecodable"))
-    assert kinds(client.run()) == ["SendChunk", "Ready"]
-
-
-def test_a_reject_of_something_else_changes_only_what_is_held() -> None:
-    client = make_client()
-    for generation, x in ((1, 0.0), (2, 100.0)):
-        client.tell(land(generation, x))
-        client.run()
-    client.held -= {0}
-    client.tell(Reject(generation=1, segment=0, reason="hash_mismatch"))
-    assert client.run() == []
-    client.tell(land(3, radius_m=5.0))
-    assert client.run()[0].load["id"].tolist() == [0]
-
-
-def test_a_reject_while_still_streaming_brings_one_ready() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.run(until=lambda: len(client.chunks) == 1)
-    client.held -= {0}
-    client.tell(Reject(generation=1, segment=0, reason="hash_mismatch"))
-    assert [getattr(i, "segment", "ready") for i in client.run()] == [1, 2, 0, "ready"]
-
-
-def test_a_reject_beyond_the_scene_is_fatal() -> None:
-    client = make_client()
-    client.tell(Reject(generation=1, segment=12, reason="x"))
-    assert_fatal(client, ErrorCode.INVALID_FIELD, CloseCode.MALFORMED)
-
-
-def test_a_corrupt_segment_is_missing_and_never_sent() -> None:
-    client = make_client()
-    client.corrupt = {1}
-    client.tell(land(1))
-    ready = client.run()[-1]
-    assert (ready.delivered, ready.missing.tolist()) == (2, [1])
-    assert {chunk.segment for chunk in client.chunks} == {0, 2}
-    client.corrupt = set()
-    client.tell(land(2))
-    assert client.run()[0].load["id"].tolist() == [1]
-
-
-# Deadlines.
-
-
-def test_degraded_when_the_deadline_passes_with_the_inner_set_whole() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=1000)
-    client.tell(land(1, inner_radius_m=5.0, deadline_ms=500))
-    client.run()
-    assert client.session.wake_at_s() == 0.5
-    client.now_s = 0.6
-    client.session.tick(0.6)
-    (degraded,) = client.run()
-    assert isinstance(degraded, Degraded)
-    assert degraded.segments.tolist() == [0]
-    client.credit += 5000
-    client.tell(Credit(bytes=5000))
-    assert kinds(client.run()) == ["SendChunk", "SendChunk", "Ready"]
-    client.tell(land(2, 100.0, radius_m=5.0))
-    assert client.run()[0].release.tolist() == [0, 1, 2]
-
-
-def test_degraded_comes_late_if_the_inner_set_is_late_and_only_once() -> None:
-    client = make_client(greet=False)
-    client.greet(credit_bytes=999)
-    client.tell(land(1, inner_radius_m=5.0, deadline_ms=500))
-    client.run()
-    client.now_s = 0.6
-    client.session.tick(0.6)
-    assert client.run() == []
-    assert client.session.wake_at_s() > 1.0, "a deadline that has passed wakes nobody again"
-    client.credit += 500
-    client.tell(Credit(bytes=500))
-    assert kinds(client.run()) == ["SendChunk", "Degraded", "SendChunk"]
-    client.session.tick(0.7)
-    assert client.run() == []
-
-
-def test_ready_in_time_is_never_degraded() -> None:
-    client = make_client()
-    client.tell(land(1, inner_radius_m=5.0, deadline_ms=500))
-    client.run()
-    client.session.tick(0.6)
-    assert client.run() == []
-
-
-# Aims.
-
-
-def test_an_aim_prefetches_and_the_landing_keeps() -> None:
-    client = make_client()
-    client.tell(aim(1))
-    prefetch, *chunks = client.run()
-    assert isinstance(prefetch, Prefetch)
-    assert prefetch.bytes == 3003
-    assert not any(chunk.landing for chunk in chunks)
-    client.tell(land(2))
-    plan = client.run()[0]
-    assert (plan.load_bytes, plan.keep.tolist()) == (0, [0, 1, 2])
-
-
-def test_an_aim_waits_for_the_open_landing() -> None:
-    client = make_client()
-    client.tell(land(1))
-    client.tell(aim(2, 100.0))
-    names = kinds(client.run())
-    assert names.index("Prefetch") == names.index("Ready") + 1
-
-
-def test_a_newer_aim_supersedes_an_older_one_and_a_waiting_one() -> None:
-    client = make_client()
-    client.tell(aim(1))
-    client.run(most=2)
-    client.tell(aim(2, 100.0))
-    superseded = client.run(most=1)[0]
-    assert (superseded.generation, superseded.unsent_bytes) == (1, 2003)
-    client.run()
-    client.tell(land(3, 50.0))
-    client.tell(aim(4))
-    client.tell(aim(5))
-    waiting = [m for m in client.run() if isinstance(m, Superseded)]
-    assert [(m.generation, m.by, m.unsent_bytes) for m in waiting] == [(4, 5, 0)]
-
-
-def test_a_landing_supersedes_an_aim_and_continues_its_part() -> None:
-    client = make_client(make_scene(12, length=300_000))
-    client.tell(aim(1))
-    client.run(most=2)
-    client.tell(land(2, radius_m=5.0))
-    superseded, _, chunk, *_ = client.run()
-    assert isinstance(superseded, Superseded)
-    assert chunk.offset == MAX_CHUNK_BYTES
-
-
-def test_segments_stay_one_after_the_other_when_a_reject_reopens_a_landing() -> None:
-    client = make_client(make_scene(12, length=300_000))
-    client.tell(land(1, radius_m=5.0))
-    client.run()
-    client.tell(aim(2, 100.0, radius_m=15.0))
-    client.run(most=2)
-    client.held -= {0}
-    client.tell(Reject(generation=1, segment=0, reason="hash_mismatch"))
-    order = [item.segment for item in client.run() if isinstance(item, SendChunk)]
-    assert order == [10, 10, 0, 0, 0, 9, 9, 9, 11, 11, 11]
-
-
-def test_a_rejected_prefetched_segment_is_sent_once_more() -> None:
-    client = make_client()
-    client.tell(aim(1, radius_m=5.0))
-    client.run()
-    for expected in (["SendChunk"], []):
-        client.held -= {0}
-        client.tell(Reject(generation=1, segment=0, reason="hash_mismatch"))
-        assert kinds(client.run()) == expected
-
-
-# Picks.
-
-
-def test_picks_are_answered_in_any_order() -> None:
-    client = make_client()
-    for request in (4, 5):
-        client.tell(Pick(request=request, origin=(0.0, 1.0, 0.0)))
-    client.run()
-    assert [pick.request for pick in client.picks] == [4, 5]
-    client.session.picked(5, None)
-    client.session.pick_failed(4)
-    picked, error = client.run()
-    assert picked == Picked(request=5)
-    assert (error.code, error.request, error.fatal) == ("internal", 4, False)
-    assert error.message == INTERNAL_TEXT
-
-
-def test_too_many_picks_at_once_are_refused_one_by_one() -> None:
-    client = make_client(max_picks=1)
-    for request in (4, 5):
-        client.tell(Pick(request=request, origin=(0.0, 1.0, 0.0)))
-    error = last_error(client)
-    assert (error.code, error.request, error.fatal) == ("too_many", 5, False)
-
 
 # Greeting, order, errors.
 
@@ -754,6 +304,7 @@ def test_the_observer_hears_of_times_and_bytes() -> None:
 
 # Everything at once, against the model.
 
+
 operations = st.one_of(
     st.tuples(st.just("land"), st.integers(-20, 130), st.integers(1, 60)),
     st.tuples(st.just("aim"), st.integers(-20, 130), st.integers(1, 60)),
@@ -774,6 +325,11 @@ operations = st.one_of(
         max_bytes=st.none() | st.integers(0, 6000),
         max_segments=st.none() | st.integers(0, 8),
     ),
+)
+@example(
+    script=[("land", 0, 1), ("evict", 0, 0), ("aim", 0, 1), ("reject", 0, 0)],
+    credit=0,
+    budgets=Budgets(),
 )
 def test_any_history_keeps_the_rules(
     script: list[tuple[str, int, int]], credit: int, budgets: Budgets
@@ -810,6 +366,11 @@ def test_any_history_keeps_the_rules(
                 client.tell(Evict(segments=ids(*{one, two})))
             elif one in client.held:
                 client.held -= {one}
+                # 6.4, rule 4: what is in the newest landing's plan comes once more in its
+                # generation, also where it was evicted after `ready` and came back with an aim.
+                newest = next((m for m in reversed(client.messages) if isinstance(m, Plan)), None)
+                if newest is not None and one in {*newest.load["id"].tolist(), *newest.keep}:
+                    client.load[newest.generation].append(one)
                 client.tell(Reject(generation=generation, segment=one, reason="x"))
         assert client.session.deliveries is not None
         if client.session.pending == 0:

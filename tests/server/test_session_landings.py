@@ -1,0 +1,228 @@
+"""The session state machine: landings, what supersedes them, credit, deadlines.
+
+What the files of the session's tests share stands in ``session_model.py``: small scenes, a client
+that keeps the rules, and short words for messages.
+"""
+
+from __future__ import annotations
+
+from server.session_model import (
+    kinds,
+    land,
+    make_client,
+    make_scene,
+)
+
+from terraport_server.actions import SendChunk
+from terraport_wire import (
+    MAX_CHUNK_BYTES,
+    Budgets,
+    Credit,
+    Degraded,
+    Plan,
+    Ready,
+    Superseded,
+)
+
+# Landings.
+
+
+def test_a_landing_from_plan_to_ready() -> None:
+    client = make_client()
+    client.tell(land(1))
+    plan, *chunks, ready = client.run()
+    assert isinstance(plan, Plan)
+    assert plan.load["id"].tolist() == [0, 1, 2]
+    assert plan.load["length"].tolist() == [1000, 1001, 1002]
+    assert plan.load["xxh3"].tolist() == [7000, 7001, 7002]
+    assert (plan.load_bytes, plan.load_triangles, plan.release_radius_m) == (3003, 30, 31.25)
+    assert [chunk.segment for chunk in chunks] == [0, 1, 2]
+    assert isinstance(ready, Ready)
+    assert (ready.delivered, ready.payload_bytes, ready.missing.tolist()) == (3, 3003, [])
+
+
+def test_a_second_visit_loads_nothing() -> None:
+    client = make_client()
+    for generation, x in ((1, 0.0), (2, 100.0)):
+        client.tell(land(generation, x))
+        client.run()
+    client.tell(land(3))
+    plan, ready = client.run()
+    assert (plan.load_bytes, plan.keep.tolist(), ready.payload_bytes) == (0, [0, 1, 2], 0)
+    assert plan.release.tolist() == [8, 9, 10, 11]
+
+
+def test_release_is_what_was_shown_and_is_not_wanted() -> None:
+    client = make_client()
+    client.tell(land(1))
+    client.run()
+    client.tell(land(2, 40.0, radius_m=12.0))
+    plan = client.run()[0]
+    assert plan.release.tolist() == [0, 1, 2]
+    client.tell(land(3, 0.0, radius_m=5.0))  # superseded before ready: landing 2 was never shown
+    client.run()
+    assert client.messages[-2].release.tolist() == [3, 4, 5]
+
+
+def test_a_superseded_landing_is_not_shown() -> None:
+    client = make_client()
+    client.tell(land(1))
+    client.run(most=2)
+    client.tell(land(2, 100.0, radius_m=5.0))
+    client.run()
+    plan = next(m for m in client.messages if isinstance(m, Plan) and m.generation == 2)
+    assert plan.release.tolist() == []
+
+
+def test_a_large_segment_goes_in_chunks_of_the_largest_frame() -> None:
+    client = make_client(make_scene(2, length=300_000))
+    client.tell(land(1, radius_m=5.0))
+    chunks = [item for item in client.run() if isinstance(item, SendChunk)]
+    assert [chunk.offset for chunk in chunks] == [0, MAX_CHUNK_BYTES, 2 * MAX_CHUNK_BYTES]
+    assert sum(chunk.length for chunk in chunks) == 300_000
+
+
+def test_empty_plan_is_ready_at_once() -> None:
+    client = make_client()
+    client.tell(land(1, -500.0, radius_m=5.0))
+    plan, ready = client.run()
+    assert (len(plan.load), ready.delivered) == (0, 0)
+
+
+def test_budgets_bound_load_and_keep_together() -> None:
+    client = make_client(greet=False)
+    client.greet(budgets=Budgets(max_triangles=25))
+    client.tell(land(1))
+    plan = client.run()[0]
+    assert plan.load["id"].tolist() == [0, 1]
+    assert (plan.omitted_segments, plan.omitted_by) == (1, "max_triangles")
+    assert plan.effective_radius_m == 20.0
+
+
+def test_the_server_bounds_the_plan_too() -> None:
+    client = make_client(max_plan_segments=2)
+    client.tell(land(1))
+    plan = client.run()[0]
+    assert (len(plan.load), plan.omitted_by) == (2, "max_segments")
+
+
+def test_release_factor_of_the_client_wins() -> None:
+    client = make_client(greet=False)
+    assert client.greet(release_factor=2.0).release_factor == 2.0
+    client.tell(land(1, radius_m=30.0))
+    client.run()
+    client.tell(land(2, radius_m=15.0))
+    assert client.run()[0].keep.tolist() == [0, 1, 2, 3]
+
+
+# Supersede.
+
+
+def test_supersede_drops_the_rest_and_continues_what_both_need() -> None:
+    client = make_client(make_scene(12, length=300_000))
+    client.tell(land(1))
+    client.run(until=lambda: len(client.chunks) == 4)  # segment 0 whole, one chunk of segment 1
+    client.tell(land(2, 10.0, radius_m=5.0))
+    superseded, plan, *chunks, ready = client.run()
+    assert isinstance(superseded, Superseded)
+    assert (superseded.generation, superseded.by) == (1, 2)
+    assert superseded.unsent_bytes == 300_001 - MAX_CHUNK_BYTES + 300_002
+    assert plan.keep.tolist() == []
+    assert plan.load["id"].tolist() == [1]
+    assert [chunk.offset for chunk in chunks] == [MAX_CHUNK_BYTES, 2 * MAX_CHUNK_BYTES]
+    assert {chunk.generation for chunk in chunks} == {2}
+    assert ready.payload_bytes == 300_001 - MAX_CHUNK_BYTES
+
+
+def test_parts_that_the_new_plan_does_not_need_are_forgotten() -> None:
+    client = make_client(make_scene(12, length=300_000))
+    client.tell(land(1))
+    client.run(until=lambda: len(client.chunks) == 1)
+    client.tell(land(2, 100.0, radius_m=5.0))
+    client.run()
+    client.tell(land(3, radius_m=5.0))
+    chunks = [item for item in client.run() if isinstance(item, SendChunk)]
+    assert chunks[0].offset == 0
+
+
+def test_a_finished_landing_is_not_superseded() -> None:
+    client = make_client()
+    client.tell(land(1))
+    client.run()
+    client.tell(land(2))
+    assert kinds(client.run()) == ["Plan", "Ready"]
+
+
+# Credit.
+
+
+def test_no_chunk_beyond_the_credit() -> None:
+    client = make_client(greet=False)
+    client.greet(credit_bytes=1500)
+    client.tell(land(1))
+    seen = client.run()
+    assert [item.length for item in seen[1:]] == [1000, 500]
+    assert client.run() == []
+    client.credit += 600
+    client.tell(Credit(bytes=600))
+    assert [item.length for item in client.run()] == [501, 99]
+
+
+def test_no_credit_no_payload_but_messages() -> None:
+    client = make_client(greet=False)
+    client.greet(credit_bytes=0)
+    client.tell(land(1))
+    assert kinds(client.run()) == ["Plan"]
+
+
+def test_credit_is_clamped() -> None:
+    client = make_client(max_credit_bytes=1200)
+    assert client.session.deliveries is not None
+    assert client.session.deliveries.credit_bytes == 1200
+    client.tell(Credit(bytes=1 << 50))
+    assert client.session.deliveries.credit_bytes == 1200
+
+
+# Deadlines.
+
+
+def test_degraded_when_the_deadline_passes_with_the_inner_set_whole() -> None:
+    client = make_client(greet=False)
+    client.greet(credit_bytes=1000)
+    client.tell(land(1, inner_radius_m=5.0, deadline_ms=500))
+    client.run()
+    assert client.session.wake_at_s() == 0.5
+    client.now_s = 0.6
+    client.session.tick(0.6)
+    (degraded,) = client.run()
+    assert isinstance(degraded, Degraded)
+    assert degraded.segments.tolist() == [0]
+    client.credit += 5000
+    client.tell(Credit(bytes=5000))
+    assert kinds(client.run()) == ["SendChunk", "SendChunk", "Ready"]
+    client.tell(land(2, 100.0, radius_m=5.0))
+    assert client.run()[0].release.tolist() == [0, 1, 2]
+
+
+def test_degraded_comes_late_if_the_inner_set_is_late_and_only_once() -> None:
+    client = make_client(greet=False)
+    client.greet(credit_bytes=999)
+    client.tell(land(1, inner_radius_m=5.0, deadline_ms=500))
+    client.run()
+    client.now_s = 0.6
+    client.session.tick(0.6)
+    assert client.run() == []
+    assert client.session.wake_at_s() > 1.0, "a deadline that has passed wakes nobody again"
+    client.credit += 500
+    client.tell(Credit(bytes=500))
+    assert kinds(client.run()) == ["SendChunk", "Degraded", "SendChunk"]
+    client.session.tick(0.7)
+    assert client.run() == []
+
+
+def test_ready_in_time_is_never_degraded() -> None:
+    client = make_client()
+    client.tell(land(1, inner_radius_m=5.0, deadline_ms=500))
+    client.run()
+    client.session.tick(0.6)
+    assert client.run() == []
