@@ -165,6 +165,7 @@ SEGMENTERS: Final = {
     "graph": ("graph_segmenter", "GraphSegmenter"),
     "grid": ("grid_segmenter", "GridSegmenter"),
     "felzenszwalb": ("felzenszwalb", "FelzenszwalbSegmenter"),
+    "means": ("mean_colour", "MeanColourSegmenter"),
 }
 """Module of this package and class of every engine, by name."""
 
