@@ -42,6 +42,10 @@ _SAMPLES: Final = 500_000
 """Faces of one surface that are looked at; all of them where it has no more. Two trees of so many
 points take three seconds and 60 MB."""
 
+_LEAST_SAMPLES: Final = (8, 64)
+"""Fewest samples of a region in a segment, however small: the second, or less down to the first
+where there are so many such pieces that they would take more than _SAMPLES."""
+
 _LISTED_LABELS: Final = 10
 """Labels that a warning spells out."""
 
@@ -79,6 +83,8 @@ class _Before:
     ids: npt.NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
     samples: SurfaceSamples = field(default_factory=lambda: SurfaceSamples.joined([]))
     labels: Mapping[int, str] = field(default_factory=dict)
+    at_least: int = _LEAST_SAMPLES[1]
+    """Samples of a region in a segment, on both surfaces."""
     warnings: list[str] = field(default_factory=list)
 
 
@@ -112,7 +118,11 @@ def number_regions(
     """
     before = _before(scene, surface, progress)
     rows = facts["regions"]
-    new = SurfaceSamples.joined(_new_samples(surface)) if len(before.ids) else before.samples
+    new = (
+        SurfaceSamples.joined(_new_samples(surface, before.at_least))
+        if len(before.ids)
+        else before.samples
+    )
     matched = match_regions(region_overlaps(new, before.samples))
     ids, first_free = carry_ids(len(rows), matched, before.ids, before.first_free)
     if first_free > MAX_STABLE_ID + 1:
@@ -155,9 +165,10 @@ def _before(scene: Path, surface: NewSurface, progress: Progress) -> _Before:
             if names.stable_ids is not None:
                 found.first_free, found.ids = names.next_stable_id, names.stable_ids
                 if _same_crs(opened.manifest.crs, surface.crs):
-                    found.samples = _old_samples(
-                        opened, len(found.ids), surface, progress, found.warnings
-                    )
+                    pieces = int(opened.index.region_count.sum(dtype=np.int64))
+                    fewest, most = _LEAST_SAMPLES
+                    found.at_least = min(most, max(fewest, _SAMPLES // max(1, pieces)))
+                    found.samples = _old_samples(opened, found, surface, progress)
                 else:
                     found.warnings.append(
                         "the scene published before is in another coordinate reference system: all "
@@ -180,7 +191,7 @@ def _before(scene: Path, surface: NewSurface, progress: Progress) -> _Before:
 
 
 def _old_samples(
-    scene: Scene, regions: int, surface: NewSurface, progress: Progress, warnings: list[str]
+    scene: Scene, before: _Before, surface: NewSurface, progress: Progress
 ) -> SurfaceSamples:
     """Sample a published scene's detail, in the new surface's frame."""
     shift = _shift(np.array(scene.manifest.origin), surface.origin)
@@ -193,11 +204,20 @@ def _old_samples(
         except (CorruptPayloadError, PayloadError):
             unread += 1  # its ground counts as new; the rest is still matched
         else:
-            region = int(scene.index.region[segment])
-            parts.append(_old_part(mesh, region, regions, per_sample, shift))
+            part = surface_samples(
+                mesh.positions,
+                mesh.faces,
+                _labels(mesh, int(scene.index.region[segment])),
+                faces_per_sample=per_sample,
+                at_least=before.at_least,
+            )
+            known = part.labels < len(before.ids)  # regions.json may lack what a payload names
+            parts.append(
+                SurfaceSamples(part.points[known] + shift, part.labels[known], part.areas[known])
+            )
         progress.advance(1)
     if unread:
-        warnings.append(
+        before.warnings.append(
             f"{unread} of {len(scene.index)} segments of the scene published before cannot be "
             "read: regions there may get new stable ids"
         )
@@ -205,19 +225,14 @@ def _old_samples(
     return SurfaceSamples.joined(parts)
 
 
-def _old_part(
-    mesh: SegmentMesh, region: int, regions: int, per_sample: int, shift: Float64
-) -> SurfaceSamples:
-    """One payload's samples; vertices on region borders are split, so any corner tells."""
-    labels = np.full(len(mesh.faces), region, np.int32)
-    if mesh.region_ids is not None:
-        labels = mesh.region_ids[mesh.faces[:, 0]].astype(np.int32)
-    part = surface_samples(mesh.positions, mesh.faces, labels, faces_per_sample=per_sample)
-    known = part.labels < regions  # a payload may name regions that regions.json has not
-    return SurfaceSamples(part.points[known] + shift, part.labels[known], part.areas[known])
+def _labels(mesh: SegmentMesh, region: int) -> Int32:
+    """Region of every face; vertices on region borders are split, so any corner tells."""
+    if mesh.region_ids is None:
+        return np.full(len(mesh.faces), region, np.int32)
+    return mesh.region_ids[mesh.faces[:, 0]].astype(np.int32)
 
 
-def _new_samples(surface: NewSurface) -> Iterator[SurfaceSamples]:
+def _new_samples(surface: NewSurface, at_least: int) -> Iterator[SurfaceSamples]:
     """Sample the new detail, segment by segment as a published scene is sampled."""
     per_sample = _faces_per_sample(len(surface.segments))
     order = np.argsort(surface.segments, kind="stable")
@@ -230,6 +245,7 @@ def _new_samples(surface: NewSurface) -> Iterator[SurfaceSamples]:
             surface.detail.faces[chosen],
             surface.regions[chosen],
             faces_per_sample=per_sample,
+            at_least=at_least,
         )
 
 
