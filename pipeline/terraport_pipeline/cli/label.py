@@ -106,8 +106,9 @@ def regions_table(rows: list[dict[str, Any]], shown: int) -> Table:
     """
     title = "Regions, largest first" + (f" ({shown} of {len(rows)})" if len(rows) > shown else "")
     table = Table(title=title, title_justify="left", title_style="bold")
-    for name in ("stable id", "label", "area m²", "slope °", "rough m", "height m", "colour"):
-        table.add_column(name, justify="left" if name in ("label", "colour") else "right")
+    for name in ("stable id", "label", "area m²", "slope °", "rough m", "from m", "to m", "colour"):
+        words = name in ("label", "colour")
+        table.add_column(name, justify="left" if words else "right", no_wrap=name != "label")
     for row in rows[:shown]:
         colour = row["mean_colour"]
         table.add_row(
@@ -116,7 +117,8 @@ def regions_table(rows: list[dict[str, Any]], shown: int) -> Table:
             _cell(row["area_m2"], "{:,.0f}"),
             _cell(row["slope_deg"], "{:.0f}"),
             _cell(row["roughness_m"], "{:.3f}"),
-            _cell(row["lowest_m"], "{:,.1f}") + " to " + _cell(row["highest_m"], "{:,.1f}"),
+            _cell(row["lowest_m"], "{:,.1f}"),
+            _cell(row["highest_m"], "{:,.1f}"),
             Text(f"■ {colour}", style=colour) if colour else "",
         )
     return table
