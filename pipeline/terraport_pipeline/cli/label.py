@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -19,6 +20,9 @@ __all__ = ["label", "regions_table", "register"]
 
 _SHOWN: Final = 30
 """Regions that a terminal lists; the exported table has all."""
+
+_LABEL_WIDTH: Final = 18
+"""Columns that labels get at least; longer ones go on in the next line."""
 
 
 def register(app: typer.Typer) -> None:
@@ -105,10 +109,14 @@ def regions_table(rows: list[dict[str, Any]], shown: int) -> Table:
         At most so many.
     """
     title = "Regions, largest first" + (f" ({shown} of {len(rows)})" if len(rows) > shown else "")
-    table = Table(title=title, title_justify="left", title_style="bold")
+    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
     for name in ("stable id", "label", "area m²", "slope °", "rough m", "from m", "to m", "colour"):
-        words = name in ("label", "colour")
-        table.add_column(name, justify="left" if words else "right", no_wrap=name != "label")
+        table.add_column(
+            name,
+            justify="left" if name in ("label", "colour") else "right",
+            no_wrap=name != "label",
+            min_width=_LABEL_WIDTH if name == "label" else None,
+        )
     for row in rows[:shown]:
         colour = row["mean_colour"]
         table.add_row(
@@ -117,8 +125,8 @@ def regions_table(rows: list[dict[str, Any]], shown: int) -> Table:
             _cell(row["area_m2"], "{:,.0f}"),
             _cell(row["slope_deg"], "{:.0f}"),
             _cell(row["roughness_m"], "{:.3f}"),
-            _cell(row["lowest_m"], "{:,.1f}"),
-            _cell(row["highest_m"], "{:,.1f}"),
+            _cell(row["lowest_m"], "{:.0f}"),
+            _cell(row["highest_m"], "{:.0f}"),
             Text(f"■ {colour}", style=colour) if colour else "",
         )
     return table
