@@ -17,7 +17,7 @@ from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface, SurfacePoints
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
-__all__ = ["Sunlight", "albedo", "grade", "photographed"]
+__all__ = ["Sunlight", "albedo", "grade", "material_colours", "photographed"]
 
 _SUN: Final = np.array([0.56, -0.34, 0.755]) / np.linalg.norm([0.56, -0.34, 0.755])
 """Towards the sun: a December morning south of the equator, 49 degrees high, south of east."""
@@ -47,6 +47,11 @@ _BASE: Final[dict[Material, tuple[int, int, int]]] = {
     Material.OUTLIER: (200, 200, 205),
 }
 """Mean sRGB of each material in full sun."""
+
+
+def material_colours() -> dict[Material, tuple[int, int, int]]:
+    """Return the mean sRGB of every material in full sun."""
+    return {m: colour for m, colour in _BASE.items() if m != Material.OUTLIER}
 
 
 def albedo(
