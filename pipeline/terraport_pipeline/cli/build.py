@@ -21,6 +21,7 @@ from terraport_pipeline.input_cloud import find_input_cloud
 from terraport_pipeline.progress import NullProgress, Progress, RichProgress
 from terraport_pipeline.report import REPORT_NAME, write_report
 from terraport_pipeline.stages import clean, reconstruct, segment
+from terraport_pipeline.stages.region_engine import ENGINES, Engine
 
 __all__ = ["build", "parse_size", "register"]
 
@@ -69,14 +70,38 @@ def build(
     outlier_ratio: Annotated[
         float, typer.Option(help="Higher keeps more lone points.")
     ] = _CLEAN.outlier_ratio,
+    engine: Annotated[
+        str,
+        typer.Option(
+            help="What cuts the surface into regions. tpa: the thesis's Triangle Pool Algorithm, "
+            "one number per face; blind to hue. graph: borders weighed by length, fold and colour, "
+            "whole regions compared; also cuts by shape alone. means: mean colours of whole "
+            "pieces, nothing else."
+        ),
+    ] = _SEGMENT.engine,
+    segment_by: Annotated[
+        str,
+        typer.Option(
+            help="colour; shape (thickness of closed bodies, or with graph how the surface folds); "
+            "or the name of an attribute of the points."
+        ),
+    ] = _SEGMENT.segment_by,
     region_threshold: Annotated[
-        float, typer.Option(help="Th of the regions; lower tells more apart.")
-    ] = _SEGMENT.region_threshold,
+        float | None,
+        typer.Option(
+            help="tpa: Th, lower tells more apart [0.7]. graph: higher tells more apart [0.5; 12 "
+            "by shape]. means: lower tells more apart [0.85]."
+        ),
+    ] = None,
     region_small: Annotated[
-        float, typer.Option(help="Regions below this share of all faces join a neighbour.")
-    ] = _SEGMENT.region_small,
+        float | None,
+        typer.Option(
+            help="Regions below this share of the surface join a neighbour.  [tpa 0.015, graph "
+            "0.003, means 0.002]"
+        ),
+    ] = None,
     segment_threshold: Annotated[
-        float, typer.Option(help="Th of the pools that segments are made of.")
+        float, typer.Option(help="tpa: Th of the pools that segments are made of.")
     ] = _SEGMENT.segment_threshold,
     min_faces: Annotated[int, typer.Option(help="Merge segments below this.")] = _SEGMENT.min_faces,
     max_faces: Annotated[int, typer.Option(help="Cut segments above this.")] = _SEGMENT.max_faces,
@@ -131,6 +156,8 @@ def build(
                 point_weight=point_weight,
             ),
             segment=segment.Options(
+                engine=_parse_engine(engine),
+                segment_by=segment_by,
                 region_threshold=region_threshold,
                 region_small=region_small,
                 segment_threshold=segment_threshold,
@@ -172,6 +199,12 @@ def parse_size(text: str) -> int:
     if not found:
         raise OptionError(f"size {text!r}; expected a number with K, M, G or T, for example 8G")
     return int(float(found[1]) * _SIZES[found[2]])
+
+
+def _parse_engine(text: str) -> Engine:
+    if text in ENGINES:
+        return cast("Engine", text)
+    raise OptionError(f"engine {text!r}; expected one of {', '.join(ENGINES)}")
 
 
 def _parse_units(text: str) -> Literal["segments", "pools"]:

@@ -1,6 +1,6 @@
 """Segment: regions and streamable segments of the detail, and which segments lie over the base.
 
-Memory: about 300 bytes per detail face.
+Memory: about 150 bytes per detail face.
 """
 
 from __future__ import annotations
@@ -16,10 +16,15 @@ from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.cover import build_cover
 from terraport_pipeline.geometry.region_facts import region_facts
 from terraport_pipeline.geometry.segments import SegmentOptions, build_segments
-from terraport_pipeline.geometry.triangle_pool import TrianglePoolOptions, triangle_pools
 from terraport_pipeline.model import Float32, Int32
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
+from terraport_pipeline.stages.region_engine import (
+    ENGINES,
+    Engine,
+    make_segmenter,
+    segmenter_mesh,
+)
 
 __all__ = ["NAME", "Options", "Segmented", "restore", "run", "store"]
 
@@ -39,12 +44,18 @@ length."""
 class Options:
     """How to cut the surface into regions and segments."""
 
-    region_threshold: float = 0.7
-    """Th of the regions; lower tells more materials apart."""
-    region_small: float = 0.015
-    """Regions below this share of all faces join a neighbour."""
+    engine: Engine = "tpa"
+    """Triangle Pool Algorithm (the thesis), the graph of faces, or means of colour."""
+    segment_by: str = "colour"
+    """What faces are compared by: "colour", "shape", or an attribute's name."""
+    region_threshold: float | None = None
+    """The engine's own: Th of "tpa" (0.7, lower tells more apart), the stop of "graph" (0.5, higher
+    tells more apart), the spread of "means" (0.85, lower tells more apart). None for those."""
+    region_small: float | None = None
+    """Regions below this share of the surface join a neighbour. None for the engine's own: 0.015
+    of "tpa", 0.003 of "graph", 0.002 of "means"."""
     segment_threshold: float = 0.2
-    """Th of the pools that segments are merged from."""
+    """Th of the pools that segments are merged from; of "tpa" alone."""
     min_faces: int = 2000
     """Segments below this are merged. Higher: fewer draw calls, coarser landings."""
     max_faces: int = 20000
@@ -55,13 +66,17 @@ class Options:
     """"pools" streams each pool of the thesis as it is, for comparison."""
 
     def __post_init__(self) -> None:
+        if self.engine not in ENGINES:
+            raise OptionError(f"engine {self.engine!r}; expected one of {', '.join(ENGINES)}")
+        if not self.segment_by:
+            raise OptionError("segments by ''; expected colour, shape or an attribute's name")
         for name, value in (
             ("region threshold", self.region_threshold),
             ("segment threshold", self.segment_threshold),
         ):
-            if not 0 < value <= 100:
+            if value is not None and not 0 < value <= 100:
                 raise OptionError(f"{name} {value}; expected above 0, at most 100")
-        if not 0 <= self.region_small < 1:
+        if self.region_small is not None and not 0 <= self.region_small < 1:
             raise OptionError(f"small region share {self.region_small}; expected 0 to below 1")
         if not 1 <= self.min_faces <= self.max_faces:
             raise OptionError(
@@ -118,34 +133,36 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     mesh = (detail.vertices, detail.faces)
     # (1) regions and fine pools
     progress.start("segment: regions", None, "faces")
-    pairs = face_pairs(detail.faces, len(detail.vertices))
-    regions = triangle_pools(
-        *mesh,
-        colours=detail.colours,
-        options=TrianglePoolOptions(
-            threshold=options.region_threshold, small_threshold=options.region_small
-        ),
-        pairs=pairs[0],
+    pairs = face_pairs(detail.faces, len(detail.vertices), threads=context.threads)
+    found = make_segmenter(
+        options.engine,
+        segment_by=options.segment_by,
+        region_threshold=options.region_threshold,
+        region_small=options.region_small,
+        segment_threshold=options.segment_threshold,
+        threads=context.threads,
+    ).segment(
+        segmenter_mesh(
+            detail,
+            pairs,
+            engine=options.engine,
+            segment_by=options.segment_by,
+            threads=context.threads,
+        )
     )
-    fine = triangle_pools(
-        *mesh,
-        colours=detail.colours,
-        options=TrianglePoolOptions(threshold=options.segment_threshold, small_threshold=0.0),
-        pairs=pairs[0],
-    )
-    progress.done({"regions": regions.count, "pools": fine.count})
-    if regions.count > _MAX_REGIONS:
+    progress.done({"regions": found.region_count, "pools": found.fine_count})
+    if found.region_count > _MAX_REGIONS:
         raise OptionError(
-            f"{regions.count} regions; at most {_MAX_REGIONS} can be told apart at run time: raise "
-            "--region-threshold or --region-small"
+            f"{found.region_count} regions; at most {_MAX_REGIONS} can be told apart at run time: "
+            "change --region-threshold or raise --region-small"
         )
     # (2) segments
     progress.start("segment: segments", None, "faces")
     segments = build_segments(
         *mesh,
-        fine.labels,
-        fine.similarity,
-        regions.labels,
+        found.fine,
+        found.similarity,
+        found.regions,
         SegmentOptions(
             min_faces=options.min_faces,
             max_faces=options.max_faces,
@@ -153,6 +170,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
             units=options.units,
         ),
         pairs=pairs,
+        threads=context.threads,
     )
     progress.done({"segments": segments.count})
     # (3) cover
@@ -167,18 +185,19 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         segments.labels,
         tolerance_m=tolerance_m,
         hide_partly_covered=True,
+        threads=context.threads,
     )
     base_kept = np.diff(cover.offsets.astype(np.int64)) > 0
     progress.done({"base faces": int(base_kept.sum())})
     # (4) facts
     progress.start("segment: facts", None, "regions")
     facts = region_facts(
-        *mesh, detail.colours, regions.labels, attributes=detail.attributes, pairs=pairs
+        *mesh, detail.colours, found.regions, attributes=detail.attributes, pairs=pairs
     )
     progress.done({})
     counts: dict[str, Any] = {
-        "regions": regions.count,
-        "pools": fine.count,
+        "regions": found.region_count,
+        "pools": found.fine_count,
         "segments": segments.count,
         "largest_segment_faces": int(segments.face_counts.max()),
         "smallest_segment_faces": int(segments.face_counts.min()),
@@ -190,6 +209,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         "detail_faces_far_from_base": cover.far_detail_faces,
         "detail_faces_without_base": cover.baseless_detail_faces,
     }
+    counts |= {"engine": options.engine, "segment_by": options.segment_by, **found.facts}
     counts |= {f"segments_{name}": n for name, n in asdict(segments.exceptions).items()}
     warnings = []
     if cover.baseless_detail_faces:
@@ -198,7 +218,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
             "is nothing to see there until they are loaded"
         )
     return Segmented(
-        regions=regions.labels,
+        regions=found.regions,
         segments=segments.labels,
         base_kept=base_kept,
         cover_offsets=cover.offsets[np.append(True, base_kept)],

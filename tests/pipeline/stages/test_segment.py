@@ -3,6 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -111,6 +112,8 @@ def test_stored_and_restored(result: Segmented) -> None:
     "options",
     [
         {"region_threshold": 0.0},
+        {"engine": "magic"},
+        {"segment_by": ""},
         {"segment_threshold": float("nan")},
         {"region_small": 1.0},
         {"min_faces": 10, "max_faces": 5},
@@ -126,3 +129,44 @@ def test_options_out_of_range(options: dict[str, float]) -> None:
 def test_scratch_is_not_used(result: Segmented, context: Context) -> None:
     assert isinstance(context.scratch, Path)
     assert not list(context.scratch.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("engine", "segment_by"),
+    [("graph", "colour"), ("graph", "shape"), ("means", "colour"), ("tpa", "height")],
+)
+def test_every_engine_and_what_it_compares(
+    meshes: reconstruct.Reconstructed, context: Context, engine: Any, segment_by: str
+) -> None:
+    detail = meshes.detail
+    attributes = {"height": detail.vertices[:, 1].copy()}
+    given = replace(meshes, detail=replace(detail, attributes=attributes))
+    options = replace(SMALL, engine=engine, segment_by=segment_by)
+    found = segment.run(given, options, context)
+    assert sorted(set(found.regions.tolist())) == list(range(found.facts.counts["regions"]))
+    assert found.facts.counts["engine"] == engine
+    assert found.facts.counts["segment_by"] == segment_by
+    again = segment.run(given, options, replace(context, threads=2))
+    assert again.regions.tobytes() == found.regions.tobytes()
+    assert again.segments.tobytes() == found.segments.tobytes()
+
+
+def test_unknown_attribute_is_refused_with_those_there_are(
+    meshes: reconstruct.Reconstructed, context: Context
+) -> None:
+    given = replace(
+        meshes,
+        detail=replace(meshes.detail, attributes={"reading": np.ones(len(meshes.detail.vertices))}),
+    )
+    with pytest.raises(OptionError, match="'grade'; this survey has colour, shape, reading"):
+        segment.run(given, replace(SMALL, segment_by="grade"), context)
+
+
+def test_attribute_with_gaps_is_refused(
+    meshes: reconstruct.Reconstructed, context: Context
+) -> None:
+    values = np.ones(len(meshes.detail.vertices), np.float32)
+    values[3:5] = np.nan
+    given = replace(meshes, detail=replace(meshes.detail, attributes={"reading": values}))
+    with pytest.raises(OptionError, match=r"2 of [0-9]+ values are not finite"):
+        segment.run(given, replace(SMALL, segment_by="reading"), context)
