@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -109,7 +108,15 @@ def regions_table(rows: list[dict[str, Any]], shown: int) -> Table:
         At most so many.
     """
     title = "Regions, largest first" + (f" ({shown} of {len(rows)})" if len(rows) > shown else "")
-    table = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    table = Table(
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        box=None,
+        header_style="dim",
+        pad_edge=False,
+        padding=(0, 2, 0, 0),
+    )
     for name in ("stable id", "label", "area m²", "slope °", "rough m", "from m", "to m", "colour"):
         table.add_column(
             name,
