@@ -20,7 +20,7 @@ __all__ = ["label", "regions_table", "register"]
 _SHOWN: Final = 30
 """Regions that a terminal lists; the exported table has all."""
 
-_LABEL_WIDTH: Final = 18
+_LABEL_WIDTH: Final = 16
 """Columns that labels get at least; longer ones go on in the next line."""
 
 
