@@ -34,6 +34,8 @@ SPACING_M = 0.2
 NOISE_M = 0.02
 SAMPLES = 500_000
 """As many as a build takes of a surface."""
+LEAST_SAMPLES = 32
+"""As many as a build takes of each of very many regions."""
 
 T = TypeVar("T")
 
@@ -105,7 +107,7 @@ def main() -> int:
                 mesh["faces"],
                 mesh["regions"],
                 faces_per_sample=per_sample,
-                at_least=8,
+                at_least=LEAST_SAMPLES,
             )
         )
         for mesh in (before, after)

@@ -42,9 +42,11 @@ _SAMPLES: Final = 500_000
 """Faces of one surface that are looked at; all of them where it has no more. Two trees of so many
 points take three seconds and 60 MB."""
 
-_LEAST_SAMPLES: Final = (8, 64)
+_LEAST_SAMPLES: Final = (32, 64)
 """Fewest samples of a region in a segment, however small: the second, or less down to the first
-where there are so many such pieces that they would take more than _SAMPLES."""
+where there are so many such pieces that they would take more than _SAMPLES. The border of a region
+is known to about a quarter of the distance of its samples: with 8 of them, two thirds in common
+look like 0.39, and a third of 65,000 regions lost their number (``benchmarks/regions.py``)."""
 
 _LISTED_LABELS: Final = 10
 """Labels that a warning spells out."""
