@@ -120,9 +120,9 @@ ENGINES: Final[dict[str, Engine]] = {
     "TPA of b*, 99 %, Th .5, sTh .002": lambda mesh: stretched(
         mesh, (0, 0, 1), threshold=0.5, small_threshold=0.002
     ),
-    "Felzenszwalb, k 1,000": felzenszwalb(1000.0),
-    "Felzenszwalb, k 10,000": felzenszwalb(10000.0),
-    "Felzenszwalb, k 30,000": felzenszwalb(30000.0),
+    "Felzenszwalb, k 30": felzenszwalb(30.0),
+    "Felzenszwalb, k 100": felzenszwalb(100.0),
+    "Felzenszwalb, k 300": felzenszwalb(300.0),
     "graph": graph(COLOUR_GRAPH),
     "graph, lightness 1": graph(BRIGHT_EDGES),
     "graph without colour": graph(SHAPE_GRAPH),

@@ -41,11 +41,11 @@ _Bool = npt.NDArray[np.bool_]
 class FelzenszwalbSegmenter:
     """Felzenszwalb and Huttenlocher's graph segmentation, once for regions, once for fine pools."""
 
-    region_scale: float = 1000.0
+    region_scale: float = 100.0
     """k of the regions, CIELAB units x faces; larger gives larger parts. >= 0."""
     region_share: float = 0.002
     """Regions below this share of all faces join a neighbour. 0..1."""
-    fine_scale: float = 50.0
+    fine_scale: float = 10.0
     """k of the fine pools. >= 0."""
     fine_faces: int = 1
     """Fine pools below this many faces join a neighbour."""
@@ -172,7 +172,7 @@ def felzenszwalb(
     """
     if order is None:
         order = np.argsort(difference, kind="stable")
-    labels = _join(n_faces, pairs, difference, order, scale, least_faces)
+    labels = _join(n_faces, pairs, difference, order, float(scale), least_faces)
     return number_by_first(labels)
 
 

@@ -104,3 +104,13 @@ def test_wrong_options_are_refused(wrong):
     """Before any work, by name."""
     with pytest.raises(ValueError, match=next(iter(wrong))):
         FelzenszwalbSegmenter(**wrong)
+
+
+def test_a_whole_number_scale_is_the_same(terrain):
+    """The slack is a fraction whatever type the scale has."""
+    mesh = terrain(6, cells=20)
+    pairs, _ = face_pairs(mesh.faces, len(mesh.vertices))
+    subject = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
+    difference, _ = neighbour_differences(subject, pairs)
+    whole, real = (felzenszwalb(len(mesh.faces), pairs, difference, k, 1)[0] for k in (40, 40.0))
+    assert whole.tolist() == real.tolist()
