@@ -1,37 +1,45 @@
-"""Segmentation and cover: seconds per stage and peak memory by mesh size.
+"""Segmentation at survey scale: seconds, CPU seconds and memory per stage, and the bars.
 
-A procedural terrain (grid mesh with patches of noisy colour, fixed seed) goes through every step
-from arrays to segments and the cover of a base a fifteenth its size. Each size runs in a fresh
-process, once to load the compiled kernels on a tiny mesh and once for the figures. The *floor* is
-one ``np.sort`` of the similarity array: no method that sorts can be faster.
+    python benchmarks/segmentation.py                       # 0.5, 1, 2, 5, 12 M faces, noise 6
+    python benchmarks/segmentation.py --faces 12000000 --noise 0 6 12
+    python benchmarks/segmentation.py --mesh WORK/reconstruct  # a real survey's reconstructed mesh
+    python benchmarks/segmentation.py --bytes 2000000       # same bytes again, with 1 and 2 threads
+    python benchmarks/segmentation.py --smoke               # seconds, tiny
 
-    python benchmarks/segmentation.py --faces 500000 2000000
-    python benchmarks/segmentation.py --smoke
+A procedural terrain (grid mesh of hills, patches of noisy colour, fixed seed, 0.2 m edges at every
+size) is made in one process and measured in another, so that making it is not in the memory
+figures. Memory is what the measured process has resident at most while a stage runs (``VmHWM``,
+reset before each stage; a kernel that does not reset it shows the largest so far). Kernels are
+loaded from numba's cache by a tiny mesh first.
 
-Results are printed, and written as JSON lines with ``--json FILE``.
+*TPA, arrays to labels* is the bar of ``segmentation.md``: vertices, faces, colours in, region
+labels out, nothing computed before. The *floor* is what no method can save: reading the three
+arrays and sorting s once. The *whole chain* is adjacency, regions and fine pools, merging and
+splitting, cover, and packing all payloads into a published scene.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import multiprocessing
 import platform
-import resource
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numba
 import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.geometry.adjacency import components, face_pairs
-from terraport_pipeline.geometry.colour import face_colour_sums, white_distance_of_sums
 from terraport_pipeline.geometry.cover import build_cover
 from terraport_pipeline.geometry.kmeans_1d import kmeans_1d
 from terraport_pipeline.geometry.region_facts import region_facts
+from terraport_pipeline.geometry.segment_shapes import segment_shapes
 from terraport_pipeline.geometry.segments import SegmentOptions, build_segments
 from terraport_pipeline.geometry.triangle_pool import (
     FINE_POOLS,
@@ -39,30 +47,36 @@ from terraport_pipeline.geometry.triangle_pool import (
     chain_count,
     face_similarity,
     triangle_pools,
+    triangle_pools_many,
 )
+from terraport_pipeline.geometry.vertex_normals import vertex_normals
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.stages import pack
+from terraport_pipeline.stages.contract import Context, Facts
+from terraport_pipeline.stages.reconstruct import Reconstructed
+from terraport_pipeline.stages.segment import Segmented
+from terraport_store.manifest import BuildInfo
 
-SEED = 7
-BASE_SHARE = 15
-SMOKE_FACES = 20_000
-MACHINE = f"{platform.machine()}, Python {platform.python_version()}, numba {numba.__version__}"
-CHAIN = ("adjacency", "TPA regions", "TPA fine", "segments", "cover")
-FACTS = (
-    "chain_s",
-    "peak_mib",
-    "regions",
-    "fine_pools",
-    "segments",
-    "segment_faces",
-    "base_faces",
-    "segments_per_base_face",
+SEED: Final = 7
+SIZES: Final = (500_000, 1_000_000, 2_000_000, 5_000_000, 12_000_000)
+SMOKE_FACES: Final = 20_000
+BASE_SHARE: Final = 15
+MANY_BASE_FACES: Final = 2_000_000
+TOLERANCE_M: Final = 0.1
+CHAIN: Final = ("adjacency", "TPA regions and fine", "merge and split", "cover", "packing")
+BARS: Final = (
+    ("TPA, 12 M faces, arrays to labels", 11_500_000, "TPA, arrays to labels", "s", 20.0),
+    ("the same, stretch", 11_500_000, "TPA, arrays to labels", "s", 10.0),
+    ("peak memory of it", 11_500_000, "TPA, arrays to labels", "MiB", 2048.0),
+    ("whole chain, 5 M faces", 4_900_000, "whole chain", "s", 120.0),
 )
-THESIS = "thesis, table 5.4: 12 M faces took 22 h on ten cores"
+THESIS: Final = "thesis, table 5.4: 12 M faces took 22 h on ten cores"
 
 T = TypeVar("T")
-Mesh = tuple[npt.NDArray[np.float32], npt.NDArray[np.int32], npt.NDArray[np.uint8]]
+Arrays = dict[str, npt.NDArray[Any]]
 
 
-def terrain(n_faces: int, *, detail: bool, noise: float, side_m: float) -> Mesh:
+def terrain(n_faces: int, *, detail: bool, noise: float, side_m: float) -> Arrays:
     """Coloured grid terrain; base and detail are the same hills, the detail with small bumps."""
     rng = np.random.default_rng(SEED)
     n = int(np.sqrt(n_faces / 2)) + 1
@@ -84,139 +98,303 @@ def terrain(n_faces: int, *, detail: bool, noise: float, side_m: float) -> Mesh:
     faces = np.stack(
         [corner, corner + 1, corner + n, corner + n, corner + 1, corner + n + 1], axis=1
     )
-    return (
-        np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1).astype(np.float32),
-        faces.reshape(-1, 3).astype(np.int32),
-        np.clip(colours, 0, 255).astype(np.uint8),
-    )
-
-
-def measure(n_faces: int, noise: float) -> dict[str, Any]:
-    """Run every stage once and report seconds, peak memory and counts."""
-    side_m = float(np.sqrt(n_faces * 0.02))  # 0.2 m edges whatever the size
-    vertices, faces, colours = terrain(n_faces, detail=True, noise=noise, side_m=side_m)
-    base_vertices, base_faces, _ = terrain(
-        n_faces // BASE_SHARE, detail=False, noise=noise, side_m=side_m
-    )
-    seconds: dict[str, float] = {}
-    inputs_mib = _peak_mib()
-
-    def timed(stage: str, work: Callable[[], T]) -> T:
-        start = time.perf_counter()
-        result = work()
-        seconds[stage] = round(time.perf_counter() - start, 3)
-        return result
-
-    sums = timed("face colours", lambda: face_colour_sums(colours, faces))
-    timed("CIEDE2000 to white", lambda: white_distance_of_sums(sums, 3))
-    similarity = timed(
-        "similarity, whole", lambda: face_similarity(vertices, faces, colours=colours)
-    )
-    ordered = timed("floor: sort of s", lambda: np.sort(similarity))
-    k = timed("chaining", lambda: chain_count(ordered, FINE_POOLS.threshold))
-    level2 = timed("k-means and assign", lambda: kmeans_1d(ordered, k).assign(similarity))
-    pairs = timed("adjacency", lambda: face_pairs(faces, len(vertices)))
-    timed("components", lambda: components(len(faces), pairs[0], labels=level2))
-    tpa = timed("TPA alone, from arrays", lambda: triangle_pools(vertices, faces, colours=colours))
-    regions = timed(
-        "TPA regions",
-        lambda: triangle_pools(
-            vertices, faces, colours=colours, options=REGION_POOLS, pairs=pairs[0]
-        ),
-    )
-    fine = timed(
-        "TPA fine",
-        lambda: triangle_pools(
-            vertices, faces, colours=colours, options=FINE_POOLS, pairs=pairs[0]
-        ),
-    )
-    tpa_mib = _peak_mib()
-    segments = timed(
-        "segments",
-        lambda: build_segments(
-            vertices, faces, fine.labels, fine.similarity, regions.labels, SegmentOptions(),
-            pairs=pairs,
-        ),
-    )  # fmt: skip
-    segments_mib = _peak_mib()
-    cover = timed(
-        "cover",
-        lambda: build_cover(
-            base_vertices, base_faces, vertices, faces, segments.labels, tolerance_m=0.1
-        ),
-    )
-    timed(
-        "region facts", lambda: region_facts(vertices, faces, colours, regions.labels, pairs=pairs)
-    )
-    assert tpa.labels.tobytes() == regions.labels.tobytes()
-    lists = np.diff(cover.offsets.astype(np.int64))
     return {
-        "faces": len(faces),
-        "noise": noise,
-        "seconds": seconds,
-        "chain_s": round(
-            sum(seconds[s] for s in ("adjacency", "TPA regions", "TPA fine", "segments", "cover")),
-            3,
-        ),
-        "peak_mib": {
-            "inputs": inputs_mib,
-            "TPA": tpa_mib,
-            "segments": segments_mib,
-            "all": _peak_mib(),
-        },
-        "regions": regions.count,
-        "fine_pools": fine.count,
-        "segments": segments.count,
-        "segment_faces": np.percentile(segments.face_counts, [0, 50, 100]).tolist(),
-        "base_faces": len(base_faces),
-        "segments_per_base_face": round(float(lists.mean()), 3),
-        "machine": MACHINE,
+        "vertices": np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1).astype(np.float32),
+        "faces": faces.reshape(-1, 3).astype(np.int32),
+        "colours": np.clip(colours, 0, 255).astype(np.uint8),
     }
 
 
-def _peak_mib() -> int:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+def make(folder: Path, n_faces: int, noise: float, base_faces: int) -> None:
+    """Write the arrays of a terrain and its base as a build's work directory holds them."""
+    side_m = float(np.sqrt(n_faces * 0.02))
+    for name, mesh in (
+        ("detail", terrain(n_faces, detail=True, noise=noise, side_m=side_m)),
+        ("base", terrain(base_faces, detail=False, noise=noise, side_m=side_m)),
+    ):
+        mesh["normals"] = vertex_normals(mesh["vertices"], mesh["faces"])
+        for array, values in mesh.items():
+            np.save(folder / f"{name}-{array}.npy", values)
 
 
-def _child(n_faces: int, noise: float, results: Any) -> None:
-    measure(2_000, noise)  # loads (or compiles) the kernels
-    results.put(measure(n_faces, noise))
+class Clock:
+    """Wall seconds, CPU seconds and peak memory of named stages."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, dict[str, float]] = {}
+
+    def __call__(self, stage: str, work: Callable[[], T]) -> T:
+        """Do the work and note what it cost."""
+        _reset_peak()
+        wall, cpu = time.perf_counter(), time.process_time()
+        result = work()
+        self.stages[stage] = {
+            "s": round(time.perf_counter() - wall, 3),
+            "cpu_s": round(time.process_time() - cpu, 3),
+            "MiB": _status_mib("VmHWM"),
+        }
+        return result
 
 
-def run(n_faces: int, noise: float) -> dict[str, Any]:
-    """Measure in a fresh process, so that one size's memory does not hide in another's."""
-    context = multiprocessing.get_context("spawn")
-    results = context.SimpleQueue()
-    child = context.Process(target=_child, args=(n_faces, noise, results))
+def _status_mib(field: str) -> int:
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith(field + ":"):
+            return int(line.split()[1]) // 1024
+    return 0
+
+
+def _reset_peak() -> None:
+    try:
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    except OSError:
+        return  # the figure is then the largest so far
+
+
+def load(folder: Path, name: str) -> Mesh:
+    """Read one mesh of a work directory into memory."""
+    arrays = {
+        array: np.load(folder / f"{name}-{array}.npy")
+        for array in ("vertices", "faces", "normals", "colours")
+    }
+    return Mesh(**arrays)
+
+
+def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) -> dict[str, Any]:
+    """Run every stage once on the meshes in *folder*."""
+    clock = Clock()
+    detail, base = load(folder, "detail"), load(folder, "base")
+    mesh = (detail.vertices, detail.faces)
+    inputs_mib = _status_mib("VmRSS")
+    # (1) the bar: nothing known but the arrays
+    tpa = clock(
+        "TPA, arrays to labels",
+        lambda: triangle_pools(*mesh, colours=detail.colours, threads=threads),
+    )
+    clock(
+        "TPA, one thread",
+        lambda: triangle_pools(*mesh, colours=detail.colours, threads=1),
+    )
+    # (2) its steps, one after the other
+    pairs = _steps(clock, detail, threads)
+    # (3) the chain
+    regions, fine = clock(
+        "TPA regions and fine",
+        lambda: triangle_pools_many(
+            *mesh, (REGION_POOLS, FINE_POOLS), colours=detail.colours, pairs=pairs[0],
+            threads=threads,
+        ),
+    )  # fmt: skip
+    assert tpa.labels.tobytes() == regions.labels.tobytes()
+    segments = clock(
+        "merge and split",
+        lambda: build_segments(
+            *mesh, fine.labels, fine.similarity, regions.labels, SegmentOptions(),
+            pairs=pairs, threads=threads,
+        ),
+    )  # fmt: skip
+    cover = clock(
+        "cover",
+        lambda: build_cover(
+            base.vertices, base.faces, *mesh, segments.labels, tolerance_m=TOLERANCE_M,
+            hide_partly_covered=True, threads=threads,
+        ),
+    )  # fmt: skip
+    if whole:
+        facts = clock(
+            "region facts (not in the chain)",
+            lambda: region_facts(*mesh, detail.colours, regions.labels, pairs=pairs),
+        )
+        kept = np.diff(cover.offsets.astype(np.int64)) > 0
+        labels = Segmented(
+            regions.labels, segments.labels, kept, cover.offsets[np.append(True, kept)],
+            cover.segments, segments.main_region, segments.region_counts, segments.bounds, facts,
+            TOLERANCE_M, segments.max_extent_m, Facts(),
+        )  # fmt: skip
+        meshes = Reconstructed(base, detail, (0.01, 0.05, 0.1, 0.2), Facts())
+        packed = clock("packing", lambda: _pack(folder, meshes, labels, threads))
+        total = {unit: sum(clock.stages[name][unit] for name in CHAIN) for unit in ("s", "cpu_s")}
+        peak = max(clock.stages[name]["MiB"] for name in CHAIN)
+        clock.stages["whole chain"] = {**total, "MiB": peak}
+    if many_base is not None:
+        wide = load(many_base, "base")
+        clock(
+            f"cover, {len(wide.faces):,} base faces",
+            lambda: build_cover(
+                wide.vertices,
+                wide.faces,
+                *mesh,
+                segments.labels,
+                tolerance_m=TOLERANCE_M,
+                threads=threads,
+            ),
+        )
+    return {
+        "faces": len(detail.faces),
+        "base_faces": len(base.faces),
+        "threads": threads,
+        "inputs_mib": inputs_mib,
+        "stages": clock.stages,
+        "regions": regions.count,
+        "fine_pools": fine.count,
+        "segments": segments.count,
+        "max_extent_m": round(segments.max_extent_m, 2),
+        "segments_per_base_face": round(float(np.diff(cover.offsets.astype(np.int64)).mean()), 3),
+        **segment_shapes(*mesh, segments, threads=threads),
+        "bytes_per_face": packed["bytes_per_face"] if whole else None,
+        "segment_bytes": packed["segment_bytes"] if whole else None,
+        "digest": hashlib.sha256(
+            b"".join(
+                a.tobytes()
+                for a in (
+                    regions.labels,
+                    fine.labels,
+                    segments.labels,
+                    cover.offsets,
+                    cover.segments,
+                )
+            )
+        ).hexdigest()[:16],
+    }
+
+
+def _steps(
+    clock: Clock, detail: Mesh, threads: int
+) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+    """Each step of TPA alone; returns the adjacency."""
+    mesh = (detail.vertices, detail.faces)
+    clock("floor: reading", lambda: [int(a.view(np.uint8).max()) for a in (*mesh, detail.colours)])
+    s = clock("similarity", lambda: face_similarity(*mesh, colours=detail.colours, threads=threads))
+    ordered = clock("floor: sort of s", lambda: np.sort(s))
+    k = chain_count(ordered, FINE_POOLS.threshold)
+    level2 = clock("k-means and assign", lambda: kmeans_1d(ordered, k).assign(s, threads=threads))
+    pairs = clock("adjacency", lambda: face_pairs(detail.faces, len(mesh[0]), threads=threads))
+    clock("components", lambda: components(len(mesh[1]), pairs[0], labels=level2))
+    return pairs
+
+
+def _pack(folder: Path, meshes: Reconstructed, labels: Segmented, threads: int) -> dict[str, Any]:
+    about = pack.About(
+        np.zeros(3), None, len(meshes.detail.vertices), True, BuildInfo(terraport="benchmark")
+    )
+    with tempfile.TemporaryDirectory(dir=folder) as place:
+        context = Context(Path(place), threads=threads)
+        scene = Path(place) / "scene"
+        return pack.run(
+            scene, meshes, labels, about, pack.Options("Benchmark"), context
+        ).facts.counts
+
+
+def _child(
+    answer: Path, folder: Path, threads: int, many_base: Path | None, tiny: Path, whole: bool
+) -> None:
+    measure(tiny, threads, None, whole=whole)  # loads (or compiles) the kernels
+    found = measure(folder, threads, many_base, whole=whole)
+    answer.write_text(json.dumps(found), encoding="utf-8")
+
+
+def in_fresh_process(target: Callable[..., None], *arguments: Any) -> None:
+    """Call a function in a process of its own; a failure there ends the benchmark."""
+    child = multiprocessing.get_context("spawn").Process(target=target, args=arguments)
     child.start()
-    found: dict[str, Any] = results.get()
     child.join()
+    if child.exitcode:
+        raise SystemExit(f"the measured process ended with {child.exitcode}")
+
+
+def measured(
+    folder: Path, threads: int, tiny: Path, *, many: Path | None = None, whole: bool = False
+) -> dict[str, Any]:
+    """Run :func:`measure` in a fresh process."""
+    answer = tiny / "answer.json"
+    in_fresh_process(_child, answer, folder, threads, many, tiny, whole)
+    found: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
     return found
+
+
+def show(result: dict[str, Any], title: str) -> None:
+    print(f"\n{title}: {result['faces']:,} faces, {result['threads']} threads")
+    print(f"  {'':<34}{'wall s':>9}{'CPU s':>9}{'ns/face':>9}{'peak MiB':>10}")
+    for stage, cost in result["stages"].items():
+        per_face = 1e9 * cost["s"] / result["faces"]
+        seconds = f"{cost['s']:>9.2f}{cost['cpu_s']:>9.2f}{per_face:>9.0f}"
+        print(f"  {stage:<34}{seconds}{cost['MiB']:>10.0f}")
+    for name, value in result.items():
+        if name not in ("stages", "faces", "threads"):
+            print(f"  {name}: {value}")
+
+
+def verdict(results: list[dict[str, Any]]) -> None:
+    """Say which bars are met: each at the nearest size that was measured, the worst of its runs."""
+    print(f"\n{'bar':<40}{'measured':>12}{'allowed':>10}")
+    for name, size, stage, unit, allowed in BARS:
+        near = [r for r in results if size <= r["faces"] < 1.2 * size and stage in r["stages"]]
+        if near:
+            worst = max(r["stages"][stage][unit] for r in near)
+            say(name, worst, allowed, unit)
+    by_size = sorted((r for r in results if r["noise"] == results[0]["noise"]), key=_faces)
+    if len(by_size) > 1 and by_size[-1]["faces"] > 20 * by_size[0]["faces"]:
+        per_face = [r["stages"]["TPA, arrays to labels"]["s"] / r["faces"] for r in by_size]
+        say("time per face, largest over smallest", per_face[-1] / per_face[0], 1.3, "x")
+        cpu = [r["stages"]["TPA, arrays to labels"]["cpu_s"] / r["faces"] for r in by_size]
+        say("the same in CPU seconds", cpu[-1] / cpu[0], 1.3, "x")
+    print(f"({THESIS})")
+
+
+def _faces(result: dict[str, Any]) -> int:
+    return int(result["faces"])
+
+
+def say(name: str, value: float, allowed: float, unit: str) -> None:
+    met = "met" if value <= allowed else "MISSED"
+    print(f"{name:<40}{value:>8.2f} {unit:<3}{allowed:>7.4g} {unit:<4}{met}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("--faces", type=int, nargs="+", default=[500_000, 2_000_000])
-    parser.add_argument(
-        "--noise", type=float, nargs="+", default=[6.0], help="colour noise, 0..255"
-    )
+    parser.add_argument("--faces", type=int, nargs="+", default=list(SIZES))
+    parser.add_argument("--noise", type=float, nargs="+", default=[6.0], help="0..255")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--mesh", type=Path, nargs="*", default=[], help="reconstruct folders")
+    parser.add_argument("--bytes", type=int, help="compare bytes at this many faces, and stop")
+    parser.add_argument("--no-pack", action="store_true", help="leave packing and facts out")
     parser.add_argument("--json", type=Path, help="append one line of JSON per run")
     parser.add_argument("--smoke", action="store_true", help=f"one run with {SMOKE_FACES} faces")
     arguments = parser.parse_args()
     sizes = [SMOKE_FACES] if arguments.smoke else arguments.faces
-    for n_faces in sizes:
-        for noise in arguments.noise:
-            result = run(n_faces, noise)
-            print(f"\n{result['faces']:,} faces, colour noise {noise:g} ({result['machine']})")
-            for stage, seconds in result["seconds"].items():
-                per_face_ns = 1e9 * seconds / result["faces"]
-                print(f"  {stage:<24}{seconds:>9.3f} s{per_face_ns:>10.0f} ns/face")
-            for name in FACTS:
-                print(f"  {name}: {result[name]}")
-            if arguments.json:
-                with arguments.json.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(result) + "\n")
-    print(f"\n({THESIS})")
+    machine = f"{platform.machine()}, Python {platform.python_version()}, numba {numba.__version__}"
+    print(machine)
+    results = []
+    with tempfile.TemporaryDirectory() as place:
+        tiny, folder, many = Path(place, "tiny"), Path(place, "mesh"), Path(place, "many")
+        for made in (tiny, folder, many):
+            made.mkdir()
+        make(tiny, 2_000, 6.0, 500)
+        if arguments.bytes:
+            in_fresh_process(make, folder, arguments.bytes, 6.0, arguments.bytes // BASE_SHARE)
+            digests = {measured(folder, threads, tiny)["digest"] for threads in (1, 2, 2)}
+            print(f"{arguments.bytes:,} faces, 1, 2 and 2 threads: {sorted(digests)}")
+            raise SystemExit(0 if len(digests) == 1 else "the bytes differ")
+        for real in arguments.mesh:
+            found = measured(real, arguments.threads, tiny)
+            show(found, real.parent.name)
+        for n_faces in [] if arguments.mesh else sizes:
+            for noise in arguments.noise:
+                in_fresh_process(make, folder, n_faces, noise, n_faces // BASE_SHARE)
+                with_many = n_faces >= 2 * MANY_BASE_FACES
+                if with_many:
+                    in_fresh_process(make, many, n_faces, noise, MANY_BASE_FACES)
+                result = measured(
+                    folder, arguments.threads, tiny,
+                    many=many if with_many else None, whole=not arguments.no_pack,
+                )  # fmt: skip
+                result |= {"noise": noise, "machine": machine}
+                results.append(result)
+                show(result, f"colour noise {noise:g}")
+                if arguments.json:
+                    with arguments.json.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps(result) + "\n")
+    if results:
+        verdict(results)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ __all__ = [
     "automatic_extent",
     "dense_labels",
     "edge_steps",
+    "face_areas",
     "face_boxes",
     "face_centres",
     "first_faces",
@@ -144,15 +145,24 @@ def edge_steps(vertices: npt.NDArray[np.floating], edges: _Int32, *, threads: in
     return steps
 
 
+def face_areas(
+    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
+) -> _Float64:
+    """Area of every face, (F,) float64, in the square of the vertices' unit."""
+    points, corners = mesh_input(vertices, faces)
+    area = np.empty(len(corners))
+    in_chunks(
+        lambda begin, end: _areas(points, corners, area, begin, end), len(corners), threads=threads
+    )
+    return area
+
+
 def surface_area(
     vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
 ) -> float:
     """Area of all faces, in the square of the vertices' unit."""
-    points, corners = mesh_input(vertices, faces)
-    parts = in_chunks(
-        lambda begin, end: _area(points, corners, begin, end), len(corners), threads=threads
-    )
-    return float(sum(parts))
+    area = face_areas(vertices, faces, threads=threads)
+    return float(area.sum())
 
 
 def automatic_extent(
@@ -291,8 +301,7 @@ def _edge_steps(
 
 
 @numba.njit(cache=True, nogil=True)
-def _area(vertices: npt.NDArray[Any], faces: _Int32, begin: int, end: int) -> float:
-    total = 0.0
+def _areas(vertices: npt.NDArray[Any], faces: _Int32, area: _Float64, begin: int, end: int) -> None:
     for f in range(begin, end):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         ux = np.float64(vertices[b, 0]) - np.float64(vertices[a, 0])
@@ -302,5 +311,4 @@ def _area(vertices: npt.NDArray[Any], faces: _Int32, begin: int, end: int) -> fl
         vy = np.float64(vertices[c, 1]) - np.float64(vertices[a, 1])
         vz = np.float64(vertices[c, 2]) - np.float64(vertices[a, 2])
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        total += 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)
-    return total
+        area[f] = 0.5 * np.sqrt(nx * nx + ny * ny + nz * nz)

@@ -31,6 +31,7 @@ from terraport_payload import (
     snap,
 )
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.segment_shapes import QUANTILES
 from terraport_pipeline.model import Float32, Float64, Int32, Mesh
 from terraport_pipeline.region_ids import NewSurface, number_regions
 from terraport_pipeline.stages.contract import Context, Facts, Json
@@ -147,6 +148,7 @@ def run(
         def encode(mesh: SegmentMesh) -> _Payload:
             return _encode(mesh, step_m, scales, with_arrays=with_arrays)
 
+        payload_bytes = []
         meshes = split_segments(detail, segmented.segments, segmented.regions)
         for number, payload in enumerate(_in_order(encode, meshes, context.threads)):
             writer.add_segment(
@@ -158,6 +160,7 @@ def run(
                 faces=payload.faces,
                 arrays=payload.arrays,
             )
+            payload_bytes.append(len(payload.glb))
             progress.advance(1)
         progress.done({})
         # (2) base, cover, regions
@@ -193,7 +196,9 @@ def run(
             )
         )
         progress.done({"version": manifest.version[:12]})
-    return Packed(manifest, Facts(_counts(manifest) | numbered.counts, numbered.warnings))
+    return Packed(
+        manifest, Facts(_counts(manifest, payload_bytes) | numbered.counts, numbered.warnings)
+    )
 
 
 def split_segments(detail: Mesh, segments: Int32, regions: Int32) -> Iterator[SegmentMesh]:
@@ -323,12 +328,13 @@ def _triple(values: Float64) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _counts(manifest: Manifest) -> dict[str, Json]:
+def _counts(manifest: Manifest, payload_bytes: list[int]) -> dict[str, Json]:
     payload = manifest.encodings["glb"].payload_bytes
     return {
         "segments": manifest.counts.segments,
         "payload_bytes": payload,
         "bytes_per_face": round(payload / max(manifest.counts.detail_faces, 1), 2),
+        "segment_bytes": np.quantile(payload_bytes, QUANTILES).astype(int).tolist(),
         "base_bytes": manifest.files["base.glb"].bytes,
         "cover_bytes": manifest.files["base.cover"].bytes,
         "max_segment_bytes": manifest.limits.max_segment_bytes,

@@ -15,6 +15,7 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.cover import build_cover
 from terraport_pipeline.geometry.region_facts import region_facts
+from terraport_pipeline.geometry.segment_shapes import segment_shapes
 from terraport_pipeline.geometry.segments import SegmentOptions, build_segments
 from terraport_pipeline.model import Float32, Int32
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
@@ -172,6 +173,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         pairs=pairs,
         threads=context.threads,
     )
+    shapes = segment_shapes(*mesh, segments, threads=context.threads)
     progress.done({"segments": segments.count})
     # (3) cover
     progress.start("segment: cover", None, "base faces")
@@ -209,6 +211,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         "detail_faces_far_from_base": cover.far_detail_faces,
         "detail_faces_without_base": cover.baseless_detail_faces,
     }
+    counts |= shapes
     counts |= {"engine": options.engine, "segment_by": options.segment_by, **found.facts}
     counts |= {f"segments_{name}": n for name, n in asdict(segments.exceptions).items()}
     warnings = []
