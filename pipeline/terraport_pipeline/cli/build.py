@@ -89,7 +89,7 @@ def build(
     region_threshold: Annotated[
         float | None,
         typer.Option(
-            help="tpa: Th, lower tells more apart [0.7]. graph: higher tells more apart [0.5; 12 "
+            help="tpa: Th, lower tells more apart [0.7]. graph: higher tells more apart [0.5; 2.5 "
             "by shape]. means: lower tells more apart [0.85]."
         ),
     ] = None,

@@ -48,7 +48,7 @@ class EdgeWeights:
     fainter than changes of hue, 0 ignores light and dark altogether. 0..10."""
     concavity: float = 1.0
     """Exponent of ``1 - angle / pi`` where the surface folds inwards; 0 leaves shape out. On noisy
-    ground every stone folds, so colour decides; shape alone wants about 10. 0..100."""
+    ground every stone folds, so colour decides; shape alone wants about 20. 0..100."""
 
     def __post_init__(self) -> None:
         """Refuse values outside their range before any work."""

@@ -12,7 +12,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -32,6 +32,7 @@ from terraport_pipeline.geometry.triangle_pool import face_similarity
 
 __all__ = [
     "COLOUR_GRAPH",
+    "OPEN_SHAPE_GRAPH",
     "SHAPE_GRAPH",
     "GraphOptions",
     "GraphSegmenter",
@@ -42,11 +43,14 @@ __all__ = [
 
 _Int32 = npt.NDArray[np.int32]
 
-_SEEDS: Final = 2000
-"""Automatic seeds: at least this many, so that no region is one seed."""
 _SEED_FACES: Final = 32
 """Automatic seeds have at most this many faces: the mean colour of 32 faces has a fifth of one
 vertex's noise, and 5 M faces make some 250,000 seeds."""
+_COLOUR_SEEDS: Final = 2000
+"""With colour there are at least about this many seeds, so that no region is one seed."""
+_SHAPE_SEEDS: Final = 100_000
+"""By shape alone seeds only save time, and blur folds (1 - RI .120 without, .146 with 4 faces on
+Princeton's models): none below this many faces."""
 _MOST_ROUNDS: Final = 64
 """Beyond this colours blur farther than any piece worth telling apart is wide."""
 
@@ -91,9 +95,13 @@ class GraphOptions:
 COLOUR_GRAPH: Final = GraphOptions()
 """For coloured ground, or a scalar that stands for the colour."""
 SHAPE_GRAPH: Final = GraphOptions(
-    threshold=12.0, small_share=0.0, weights=EdgeWeights(colour_scale=0.0, concavity=10.0)
+    threshold=5.0, small_share=0.0, weights=EdgeWeights(colour_scale=0.0, concavity=20.0)
 )
-"""For shape alone (CAD parts, scans without colour): concavity decides."""
+"""For shape alone (CAD parts, scans without colour): concavity decides. Chosen on Princeton's
+models, ``benchmarks/princeton.py``."""
+OPEN_SHAPE_GRAPH: Final = replace(SHAPE_GRAPH, threshold=2.5, small_share=0.003)
+"""For the shape of open ground. Halving a flat square lowers the cut by 4, halving a ball by 7.1: a
+threshold for closed bodies would part every field."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,13 +159,15 @@ def merge_graph(graph: FaceGraph, options: GraphOptions) -> MergedGraph:
     """Build the whole merge tree, from which any granularity is read."""
     seed_faces = options.seed_faces
     if seed_faces is None:
-        seed_faces = automatic_seeds(len(graph.area))
+        by_colour = graph.facts.lab is not None and options.weights.colour_scale > 0.0
+        seed_faces = automatic_seeds(len(graph.area), by_colour=by_colour)
     return merge_faces(graph, options.weights, (seed_faces,) if seed_faces > 1 else ())
 
 
-def automatic_seeds(n_faces: int) -> int:
-    """Most faces of a seed where the options leave it open: 1 to 32, at least 2,000 seeds."""
-    return max(1, min(_SEED_FACES, n_faces // _SEEDS))
+def automatic_seeds(n_faces: int, *, by_colour: bool) -> int:
+    """Most faces of a seed where the options leave it open: 1 to 32."""
+    seeds = _COLOUR_SEEDS if by_colour else _SHAPE_SEEDS
+    return max(1, min(_SEED_FACES, n_faces // seeds))
 
 
 def _join_islands(

@@ -9,7 +9,11 @@ import numpy as np
 
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.geometry.graph_segmenter import COLOUR_GRAPH, SHAPE_GRAPH, GraphSegmenter
+from terraport_pipeline.geometry.graph_segmenter import (
+    COLOUR_GRAPH,
+    OPEN_SHAPE_GRAPH,
+    GraphSegmenter,
+)
 from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
 from terraport_pipeline.geometry.segmenter import Segmenter, SegmenterMesh, TriangleSegmenter
 from terraport_pipeline.geometry.shape_index import shape_index
@@ -57,7 +61,7 @@ def make_segmenter(
         A value that the engine does not take.
     """
     if engine == "graph":
-        graph = SHAPE_GRAPH if segment_by == SHAPE else COLOUR_GRAPH
+        graph = OPEN_SHAPE_GRAPH if segment_by == SHAPE else COLOUR_GRAPH
         return GraphSegmenter(
             replace(
                 graph,
