@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.geometry.adjacency import components, face_pairs
+from terraport_pipeline.geometry.chunks import CHUNK
 from terraport_pipeline.geometry.segments import SegmentOptions, build_segments
 from terraport_pipeline.geometry.triangle_pool import (
     FINE_POOLS,
     TrianglePoolOptions,
     triangle_pools,
+    triangle_pools_many,
 )
 
 REGIONS = TrianglePoolOptions(threshold=0.5, small_threshold=0.03)
@@ -138,6 +140,25 @@ def test_vertex_numbering_changes_nothing(terrain, seed):
     two = build_segments(mesh.vertices[order], shuffled, fine, similarity, regions, options)
     assert one.labels.tobytes() == again.labels.tobytes() == two.labels.tobytes()
     assert one.bounds.tobytes() == two.bounds.tobytes()
+
+
+def test_threads_and_reruns_change_no_byte(terrain):
+    """Adjacency, regions, fine pools and segments of more faces than one piece of work holds."""
+    mesh = terrain(3, cells=400, noise=12.0, holes=0.02)
+    assert len(mesh.faces) > CHUNK
+    found = set()
+    for threads in (1, 2, 2):
+        pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=threads)
+        coarse, fine = triangle_pools_many(
+            mesh.vertices, mesh.faces, (REGIONS, FINE_POOLS), colours=mesh.colours, threads=threads
+        )
+        segments = build_segments(
+            mesh.vertices, mesh.faces, fine.labels, fine.similarity, coarse.labels,
+            SegmentOptions(min_faces=500, max_faces=5000), pairs=pairs, threads=threads,
+        )  # fmt: skip
+        arrays = (*pairs, coarse.labels, fine.labels, fine.similarity, segments.labels)
+        found.add(b"".join(a.tobytes() for a in (*arrays, segments.bounds, segments.main_region)))
+    assert len(found) == 1
 
 
 @pytest.mark.parametrize("seed", range(6))
