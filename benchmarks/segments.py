@@ -27,7 +27,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.face_measures import face_centres
+from terraport_pipeline.geometry.face_measures import automatic_extent, face_centres
 from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
 from terraport_pipeline.geometry.graph_segmenter import COLOUR_GRAPH, GraphSegmenter
 from terraport_pipeline.geometry.grid_segmenter import GridSegmenter, grid_cells
@@ -54,7 +54,7 @@ def without_regions(found: Segmentation) -> Segmentation:
 def ways(mesh: SegmenterMesh, bounds: SegmentOptions) -> dict[str, Segments]:
     """Segments of every way, by name."""
     assert mesh.pairs is not None
-    pairs = mesh.pairs
+    pairs, surface = mesh.pairs, (mesh.vertices, mesh.faces)
 
     def build(found: Segmentation, options: SegmentOptions = bounds) -> Segments:
         return build_segments(
@@ -70,14 +70,31 @@ def ways(mesh: SegmenterMesh, bounds: SegmentOptions) -> dict[str, Segments]:
     grid = without_regions(GridSegmenter(fine_cell_m=cell_m).segment(mesh))
     cells = replace(grid, fine=grid_cells(mesh.vertices, mesh.faces, cell_m))
     alone = replace(bounds, units="pools")
+    # a build's fine pools have half the faces of its least segment
+    graph_options = replace(COLOUR_GRAPH, fine_faces=max(bounds.min_faces // 2, 1))
+    graph = GraphSegmenter(graph_options).segment(mesh)
+    large = GraphSegmenter(replace(COLOUR_GRAPH, fine_faces=bounds.max_faces * 2 // 5)).segment(
+        mesh
+    )
+    extent_m = automatic_extent(*surface, bounds.max_faces)
+    wide = replace(bounds, max_extent_m=extent_m / 0.6)  # the first default
+    narrow = replace(bounds, max_extent_m=extent_m / 1.2)
     return {
         "TPA pools, one segment each (thesis)": build(tpa, alone),
         "grid cells as they are": build(cells, alone),
         "grid, within bounds": build(grid),
         "Felzenszwalb": build(FelzenszwalbSegmenter().segment(mesh)),
-        "graph": build(GraphSegmenter(COLOUR_GRAPH).segment(mesh)),
+        "graph": build(graph),
+        "graph, pools of up to .4 most": build(large),
+        "graph pools, regions of means": build(
+            replace(graph, regions=means.regions, region_count=means.region_count)
+        ),
         "TPA": build(tpa),
+        "TPA, wide": build(tpa, wide),
         "means": build(means),
+        "means, wide": build(means, wide),
+        "means, narrow": build(means, narrow),
+        "graph, narrow": build(graph, narrow),
         "TPA pools, regions of means": build(
             replace(tpa, regions=means.regions, region_count=means.region_count)
         ),

@@ -73,7 +73,7 @@ class SegmentOptions:
     """Never more faces: bounds the payload, and the hitch of one upload on a headset. >=
     min_faces."""
     max_extent_m: float | None = None
-    """Longest side of a segment's box, metres. None: twice the side of the square that
+    """Longest side of a segment's box, metres. None: 1.2 times the side of the square that
     ``max_faces`` faces of mean area fill. Larger gives fewer segments, smaller wastes less at the
     rim of a landing."""
     units: Literal["segments", "pools"] = "segments"

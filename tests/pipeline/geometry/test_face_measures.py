@@ -50,9 +50,9 @@ def test_edge_steps_are_whole_and_proportional():
 
 
 def test_automatic_extent():
-    """Twice the side of the square of all faces' area at mean size; the box where there is none."""
+    """1.2 sides of the square of all faces' area at mean size; the box where there is none."""
     flat = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]], np.float32)
-    assert automatic_extent(flat, FACES, 800) == 2 * np.sqrt(0.5 * 800)
+    assert automatic_extent(flat, FACES, 800) == 1.2 * np.sqrt(0.5 * 800)
     assert automatic_extent(flat, np.zeros((1, 3), int), 800) == 1.0
 
 
