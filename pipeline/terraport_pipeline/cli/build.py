@@ -90,7 +90,7 @@ def build(
         float | None,
         typer.Option(
             help="tpa: Th, lower tells more apart [0.7]. graph: higher tells more apart [0.5; 2.5 "
-            "by shape]. means: lower tells more apart [0.85]."
+            "by shape]. means: lower tells more apart [0.95]."
         ),
     ] = None,
     region_small: Annotated[

@@ -69,7 +69,7 @@ _SCALAR_RANGE: Final = 100.0
 class MeanColourSegmenter:
     """Unite neighbours of like mean colour."""
 
-    spread: float = 0.85
+    spread: float = 0.95
     """Limit of the difference over the root of the summed variances of the faces' weighed colours.
     Lower tells more materials apart, and more of the patterns within one. > 0."""
     difference: float | None = None

@@ -51,7 +51,7 @@ class Options:
     """What faces are compared by: "colour", "shape", or an attribute's name."""
     region_threshold: float | None = None
     """The engine's own: Th of "tpa" (0.7, lower tells more apart), the stop of "graph" (0.5, higher
-    tells more apart), the spread of "means" (0.85, lower tells more apart). None for those."""
+    tells more apart), the spread of "means" (0.95, lower tells more apart). None for those."""
     region_small: float | None = None
     """Regions below this share of the surface join a neighbour. None for the engine's own: 0.015
     of "tpa", 0.003 of "graph", 0.002 of "means"."""
