@@ -137,7 +137,7 @@ def join_small(graph: UnitGraph, units: Units, min_faces: int, *, across_regions
     """
     return _join_small(
         graph.offsets, graph.neighbours, graph.border, units.size, units.total / units.size,
-        units.region, min_faces, across_regions,
+        units.region, min_faces, across_regions, _COMPACTNESS,
     )  # fmt: skip
 
 
@@ -279,6 +279,7 @@ def _join_small(
     region: _Int32,
     min_faces: int,
     across_regions: bool,
+    compactness: float,
 ) -> _Int32:
     count = len(size)
     parent = np.arange(count).astype(np.int32)
@@ -293,7 +294,7 @@ def _join_small(
             v = neighbours[e]
             if not across_regions and region[v] != region[u]:
                 continue
-            cost = abs(mean[v] - mean[u]) + _COMPACTNESS * (1.0 - border[e] / perimeter)
+            cost = abs(mean[v] - mean[u]) + compactness * (1.0 - border[e] / perimeter)
             if cost < best_cost or (cost == best_cost and border[e] > best_border):
                 best, best_cost, best_border = v, cost, border[e]
         if best >= 0:
