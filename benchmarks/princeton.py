@@ -19,6 +19,7 @@ Graphics 28(3), 2009.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import sys
 import tarfile
@@ -47,8 +48,8 @@ CLASSES = (
 )  # fmt: skip
 NOT_SCORED = "Spring"
 """The benchmark leaves this class out: there are no human segmentations of it."""
-EXPONENTS = (10.0, 15.0, 20.0, 30.0)
-THRESHOLDS = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0)
+EXPONENTS = (10.0, 20.0, 30.0)
+THRESHOLDS = (3.0, 4.0, 5.0, 6.0, 8.0)
 SDF_POOLS = TrianglePoolOptions(attribute_range=2.0)
 """segmentation.md, section 1: the range that gives the thesis's row."""
 BAR = 0.155
@@ -136,7 +137,8 @@ def errors_of_model(model: Model) -> dict[str, npt.NDArray[np.float64]]:
         tree = merge_graph(graph, replace(SHAPE_GRAPH, weights=weights)).tree
         for j, threshold in enumerate(THRESHOLDS):
             labels, counts[i, j] = tree.cut_by_cost(-threshold)
-            graph_errors[i, j] = error(labels)
+            same = j > 0 and counts[i, j] == counts[i, j - 1]  # cuts are nested
+            graph_errors[i, j] = graph_errors[i, j - 1] if same else error(labels)
     index = shape_index(shape_diameter(model.vertices, model.faces), pairs[0])
     pools = triangle_pools(
         model.vertices, model.faces, scalar=index, options=SDF_POOLS, pairs=pairs[0]
@@ -204,6 +206,7 @@ def summary(kinds: list[str], found: list[dict[str, npt.NDArray[np.float64]]]) -
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--archive", type=Path, default=ARCHIVE)
+    parser.add_argument("--every", type=int, default=1, help="take every Nth model only")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path, help="write the whole result")
     parser.add_argument("--smoke", action="store_true", help="procedural bodies, no data needed")
@@ -219,7 +222,7 @@ def main() -> int:
     kinds: list[str] = []
 
     def seen() -> Iterator[Model]:
-        for model in models:
+        for model in itertools.islice(models, 0, None, arguments.every):
             kinds.append(model.kind)
             yield model
 
