@@ -14,8 +14,9 @@ lightness weighing a quarter, times two factors:
    one at a time. The final limit is a share of the scene's own spread of colours, so a grey quarry
    is told apart as finely as a green valley, and never below what the eye can see. Fine pools are
    the units at a quarter of it.
-2. Units below ``small_share`` of all faces join the neighbour of nearest mean colour; those that
-   touch nothing join the region of the nearest face.
+2. Units below ``small_share`` of all faces join the neighbour of nearest mean colour, and so do
+   units less than two edges wide: where two materials meet, colours blend, and the blend is no
+   region however long it is. Small units that touch nothing join the region of the nearest face.
 
 A round: every unit chooses the neighbour of least difference (ties: lower scramble of the units'
 lowest faces, ``merge_order.py``). Units that choose each other are united, and a unit joins its
@@ -49,6 +50,7 @@ _Float32 = npt.NDArray[np.float32]
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
+_Bool = npt.NDArray[np.bool_]
 _Rows = tuple[_Int64, _Int32, _Int64]
 
 LAB_STEPS: Final = 64.0
@@ -59,6 +61,10 @@ Eycken, A. Oosterlinck, Color Research and Application 19(2), 1994). A scene of 
 into no regions."""
 _LEVELS: Final = 8
 """Steps of the rising limit; 16 changed 1 - RI by less than 0.002, 3 by 0.004."""
+_THIN_EDGES: Final = 2
+"""A unit is thin when it has fewer faces than this many times its perimeter in mean edges: a strip
+one square wide has two faces and two border edges a square, hence one face per edge; a strip of
+two squares has two."""
 _FINE_LEVEL: Final = 2
 """Level whose units are the fine pools."""
 _SCALAR_RANGE: Final = 100.0
@@ -112,9 +118,11 @@ class MeanColourSegmenter:
         colour, weight, index = _compared(mesh, self.lightness)
         limit = self.difference or max(self.spread * _spread(colour, weight), LEAST_LIMIT)
         least = max(int(np.ceil(self.small_share * n_faces)), 1)
+        steps = edge_steps(mesh.vertices, edges)
+        mean_step = int(steps.sum()) // max(len(steps), 1)
         units = _Units(
             np.arange(n_faces, dtype=np.int32),
-            rows_of_pairs(n_faces, pairs, edge_steps(mesh.vertices, edges)),
+            rows_of_pairs(n_faces, pairs, steps),
             colour.astype(np.int64),
             np.ones(n_faces, np.int64),
             np.arange(n_faces, dtype=np.int32),
@@ -122,12 +130,12 @@ class MeanColourSegmenter:
         # (1) rising limit
         fine = units.labels
         for level in range(1, _LEVELS + 1):
-            units = _unite(units, weight, limit * level / _LEVELS, least, self.leak, False)
+            units = _unite(units, weight, limit * level / _LEVELS, least, self.leak, 0)
             if level == _FINE_LEVEL:
                 fine = units.labels
         # (2) what is left small
         pools = len(units.faces)
-        units = _unite(units, weight, np.inf, least, 0.0, True)
+        units = _unite(units, weight, np.inf, least, 0.0, mean_step)
         small = units.faces < least
         islands = int(np.count_nonzero(small))
         labels = units.labels
@@ -204,18 +212,22 @@ def _spread(colour: _Int32, weight: _Float64) -> float:
 
 
 def _unite(
-    units: _Units, weight: _Float64, limit: float, least: int, leak: float, small_only: bool
+    units: _Units, weight: _Float64, limit: float, least: int, leak: float, mean_step: int
 ) -> _Units:
-    """Do rounds until none unites anything.
+    """Do rounds until none unites anything; with a mean step only what is small or thin.
 
     The pair of least difference always chooses each other, so every round makes progress; star
     joins keep the number of rounds near the logarithm of the units.
     """
     while True:
         offsets, neighbours, border = units.rows
+        perimeter = row_sums(offsets, border)
+        small = units.faces < least
+        if mean_step:
+            small |= units.faces * mean_step < _THIN_EDGES * perimeter
         nodes, count = _round(
-            offsets, neighbours, border, row_sums(offsets, border), units.sums, units.faces,
-            units.name, weight, limit, least, leak, small_only,
+            offsets, neighbours, border, perimeter, units.sums, units.faces, units.name, small,
+            weight, limit, least, leak, mean_step > 0,
         )  # fmt: skip
         if count == len(nodes):
             return units
@@ -233,6 +245,7 @@ def _round(
     sums: _Int64,
     faces: _Int64,
     name: _Int32,
+    small: _Bool,
     weight: _Float64,
     limit: float,
     least: int,
@@ -246,7 +259,7 @@ def _round(
         best = limit * limit
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
-            if small_only and faces[u] >= least and faces[v] >= least:
+            if small_only and not small[u] and not small[v]:
                 continue
             d = 0.0
             for c in range(sums.shape[1]):

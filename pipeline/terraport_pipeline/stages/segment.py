@@ -45,8 +45,9 @@ length."""
 class Options:
     """How to cut the surface into regions and segments."""
 
-    engine: Engine = "tpa"
-    """Triangle Pool Algorithm (the thesis), the graph of faces, or means of colour."""
+    engine: Engine = "means"
+    """Means of colour (measures best on landscapes), the graph of faces, or the Triangle Pool
+    Algorithm (the thesis)."""
     segment_by: str = "colour"
     """What faces are compared by: "colour", "shape", or an attribute's name."""
     region_threshold: float | None = None
