@@ -16,6 +16,7 @@ from terraport_pipeline.geometry.graph_segmenter import (
     GraphOptions,
     GraphSegmenter,
     automatic_seeds,
+    seed_levels,
 )
 from terraport_pipeline.geometry.segmenter import SegmenterMesh
 
@@ -119,8 +120,20 @@ def test_renumbering_vertices_changes_nothing(terrain):
 def test_seeds_are_bounded_both_ways():
     assert automatic_seeds(100, by_colour=True) == 1
     assert automatic_seeds(20_000, by_colour=True) == 10
-    assert automatic_seeds(10_000_000, by_colour=True) == 32
+    assert automatic_seeds(147_000, by_colour=True) == 32
+    assert automatic_seeds(4_600_000, by_colour=True) == 1000
+    assert automatic_seeds(10_000_000, by_colour=False) == 32
     assert automatic_seeds(100_000, by_colour=False) == 1
+
+
+def test_levels_of_seeds():
+    assert [seed_levels(n) for n in (1, 5, 32, 33, 1000)] == [
+        (),
+        (5,),
+        (32,),
+        (32, 33),
+        (32, 256, 1000),
+    ]
 
 
 @pytest.mark.parametrize(
