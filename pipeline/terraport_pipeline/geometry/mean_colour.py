@@ -12,8 +12,8 @@ lightness weighing a quarter, times two factors:
 
 1. Starting from single faces, units are united in rounds of rising limit, an eighth of the final
    one at a time. The final limit is a share of the scene's own spread of colours, so a grey quarry
-   is told apart as finely as a green valley, and never below what the eye can see. Fine pools are
-   the units at a quarter of it.
+   is told apart as finely as a green valley, within what the eye can see and what is surely two.
+   Fine pools are the units at a quarter of it.
 2. Units below ``small_share`` of all faces join the neighbour of nearest mean colour, and so do
    units less than two edges wide: where two materials meet, colours blend, and the blend is no
    region however long it is. Small units that touch nothing join the region of the nearest face.
@@ -44,7 +44,7 @@ from terraport_pipeline.geometry.merge_rounds import contract_rows, row_sums, ro
 from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.geometry.segmenter import Segmentation, SegmenterMesh
 
-__all__ = ["LAB_STEPS", "LEAST_LIMIT", "MeanColourSegmenter"]
+__all__ = ["LAB_STEPS", "LEAST_LIMIT", "MOST_LIMIT", "MeanColourSegmenter"]
 
 _Float32 = npt.NDArray[np.float32]
 _Float64 = npt.NDArray[np.float64]
@@ -59,6 +59,9 @@ LEAST_LIMIT: Final = 2.3
 """Least automatic limit, CIELAB units: the difference that the eye just notices (M. Mahy, L. Van
 Eycken, A. Oosterlinck, Color Research and Application 19(2), 1994). A scene of one colour falls
 into no regions."""
+MOST_LIMIT: Final = 12.0
+"""Greatest automatic limit: colours farther apart are two materials however colourful the scene
+(a village under trees has a spread of 23, and 0.95 of it would unite roofs and grass)."""
 _LEVELS: Final = 8
 """Steps of the rising limit; 16 changed 1 - RI by less than 0.002, 3 by 0.004."""
 _THIN_EDGES: Final = 2
@@ -77,7 +80,8 @@ class MeanColourSegmenter:
 
     spread: float = 0.95
     """Limit of the difference over the root of the summed variances of the faces' weighed colours.
-    Lower tells more materials apart, and more of the patterns within one. > 0."""
+    Lower tells more materials apart, and more of the patterns within one. The limit stays within
+    2.3 and 12 CIELAB units. > 0."""
     difference: float | None = None
     """The limit itself, CIELAB units; None: from ``spread``."""
     small_share: float = 0.002
@@ -116,7 +120,8 @@ class MeanColourSegmenter:
         n_faces = len(mesh.faces)
         pairs, edges = mesh.edge_pairs()
         colour, weight, index = _compared(mesh, self.lightness)
-        limit = self.difference or max(self.spread * _spread(colour, weight), LEAST_LIMIT)
+        automatic = self.spread * _spread(colour, weight)
+        limit = self.difference or min(max(automatic, LEAST_LIMIT), MOST_LIMIT)
         least = max(int(np.ceil(self.small_share * n_faces)), 1)
         steps = edge_steps(mesh.vertices, edges)
         mean_step = int(steps.sum()) // max(len(steps), 1)

@@ -10,7 +10,12 @@ import pytest
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.face_measures import edge_steps
-from terraport_pipeline.geometry.mean_colour import LAB_STEPS, LEAST_LIMIT, MeanColourSegmenter
+from terraport_pipeline.geometry.mean_colour import (
+    LAB_STEPS,
+    LEAST_LIMIT,
+    MOST_LIMIT,
+    MeanColourSegmenter,
+)
 from terraport_pipeline.geometry.merge_order import scramble
 from terraport_pipeline.geometry.partition_scores import rand_error
 from terraport_pipeline.geometry.segmenter import SegmenterMesh, segmenter_by_name
@@ -26,7 +31,7 @@ def literal(mesh, engine):
     lab = face_lab(mesh.colours, mesh.faces, LAB_STEPS).astype(np.int64)
     weight = np.array([engine.lightness, 1.0, 1.0]) / LAB_STEPS
     limit = max(engine.spread * np.sqrt((lab * weight).var(axis=0).sum()), LEAST_LIMIT)
-    limit = engine.difference or limit
+    limit = engine.difference or min(limit, MOST_LIMIT)
     least = max(int(np.ceil(engine.small_share * n)), 1)
     units = [frozenset([i]) for i in range(n)]
     mean_step = sum(border.values()) // max(len(border), 1)
