@@ -20,7 +20,7 @@ from terraport_pipeline.mixed_model import (
     TracedModel,
     face_normals,
 )
-from terraport_pipeline.model import Float32, Int32
+from terraport_pipeline.model import UP, Float32, Int32
 
 __all__ = ["MEASURE_REACH", "Judge", "Meetings"]
 
@@ -135,7 +135,7 @@ class Judge:
     def under_base(self, met: Meetings, mixed: TracedModel, rows: Rows) -> Bool:
         """Tell which rays start below the mixed model and not below the full detail."""
         starts = met.rays.origins[rows]
-        up = np.tile(np.float32([0, 1, 0]), (len(rows), 1))
+        up = np.tile(np.array(UP, dtype=np.float32), (len(rows), 1))
         below = np.isfinite(mixed.closest(starts, up))
         found: Bool = below & ~np.isfinite(self._all_detail.closest(starts, up))
         return found

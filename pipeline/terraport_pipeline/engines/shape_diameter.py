@@ -11,8 +11,8 @@ the weighted mean of their lengths, without the outliers (Shapira et al. 2008, s
 
 On ground that is open below no ray meets anything: the method is for closed bodies.
 
-Measured on the Stanford armadillo (86 k faces): 24 CPU seconds per million faces, 1.3 M rays per CPU
-second with everything around them; memory is bounded by the chunk.
+Measured on the Stanford armadillo (86 k faces): 24 CPU seconds per million faces, 1.3 M rays per
+CPU second with everything around them; memory is bounded by the chunk.
 
 References
 ----------
