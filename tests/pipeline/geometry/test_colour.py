@@ -9,6 +9,7 @@ import pytest
 
 from terraport_pipeline.geometry.colour import (
     face_colour_sums,
+    face_lab,
     srgb_to_lab,
     white_distance,
     white_distance_of_sums,
@@ -100,6 +101,14 @@ def test_face_colour_is_the_mean_and_ignores_corner_order(soup):
     np.testing.assert_allclose(sums / 3.0, mean)
     np.testing.assert_array_equal(sums, face_colour_sums(mesh.colours, mesh.faces[:, [2, 0, 1]]))
     np.testing.assert_allclose(white_distance_of_sums(sums, 3), white_distance(mean), atol=1e-5)
+
+
+def test_face_lab_is_the_lab_of_the_mean_colour(soup):
+    """The compiled table of thirds gives the formula's value, to half a step."""
+    mesh = soup(4)
+    mean = mesh.colours[mesh.faces].astype(np.float64).mean(axis=1)
+    lab = face_lab(mesh.colours, mesh.faces, 100.0)
+    np.testing.assert_allclose(lab / 100.0, srgb_to_lab(mean), atol=0.0051)
 
 
 def test_blind_to_hue():
