@@ -73,10 +73,10 @@ def build(
     engine: Annotated[
         str,
         typer.Option(
-            help="What cuts the surface into regions. tpa: the thesis's Triangle Pool Algorithm, "
-            "one number per face; blind to hue. graph: borders weighed by length, fold and colour, "
-            "whole regions compared; also cuts by shape alone. means: mean colours of whole "
-            "pieces, nothing else."
+            help="What cuts the surface into regions. means: mean colours of whole pieces; best on "
+            "coloured ground. graph: borders weighed by length, fold and colour; also cuts by "
+            "shape alone. tpa: the thesis's Triangle Pool Algorithm, one number per face; blind to "
+            "hue. felzenszwalb, grid: to compare with."
         ),
     ] = _SEGMENT.engine,
     segment_by: Annotated[
@@ -89,15 +89,16 @@ def build(
     region_threshold: Annotated[
         float | None,
         typer.Option(
-            help="tpa: Th, lower tells more apart [0.7]. graph: higher tells more apart [0.5; 2.5 "
-            "by shape]. means: lower tells more apart [0.95]."
+            help="means: lower tells more apart [0.95]. graph: higher tells more apart [0.5; 2.5 "
+            "by shape]. tpa: Th, lower tells more apart [0.7]. felzenszwalb: scale k, lower tells "
+            "more apart [100]. grid: metres [a twentieth of the ground]."
         ),
     ] = None,
     region_small: Annotated[
         float | None,
         typer.Option(
-            help="Regions below this share of the surface join a neighbour.  [tpa 0.015, graph "
-            "0.003, means 0.002]"
+            help="Regions below this share of the surface join a neighbour.  [means 0.002, graph "
+            "0.003, tpa 0.015, felzenszwalb 0.002]"
         ),
     ] = None,
     segment_threshold: Annotated[

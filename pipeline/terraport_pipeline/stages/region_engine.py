@@ -9,11 +9,13 @@ import numpy as np
 
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
 from terraport_pipeline.geometry.graph_segmenter import (
     COLOUR_GRAPH,
     OPEN_SHAPE_GRAPH,
     GraphSegmenter,
 )
+from terraport_pipeline.geometry.grid_segmenter import GridSegmenter
 from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
 from terraport_pipeline.geometry.segmenter import Segmenter, SegmenterMesh, TriangleSegmenter
 from terraport_pipeline.geometry.shape_index import shape_index
@@ -22,10 +24,10 @@ from terraport_pipeline.model import Float64, Int32, Mesh
 
 __all__ = ["ENGINES", "Engine", "make_segmenter", "segmenter_mesh"]
 
-Engine = Literal["tpa", "graph", "means"]
+Engine = Literal["means", "graph", "tpa", "felzenszwalb", "grid"]
 
-ENGINES: Final = ("tpa", "graph", "means")
-"""Engines that a build may be asked for."""
+ENGINES: Final = ("means", "graph", "tpa", "felzenszwalb", "grid")
+"""Engines that a build may be asked for; the last two are there to compare with."""
 
 COLOUR: Final = "colour"
 SHAPE: Final = "shape"
@@ -69,6 +71,15 @@ def make_segmenter(
                 small_share=_given(region_small, graph.small_share),
             )
         )
+    if engine == "felzenszwalb":
+        edges = FelzenszwalbSegmenter()
+        return replace(
+            edges,
+            region_scale=_given(region_threshold, edges.region_scale),
+            region_share=_given(region_small, edges.region_share),
+        )
+    if engine == "grid":
+        return GridSegmenter(region_cell_m=region_threshold)
     if engine == "means":
         means = MeanColourSegmenter()
         return replace(

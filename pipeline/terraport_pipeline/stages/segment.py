@@ -36,6 +36,9 @@ UInt32 = npt.NDArray[np.uint32]
 _MAX_REGIONS: Final = 65535
 """Feature ids travel as 16-bit numbers."""
 
+_MOST_THRESHOLD: Final = 1_000_000
+"""The scale of "felzenszwalb" is the widest: up to 30,000 means something on landscapes."""
+
 _SMALLEST_TOLERANCE_M: Final = 1e-3
 """Base and detail can coincide (a cloud so small that both are the same): the cover needs a
 length."""
@@ -46,16 +49,17 @@ class Options:
     """How to cut the surface into regions and segments."""
 
     engine: Engine = "means"
-    """Means of colour (measures best on landscapes), the graph of faces, or the Triangle Pool
-    Algorithm (the thesis)."""
+    """Means of colour (measures best on landscapes), the graph of faces, the Triangle Pool
+    Algorithm (the thesis), or to compare with: "felzenszwalb" and "grid"."""
     segment_by: str = "colour"
     """What faces are compared by: "colour", "shape", or an attribute's name."""
     region_threshold: float | None = None
     """The engine's own: Th of "tpa" (0.7, lower tells more apart), the stop of "graph" (0.5, higher
-    tells more apart), the spread of "means" (0.95, lower tells more apart). None for those."""
+    tells more apart), the spread of "means" (0.95, lower tells more apart), the scale k of
+    "felzenszwalb" (100, lower tells more apart), the cell of "grid" in metres. None for those."""
     region_small: float | None = None
     """Regions below this share of the surface join a neighbour. None for the engine's own: 0.015
-    of "tpa", 0.003 of "graph", 0.002 of "means"."""
+    of "tpa", 0.003 of "graph", 0.002 of "means" and "felzenszwalb"; "grid" knows none."""
     segment_threshold: float = 0.2
     """Th of the pools that segments are merged from; of "tpa" alone."""
     min_faces: int = 2000
@@ -76,8 +80,8 @@ class Options:
             ("region threshold", self.region_threshold),
             ("segment threshold", self.segment_threshold),
         ):
-            if value is not None and not 0 < value <= 100:
-                raise OptionError(f"{name} {value}; expected above 0, at most 100")
+            if value is not None and not 0 < value <= _MOST_THRESHOLD:
+                raise OptionError(f"{name} {value}; expected above 0, at most {_MOST_THRESHOLD}")
         if self.region_small is not None and not 0 <= self.region_small < 1:
             raise OptionError(f"small region share {self.region_small}; expected 0 to below 1")
         if not 1 <= self.min_faces <= self.max_faces:
@@ -216,6 +220,12 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     counts |= {"engine": options.engine, "segment_by": options.segment_by, **found.facts}
     counts |= {f"segments_{name}": n for name, n in asdict(segments.exceptions).items()}
     warnings = []
+    one_colour = options.segment_by == "colour" and not np.ptp(detail.colours, axis=0).any()
+    if one_colour and found.region_count == 1:
+        warnings.append(
+            "the surface has one colour and is therefore one region: --engine graph --segment-by "
+            "shape tells regions apart by how the surface folds"
+        )
     if cover.baseless_detail_faces:
         warnings.append(
             f"{cover.baseless_detail_faces} detail faces have no base below or above them: there "

@@ -133,7 +133,14 @@ def test_scratch_is_not_used(result: Segmented, context: Context) -> None:
 
 @pytest.mark.parametrize(
     ("engine", "segment_by"),
-    [("graph", "colour"), ("graph", "shape"), ("means", "colour"), ("tpa", "height")],
+    [
+        ("means", "colour"),
+        ("graph", "colour"),
+        ("graph", "shape"),
+        ("tpa", "height"),
+        ("felzenszwalb", "colour"),
+        ("grid", "colour"),
+    ],
 )
 def test_every_engine_and_what_it_compares(
     meshes: reconstruct.Reconstructed, context: Context, engine: Any, segment_by: str
@@ -149,6 +156,18 @@ def test_every_engine_and_what_it_compares(
     again = segment.run(given, options, replace(context, threads=2))
     assert again.regions.tobytes() == found.regions.tobytes()
     assert again.segments.tobytes() == found.segments.tobytes()
+
+
+def test_a_grey_surface_is_one_region_and_the_build_says_what_would_help(
+    meshes: reconstruct.Reconstructed, context: Context
+) -> None:
+    grey = np.full_like(meshes.detail.colours, 128)
+    given = replace(meshes, detail=replace(meshes.detail, colours=grey))
+    found = segment.run(given, SMALL, context)
+    assert found.facts.counts["regions"] == 1
+    assert any("--segment-by shape" in text for text in found.facts.warnings)
+    by_shape = replace(SMALL, engine="graph", segment_by="shape")
+    assert not segment.run(given, by_shape, context).facts.warnings
 
 
 def test_unknown_attribute_is_refused_with_those_there_are(
