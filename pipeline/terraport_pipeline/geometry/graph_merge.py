@@ -30,16 +30,15 @@ from terraport_pipeline.geometry.face_graph import (
 )
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.merge_heap import merge_by_heap, record_merges, unite_units
-from terraport_pipeline.geometry.merge_rounds import (
+from terraport_pipeline.geometry.merge_rounds import mutual_partners, unite_partners
+from terraport_pipeline.geometry.merge_tree import MergeTree, merge_tree
+from terraport_pipeline.geometry.pool_refine import number_by_first
+from terraport_pipeline.geometry.unit_rows import (
     contract_rows,
-    mutual_partners,
     pairs_of_rows,
     row_sums,
     rows_of_pairs,
-    unite_partners,
 )
-from terraport_pipeline.geometry.merge_tree import MergeTree, merge_tree
-from terraport_pipeline.geometry.pool_refine import number_by_first
 
 __all__ = ["MergedGraph", "join_small", "merge_faces"]
 

@@ -40,9 +40,9 @@ import numpy.typing as npt
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.face_measures import edge_steps
 from terraport_pipeline.geometry.merge_order import scramble
-from terraport_pipeline.geometry.merge_rounds import contract_rows, row_sums, rows_of_pairs
 from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.geometry.segmenter import Segmentation, SegmenterMesh
+from terraport_pipeline.geometry.unit_rows import contract_rows, row_sums, rows_of_pairs
 
 __all__ = ["LAB_STEPS", "LEAST_LIMIT", "MOST_LIMIT", "MeanColourSegmenter"]
 

@@ -15,66 +15,13 @@ import numpy.typing as npt
 from terraport_pipeline.geometry.merge_order import merge_cost, scramble
 
 __all__ = [
-    "contract_rows",
     "mutual_partners",
-    "pairs_of_rows",
-    "row_sums",
-    "rows_of_pairs",
     "unite_partners",
 ]
 
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
-
-
-@numba.njit(cache=True)
-def rows_of_pairs(count: int, pairs: _Int32, weight: _Int64) -> tuple[_Int64, _Int32, _Int64]:
-    """Neighbours of every unit as CSR rows from pairs that each occur once."""
-    offsets = np.zeros(count + 1, np.int64)
-    for i in range(len(pairs)):
-        offsets[pairs[i, 0] + 1] += 1
-        offsets[pairs[i, 1] + 1] += 1
-    for u in range(count):
-        offsets[u + 1] += offsets[u]
-    neighbours = np.empty(offsets[count], np.int32)
-    border = np.empty(offsets[count], np.int64)
-    cursor = offsets[:-1].copy()
-    for i in range(len(pairs)):
-        a, b = pairs[i, 0], pairs[i, 1]
-        neighbours[cursor[a]] = b
-        border[cursor[a]] = weight[i]
-        cursor[a] += 1
-        neighbours[cursor[b]] = a
-        border[cursor[b]] = weight[i]
-        cursor[b] += 1
-    return offsets, neighbours, border
-
-
-@numba.njit(cache=True)
-def pairs_of_rows(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[_Int32, _Int64]:
-    """Every pair of neighbours once, lower unit first, and its border."""
-    pairs = np.empty((len(neighbours) // 2, 2), np.int32)
-    weight = np.empty(len(neighbours) // 2, np.int64)
-    write = 0
-    for u in range(len(offsets) - 1):
-        for e in range(offsets[u], offsets[u + 1]):
-            if neighbours[e] > u:
-                pairs[write, 0] = u
-                pairs[write, 1] = neighbours[e]
-                weight[write] = border[e]
-                write += 1
-    return pairs, weight
-
-
-@numba.njit(cache=True)
-def row_sums(offsets: _Int64, border: _Int64) -> _Int64:
-    """Perimeter of every unit."""
-    perimeter = np.zeros(len(offsets) - 1, np.int64)
-    for u in range(len(perimeter)):
-        for e in range(offsets[u], offsets[u + 1]):
-            perimeter[u] += border[e]
-    return perimeter
 
 
 @numba.njit(cache=True)
@@ -162,43 +109,3 @@ def unite_partners(
             done += 1
         n += 1
     return nodes, new_node, new_area, new_faces, new_name
-
-
-@numba.njit(cache=True)
-def contract_rows(
-    offsets: _Int64, neighbours: _Int32, border: _Int64, nodes: _Int32, count: int
-) -> tuple[_Int64, _Int32, _Int64]:
-    """Rows between unions: ``nodes[u]`` is the union of unit u; borders of like pairs are added."""
-    n_units = len(offsets) - 1
-    first = np.zeros(count + 1, np.int64)
-    for u in range(n_units):
-        first[nodes[u] + 1] += 1
-    for n in range(count):
-        first[n + 1] += first[n]
-    members = np.empty(n_units, np.int32)
-    cursor = first[:-1].copy()
-    for u in range(n_units):
-        members[cursor[nodes[u]]] = u
-        cursor[nodes[u]] += 1
-    new = np.zeros(count + 1, np.int64)
-    kept = np.empty(len(neighbours), np.int32)
-    weight = np.empty(len(neighbours), np.int64)
-    place = np.full(count, -1, np.int64)  # where this row already has a neighbour
-    write = 0
-    for n in range(count):
-        start = write
-        for m in range(first[n], first[n + 1]):
-            u = members[m]
-            for e in range(offsets[u], offsets[u + 1]):
-                v = nodes[neighbours[e]]
-                if v == n:
-                    continue
-                if place[v] >= start:
-                    weight[place[v]] += border[e]
-                else:
-                    place[v] = write
-                    kept[write] = v
-                    weight[write] = border[e]
-                    write += 1
-        new[n + 1] = write
-    return new, kept[:write].copy(), weight[:write].copy()

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.geometry.adjacency import as_kernel_input
+from terraport_pipeline.geometry.unit_rows import combine_rows, contract_rows, rows_of_labels
 
 __all__ = [
     "UnitGraph",
@@ -88,15 +89,13 @@ def unit_graph(labels: _Int32, count: int, pairs: _Int32, lengths: _Int64) -> Un
     UnitGraph
     """
     return UnitGraph(
-        *_combine(*_rows_from_pairs(labels, count, as_kernel_input(pairs, np.int32), lengths))
+        *combine_rows(*rows_of_labels(labels, count, as_kernel_input(pairs, np.int32), lengths))
     )
 
 
 def contract(graph: UnitGraph, nodes: _Int32, count: int) -> UnitGraph:
     """Graph between unions of units: ``nodes[u]`` is the union that unit u belongs to."""
-    return UnitGraph(
-        *_combine(*_rows_from_graph(graph.offsets, graph.neighbours, graph.border, nodes, count))
-    )
+    return UnitGraph(*contract_rows(graph.offsets, graph.neighbours, graph.border, nodes, count))
 
 
 def merge_units(units: Units, nodes: _Int32, count: int) -> Units:
@@ -177,88 +176,6 @@ def join_within_bounds(
         graph.offsets, graph.neighbours, graph.border, units.size, units.total / units.size,
         units.region, units.low, units.high, order, max_faces, max_extent_m, across_regions,
     )  # fmt: skip
-
-
-@numba.njit(cache=True, nogil=True)
-def _rows_from_pairs(
-    labels: _Int32, count: int, pairs: _Int32, lengths: _Int64
-) -> tuple[_Int64, _Int32, _Int64]:
-    offsets = np.zeros(count + 1, np.int64)
-    for i in range(len(pairs)):
-        a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
-        if a != b:
-            offsets[a + 1] += 1
-            offsets[b + 1] += 1
-    for u in range(count):
-        offsets[u + 1] += offsets[u]
-    neighbours = np.empty(offsets[count], np.int32)
-    border = np.empty(offsets[count], np.int64)
-    cursor = offsets[:-1].copy()
-    for i in range(len(pairs)):
-        a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
-        if a != b:
-            neighbours[cursor[a]] = b
-            border[cursor[a]] = lengths[i]
-            cursor[a] += 1
-            neighbours[cursor[b]] = a
-            border[cursor[b]] = lengths[i]
-            cursor[b] += 1
-    return offsets, neighbours, border
-
-
-@numba.njit(cache=True, nogil=True)
-def _rows_from_graph(
-    offsets: _Int64, neighbours: _Int32, border: _Int64, nodes: _Int32, count: int
-) -> tuple[_Int64, _Int32, _Int64]:
-    new = np.zeros(count + 1, np.int64)
-    for u in range(len(offsets) - 1):
-        for e in range(offsets[u], offsets[u + 1]):
-            if nodes[neighbours[e]] != nodes[u]:
-                new[nodes[u] + 1] += 1
-    for u in range(count):
-        new[u + 1] += new[u]
-    kept = np.empty(new[count], np.int32)
-    weight = np.empty(new[count], np.int64)
-    cursor = new[:-1].copy()
-    for u in range(len(offsets) - 1):
-        node = nodes[u]
-        for e in range(offsets[u], offsets[u + 1]):
-            if nodes[neighbours[e]] != node:
-                kept[cursor[node]] = nodes[neighbours[e]]
-                weight[cursor[node]] = border[e]
-                cursor[node] += 1
-    return new, kept, weight
-
-
-@numba.njit(cache=True, nogil=True)
-def _combine(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[_Int64, _Int32, _Int64]:
-    """Sort every row by neighbour and add the borders of equal neighbours.
-
-    The graph is symmetric, so writing it out transposed gives the same graph; and rows of a
-    transposed graph come out sorted, because the source rows are gone through in order.
-    """
-    count = len(offsets) - 1
-    new = np.zeros(count + 1, np.int64)
-    kept = np.empty(len(neighbours), np.int32)
-    weight = np.empty(len(neighbours), np.int64)
-    cursor = offsets[:-1].copy()
-    for u in range(count):
-        for e in range(offsets[u], offsets[u + 1]):
-            v = neighbours[e]
-            if cursor[v] > offsets[v] and kept[cursor[v] - 1] == u:
-                weight[cursor[v] - 1] += border[e]
-            else:
-                kept[cursor[v]] = u
-                weight[cursor[v]] = border[e]
-                cursor[v] += 1
-    write = 0
-    for u in range(count):  # close the gaps that equal neighbours left
-        for e in range(offsets[u], cursor[u]):
-            kept[write] = kept[e]
-            weight[write] = weight[e]
-            write += 1
-        new[u + 1] = write
-    return new, kept[:write].copy(), weight[:write].copy()
 
 
 @numba.njit(cache=True, nogil=True)
