@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -23,7 +25,7 @@ def as_lists(rows):
     offsets, neighbours, border = rows
     return [
         list(zip(neighbours[a:b].tolist(), border[a:b].tolist(), strict=True))
-        for a, b in zip(offsets[:-1], offsets[1:], strict=True)
+        for a, b in itertools.pairwise(offsets)
     ]
 
 
