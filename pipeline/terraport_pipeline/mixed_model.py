@@ -32,6 +32,10 @@ MAX_RECASTS: Final = 64
 STEP_OFF: Final = 4e-7
 """Share of a coordinate (a few float32 steps) by which a ray starts behind the face it left."""
 
+START_BEHIND: Final = 1e-3
+"""Share of the reach by which a measuring ray starts behind its place: a surface that lies in the
+very place must not be missed by rounding."""
+
 Bool = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.signedinteger]
 
@@ -150,11 +154,14 @@ class Places:
         best: Float32 = np.abs(ray_t - self._t)
         apart = np.flatnonzero(best > 0)
         up = np.broadcast_to(np.array([0, 1, 0], dtype=np.float32), (len(apart), 3))
+        # Outwards from the place, so that nothing stands in between: a ray towards it from afar
+        # would meet another rock first, and call the surface behind that rock missing.
+        behind = np.float32(START_BEHIND * reach_m)
         for axis in (self._normals[apart], up):
             for sign in (np.float32(1), np.float32(-1)):
-                starts = self._points[apart] + axis * (sign * np.float32(reach_m))
-                t = model.closest(starts.astype(np.float32), (axis * -sign).astype(np.float32))
-                length = np.where(t <= 2 * reach_m, np.abs(t - np.float32(reach_m)), np.inf)
+                starts = self._points[apart] - axis * (sign * behind)
+                t = model.closest(starts.astype(np.float32), (axis * sign).astype(np.float32))
+                length = np.where(t <= reach_m + behind, np.abs(t - behind), np.inf)
                 best[apart] = np.minimum(best[apart], length)
         return best
 

@@ -64,6 +64,23 @@ def test_distance_is_the_least_of_ray_normal_and_vertical() -> None:
     np.testing.assert_allclose(places.distance(shown, np.float32([1.1]), 1.0), [0.1], atol=1e-6)
 
 
+def test_distance_looks_outwards_past_nothing() -> None:
+    """A roof and a cellar within reach do not hide the floor between them."""
+    square = np.float32([[-9, 0, -9], [-9, 0, 9], [9, 0, 9], [9, 0, -9]])
+    sheets = np.concatenate([square + np.float32([0, height, 0]) for height in (3, 0.5, -2, 0)])
+    faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * i for i in range(4)])
+    up, nothing = np.float32([[0, 1, 0]]), np.float32([np.inf])
+    shown = np.ones(8, dtype=np.bool_)
+    place = Places(np.float32([[-1, 0, 0]]), np.float32([[1, 0, 0]]), np.float32([1.0]), up)
+    scene = RayScene(sheets, faces)
+    # the sheet that lies in the place itself is met too
+    at_it = place.distance(ShownFaces(scene, shown), nothing, 4.0)
+    np.testing.assert_allclose(at_it, [0.0], atol=1e-5)
+    shown[6:] = False
+    near = place.distance(ShownFaces(scene, shown), nothing, 4.0)
+    np.testing.assert_allclose(near, [0.5], atol=1e-5)
+
+
 def test_face_normals_are_unit_and_upright_for_slivers() -> None:
     vertices = np.float32([[0, 0, 0], [0, 0, 2], [2, 0, 0], [4, 0, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
