@@ -29,6 +29,7 @@ from terraport_pipeline.scene_lock import scene_locked
 from terraport_pipeline.stages import clean, pack, reconstruct, segment, survey_store
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.stages.region_engine import check_segment_by
 from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, file_digest, stage_key
 from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
@@ -233,6 +234,8 @@ def _run_stages(
         clean.restore,
     )
     read.release()
+    # Known only now, and minutes before the stage that needs it.
+    check_segment_by(options.segment.segment_by, cleaned.record.values["attributes"])
     reconstructed = runner.step(
         reconstruct.NAME,
         _key(

@@ -271,6 +271,20 @@ def test_options_of_the_last_stage_are_refused_before_the_first() -> None:
         BuildOptions(Path("a.laz"), Path("b"), name="")
 
 
+def test_an_attribute_that_is_not_there_is_refused_before_the_reconstruction(
+    hill_file: Path, tmp_path: Path
+) -> None:
+    given = replace(
+        options_for(hill_file, tmp_path / "hill"), segment=replace(SEGMENT, segment_by="grad")
+    )
+    watcher = Stop("none of them")
+    with pytest.raises(OptionError, match="segments by 'grad'; this survey has colour, shape"):
+        build(given, progress=watcher)
+    assert not any(step.startswith("reconstruct") for step in watcher.seen)
+    assert any(step.startswith("clean") for step in watcher.seen)
+    assert not (tmp_path / "hill").exists()
+
+
 def test_too_little_memory_is_said(hill_file: Path, tmp_path: Path) -> None:
     with pytest.raises(ResourceError, match="--max-memory"):
         build(options_for(hill_file, tmp_path / "scene", max_memory_bytes=2**28))

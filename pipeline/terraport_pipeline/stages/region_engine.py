@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Final, Literal
 
@@ -22,7 +23,7 @@ from terraport_pipeline.geometry.shape_index import shape_index
 from terraport_pipeline.geometry.triangle_pool import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.model import Float64, Int32, Mesh
 
-__all__ = ["ENGINES", "Engine", "make_segmenter", "segmenter_mesh"]
+__all__ = ["ENGINES", "Engine", "check_segment_by", "make_segmenter", "segmenter_mesh"]
 
 Engine = Literal["means", "graph", "tpa", "felzenszwalb", "grid"]
 
@@ -133,11 +134,28 @@ def segmenter_mesh(
     return replace(mesh, scalar=_attribute_of_faces(detail, segment_by))
 
 
+def check_segment_by(segment_by: str, attributes: Iterable[str]) -> None:
+    """Refuse to compare by what a survey does not have.
+
+    Parameters
+    ----------
+    segment_by : str
+    attributes : iterable of str
+        Names of the survey's attributes.
+
+    Raises
+    ------
+    OptionError
+        It is none of them, nor colour, nor shape.
+    """
+    known = [COLOUR, SHAPE, *sorted(attributes)]
+    if segment_by not in known:
+        raise OptionError(f"segments by {segment_by!r}; this survey has {', '.join(known)}")
+
+
 def _attribute_of_faces(detail: Mesh, name: str) -> Float64:
     """Mean of the attribute over every face's corners."""
-    if name not in detail.attributes:
-        known = ", ".join([COLOUR, SHAPE, *sorted(detail.attributes)])
-        raise OptionError(f"segments by {name!r}; this survey has {known}")
+    check_segment_by(name, detail.attributes)
     values = detail.attributes[name].astype(np.float64)
     if not np.isfinite(values).all():
         bad = int(np.count_nonzero(~np.isfinite(values)))
