@@ -180,8 +180,8 @@ def get_page(service: _Service) -> str:
         if (Path(served.scene.path) / "report.html").is_file():
             report = f' · <a href="{path}/report">report</a>'
         rows.append(
-            f'<li><a href="{path}">{name}</a>: {counts.segments} segments, '
-            f"{counts.detail_faces} triangles{report}</li>"
+            f'<li><a href="{path}">{name}</a>: {counts.segments:,} segments, '
+            f"{counts.detail_faces:,} triangles{report}</li>"
         )
     listed = "\n".join(rows) or "<li>none to show; GET /scenes with a token lists them</li>"
     return (

@@ -157,8 +157,7 @@ def face_lab(
     -------
     ndarray of shape (F, 3), int16
     """
-    table = _linear(np.arange(255 * 3 + 1, dtype=np.float64) / (255.0 * 3))
-    return _lab_of_sums(face_colour_sums(colours, faces), table, _TO_WHITE_XYZ, steps)
+    return _lab_of_sums(face_colour_sums(colours, faces), _table(3), _TO_WHITE_XYZ, steps)
 
 
 def white_distance_of_sums(sums: npt.NDArray[np.uint16], parts: int) -> _Float32:

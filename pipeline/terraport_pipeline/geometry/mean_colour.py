@@ -25,7 +25,8 @@ join another in that way.
 
 All sums are whole numbers: nothing depends on the numbering of the vertices.
 
-PURE: no I/O, no clock. Each round is linear in what is left; peak about 200 bytes per face.
+PURE: no I/O, no clock. Each round is linear in what is left; peak about 350 bytes per face
+(measured at 5 M faces).
 """
 
 from __future__ import annotations

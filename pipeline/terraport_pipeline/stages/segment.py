@@ -1,6 +1,6 @@
 """Segment: regions and streamable segments of the detail, and which segments lie over the base.
 
-Memory: about 150 bytes per detail face.
+Memory: about 350 bytes per detail face, its meshes included (measured at 10 M faces).
 """
 
 from __future__ import annotations
