@@ -6,19 +6,17 @@ alone: not on the clock, the number of threads or where an earlier build was int
 
 from __future__ import annotations
 
-import gc
 import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final, TypeVar
 
 import numba
 import psutil
 
-from terraport_pipeline import stages
 from terraport_pipeline.build_report import BuildReport, StageReport, write_build_report
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.errors import OptionError, SurveyError
@@ -26,11 +24,12 @@ from terraport_pipeline.measure import Measure
 from terraport_pipeline.model import Survey
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.scene_lock import scene_locked
+from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import clean, pack, reconstruct, segment, survey_store
-from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.contract import Context, Stored
 from terraport_pipeline.stages.read import read_survey
 from terraport_pipeline.stages.region_engine import check_segment_by
-from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, file_digest, stage_key
+from terraport_pipeline.workdir import Cost, WorkDirectory, file_digest
 from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
 from terraport_store.manifest import BuildInfo, CrsInfo, InputInfo, Manifest
@@ -137,7 +136,7 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     with scene_locked(scene):
         threads = options.threads or _cores()
         numba.set_num_threads(min(threads, int(numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
-        runner = _Runner(
+        runner = StageRunner(
             WorkDirectory(options.work or default_work_directory(scene)),
             resume=options.resume,
             progress=progress or NullProgress(),
@@ -153,72 +152,12 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     return report
 
 
-def _key(name: str, options: Mapping[str, Any], inputs: Mapping[str, str]) -> str:
-    return stage_key(name, code_digest(f"{stages.__name__}.{name}"), options, inputs)
-
-
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-@dataclass(slots=True)
-class _Step(Generic[T]):
-    """A stage's result: in memory, or on disk until somebody asks."""
-
-    record: StageRecord
-    result: T | None
-    load: Callable[[], T]
-
-    def value(self) -> T:
-        if self.result is None:
-            self.result = self.load()
-        return self.result
-
-    def release(self) -> None:
-        self.result = None
-        gc.collect()
-
-
-@dataclass(slots=True)
-class _Runner:
-    """Runs stages or takes their results up."""
-
-    work: WorkDirectory
-    resume: bool
-    progress: Progress
-    threads: int
-    max_memory_bytes: int
-    reports: list[StageReport] = field(default_factory=list)
-
-    def context(self, scratch: Path) -> Context:
-        return Context(scratch, self.progress, self.threads, self.max_memory_bytes)
-
-    def step(
-        self,
-        name: str,
-        key: str,
-        compute: Callable[[Context], T],
-        facts_of: Callable[[T], Facts],
-        store: Callable[[T], Stored],
-        restore: Callable[[Stored, Facts], T],
-    ) -> _Step[T]:
-        """Take a stage's result up, or compute and keep it."""
-        record = self.work.find(name, key) if self.resume else None
-        result = None
-        taken_up = record is not None
-        if record is None:
-            with Measure() as measure, self.work.scratch() as scratch:
-                result = compute(self.context(scratch))
-                stored = store(result)
-            cost = Cost(measure.seconds, measure.peak_bytes)
-            record = self.work.save(name, key, stored, facts_of(result), cost)
-        self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
-        found = record
-        return _Step(found, result, lambda: restore(self.work.load(found), found.facts))
-
-
 def _run_stages(
-    runner: _Runner, survey: Path, scene: Path, options: BuildOptions
+    runner: StageRunner, survey: Path, scene: Path, options: BuildOptions
 ) -> tuple[str, bool]:
     """Run all stages; return the scene's version and whether it was published now."""
     runner.progress.start("read: checksum", None, "bytes")
@@ -227,7 +166,7 @@ def _run_stages(
     read = _read(runner, survey, input_info, options)
     cleaned = runner.step(
         clean.NAME,
-        _key(clean.NAME, asdict(options.clean), {"survey": read.record.digest}),
+        key_of(clean.NAME, asdict(options.clean), {"survey": read.record.digest}),
         lambda context: clean.run(read.value(), options.clean, context),
         lambda result: result.facts,
         clean.store,
@@ -238,7 +177,7 @@ def _run_stages(
     check_segment_by(options.segment.segment_by, cleaned.record.values["attributes"])
     reconstructed = runner.step(
         reconstruct.NAME,
-        _key(
+        key_of(
             reconstruct.NAME,
             asdict(options.reconstruct),
             {"cloud": cleaned.record.digest},
@@ -250,7 +189,7 @@ def _run_stages(
     )
     segmented = runner.step(
         segment.NAME,
-        _key(
+        key_of(
             segment.NAME,
             asdict(options.segment),
             {"meshes": reconstructed.record.digest},
@@ -278,7 +217,7 @@ def _run_stages(
             scene, reconstructed.value(), segmented.value(), about, pack_options, context
         )
 
-    key = _key(
+    key = key_of(
         pack.NAME,
         {**asdict(pack_options), "build": build_info.model_dump(mode="json"), "crs": crs},
         {
@@ -291,11 +230,11 @@ def _run_stages(
 
 
 def _read(
-    runner: _Runner, survey: Path, input_info: InputInfo, options: BuildOptions
-) -> _Step[Survey]:
+    runner: StageRunner, survey: Path, input_info: InputInfo, options: BuildOptions
+) -> Step[Survey]:
     return runner.step(
         survey_store.NAME,
-        _key(
+        key_of(
             survey_store.NAME,
             {
                 "max_points": options.max_points,
@@ -314,7 +253,7 @@ def _read(
 
 
 def _pack(
-    runner: _Runner, scene: Path, key: str, publish: Callable[[Context], pack.Packed]
+    runner: StageRunner, scene: Path, key: str, publish: Callable[[Context], pack.Packed]
 ) -> tuple[str, bool]:
     """Publish, unless the scene already is what would be published."""
     record = runner.work.find(pack.NAME, key) if runner.resume else None

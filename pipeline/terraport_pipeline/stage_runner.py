@@ -1,0 +1,85 @@
+"""Runs a build's stages, or takes their results up where nothing changed."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from terraport_pipeline import stages
+from terraport_pipeline.build_report import StageReport
+from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.measure import Measure
+from terraport_pipeline.progress import Progress
+from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, stage_key
+
+__all__ = ["StageRunner", "Step", "key_of"]
+
+T = TypeVar("T")
+
+
+def key_of(name: str, options: Mapping[str, Any], inputs: Mapping[str, str]) -> str:
+    """Key of a stage's result: its code, its options and what went in."""
+    return stage_key(name, code_digest(f"{stages.__name__}.{name}"), options, inputs)
+
+
+@dataclass(slots=True)
+class Step(Generic[T]):
+    """A stage's result: in memory, or on disk until somebody asks."""
+
+    record: StageRecord
+    result: T | None
+    load: Callable[[], T]
+
+    def value(self) -> T:
+        """Return the result, loaded if need be."""
+        if self.result is None:
+            self.result = self.load()
+        return self.result
+
+    def release(self) -> None:
+        """Forget the result; it is still on disk."""
+        self.result = None
+        gc.collect()
+
+
+@dataclass(slots=True)
+class StageRunner:
+    """Runs stages or takes their results up."""
+
+    work: WorkDirectory
+    resume: bool
+    progress: Progress
+    threads: int
+    max_memory_bytes: int
+    reports: list[StageReport] = field(default_factory=list)
+
+    def context(self, scratch: Path) -> Context:
+        """Make what a stage may use while it runs."""
+        return Context(scratch, self.progress, self.threads, self.max_memory_bytes)
+
+    def step(
+        self,
+        name: str,
+        key: str,
+        compute: Callable[[Context], T],
+        facts_of: Callable[[T], Facts],
+        store: Callable[[T], Stored],
+        restore: Callable[[Stored, Facts], T],
+    ) -> Step[T]:
+        """Take a stage's result up, or compute and keep it."""
+        record = self.work.find(name, key) if self.resume else None
+        result = None
+        taken_up = record is not None
+        if record is None:
+            with Measure() as measure, self.work.scratch() as scratch:
+                result = compute(self.context(scratch))
+                stored = store(result)
+            cost = Cost(measure.seconds, measure.peak_bytes)
+            record = self.work.save(name, key, stored, facts_of(result), cost)
+        self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
+        found = record
+        return Step(found, result, lambda: restore(self.work.load(found), found.facts))
