@@ -1,0 +1,308 @@
+"""Cut a survey that is too large for one reconstruction into cubes of one octree lattice.
+
+A Poisson solver works on an octree over a cube. Two solvers whose cubes have the same cell size and
+whose corners differ by whole coarse cells refine the same lattice; where both see the same samples,
+their surfaces cut the same edges of it. So every tile is a cube of ``2**depth`` cells::
+
+    |<------------------------ cube: 2**depth cells ------------------------->|
+    |  unused  |<------------- data: 1/1.1 of the cube ------------>|  unused  |
+    |          | margin |<-------------- core -------------->| margin |        |
+
+*cube*
+    What the solver works on. It makes its own cube 1.1 times as wide as the samples' box, so
+    two oriented points at opposite corners of the data box fix it (:func:`corner_points`).
+*data*
+    Samples in here are given to the solver.
+*core*
+    Of the surface, the tile keeps what lies in here. Cores fill space without gap or overlap,
+    and their walls are walls of lattice cells: no triangle crosses one.
+
+Everything is counted in whole units of ``2**(depth - 5)`` cells, the coarsest leaf that the solver
+makes (it refines everything to depth 5).
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.model import Float32, Float64
+
+__all__ = [
+    "MARGIN_CELLS",
+    "Lattice",
+    "TilePlan",
+    "TileShape",
+    "corner_points",
+    "count_tiles",
+    "plan_tiles",
+    "tile_shape",
+]
+
+Int64 = npt.NDArray[np.int64]
+
+SCALE: Final = 1.1
+"""The solver's cube is this much wider than its samples' box (PoissonRecon's default)."""
+
+MARGIN_CELLS: Final = 40
+"""Least width of the data beyond the core; see docs/decisions/0009 for what less and more give."""
+
+_FULL_DEPTH: Final = 5
+"""The solver refines everything to this depth, so no leaf is wider than 2**(depth - 5) cells."""
+
+REACH_CELLS: Final = 16
+"""A tile exists where samples lie within this many cells of its core: surface is kept up to twelve
+spacings from a sample, and a cell is about one spacing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lattice:
+    """The finest cells of the octree that all tiles share."""
+
+    anchor_m: tuple[float, float, float]
+    """Corner of cell (0, 0, 0), scene frame."""
+    cell_m: float
+
+    def cells(self, points: npt.NDArray[np.floating]) -> Float64:
+        """Convert metres (N, 3), scene frame, to cells (N, 3) float64."""
+        found: Float64 = (points.astype(np.float64) - np.array(self.anchor_m)) / self.cell_m
+        return found
+
+    def metres(self, cells: npt.NDArray[np.floating]) -> Float32:
+        """Convert cells (N, 3) to metres (N, 3) float32, scene frame."""
+        metres = cells * self.cell_m + np.array(self.anchor_m)
+        return np.asarray(metres + 0.0, dtype=np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class TileShape:
+    """How a tile of some depth is divided; widths in cells."""
+
+    depth: int
+    core: int
+    """Width of the core."""
+    pad: int
+    """From the cube's wall to the core's, a whole number of units."""
+    margin: float
+    """Width of the data beyond the core, on every side."""
+
+    @property
+    def side(self) -> int:
+        """Width of the cube."""
+        return 1 << self.depth
+
+    @property
+    def unit(self) -> int:
+        """Width of the coarsest leaf; cores and cubes begin at multiples of it."""
+        return 1 << max(self.depth - _FULL_DEPTH, 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TilePlan:
+    """Which tiles there are."""
+
+    lattice: Lattice
+    shape: TileShape
+    offset: tuple[int, int, int]
+    """Low corner of the core with index (0, 0, 0), in cells."""
+    indices: Int64
+    """(T, 3) index of every tile's core along x, y, z, ordered by (y, z, x)."""
+    points: Int64
+    """(T,) samples in the tile's data box."""
+
+    @property
+    def count(self) -> int:
+        """Number of tiles."""
+        return len(self.indices)
+
+    def core(self, tile: int) -> tuple[Int64, Int64]:
+        """Low and high corner of a core, (3,) cells; a point on the low wall belongs to it."""
+        low = np.array(self.offset) + self.indices[tile] * self.shape.core
+        return low, low + self.shape.core
+
+    def cube(self, tile: int) -> tuple[Int64, int]:
+        """Low corner (3,) and width of the solver's cube, cells."""
+        return self.core(tile)[0] - self.shape.pad, self.shape.side
+
+    def data(self, tile: int) -> tuple[Float64, Float64]:
+        """Low and high corner of the data box, (3,) cells."""
+        low, high = self.core(tile)
+        return low - self.shape.margin, high + self.shape.margin
+
+    def members(self, cells: Float64) -> Iterator[tuple[int, Int64]]:
+        """Find which samples belong to which tile's data.
+
+        Parameters
+        ----------
+        cells : ndarray of shape (N, 3), float64
+            Positions in cells.
+
+        Yields
+        ------
+        tile : int
+            Ascending.
+        rows : ndarray, int64
+            Of `cells`, ascending; a sample near a wall belongs to up to eight tiles.
+        """
+        low = (cells - self.offset - self.shape.margin) / self.shape.core
+        high = (cells - self.offset + self.shape.margin) / self.shape.core
+        first = np.ceil(low).astype(np.int64) - 1
+        last = np.floor(high).astype(np.int64)
+        found: dict[int, list[Int64]] = {}
+        numbers = self._numbers()
+        for corner in range(8):
+            steps = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
+            index = np.where(steps, last, first)
+            fresh = ((last != first) | (steps == 0)).all(axis=1)
+            rows = np.flatnonzero(fresh)
+            if not len(rows):
+                continue
+            unique, which = np.unique(index[rows], axis=0, return_inverse=True)
+            order = np.argsort(which.ravel(), kind="stable")
+            edges = np.searchsorted(which.ravel()[order], np.arange(len(unique) + 1))
+            for place, key in enumerate(map(tuple, unique.tolist())):
+                tile = numbers.get(key)
+                if tile is not None:
+                    found.setdefault(tile, []).append(rows[order[edges[place] : edges[place + 1]]])
+        for tile in sorted(found):
+            yield tile, np.sort(np.concatenate(found[tile]))
+
+    def neighbours(self) -> list[tuple[int, int, int]]:
+        """List (tile, tile beyond its high wall, axis) for all tiles that share a wall."""
+        numbers = self._numbers()
+        pairs = []
+        for tile, key in enumerate(map(tuple, self.indices.tolist())):
+            for axis in range(3):
+                beyond = tuple(k + (a == axis) for a, k in enumerate(key))
+                if beyond in numbers:
+                    pairs.append((tile, numbers[beyond], axis))
+        return pairs
+
+    def _numbers(self) -> dict[tuple[int, ...], int]:
+        return {tuple(key): tile for tile, key in enumerate(self.indices.tolist())}
+
+
+def tile_shape(depth: int, margin_cells: float = MARGIN_CELLS) -> TileShape:
+    """Choose the widest core of a cube of ``2**depth`` cells that leaves the margin.
+
+    Raises
+    ------
+    ValueError
+        The cube is too small for a core of two units.
+
+    Examples
+    --------
+    >>> shape = tile_shape(9)
+    >>> shape.core, shape.pad, round(shape.margin, 1)
+    (384, 64, 40.7)
+    """
+    side = 1 << depth
+    unit = 1 << max(depth - _FULL_DEPTH, 0)
+    for units in range(side // unit - 2, 0, -2):  # even, so that the pad is whole units
+        core = units * unit
+        margin = (side / SCALE - core) / 2
+        if margin >= margin_cells:
+            return TileShape(depth, core, (side - core) // 2, margin)
+    raise ValueError(f"a cube of {side} cells has no core with a margin of {margin_cells} cells")
+
+
+def corner_points(plan: TilePlan, tile: int) -> tuple[Float64, Float64]:
+    """Two oriented points that fix the solver's cube.
+
+    Returns
+    -------
+    points : ndarray of shape (2, 3), float64
+        Cells: low and high corner of the data box.
+    normals : ndarray of shape (2, 3), float64
+        Unit, up.
+    """
+    low, high = plan.data(tile)
+    return np.stack([low, high]), np.tile([0.0, 1.0, 0.0], (2, 1))
+
+
+def plan_tiles(
+    lattice: Lattice, shape: TileShape, blocks: Int64, counts: Int64, block_cells: int
+) -> TilePlan:
+    """Place the tiles so that there are as few as possible.
+
+    Parameters
+    ----------
+    lattice : Lattice
+    shape : TileShape
+    blocks : ndarray of shape (B, 3), int64
+        Indices of the occupied blocks of `block_cells` cells.
+    counts : ndarray of shape (B,), int64
+        Samples in each.
+    block_cells : int
+        Width of a block; the finer, the closer the count of samples.
+
+    Returns
+    -------
+    TilePlan
+        Of all offsets along each axis (tried one axis after the other, in steps of a unit) the
+        one with the fewest tiles; ties go to the one whose most loaded tile holds least, then to
+        the smallest offset.
+    """
+    offset = np.zeros(3, dtype=np.int64)
+    for axis in (1, 2, 0):  # height first: a quarry's floor and rim fit one layer, or need two
+        best: tuple[int, int, int] | None = None
+        for step in range(0, shape.core, max(shape.unit, shape.core // 16)):
+            tried = offset.copy()
+            tried[axis] = step
+            tiles, load = count_tiles(shape, tried, blocks, counts, block_cells)
+            found = (len(tiles), int(load.max()), step)
+            best = found if best is None else min(best, found)
+        assert best is not None
+        offset[axis] = best[2]
+    tiles, load = count_tiles(shape, offset, blocks, counts, block_cells)
+    x, y, z = tiles.T
+    order = np.lexsort((x, z, y))
+    return TilePlan(
+        lattice, shape, (int(offset[0]), int(offset[1]), int(offset[2])), tiles[order], load[order]
+    )
+
+
+def count_tiles(
+    shape: TileShape, offset: Int64, blocks: Int64, counts: Int64, block_cells: int
+) -> tuple[Int64, Int64]:
+    """Count the samples of every tile by blocks.
+
+    Returns
+    -------
+    tiles : ndarray of shape (T, 3), int64
+        Cores that samples lie in or near (:data:`REACH_CELLS`), in lexicographic order.
+    load : ndarray of shape (T,), int64
+        Samples in the data box; whole blocks count where they touch it.
+    """
+    low = blocks * block_cells - offset
+    high = low + block_cells
+    near = _cores_touched(low - REACH_CELLS, high + REACH_CELLS, shape.core)
+    tiles = np.unique(near[0], axis=0)
+    reached, row = _cores_touched(low - shape.margin, high + shape.margin, shape.core)
+    stacked = np.concatenate([tiles, reached])
+    _, number = np.unique(stacked, axis=0, return_inverse=True)
+    number = number.ravel()
+    loads = np.bincount(number, np.append(np.zeros(len(tiles)), counts[row]))
+    load: Int64 = loads[number[: len(tiles)]].astype(np.int64)
+    return tiles, load
+
+
+def _cores_touched(
+    low: npt.NDArray[np.floating] | Int64, high: npt.NDArray[np.floating] | Int64, core: int
+) -> tuple[Int64, Int64]:
+    """Every core that each box overlaps: (index (K, 3), box (K,)). A box is below one core wide."""
+    first = np.floor(low / core).astype(np.int64)
+    last = np.ceil(high / core).astype(np.int64) - 1
+    parts, rows = [], []
+    for corner in range(8):
+        steps = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
+        fresh = ((last != first) | (steps == 0)).all(axis=1)
+        parts.append(np.where(steps, last, first)[fresh])
+        rows.append(np.flatnonzero(fresh))
+    return np.concatenate(parts), np.concatenate(rows)

@@ -1,0 +1,195 @@
+"""The detail in pieces: what every later stage of a survey larger than memory works on.
+
+Each face belongs to exactly one tile. A vertex that faces of several tiles use is there in each of
+them, with the same bits of position, normal, colour and attributes, and with one number that they
+share; so an edge of two shared vertices that one face of tile A and one face of tile B use is where
+the two meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+import xxhash
+
+from terraport_pipeline.errors import WorkDirectoryError
+from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+
+__all__ = ["Border", "DetailTiles", "StoredTiles", "WholeDetail"]
+
+Int64 = npt.NDArray[np.int64]
+
+_FIELDS = ("vertices", "faces", "normals", "colours")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Border:
+    """Vertices that a tile shares with others."""
+
+    rows: Int32
+    """(B,) rows of the tile's vertices, ascending."""
+    ids: Int64
+    """(B,) their numbers; equal numbers in two tiles are the same vertex."""
+
+
+class DetailTiles(Protocol):
+    """The detail's surface as a sequence of meshes. Picklable; reading changes nothing."""
+
+    @property
+    def count(self) -> int:
+        """Number of tiles; each has at least one face."""
+        ...
+
+    @property
+    def border_count(self) -> int:
+        """Number of different shared vertices."""
+        ...
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        """Names, the same in every tile."""
+        ...
+
+    @property
+    def digest(self) -> str:
+        """Of all tiles' content."""
+        ...
+
+    def load(self, i: int) -> Mesh:
+        """Read one tile."""
+        ...
+
+    def box(self, i: int) -> Float64:
+        """Box of its vertices: (6,) x, y, z lowest, x, y, z highest, metres, scene frame."""
+        ...
+
+    def border(self, i: int) -> Border:
+        """Vertices that it shares."""
+        ...
+
+    def face_count(self, i: int) -> int:
+        """Faces, without reading them."""
+        ...
+
+    def vertex_count(self, i: int) -> int:
+        """Vertices, without reading them."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WholeDetail:
+    """One mesh as the only tile."""
+
+    mesh: Mesh
+    count: int = 1
+    border_count: int = 0
+
+    @property
+    def attributes(self) -> tuple[str, ...]:
+        """Names of the mesh's attributes."""
+        return tuple(self.mesh.attributes)
+
+    @property
+    def digest(self) -> str:
+        """Of the mesh's arrays."""
+        digest = xxhash.xxh3_128()
+        mesh = self.mesh
+        for array in (*(getattr(mesh, f) for f in _FIELDS), *mesh.attributes.values()):
+            digest.update(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+        return digest.hexdigest()
+
+    def load(self, i: int) -> Mesh:
+        """Return the mesh."""
+        _check(i, 1)
+        return self.mesh
+
+    def box(self, i: int) -> Float64:
+        """Box of its vertices."""
+        return vertex_box(self.load(i).vertices)
+
+    def border(self, i: int) -> Border:
+        """Nothing is shared."""
+        _check(i, 1)
+        return Border(np.zeros(0, np.int32), np.zeros(0, np.int64))
+
+    def face_count(self, i: int) -> int:
+        """Faces."""
+        return len(self.load(i).faces)
+
+    def vertex_count(self, i: int) -> int:
+        """Vertices."""
+        return len(self.load(i).vertices)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredTiles:
+    """Tiles in a work directory, one folder of ``.npy`` files each."""
+
+    folder: Path
+    names: tuple[str, ...]
+    """Folder of every tile."""
+    boxes: Float64
+    """(T, 6) metres."""
+    faces: tuple[int, ...]
+    vertices: tuple[int, ...]
+    attributes: tuple[str, ...]
+    border_count: int
+    digest: str
+
+    @property
+    def count(self) -> int:
+        """Number of tiles."""
+        return len(self.names)
+
+    def load(self, i: int) -> Mesh:
+        """Read one tile.
+
+        Raises
+        ------
+        WorkDirectoryError
+            A file is missing or cut short.
+        """
+        arrays = {field: self._read(i, field) for field in _FIELDS}
+        values = {name: self._read(i, f"attribute-{k}") for k, name in enumerate(self.attributes)}
+        return Mesh(**arrays, attributes=values)
+
+    def box(self, i: int) -> Float64:
+        """Box of its vertices."""
+        return self.boxes[i]
+
+    def border(self, i: int) -> Border:
+        """Vertices that it shares."""
+        return Border(self._read(i, "border-rows"), self._read(i, "border-ids"))
+
+    def face_count(self, i: int) -> int:
+        """Faces."""
+        return self.faces[i]
+
+    def vertex_count(self, i: int) -> int:
+        """Vertices."""
+        return self.vertices[i]
+
+    def _read(self, i: int, field: str) -> npt.NDArray[np.generic]:
+        _check(i, self.count)
+        path = self.folder / self.names[i] / f"{field}.npy"
+        try:
+            found: npt.NDArray[np.generic] = np.load(path, allow_pickle=False)
+        except (OSError, ValueError, EOFError) as error:
+            raise WorkDirectoryError(
+                f"{path} cannot be read ({error}); build again with --no-resume"
+            ) from None
+        return found
+
+
+def vertex_box(vertices: Float32) -> Float64:
+    """Box of vertices: (6,) lowest and highest x, y, z."""
+    return np.concatenate([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
+
+
+def _check(i: int, count: int) -> None:
+    if not 0 <= i < count:
+        raise IndexError(f"tile {i}; there are {count}, from 0")
