@@ -11,13 +11,14 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from terraport_pipeline.model import Float32, Float64, UInt8
+from terraport_pipeline.synth.fine_pattern import paint_fine_pattern
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface, SurfacePoints
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
-__all__ = ["Sunlight", "albedo", "grade", "material_colours", "photographed"]
+__all__ = ["Sunlight", "albedo", "grade", "lit_colours", "material_colours", "photographed"]
 
 _SUN: Final = np.array([0.56, -0.34, 0.755]) / np.linalg.norm([0.56, -0.34, 0.755])
 """Towards the sun: a December morning south of the equator, 49 degrees high, south of east."""
@@ -148,6 +149,50 @@ class Sunlight:
         return result
 
 
+def lit_colours(
+    points: SurfacePoints,
+    surface: Surface,
+    sunlight: Sunlight,
+    options: QuarryOptions,
+    *,
+    footprint: float | Float64 = 0.0,
+) -> Float64:
+    """Return what reaches the sensor: albedo with its fine pattern, in the day's light.
+
+    Parameters
+    ----------
+    points : SurfacePoints
+        N places.
+    surface : Surface
+        Holds the patterns.
+    sunlight : Sunlight
+        Of the same surface.
+    options : QuarryOptions
+        Of the same surface.
+    footprint : float or ndarray of shape (N,)
+        Width of what one colour averages, design metres.
+
+    Returns
+    -------
+    ndarray of shape (N, 3), float64
+        sRGB in 0..255.
+    """
+    colours = albedo(points, surface.noise, contrast=options.contrast, texture=options.texture)
+    if options.detail > 0.0:
+        paint_fine_pattern(
+            colours,
+            points,
+            surface.noise,
+            surface.targets,
+            strength=options.detail,
+            footprint=footprint,
+        )
+        np.clip(colours, 0.0, 255.0, out=colours)
+    dark = options.shadows * (1.0 - sunlight(points))
+    colours *= (1.0 - dark)[:, None]
+    return colours
+
+
 def photographed(
     points: SurfacePoints,
     surface: Surface,
@@ -156,9 +201,7 @@ def photographed(
     rng: np.random.Generator,
 ) -> UInt8:
     """Return colours as a camera sees them: albedo, light, sensor noise; (N, 3) sRGB."""
-    colours = albedo(points, surface.noise, contrast=options.contrast, texture=options.texture)
-    dark = options.shadows * (1.0 - sunlight(points))
-    colours *= (1.0 - dark)[:, None]
+    colours = lit_colours(points, surface, sunlight, options)
     sigma = options.colour_noise / np.sqrt(2.0)
     colours += rng.normal(0.0, 1.0, (len(colours), 1)) * sigma
     colours += rng.normal(0.0, 1.0, colours.shape) * sigma

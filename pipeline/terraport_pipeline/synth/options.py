@@ -45,6 +45,7 @@ _RANGES: Final[dict[str, tuple[float, float]]] = {
     "shadows": (0.0, 1.0),
     "contrast": (0.0, 2.0),
     "texture": (0.0, 2.0),
+    "detail": (0.0, 2.0),
     "uneven": (0.0, 0.95),
     "easting_m": (100_000.0, 900_000.0),
     "northing_m": (0.0, 10_000_000.0),
@@ -106,6 +107,9 @@ class QuarryOptions:
     """Differences between the materials' mean colours are multiplied by this; 0: all alike."""
     texture: float = 1.0
     """Patterns within a material (grain, strata, dry grass, rust) are multiplied by this."""
+    detail: float = 0.0
+    """Gravel, cracks and targets finer than a cloud's spacing; 1 for photos (see
+    :mod:`.fine_pattern`), 0 as clouds without photos always had it."""
     uneven: float = 0.35
     """0: even density by area; towards 1: patches with (1 - uneven) times the density."""
     easting_m: float = 641_200.0

@@ -20,6 +20,7 @@ from terraport_pipeline.synth.blobs import BUSH, ROCK, Blobs
 from terraport_pipeline.synth.materials import PILE_MATERIALS, Material
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.targets import place_targets
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
 from terraport_pipeline.synth.triangulate import Int64, grid_triangles, icosphere, refine
 
@@ -64,6 +65,13 @@ class Surface:
     ----------
     options : QuarryOptions
         Shape and seed.
+
+    Attributes
+    ----------
+    noise, terrain, blobs
+        What it is made of.
+    targets : ndarray of shape (T, 2), float64
+        See :mod:`.targets`; empty without ``options.detail``.
     """
 
     def __init__(self, options: QuarryOptions) -> None:
@@ -71,6 +79,9 @@ class Surface:
         self.noise = Noise(rng)
         self.terrain = Terrain(options, self.noise, rng)
         self.blobs = Blobs(options, self.terrain, self.noise, rng)
+        self.targets = np.empty((0, 2))
+        if options.detail > 0.0:
+            self.targets = place_targets(options.seed, self.terrain)
         self._build_sampler(_SAMPLER_EDGE)
 
     # Triangles
