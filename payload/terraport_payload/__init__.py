@@ -19,12 +19,14 @@ from terraport_payload.glb import decode_glb, encode_glb, gltf_attribute_name
 from terraport_payload.grid import AttributeScale, choose_attribute_scale, choose_step_m, snap
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.order import order_for_cache
+from terraport_payload.texture import Texture
 
 __all__ = [
     "AttributeScale",
     "Cover",
     "PayloadError",
     "SegmentMesh",
+    "Texture",
     "choose_attribute_scale",
     "choose_step_m",
     "decode_arrays",

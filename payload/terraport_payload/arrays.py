@@ -12,6 +12,8 @@ indices            u4 x 3    F       counter-clockwise seen from outside
 colours            u1 x 4    V       sRGB and alpha 255; absent without colour
 region_ids         u2        V       absent without regions
 attribute/<name>   f4        V       the survey's attribute, NaN for none
+uvs                f4 x 2    V       0..1, from the image's upper left; absent without texture
+texture            u1        bytes   the image file; absent without texture
 =================  ========  ======  ====================================================
 
 PURE: no I/O, no clock.
@@ -28,6 +30,7 @@ from terraport_payload.errors import PayloadError
 from terraport_payload.flatfile import decode_flat, encode_flat
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
+from terraport_payload.texture import Texture
 
 __all__ = ["ARRAYS_MAGIC", "decode_arrays", "encode_arrays"]
 
@@ -71,6 +74,9 @@ def encode_arrays(mesh: SegmentMesh) -> bytes:
         fields["region_ids"] = mesh.region_ids
     for name, values in mesh.attributes.items():
         fields[_ATTRIBUTE + name] = values
+    if mesh.uvs is not None and mesh.texture is not None:
+        fields["uvs"] = mesh.uvs
+        fields["texture"] = np.frombuffer(mesh.texture.data, dtype=np.uint8)
     return encode_flat(ARRAYS_MAGIC, len(mesh.positions), fields)
 
 
@@ -85,7 +91,7 @@ def decode_arrays(data: bytes | memoryview) -> SegmentMesh:
     Returns
     -------
     SegmentMesh
-        Read-only views of *data*; nothing is copied but the colours.
+        Read-only views of *data*; nothing is copied but the colours and the image's bytes.
 
     Raises
     ------
@@ -95,6 +101,7 @@ def decode_arrays(data: bytes | memoryview) -> SegmentMesh:
     """
     rows, fields = decode_flat(data, ARRAYS_MAGIC)
     colours = _field(fields, "colours", "<u1", rows, 4, required=False)
+    image = _field(fields, "texture", "<u1", None, 1, required=False)
     mesh = SegmentMesh(
         positions=cast("npt.NDArray[np.float32]", _field(fields, "positions", "<f4", rows, 3)),
         faces=cast("npt.NDArray[np.uint32]", _field(fields, "indices", "<u4", None, 3)),
@@ -108,6 +115,8 @@ def decode_arrays(data: bytes | memoryview) -> SegmentMesh:
             for name in fields
             if name.startswith(_ATTRIBUTE)
         },
+        uvs=_field(fields, "uvs", "<f4", rows, 2, required=False),
+        texture=None if image is None else Texture.of(image.tobytes()),
     )
     check_mesh(mesh)
     return mesh

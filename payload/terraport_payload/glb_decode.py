@@ -19,14 +19,29 @@ import numpy.typing as npt
 from terraport_payload.colour import linear16_to_srgb
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb_container import split_glb
-from terraport_payload.glb_encode import BYTE, FLOAT, UNSIGNED_INT, UNSIGNED_SHORT
-from terraport_payload.grid import NULL_CODE, AttributeScale, decode_attribute
+from terraport_payload.glb_encode import (
+    BYTE,
+    FLOAT,
+    UNSIGNED_INT,
+    UNSIGNED_SHORT,
+)
+from terraport_payload.glb_json import only, pick, typed
+from terraport_payload.glb_texture import IMAGE_EXTENSIONS, find_image
+from terraport_payload.grid import MAX_CODE, NULL_CODE, AttributeScale, decode_attribute
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
+from terraport_payload.texture import MAX_IMAGE_BYTES, Texture
 
 __all__ = ["decode_glb"]
 
-_KNOWN: Final = frozenset({"KHR_mesh_quantization", "EXT_meshopt_compression", "EXT_mesh_features"})
+_KNOWN: Final = frozenset(
+    {
+        "KHR_mesh_quantization",
+        "EXT_meshopt_compression",
+        "EXT_mesh_features",
+        *IMAGE_EXTENSIONS.values(),
+    }
+)
 _MAX_ROWS: Final = 1 << 27
 """134 M vertices or indices in one payload: far above any segment, a bound for arithmetic."""
 
@@ -34,7 +49,7 @@ _VERTEX_EXPANSION: Final = 64
 """Vertex codec 0 spends at least 4 bytes a channel per block of up to 256 rows."""
 
 _ITEM: Final = {BYTE: "<i1", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
-_WIDTH: Final = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+_WIDTH: Final = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 def decode_glb(data: bytes | memoryview) -> SegmentMesh:
@@ -59,17 +74,17 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
     document, binary, at = split_glb(data)
     reader = _Reader(document, binary, at)
     required = document.get("extensionsRequired", [])
-    for name in _typed(required, list, "extensionsRequired"):
+    for name in typed(required, list, "extensionsRequired"):
         if not isinstance(name, str) or name not in _KNOWN:
             raise PayloadError(f"required extension {name!r}, expected one of {sorted(_KNOWN)}")
-    mesh = _typed(_only(document, "meshes"), dict, "mesh")
-    primitive = _typed(_only(mesh, "primitives"), dict, "primitive")
+    mesh = typed(only(document, "meshes"), dict, "mesh")
+    primitive = typed(only(mesh, "primitives"), dict, "primitive")
     if primitive.get("mode", 4) != 4:
         raise PayloadError(f"primitive mode {primitive.get('mode')!r}, expected 4 (triangles)")
-    attributes = _typed(primitive.get("attributes"), dict, "attributes")
+    attributes = typed(primitive.get("attributes"), dict, "attributes")
 
     positions, quantised = reader.positions(attributes.get("POSITION"))
-    translation, scale = _transform(_typed(_only(document, "nodes"), dict, "node"))
+    translation, scale = _transform(typed(only(document, "nodes"), dict, "node"))
     if not quantised and (translation.any() or (scale != 1.0).any()):
         raise PayloadError("float positions with a node transform, expected none")
     indices = reader.accessor(
@@ -77,7 +92,7 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
     )
     if len(indices) % 3:
         raise PayloadError(f"{len(indices)} indices, expected a multiple of 3")
-    colours = region_ids = None
+    colours = region_ids = uvs = None
     if "COLOR_0" in attributes:
         linear = reader.accessor(attributes["COLOR_0"], (UNSIGNED_SHORT,), "VEC4", "COLOR_0")
         colours = linear16_to_srgb(linear[:, :3])
@@ -85,6 +100,14 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
         region_ids = reader.accessor(
             attributes["_FEATURE_ID_0"], (UNSIGNED_SHORT,), "SCALAR", "_FEATURE_ID_0"
         ).copy()
+    texture = None
+    image = find_image(document, primitive)
+    if image is not None:
+        texture = reader.image(*image)
+        codes = reader.accessor(
+            attributes.get("TEXCOORD_0"), (UNSIGNED_SHORT,), "VEC2", "TEXCOORD_0"
+        )
+        uvs = codes.astype(np.float32) / np.float32(MAX_CODE)
     with np.errstate(over="ignore"):  # a hostile transform gives infinity, which check_mesh names
         placed = (translation + scale * positions.astype(np.float64)).astype(np.float32)
     result = SegmentMesh(
@@ -100,6 +123,8 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
             )
             for name, gltf_name, scale_of in _attribute_table(mesh)
         },
+        uvs=uvs,
+        texture=texture,
     )
     check_mesh(result)
     return result
@@ -109,8 +134,8 @@ class _Reader:
     """Reads accessors out of the BIN chunk."""
 
     def __init__(self, document: dict[str, Any], binary: memoryview, at: int) -> None:
-        self._views = _typed(document.get("bufferViews"), list, "bufferViews")
-        self._accessors = _typed(document.get("accessors"), list, "accessors")
+        self._views = typed(document.get("bufferViews"), list, "bufferViews")
+        self._accessors = typed(document.get("accessors"), list, "accessors")
         self._binary = binary
         self._at = at
 
@@ -122,7 +147,7 @@ class _Reader:
         self, number: object, component_types: tuple[int, ...], kind: str, label: str
     ) -> npt.NDArray[Any]:
         """Read one accessor as (n,) or (n, k)."""
-        accessor = _typed(_pick(self._accessors, number, f"accessor of {label}"), dict, "accessor")
+        accessor = typed(pick(self._accessors, number, f"accessor of {label}"), dict, "accessor")
         component = accessor.get("componentType")
         if component not in component_types or accessor.get("type") != kind:
             raise PayloadError(
@@ -137,8 +162,8 @@ class _Reader:
                 f"{label} has an offset inside its bufferView or is sparse, expected neither"
             )
         count = _whole(accessor.get("count"), f"count of {label}", 1)
-        view = _typed(
-            _pick(self._views, accessor.get("bufferView"), f"bufferView of {label}"),
+        view = typed(
+            pick(self._views, accessor.get("bufferView"), f"bufferView of {label}"),
             dict,
             "bufferView",
         )
@@ -161,13 +186,27 @@ class _Reader:
         table = np.frombuffer(raw, dtype=item).reshape(count, stride // item.itemsize)
         return table[:, 0] if width == 1 else table[:, :width]
 
+    def image(self, number: object, media_type: str) -> Texture:
+        """Read a bufferView that holds an image file as it is."""
+        label = "image"
+        view = typed(pick(self._views, number, f"bufferView of {label}"), dict, "bufferView")
+        length = _whole(view.get("byteLength"), f"byteLength of {label}", 1)
+        if length > MAX_IMAGE_BYTES:
+            raise PayloadError(f"{label} of {length} bytes, expected at most {MAX_IMAGE_BYTES}")
+        if "EXT_meshopt_compression" in typed(view.get("extensions", {}), dict, "extensions"):
+            raise PayloadError(f"{label} is compressed as geometry, expected a file as it is")
+        texture = Texture.of(bytes(self._slice(view, length, label)))
+        if texture.media_type != media_type:
+            raise PayloadError(f"image is {texture.media_type}, expected {media_type} by mimeType")
+        return texture
+
     def _rows(
         self, view: dict[str, Any], count: int, stride: int, *, vertex: bool, label: str
     ) -> npt.NDArray[np.uint8] | memoryview:
-        extensions = _typed(view.get("extensions", {}), dict, "extensions")
+        extensions = typed(view.get("extensions", {}), dict, "extensions")
         if "EXT_meshopt_compression" not in extensions:
             return self._slice(view, count * stride, label)
-        packed = _typed(extensions["EXT_meshopt_compression"], dict, "EXT_meshopt_compression")
+        packed = typed(extensions["EXT_meshopt_compression"], dict, "EXT_meshopt_compression")
         mode = "ATTRIBUTES" if vertex else "TRIANGLES"
         found = packed.get("mode"), packed.get("count"), packed.get("byteStride")
         if found != (mode, count, stride):
@@ -217,11 +256,11 @@ class _Reader:
 
 
 def _attribute_table(mesh: dict[str, Any]) -> list[tuple[str, str, AttributeScale]]:
-    extras = _typed(mesh.get("extras", {}), dict, "extras")
-    ours = _typed(extras.get("terraport", {}), dict, "extras.terraport")
+    extras = typed(mesh.get("extras", {}), dict, "extras")
+    ours = typed(extras.get("terraport", {}), dict, "extras.terraport")
     rows: list[tuple[str, str, AttributeScale]] = []
-    for entry in _typed(ours.get("attributes", []), list, "extras.terraport.attributes"):
-        row = _typed(entry, dict, "attribute")
+    for entry in typed(ours.get("attributes", []), list, "extras.terraport.attributes"):
+        row = typed(entry, dict, "attribute")
         name, gltf_name = row.get("name"), row.get("gltf_name")
         if not (isinstance(name, str) and isinstance(gltf_name, str) and gltf_name.startswith("_")):
             raise PayloadError(f"attribute names {name!r}, {gltf_name!r}, expected text and _TEXT")
@@ -251,25 +290,6 @@ def _unit(signed: npt.NDArray[np.int8]) -> npt.NDArray[np.float32]:
     return unit
 
 
-def _typed(value: object, kind: type[Any], label: str) -> Any:
-    if not isinstance(value, kind):
-        raise PayloadError(f"{label} is {type(value).__name__}, expected {kind.__name__}")
-    return value
-
-
-def _only(owner: dict[str, Any], key: str) -> object:
-    values = _typed(owner.get(key), list, key)
-    if len(values) != 1:
-        raise PayloadError(f"{len(values)} {key}, expected 1")
-    return values[0]
-
-
-def _pick(values: list[Any], number: object, label: str) -> object:
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(values):
-        raise PayloadError(f"{label} is {number!r}, expected 0 to {len(values) - 1}")
-    return values[number]
-
-
 def _whole(value: object, label: str, least: int) -> int:
     if (
         isinstance(value, bool)
@@ -295,7 +315,7 @@ def _number(value: object, label: str) -> float:
 
 
 def _triple(value: object, label: str) -> npt.NDArray[np.float64]:
-    values = _typed(value, list, label)
+    values = typed(value, list, label)
     if len(values) != 3:
         raise PayloadError(f"{label} has {len(values)} numbers, expected 3")
     return np.array([_number(part, label) for part in values], dtype=np.float64)

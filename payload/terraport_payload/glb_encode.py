@@ -21,6 +21,7 @@ import numpy.typing as npt
 from terraport_payload.colour import srgb_to_linear16
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb_container import join_glb
+from terraport_payload.glb_texture import add_texture
 from terraport_payload.grid import (
     MAX_CODE,
     NULL_CODE,
@@ -110,6 +111,12 @@ class _Views:
         self.accessors.append({"bufferView": len(self.views), "count": len(rows), **accessor})
         self.views.append(view)
         return len(self.accessors) - 1
+
+    def add_bytes(self, data: bytes) -> int:
+        """Append a file as it is; return its bufferView's number."""
+        self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
+        self.binary += data + bytes(-len(data) % 4)
+        return len(self.views) - 1
 
 
 def encode_glb(
@@ -207,6 +214,12 @@ def encode_glb(
             {"componentType": UNSIGNED_SHORT, "normalized": True, "type": "VEC4"},
             target=_ARRAY_BUFFER,
         )
+    if mesh.uvs is not None:
+        attributes["TEXCOORD_0"] = out.add(
+            np.rint(mesh.uvs[order].astype(np.float64) * MAX_CODE).astype("<u2"),
+            {"componentType": UNSIGNED_SHORT, "normalized": True, "type": "VEC2"},
+            target=_ARRAY_BUFFER,
+        )
     scalar = {"componentType": UNSIGNED_SHORT, "type": "SCALAR"}
     primitive: dict[str, Any] = {"attributes": attributes, "indices": 0, "material": 0, "mode": 4}
     if mesh.region_ids is not None:
@@ -255,7 +268,12 @@ def encode_glb(
         target=_ELEMENT_ARRAY_BUFFER,
         mode="TRIANGLES",
     )
-    return join_glb(_document(node, primitive, table, step_m, out), bytes(out.binary))
+    # The image comes last: a reader that streams has the geometry first.
+    image = None if mesh.texture is None else out.add_bytes(mesh.texture.data)
+    document = _document(node, primitive, table, step_m, out)
+    if mesh.texture is not None and image is not None:
+        add_texture(document, mesh.texture, image)
+    return join_glb(document, bytes(out.binary))
 
 
 def gltf_attribute_name(name: str) -> str:

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.texture import Texture
+
 __all__ = ["SegmentMesh"]
 
 
@@ -32,3 +34,7 @@ class SegmentMesh:
     """(V,) region of every face that uses the vertex (vertices on region borders are split)."""
     attributes: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
     """(V,) by the survey's attribute name."""
+    uvs: npt.NDArray[np.float32] | None = None
+    """(V, 2) texture coordinates 0..1 from the image's upper left; None without a texture."""
+    texture: Texture | None = None
+    """Instead of vertex colours."""

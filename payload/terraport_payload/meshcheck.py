@@ -37,6 +37,15 @@ def check_mesh(mesh: SegmentMesh) -> None:
         _expect("region_ids", mesh.region_ids, np.uint16, (vertices,))
     for name, values in mesh.attributes.items():
         _expect(f"attribute {name!r}", values, np.float32, (vertices,))
+    if (mesh.uvs is None) != (mesh.texture is None):
+        have, lack = ("uvs", "texture") if mesh.texture is None else ("texture", "uvs")
+        raise PayloadError(f"a mesh with {have} and without {lack}, expected both or neither")
+    if mesh.uvs is not None:
+        _expect("uvs", mesh.uvs, np.float32, (vertices, 2))
+        if mesh.colours is not None:
+            raise PayloadError(
+                "a mesh with texture and vertex colours, expected one of them (glTF multiplies)"
+            )
     if vertices == 0 or len(mesh.faces) == 0:
         raise PayloadError(
             f"{vertices} vertices and {len(mesh.faces)} faces, expected at least one face"
@@ -50,6 +59,11 @@ def check_mesh(mesh: SegmentMesh) -> None:
             raise PayloadError(
                 f"{name} of vertex {row} are {values[row].tolist()}, expected finite numbers"
             )
+    if mesh.uvs is not None:
+        inside = ((mesh.uvs >= 0) & (mesh.uvs <= 1)).all(axis=1)  # NaN fails both
+        if not bool(inside.all()):
+            row = int(np.flatnonzero(~inside)[0])
+            raise PayloadError(f"uvs of vertex {row} are {mesh.uvs[row].tolist()}, expected 0 to 1")
 
 
 def _expect(

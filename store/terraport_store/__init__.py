@@ -43,6 +43,7 @@ from terraport_store.manifest import (
     InputInfo,
     Limits,
     Manifest,
+    TextureInfo,
     manifest_digest,
 )
 from terraport_store.reader import Scene, list_scenes, read_manifest
@@ -88,6 +89,7 @@ __all__ = [
     "SegmentIndex",
     "SpatialIndex",
     "StoreError",
+    "TextureInfo",
     "box_distances_m",
     "change_labels",
     "label_fault",

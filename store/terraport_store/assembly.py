@@ -25,6 +25,7 @@ from terraport_store.manifest import (
     HandOff,
     Limits,
     Manifest,
+    TextureInfo,
 )
 
 __all__ = ["MeshShape", "SceneInfo", "assemble_manifest"]
@@ -49,6 +50,8 @@ class SceneInfo:
     crs: CrsInfo | None = None
     attributes: tuple[AttributeInfo, ...] = ()
     has_colour: bool = True
+    """Whether every payload has vertex colours."""
+    textures: TextureInfo | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +129,7 @@ def assemble_manifest(
             regions=info.regions,
         ),
         has_colour=info.has_colour,
+        textures=info.textures,
         hand_off=info.hand_off,
         limits=Limits(
             max_segment_bytes=max(int(one.length.max()) for one in indexes.values()),

@@ -21,6 +21,7 @@ __all__ = [
     "MAX_MANIFEST_BYTES",
     "MAX_PAYLOAD_BYTES",
     "MAX_REGIONS_BYTES",
+    "MAX_SEGMENT_SIDE",
     "PACK_HEADER_BYTES",
     "REGIONS",
     "STAGING",
@@ -37,7 +38,7 @@ MANIFEST_NAME: Final = "scene.json"
 LABELS: Final = "labels.json"
 """What people call the regions; beside the manifest, part of no version."""
 
-FORMAT_VERSION: Final = "1.1"
+FORMAT_VERSION: Final = "1.2"
 """What is written; every 1.x is read."""
 
 BASE: Final = "base.glb"
@@ -73,6 +74,9 @@ MAX_LABELS_BYTES: Final = 64 << 20
 
 MAX_PAYLOAD_BYTES: Final = (1 << 32) - 1
 """Payload lengths are u32 in the index and on the wire."""
+
+MAX_SEGMENT_SIDE: Final = 2048
+"""Pixels of a segment's image; the base's may have twice as many."""
 
 _PACK: Final = struct.Struct("<8sHHII16s28x")
 _PACK_MAGIC: Final = b"TPSEGPK1"

@@ -29,6 +29,7 @@ __all__ = [
     "InputInfo",
     "Limits",
     "Manifest",
+    "TextureInfo",
     "manifest_digest",
 ]
 
@@ -97,6 +98,26 @@ class Counts(_Frozen):
     regions: _Count
 
 
+class TextureInfo(_Frozen):
+    """What there is of textures; field table in ``spec/scene-format.md``, section 4."""
+
+    source: Literal["photos", "vertex"]
+    media_types: tuple[_Name, ...]
+    segments: _Count
+    """Payloads with a texture."""
+    base_side: _Count
+    """Pixels; 0 where the base has no texture."""
+    max_side: _Count
+    """Pixels, of any segment."""
+    image_bytes: _Count
+    texels: _Count
+    """Over all segments."""
+    texel_m: _Length
+    """Median length of a texel on the ground."""
+    gsd_m: _Length | None = None
+    """Median ground sampling distance of the photos."""
+
+
 class HandOff(_Frozen):
     """What the cover was built with."""
 
@@ -160,6 +181,8 @@ class Manifest(_Frozen):
     attributes: tuple[AttributeInfo, ...] = ()
     counts: Counts
     has_colour: bool
+    """Whether every payload has vertex colours."""
+    textures: TextureInfo | None = None
     hand_off: HandOff
     limits: Limits
     build: BuildInfo

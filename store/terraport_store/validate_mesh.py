@@ -12,6 +12,7 @@ from terraport_payload import PayloadError, SegmentMesh, decode_arrays, decode_g
 from terraport_payload.grid import grid_codes
 from terraport_store.errors import CorruptPayloadError, RangeError
 from terraport_store.findings import Findings
+from terraport_store.layout import MAX_SEGMENT_SIDE
 from terraport_store.manifest import AttributeInfo, Manifest
 from terraport_store.reader import Scene
 
@@ -103,6 +104,7 @@ def check_mesh_fits(
         )
     if mesh.colours is None and manifest.has_colour:
         out.error("colour", file, "no colours, expected some since has_colour", segment=segment)
+    _check_texture(out, manifest, mesh, file, segment)
     if mesh.region_ids is not None and int(mesh.region_ids.max()) >= manifest.counts.regions:
         out.error(
             "region",
@@ -125,6 +127,31 @@ def check_mesh_fits(
 def box_of(mesh: SegmentMesh) -> npt.NDArray[np.float32]:
     """Axis-aligned box, (6,): x, y, z minimum, x, y, z maximum."""
     return np.concatenate([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
+
+
+def _check_texture(
+    out: Findings, manifest: Manifest, mesh: SegmentMesh, file: str, segment: int | None
+) -> None:
+    if mesh.texture is None:
+        return
+    side = max(mesh.texture.width, mesh.texture.height)
+    if manifest.textures is None:
+        out.error("texture", file, "a texture, expected none by scene.json", segment=segment)
+        return
+    stated = manifest.textures
+    most = stated.base_side if segment is None else min(stated.max_side, MAX_SEGMENT_SIDE)
+    if side > most:
+        out.error(
+            "texture", file, f"image of {side} pixels, expected at most {most}", segment=segment
+        )
+    if mesh.texture.media_type not in stated.media_types:
+        out.error(
+            "texture",
+            file,
+            f"image is {mesh.texture.media_type}, expected one of {list(stated.media_types)} by "
+            "scene.json",
+            segment=segment,
+        )
 
 
 def _decoded(
@@ -176,9 +203,11 @@ def _equal(one: SegmentMesh, other: SegmentMesh) -> bool:
         (one.normals, other.normals),
         (one.colours, other.colours),
         (one.region_ids, other.region_ids),
+        (one.uvs, other.uvs),
         *((values, other.attributes.get(name)) for name, values in one.attributes.items()),
     ]
-    return set(one.attributes) == set(other.attributes) and all(
+    alike = set(one.attributes) == set(other.attributes) and one.texture == other.texture
+    return alike and all(
         (a is None) == (b is None) and (a is None or b is None or a.tobytes() == b.tobytes())
         for a, b in pairs
     )

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from store.tiny_scene import SCALES, STEP_M, lattice_mesh
+from payload.images import pillow
+from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured
 
 from terraport_payload import SegmentMesh, decode_glb, encode_glb
 
@@ -93,6 +94,9 @@ def meshes() -> dict[str, tuple[SegmentMesh, dict[str, bool]]]:
         "bare-plain": (bare, {"compress": False}),
         "base": (full, {"keep_face_order": True}),
         "wide": (wide, {}),
+        "jpeg": (textured(full, pillow("JPEG")), {}),
+        "png-plain": (textured(full, pillow("PNG")), {"compress": False}),
+        "webp": (textured(wide, pillow("WEBP")), {}),
         "wide-plain": (wide, {"compress": False}),
     }
 

@@ -6,7 +6,7 @@ triple wherever it is used.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,21 @@ from terraport_payload import (
     AttributeScale,
     Cover,
     SegmentMesh,
+    Texture,
     decode_glb,
     encode_arrays,
     encode_glb,
     gltf_attribute_name,
 )
-from terraport_store import AttributeInfo, BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter
+from terraport_store import (
+    AttributeInfo,
+    BuildInfo,
+    HandOff,
+    Manifest,
+    SceneInfo,
+    SceneWriter,
+    TextureInfo,
+)
 
 STEP_M = 2.0**-12
 CELLS = 6
@@ -84,15 +93,20 @@ def write_tiny_scene(
     with_arrays: bool = False,
     copies: int = 1,
     stable_ids: tuple[int, ...] | None = None,
+    image: bytes | None = None,
 ) -> TinyScene:
     """Publish the patch; another seed is another version; copies repeats every segment.
 
-    With three ``stable_ids`` the regions have them, and the next one is 10.
+    With three ``stable_ids`` the regions have them, and the next one is 10. With an ``image`` the
+    base and every other segment have it for a texture.
     """
     tiles = [(i, j) for i in (0, CELLS) for j in (0, CELLS)] * copies
     segments = [lattice_mesh(i, j, seed=seed) for i, j in tiles]
-    glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES) for mesh in segments]
     base = lattice_mesh(0, 0, 4, stride=3, seed=seed)
+    if image is not None:
+        base = textured(base, image)
+        segments[::2] = [textured(mesh, image) for mesh in segments[::2]]
+    glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES) for mesh in segments]
     with SceneWriter(path, with_arrays=with_arrays) as writer:
         for (i, j), glb in zip(tiles, glbs, strict=True):
             arrays = encode_arrays(decode_glb(glb)) if with_arrays else None
@@ -102,7 +116,7 @@ def write_tiny_scene(
             base_cover(),
         )
         writer.set_regions(tiny_regions(stable_ids))
-        manifest = writer.publish(scene_info(seed))
+        manifest = writer.publish(scene_info(seed, image=image, textured=len(segments[::2])))
     return TinyScene(path, manifest, segments, glbs)
 
 
@@ -124,14 +138,39 @@ def base_cover() -> Cover:
     return Cover(np.arange(33, dtype=np.uint32), rows)
 
 
-def scene_info(seed: int = 0) -> SceneInfo:
+def textured(mesh: SegmentMesh, image: bytes) -> SegmentMesh:
+    """The mesh with an image in place of its colours, stretched over its plan."""
+    plan = mesh.positions[:, [0, 2]]
+    low, high = plan.min(axis=0), plan.max(axis=0)
+    uvs = ((plan - low) / (high - low)).astype(np.float32)
+    return replace(mesh, colours=None, uvs=uvs, texture=Texture.of(image))
+
+
+def scene_info(seed: int = 0, *, image: bytes | None = None, textured: int = 0) -> SceneInfo:
     """What the manifest says of the patch."""
+    textures = None
+    if image is not None:
+        texture = Texture.of(image)
+        side = max(texture.width, texture.height)
+        textures = TextureInfo(
+            source="photos",
+            media_types=(texture.media_type,),
+            segments=textured,
+            base_side=side,
+            max_side=side,
+            image_bytes=textured * len(image),
+            texels=textured * texture.width * texture.height,
+            texel_m=0.1,
+            gsd_m=0.05,
+        )
     return SceneInfo(
         name=f"tiny {seed}",
         origin=(500000.0, 8000000.0, 100.0),
         step_m=STEP_M,
         points=1000,
         regions=3,
+        has_colour=image is None,
+        textures=textures,
         hand_off=HandOff(deviation_m=0.01, tolerance_m=0.05),
         build=BuildInfo(terraport="0.1.0", options={"seed": seed}),
         attributes=(

@@ -8,6 +8,7 @@ and still be right.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 import struct
@@ -21,7 +22,8 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1]))
 
-from store.tiny_scene import SCALES, STEP_M, lattice_mesh, write_tiny_scene  # noqa: E402
+from payload.images import ktx2, pillow, png  # noqa: E402
+from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured, write_tiny_scene  # noqa: E402
 
 from terraport_payload import (  # noqa: E402
     SegmentMesh,
@@ -29,20 +31,19 @@ from terraport_payload import (  # noqa: E402
     encode_arrays,
     encode_glb,
 )
+from terraport_payload.flatfile import encode_flat  # noqa: E402
 from terraport_payload.glb_container import join_glb, split_glb  # noqa: E402
-from terraport_store.labels import encode_labels  # noqa: E402
 
 
 def main() -> None:
-    """Write ``tiny-1.1/`` and ``payload/`` anew; ``tiny/`` is of format 1.0 and stays."""
-    for name in ("tiny-1.1", "payload"):
+    """Write ``tiny-1.2/`` and ``payload/`` anew; ``tiny/`` and ``tiny-1.1/`` are older and stay."""
+    for name in ("tiny-1.2", "payload"):
         shutil.rmtree(HERE / name, ignore_errors=True)
-    write_tiny_scene(HERE / "tiny-1.1", stable_ids=(5, 2, 9))
-    # 7 is a label whose region is gone.
-    (HERE / "tiny-1.1" / "labels.json").write_bytes(encode_labels({9: "haul road", 7: "Süd 石"}))
+    write_tiny_scene(HERE / "tiny-1.2", with_arrays=True, image=pillow("JPEG"))
     (HERE / "payload").mkdir()
     write_good()
     write_bad()
+    write_bad_textures()
 
 
 def write_good() -> None:
@@ -54,12 +55,19 @@ def write_good() -> None:
         "plain": (full, {"compress": False}),
         "base": (full, {"keep_face_order": True}),
         "float": (replace(full, positions=full.positions * np.float32(500)), {}),
+        "jpeg": (textured(full, pillow("JPEG")), {}),
+        "png": (textured(full, png()), {"compress": False}),
+        "webp": (textured(full, pillow("WEBP")), {}),
+        "ktx2": (textured(full, ktx2()), {}),
     }
     for name, (mesh, options) in variants.items():
         glb = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES, **options)
         put(f"good-{name}.glb", glb, described(decode_glb(glb)))
     decoded = decode_glb(encode_glb(full, step_m=STEP_M, attribute_scales=SCALES))
     put("good-full.arrays", encode_arrays(decoded), described(decoded))
+    mesh = textured(full, pillow("JPEG"))
+    decoded = decode_glb(encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES))
+    put("good-jpeg.arrays", encode_arrays(decoded), described(decoded))
 
 
 def write_bad() -> None:
@@ -113,9 +121,74 @@ def write_bad() -> None:
         put(f"bad-{name}", data, {"good": False, "error": error})
 
 
+def write_bad_textures() -> None:
+    """Faults of images, and of what leads to them."""
+    mesh = textured(lattice_mesh(4, 4, 2), pillow("JPEG"))
+    good = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
+    document, binary, _ = split_glb(good)
+    decoded = decode_glb(good)
+    place = document["bufferViews"][document["images"][0]["bufferView"]]["byteOffset"]
+    frame = place + pillow("JPEG").index(b"\xff\xc0") + 5
+
+    def resized(height: int, width: int) -> bytes:
+        raw = bytearray(binary)
+        struct.pack_into(">HH", raw, frame, height, width)
+        return join_glb(document, bytes(raw))
+
+    def changed(key: str, value: Any) -> bytes:
+        return join_glb({**document, key: value}, bytes(binary))
+
+    arrays = {"positions": decoded.positions, "normals": decoded.normals, "indices": decoded.faces}
+    rows, image = len(decoded.positions), np.frombuffer(ktx2(16, 9), dtype=np.uint8)
+    outside = np.full((rows, 2), 1.5, dtype=np.float32)
+    bad = {
+        "image-huge.glb": (resized(65535, 65535), "powers of two"),
+        "image-odd.glb": (resized(8, 17), "powers of two"),
+        "image-type.glb": (
+            changed("images", [{**document["images"][0], "mimeType": "image/png"}]),
+            "expected image/png",
+        ),
+        "image-uri.glb": (changed("images", [{"uri": "x.jpg"}]), "image of type None"),
+        "image-none.glb": (changed("images", []), "image is 0"),
+        "image-webp-core.glb": (
+            changed("images", [{**document["images"][0], "mimeType": "image/webp"}]),
+            "expected image/jpeg or image/png",
+        ),
+        "texture-odd.arrays": (
+            encode_flat(b"TPARRAYS", rows, {**arrays, "uvs": decoded.uvs, "texture": image}),
+            "powers of two",
+        ),
+        "texture-alone.arrays": (
+            encode_flat(b"TPARRAYS", rows, {**arrays, "uvs": decoded.uvs}),
+            "uvs and without texture",
+        ),
+        "uvs-outside.arrays": (
+            encode_flat(
+                b"TPARRAYS",
+                rows,
+                {**arrays, "uvs": outside, "texture": np.frombuffer(ktx2(), dtype=np.uint8)},
+            ),
+            "expected 0 to 1",
+        ),
+    }
+    for name, (data, error) in bad.items():
+        put(f"bad-{name}", data, {"good": False, "error": error})
+
+
 def described(mesh: SegmentMesh) -> dict[str, Any]:
     """Everything that a decoder should find, NaN as null."""
     grade = mesh.attributes.get("grade")
+    texture: dict[str, Any] = {}
+    if mesh.uvs is not None and mesh.texture is not None:
+        texture = {
+            "uvs": np.round(mesh.uvs, 6).tolist(),
+            "texture": {
+                "media_type": mesh.texture.media_type,
+                "width": mesh.texture.width,
+                "height": mesh.texture.height,
+                "sha256": hashlib.sha256(mesh.texture.data).hexdigest(),
+            },
+        }
     return {
         "good": True,
         "positions": mesh.positions.tolist(),
@@ -123,6 +196,7 @@ def described(mesh: SegmentMesh) -> dict[str, Any]:
         "normals": np.round(mesh.normals, 6).tolist(),
         "colours": None if mesh.colours is None else mesh.colours.tolist(),
         "region_ids": None if mesh.region_ids is None else mesh.region_ids.tolist(),
+        **texture,
         "attributes": {}
         if grade is None
         else {"grade": [None if np.isnan(value) else float(value) for value in grade]},

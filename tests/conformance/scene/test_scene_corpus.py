@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from pathlib import Path
@@ -14,7 +15,7 @@ from terraport_payload import PayloadError, decode_arrays, decode_glb
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 
 HERE = Path(__file__).resolve().parent
-SCENES = ("tiny", "tiny-1.1")
+SCENES = ("tiny", "tiny-1.1", "tiny-1.2")
 """One of every minor version of the format."""
 DAMAGED = json.loads((HERE / "damaged.json").read_text())
 PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
@@ -29,7 +30,7 @@ def expected_of(path: Path) -> Any:
 
 
 def test_corpus_is_small() -> None:
-    assert sum(p.stat().st_size for p in HERE.rglob("*") if p.is_file()) < 200_000
+    assert sum(p.stat().st_size for p in HERE.rglob("*") if p.is_file()) < 250_000
     for name in SCENES:
         assert sum(p.stat().st_size for p in (HERE / name).rglob("*") if p.is_file()) < 60_000
 
@@ -63,6 +64,17 @@ def test_names_in_format_1_1() -> None:
     assert [names.label(region) for region in range(3)] == [None, "bench", "haul road"]
     assert names.without_region() == {7: "Süd 石"}
     assert names.next_stable_id == 10
+
+
+def test_textures_in_format_1_2() -> None:
+    with Scene.open(HERE / "tiny-1.2") as scene:
+        stated = scene.manifest.textures
+        assert stated is not None
+        assert (stated.segments, stated.max_side, stated.media_types) == (2, 16, ("image/jpeg",))
+        assert scene.manifest.has_colour is False
+        meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
+    assert [mesh.texture is not None for mesh in meshes] == [True, False, True, False]
+    assert [mesh.colours is None for mesh in meshes] == [True, False, True, False]
 
 
 @pytest.mark.parametrize("case", DAMAGED, ids=[case["name"] for case in DAMAGED])
@@ -123,6 +135,13 @@ def test_payload(path: Path) -> None:
     for name in ("colours", "region_ids"):
         values = getattr(mesh, name)
         assert (None if values is None else values.tolist()) == expected[name]
+    assert (mesh.uvs is None) == ("uvs" not in expected)
+    if mesh.uvs is not None:
+        assert np.allclose(mesh.uvs, expected["uvs"], atol=2e-6)
+        texture = expected["texture"]
+        sides = (texture["media_type"], texture["width"], texture["height"])
+        assert (mesh.texture.media_type, mesh.texture.width, mesh.texture.height) == sides
+        assert hashlib.sha256(mesh.texture.data).hexdigest() == texture["sha256"]
     assert set(mesh.attributes) == set(expected["attributes"])
     for name, values in expected["attributes"].items():
         known = [None if np.isnan(value) else float(value) for value in mesh.attributes[name]]
