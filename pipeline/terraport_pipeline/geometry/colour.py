@@ -236,7 +236,7 @@ def _lab(linear: _Float64) -> _Float64:
     )
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _to_white(lightness: float, a: float, b: float) -> float:
     """Evaluate CIEDE2000 against (100, 0, 0): C_1 = 0, so dH' = 0 and R_T has no effect."""
     half = 0.5 * np.sqrt(a * a + b * b)
@@ -252,7 +252,7 @@ def _to_white(lightness: float, a: float, b: float) -> float:
     return np.sqrt(d_l * d_l + d_c * d_c)  # type: ignore[no-any-return]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _white_distance(lab: _Float64) -> _Float32:
     distance = np.empty(len(lab), np.float32)
     for i in range(len(lab)):
@@ -260,14 +260,14 @@ def _white_distance(lab: _Float64) -> _Float32:
     return distance
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _curve(t: float) -> float:
     if t > 216.0 / 24389.0:
         return np.cbrt(t)  # type: ignore[no-any-return]
     return (24389.0 / 27.0 * t + 16.0) / 116.0
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _of_linear(r: float, g: float, b: float, matrix: _Float64) -> float:
     x = _curve(matrix[0, 0] * r + matrix[0, 1] * g + matrix[0, 2] * b)
     y = _curve(matrix[1, 0] * r + matrix[1, 1] * g + matrix[1, 2] * b)
@@ -275,7 +275,7 @@ def _of_linear(r: float, g: float, b: float, matrix: _Float64) -> float:
     return _to_white(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _white_distance_of_sums(
     sums: npt.NDArray[np.uint16], table: _Float64, matrix: _Float64
 ) -> _Float32:
@@ -303,7 +303,7 @@ def _white_index(
         index[f] = _of_linear(table[r], table[g], table[b], matrix)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _lab_of_sums(
     sums: npt.NDArray[np.uint16], table: _Float64, matrix: _Float64, steps: float
 ) -> npt.NDArray[np.int16]:

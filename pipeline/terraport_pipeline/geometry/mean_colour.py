@@ -34,25 +34,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.face_measures import edge_steps
-from terraport_pipeline.geometry.merge_order import scramble
+from terraport_pipeline.geometry.mean_scale import ColourTotals, axis_index
+from terraport_pipeline.geometry.mean_units import MeanUnits, unite
 from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.geometry.segmenter import Segmentation, SegmenterMesh
-from terraport_pipeline.geometry.unit_rows import contract_rows, row_sums, rows_of_pairs
+from terraport_pipeline.geometry.unit_rows import rows_of_pairs
 
-__all__ = ["LAB_STEPS", "LEAST_LIMIT", "MOST_LIMIT", "MeanColourSegmenter"]
+__all__ = [
+    "FINE_LEVEL",
+    "LAB_STEPS",
+    "LEAST_LIMIT",
+    "LEVELS",
+    "MOST_LIMIT",
+    "MeanColourSegmenter",
+]
 
 _Float32 = npt.NDArray[np.float32]
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
 _Int64 = npt.NDArray[np.int64]
-_Bool = npt.NDArray[np.bool_]
-_Rows = tuple[_Int64, _Int32, _Int64]
 
 LAB_STEPS: Final = 64.0
 """Steps in one unit of CIELAB, far below the width of an 8-bit grey level (0.4)."""
@@ -63,13 +68,9 @@ into no regions."""
 MOST_LIMIT: Final = 12.0
 """Greatest automatic limit: colours farther apart are two materials however colourful the scene
 (a village under trees has a spread of 23, and 0.95 of it would unite roofs and grass)."""
-_LEVELS: Final = 8
+LEVELS: Final = 8
 """Steps of the rising limit; 16 changed 1 - RI by less than 0.002, 3 by 0.004."""
-_THIN_EDGES: Final = 2
-"""A unit is thin when it has fewer faces than this many times its perimeter in mean edges: a strip
-one square wide has two faces and two border edges a square, hence one face per edge; a strip of
-two squares has two."""
-_FINE_LEVEL: Final = 2
+FINE_LEVEL: Final = 2
 """Level whose units are the fine pools."""
 _SCALAR_RANGE: Final = 100.0
 """A scalar is scaled to 0 to this, as lightness runs."""
@@ -112,6 +113,19 @@ class MeanColourSegmenter:
         """``"means"``."""
         return "means"
 
+    def limit(self, totals: ColourTotals, weight: _Float64) -> float:
+        """Choose the final limit of the difference, CIELAB units, by the whole scene's colours."""
+        automatic = self.spread * totals.spread(weight)
+        return self.difference or min(max(automatic, LEAST_LIMIT), MOST_LIMIT)
+
+    def least_faces(self, n_faces: int) -> int:
+        """Choose the faces below which a region is small."""
+        return max(int(np.ceil(self.small_share * n_faces)), 1)
+
+    def weights(self) -> _Float64:
+        """Weights of L*, a*, b* per step, (3,)."""
+        return np.array([self.lightness, 1.0, 1.0]) / LAB_STEPS
+
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
         """Cut the mesh into regions and fine pools; see :class:`~.segmenter.Segmenter`.
 
@@ -120,13 +134,12 @@ class MeanColourSegmenter:
         """
         n_faces = len(mesh.faces)
         pairs, edges = mesh.edge_pairs()
-        colour, weight, index = _compared(mesh, self.lightness)
-        automatic = self.spread * _spread(colour, weight)
-        limit = self.difference or min(max(automatic, LEAST_LIMIT), MOST_LIMIT)
-        least = max(int(np.ceil(self.small_share * n_faces)), 1)
+        colour, weight, index = _compared(mesh, self.weights())
+        limit = self.limit(ColourTotals.of(colour), weight)
+        least = self.least_faces(n_faces)
         steps = edge_steps(mesh.vertices, edges)
         mean_step = int(steps.sum()) // max(len(steps), 1)
-        units = _Units(
+        units = MeanUnits(
             np.arange(n_faces, dtype=np.int32),
             rows_of_pairs(n_faces, pairs, steps),
             colour.astype(np.int64),
@@ -135,13 +148,13 @@ class MeanColourSegmenter:
         )
         # (1) rising limit
         fine = units.labels
-        for level in range(1, _LEVELS + 1):
-            units = _unite(units, weight, limit * level / _LEVELS, least, self.leak, 0)
-            if level == _FINE_LEVEL:
+        for level in range(1, LEVELS + 1):
+            units = unite(units, weight, limit * level / LEVELS, least, self.leak, 0)
+            if level == FINE_LEVEL:
                 fine = units.labels
         # (2) what is left small
         pools = len(units.faces)
-        units = _unite(units, weight, np.inf, least, 0.0, mean_step)
+        units = unite(units, weight, np.inf, least, 0.0, mean_step)
         small = units.faces < least
         islands = int(np.count_nonzero(small))
         labels = units.labels
@@ -157,23 +170,7 @@ class MeanColourSegmenter:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Units:
-    """What the surface has been united to."""
-
-    labels: _Int32
-    """(F,) unit of every face."""
-    rows: _Rows
-    """Neighbours of every unit, and the length of the border, in steps."""
-    sums: _Int64
-    """(U, C) summed colours, in steps."""
-    faces: _Int64
-    """(U,) number of faces."""
-    name: _Int32
-    """(U,) lowest face."""
-
-
-def _compared(mesh: SegmenterMesh, lightness: float) -> tuple[_Int32, _Float64, _Float32]:
+def _compared(mesh: SegmenterMesh, weight: _Float64) -> tuple[_Int32, _Float64, _Float32]:
     """Choose what is compared: steps (F, C), weights (C,) per step, one index per face."""
     n_faces = len(mesh.faces)
     if mesh.scalar is not None:
@@ -190,135 +187,7 @@ def _compared(mesh: SegmenterMesh, lightness: float) -> tuple[_Int32, _Float64, 
     if mesh.colours is None:
         return np.zeros((n_faces, 1), np.int32), np.ones(1), np.zeros(n_faces, np.float32)
     lab = face_lab(mesh.colours, mesh.faces, LAB_STEPS).astype(np.int32)
-    weight = np.array([lightness, 1.0, 1.0]) / LAB_STEPS
     if n_faces == 0:
         return lab, weight, np.zeros(0, np.float32)
-    # Pools of like index are merged to segments: the colour's place on its own main axis. Products
-    # of whole numbers are exact, so the axis does not depend on how a library adds in parallel.
-    whole = lab.astype(np.int64)
-    mean = whole.sum(axis=0) / n_faces
-    spread = (whole.T @ whole) / n_faces - np.outer(mean, mean)
-    _, axes = np.linalg.eigh(spread * np.outer(weight, weight))
-    axis = axes[:, -1] * np.sign(axes[np.argmax(np.abs(axes[:, -1])), -1]) * weight
-    centred = lab - mean
-    index = (centred[:, 0] * axis[0] + centred[:, 1] * axis[1]) + centred[:, 2] * axis[2]
-    return lab, weight, (index / 100.0).astype(np.float32)
-
-
-def _spread(colour: _Int32, weight: _Float64) -> float:
-    """Root of the summed variances, from exact sums."""
-    n = len(colour)
-    if n == 0:
-        return 0.0
-    total = 0.0
-    for column, scale in zip(colour.T.astype(np.int64), weight, strict=True):
-        squares, whole = int(np.dot(column, column)), int(column.sum())
-        total += float(scale) ** 2 * ((n * squares - whole * whole) / (n * n))
-    return float(np.sqrt(total))
-
-
-def _unite(
-    units: _Units, weight: _Float64, limit: float, least: int, leak: float, mean_step: int
-) -> _Units:
-    """Do rounds until none unites anything; with a mean step only what is small or thin.
-
-    The pair of least difference always chooses each other, so every round makes progress; star
-    joins keep the number of rounds near the logarithm of the units.
-    """
-    while True:
-        offsets, neighbours, border = units.rows
-        perimeter = row_sums(offsets, border)
-        small = units.faces < least
-        if mean_step:
-            small |= units.faces * mean_step < _THIN_EDGES * perimeter
-        nodes, count = _round(
-            offsets, neighbours, border, perimeter, units.sums, units.faces, units.name, small,
-            weight, limit, least, leak, mean_step > 0,
-        )  # fmt: skip
-        if count == len(nodes):
-            return units
-        sums, faces, name = _united(nodes, count, units.sums, units.faces, units.name)
-        rows = contract_rows(*units.rows, nodes, count)
-        units = _Units(nodes[units.labels], rows, sums, faces, name)
-
-
-@numba.njit(cache=True)
-def _round(
-    offsets: _Int64,
-    neighbours: _Int32,
-    border: _Int64,
-    perimeter: _Int64,
-    sums: _Int64,
-    faces: _Int64,
-    name: _Int32,
-    small: _Bool,
-    weight: _Float64,
-    limit: float,
-    least: int,
-    leak: float,
-    small_only: bool,
-) -> tuple[_Int32, int]:
-    """Union of every unit after one round, numbered by lowest unit, and their count."""
-    count = len(offsets) - 1
-    choice = np.full(count, -1, np.int32)
-    for u in range(count):
-        best = limit * limit
-        for e in range(offsets[u], offsets[u + 1]):
-            v = neighbours[e]
-            if small_only and not small[u] and not small[v]:
-                continue
-            d = 0.0
-            for c in range(sums.shape[1]):
-                step = (sums[u, c] / faces[u] - sums[v, c] / faces[v]) * weight[c]
-                d += step * step
-            if not small_only:
-                smaller = min(faces[u], faces[v])
-                if smaller < least:
-                    d *= smaller / least
-                if leak > 0.0:
-                    d *= (min(perimeter[u], perimeter[v]) / border[e]) ** (2.0 * leak)
-            if d < best or (
-                d == best
-                and (
-                    choice[u] < 0 or scramble(name[u], name[v]) < scramble(name[u], name[choice[u]])
-                )
-            ):
-                best = d
-                choice[u] = v
-    star = np.zeros(count, np.bool_)
-    for u in range(count):
-        v = choice[u]
-        star[u] = v >= 0 and choice[v] != u and faces[v] >= 4 * faces[u]
-    parent = np.arange(count).astype(np.int32)
-    for u in range(count):
-        v = choice[u]
-        if v >= 0 and ((choice[v] == u and v < u) or (star[u] and not star[v])):
-            parent[u] = v
-    nodes = np.full(count, -1, np.int32)
-    found = 0
-    for u in range(count):
-        root = u
-        while parent[root] != root:
-            root = parent[root]
-        if nodes[root] < 0:
-            nodes[root] = found
-            found += 1
-        nodes[u] = nodes[root]
-    return nodes, found
-
-
-@numba.njit(cache=True)
-def _united(
-    nodes: _Int32, count: int, sums: _Int64, faces: _Int64, name: _Int32
-) -> tuple[_Int64, _Int64, _Int32]:
-    """Sum colours and faces over every union, and find its lowest face."""
-    new_sums = np.zeros((count, sums.shape[1]), np.int64)
-    new_faces = np.zeros(count, np.int64)
-    new_name = np.full(count, np.iinfo(np.int32).max, np.int32)
-    for u in range(len(nodes)):
-        n = nodes[u]
-        new_faces[n] += faces[u]
-        new_name[n] = min(new_name[n], name[u])
-        for c in range(sums.shape[1]):
-            new_sums[n, c] += sums[u, c]
-    return new_sums, new_faces, new_name
+    # Pools of like index are merged to segments: the colour's place on its own main axis.
+    return lab, weight, axis_index(lab, ColourTotals.of(lab), weight)

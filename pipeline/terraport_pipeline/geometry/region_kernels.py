@@ -29,7 +29,7 @@ _UInt8 = npt.NDArray[np.uint8]
 _UInt16 = npt.NDArray[np.uint16]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def face_areas(
     vertices: _Floats, faces: _Int32, regions: _Int32, count: int
 ) -> tuple[_Float64, _Float64, _Float64, _UInt16, _Float64]:
@@ -67,7 +67,7 @@ def face_areas(
     return area, total, plan, step, slope
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def region_sums(
     vertices: _Floats,
     faces: _Int32,
@@ -108,7 +108,7 @@ def region_sums(
     return sums, boxes
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def order_by_slope(regions: _Int32, step: _UInt16, count: int) -> tuple[_Int32, _Int64]:
     """Faces by region, then slope, then number; with the start of every region's run (R + 1).
 
@@ -137,7 +137,7 @@ def order_by_slope(regions: _Int32, step: _UInt16, count: int) -> tuple[_Int32, 
     return order, run
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def slope_percentile(
     order: _Int32, run: _Int64, weight: _Float64, slope: _Float64, share: float
 ) -> _Float64:
@@ -156,7 +156,7 @@ def slope_percentile(
     return found
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def attribute_sums(
     values: _Floats, faces: _Int32, regions: _Int32, weight: _Float64, count: int
 ) -> _Float64:
@@ -182,7 +182,7 @@ def attribute_sums(
     return sums
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def squared_deviations(
     values: _Floats, faces: _Int32, regions: _Int32, weight: _Float64, mean: _Float64
 ) -> _Float64:

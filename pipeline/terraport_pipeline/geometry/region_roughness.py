@@ -128,7 +128,7 @@ def region_roughness(
     return roughness
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _slot(keys: _Int64, owner: _Int32, number: _Int32, key: int, region: int) -> int:
     """Slot of (cell, region) in an open-addressing table: its own, or the first free one."""
     mask = len(number) - 1
@@ -140,7 +140,7 @@ def _slot(keys: _Int64, owner: _Int32, number: _Int32, key: int, region: int) ->
     return slot
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _pieces(
     vertices: npt.NDArray[np.floating], faces: _Int32, regions: _Int32, scale_m: float, low: _Int64
 ) -> tuple[_Int32, _Int64, _Int32]:
@@ -198,7 +198,7 @@ def _pieces(
     return piece, cells[:count].copy(), region[:count].copy()
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _moments(
     vertices: npt.NDArray[np.floating],
     faces: _Int32,

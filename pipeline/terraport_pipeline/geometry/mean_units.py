@@ -1,0 +1,182 @@
+"""Units of faces that are united by mean colour, and the rounds that unite them.
+
+The rule and its reasons stand in ``mean_colour.py``; this is the machine under it. It knows nothing
+of meshes, so that units of several tiles are united as well as faces of one mesh
+(``tiled_means.py``).
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.geometry.merge_order import scramble
+from terraport_pipeline.geometry.unit_rows import contract_rows, row_sums
+
+__all__ = ["MeanUnits", "unite"]
+
+_Float64 = npt.NDArray[np.float64]
+_Int32 = npt.NDArray[np.int32]
+_Int64 = npt.NDArray[np.int64]
+_Bool = npt.NDArray[np.bool_]
+_Rows = tuple[_Int64, _Int32, _Int64]
+
+_THIN_EDGES: Final = 2
+"""A unit is thin when it has fewer faces than this many times its perimeter in mean edges: a strip
+one square wide has two faces and two border edges a square, hence one face per edge; a strip of
+two squares has two."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeanUnits:
+    """What the surface has been united to."""
+
+    labels: _Int32
+    """(F,) unit of every face."""
+    rows: _Rows
+    """Neighbours of every unit, and the length of the border, in steps."""
+    sums: _Int64
+    """(U, C) summed colours, in steps."""
+    faces: _Int64
+    """(U,) number of faces."""
+    name: _Int32
+    """(U,) lowest face."""
+    outer: _Int64 | None = None
+    """(U,) border with what is not among the units (faces of other tiles), in steps; None: none."""
+
+
+def unite(
+    units: MeanUnits, weight: _Float64, limit: float, least: int, leak: float, mean_step: int
+) -> MeanUnits:
+    """Do rounds until none unites anything; with a mean step only what is small or thin.
+
+    Parameters
+    ----------
+    units : MeanUnits
+    weight : ndarray of shape (C,), float64
+        Weight of each colour per step.
+    limit : float
+        Differences at it or above unite nothing.
+    least : int
+        Units with fewer faces are small.
+    leak : float
+        Power of (perimeter / common border).
+    mean_step : int
+        Mean edge in steps: only small units and those less than two edges wide choose; 0: all do.
+
+    Returns
+    -------
+    MeanUnits
+
+    The pair of least difference always chooses each other, so every round makes progress; star
+    joins keep the number of rounds near the logarithm of the units.
+    """
+    while True:
+        offsets, neighbours, border = units.rows
+        perimeter = row_sums(offsets, border)
+        if units.outer is not None:
+            perimeter += units.outer
+        small = units.faces < least
+        if mean_step:
+            small |= units.faces * mean_step < _THIN_EDGES * perimeter
+        nodes, count = _round(
+            offsets, neighbours, border, perimeter, units.sums, units.faces, units.name, small,
+            weight, limit, least, leak, mean_step > 0,
+        )  # fmt: skip
+        if count == len(nodes):
+            return units
+        sums, faces, name = _united(nodes, count, units.sums, units.faces, units.name)
+        rows = contract_rows(*units.rows, nodes, count)
+        outer = None
+        if units.outer is not None:
+            outer = np.zeros(count, np.int64)
+            np.add.at(outer, nodes, units.outer)
+        units = MeanUnits(nodes[units.labels], rows, sums, faces, name, outer)
+
+
+@numba.njit(cache=True, nogil=True)
+def _round(
+    offsets: _Int64,
+    neighbours: _Int32,
+    border: _Int64,
+    perimeter: _Int64,
+    sums: _Int64,
+    faces: _Int64,
+    name: _Int32,
+    small: _Bool,
+    weight: _Float64,
+    limit: float,
+    least: int,
+    leak: float,
+    small_only: bool,
+) -> tuple[_Int32, int]:
+    """Union of every unit after one round, numbered by lowest unit, and their count."""
+    count = len(offsets) - 1
+    choice = np.full(count, -1, np.int32)
+    for u in range(count):
+        best = limit * limit
+        for e in range(offsets[u], offsets[u + 1]):
+            v = neighbours[e]
+            if small_only and not small[u] and not small[v]:
+                continue
+            d = 0.0
+            for c in range(sums.shape[1]):
+                step = (sums[u, c] / faces[u] - sums[v, c] / faces[v]) * weight[c]
+                d += step * step
+            if not small_only:
+                smaller = min(faces[u], faces[v])
+                if smaller < least:
+                    d *= smaller / least
+                if leak > 0.0:
+                    d *= (min(perimeter[u], perimeter[v]) / border[e]) ** (2.0 * leak)
+            if d < best or (
+                d == best
+                and (
+                    choice[u] < 0 or scramble(name[u], name[v]) < scramble(name[u], name[choice[u]])
+                )
+            ):
+                best = d
+                choice[u] = v
+    star = np.zeros(count, np.bool_)
+    for u in range(count):
+        v = choice[u]
+        star[u] = v >= 0 and choice[v] != u and faces[v] >= 4 * faces[u]
+    parent = np.arange(count).astype(np.int32)
+    for u in range(count):
+        v = choice[u]
+        if v >= 0 and ((choice[v] == u and v < u) or (star[u] and not star[v])):
+            parent[u] = v
+    nodes = np.full(count, -1, np.int32)
+    found = 0
+    for u in range(count):
+        root = u
+        while parent[root] != root:
+            root = parent[root]
+        if nodes[root] < 0:
+            nodes[root] = found
+            found += 1
+        nodes[u] = nodes[root]
+    return nodes, found
+
+
+@numba.njit(cache=True, nogil=True)
+def _united(
+    nodes: _Int32, count: int, sums: _Int64, faces: _Int64, name: _Int32
+) -> tuple[_Int64, _Int64, _Int32]:
+    """Sum colours and faces over every union, and find its lowest face."""
+    new_sums = np.zeros((count, sums.shape[1]), np.int64)
+    new_faces = np.zeros(count, np.int64)
+    new_name = np.full(count, np.iinfo(np.int32).max, np.int32)
+    for u in range(len(nodes)):
+        n = nodes[u]
+        new_faces[n] += faces[u]
+        new_name[n] = min(new_name[n], name[u])
+        for c in range(sums.shape[1]):
+            new_sums[n, c] += sums[u, c]
+    return new_sums, new_faces, new_name
