@@ -77,7 +77,12 @@ def estimate_normals(
 
 
 def certain_mask(
-    points: Float32, normals: Float32, *, spacing_m: float, steepest: float = 0.5
+    points: Float32,
+    normals: Float32,
+    *,
+    spacing_m: float,
+    steepest: float = 0.5,
+    grid_origin_m: tuple[float, float] | None = None,
 ) -> Mask:
     """Mark the points that must face up: not steep, and open to the sky.
 
@@ -91,14 +96,20 @@ def certain_mask(
         Areal spacing.
     steepest : float
         Smallest vertical component of a certain normal (0.5 is a slope of 60 degrees).
+    grid_origin_m : (x, z), optional
+        A corner of the columns that are looked up in; the points' lowest x and z by default.
+        Overlapping parts of one cloud decide alike when they give the same corner.
 
     Returns
     -------
     ndarray of shape (N,), bool
     """
     cell_m = _CELL_SPACINGS * spacing_m
-    low = points.min(axis=0)
-    column = ((points[:, ::2] - low[::2]) / cell_m).astype(np.int64) + 1
+    if grid_origin_m is None:
+        column = ((points[:, ::2] - points.min(axis=0)[::2]) / cell_m).astype(np.int64) + 1
+    else:
+        column = np.floor((points[:, ::2] - np.array(grid_origin_m)) / cell_m).astype(np.int64)
+        column -= column.min(axis=0) - 1
     width = int(column[:, 0].max()) + 2
     key = column[:, 1] * width + column[:, 0]
     cells, cell = np.unique(key, return_inverse=True)
@@ -118,7 +129,13 @@ def certain_mask(
 
 
 def orient_normals(
-    points: Float32, normals: Float32, neighbours: Neighbours, *, spacing_m: float, k: int = 10
+    points: Float32,
+    normals: Float32,
+    neighbours: Neighbours,
+    *,
+    spacing_m: float,
+    k: int = 10,
+    grid_origin_m: tuple[float, float] | None = None,
 ) -> tuple[Float32, int, int]:
     """Turn normals out of the ground; see the module's text for the rule.
 
@@ -133,6 +150,8 @@ def orient_normals(
     spacing_m : float
         Areal spacing.
     k : int
+    grid_origin_m : (x, z), optional
+        See :func:`certain_mask`.
 
     Returns
     -------
@@ -143,7 +162,7 @@ def orient_normals(
         Points that nothing reached; they face up.
     """
     k = min(k, neighbours.indices.shape[1])
-    certain = certain_mask(points, normals, spacing_m=spacing_m)
+    certain = certain_mask(points, normals, spacing_m=spacing_m, grid_origin_m=grid_origin_m)
     oriented = np.where((normals[:, 1] < 0)[:, None], -normals, normals)
     graph = np.ascontiguousarray(neighbours.indices[:, :k])
     starts, links = _reverse_graph(graph)

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.geometry.spacing import Neighbours
-from terraport_pipeline.model import Float64
+from terraport_pipeline.model import Float32, Float64
 
-__all__ = ["duplicate_mask", "outlier_mask"]
+__all__ = ["duplicate_mask", "mean_distances", "outlier_mask", "usual_distance"]
 
 Mask = npt.NDArray[np.bool_]
 
@@ -63,8 +63,27 @@ def duplicate_mask(points: Float64) -> Mask:
     return mask
 
 
+def mean_distances(neighbours: Neighbours, *, k: int = 8) -> Float32:
+    """Mean distance of every point to its k nearest neighbours, metres, (N,) float32, above 0."""
+    k = min(k, neighbours.indices.shape[1])
+    found: Float32 = np.maximum(neighbours.distances[:, :k].mean(axis=1), np.float32(1e-12))
+    return found
+
+
+def usual_distance(mean_m: Float32) -> tuple[float, float]:
+    """Median of the logarithms of mean distances, and their robust standard deviation."""
+    logs = np.log(mean_m)
+    middle = float(np.median(logs))
+    return middle, _MAD_TO_SIGMA * float(np.median(np.abs(logs - middle)))
+
+
 def outlier_mask(
-    neighbours: Neighbours, *, ratio: float = 3.0, deviations: float = 3.0, k: int = 8
+    neighbours: Neighbours,
+    *,
+    ratio: float = 3.0,
+    deviations: float = 3.0,
+    k: int = 8,
+    usual: tuple[float, float] | None = None,
 ) -> Mask:
     """Mark points that stand alone beside a denser surface.
 
@@ -88,6 +107,9 @@ def outlier_mask(
         See above; larger keeps more.
     k : int
         Neighbours that count; all are used where there are fewer.
+    usual : (float, float), optional
+        :func:`usual_distance` of the whole cloud that these points are a part of; of the points
+        themselves by default.
 
     Returns
     -------
@@ -95,11 +117,10 @@ def outlier_mask(
         True for outliers.
     """
     k = min(k, neighbours.indices.shape[1])
-    mean_m = np.maximum(neighbours.distances[:, :k].mean(axis=1), np.float32(1e-12))
+    mean_m = mean_distances(neighbours, k=k)
     around_m = np.median(mean_m[neighbours.indices[:, :k]], axis=1)
     logs = np.log(mean_m)
-    middle = float(np.median(logs))
-    sigma = _MAD_TO_SIGMA * float(np.median(np.abs(logs - middle)))
+    middle, sigma = usual or usual_distance(mean_m)
     alone: Mask = mean_m > ratio * around_m
     alone &= logs > middle + deviations * sigma
     alone |= logs > middle + np.log(HOPELESS_RATIO)

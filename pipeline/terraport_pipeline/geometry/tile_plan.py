@@ -25,6 +25,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -148,7 +149,7 @@ class TilePlan:
         tile : int
             Ascending.
         rows : ndarray, int64
-            Of `cells`, ascending; a sample near a wall belongs to up to eight tiles.
+            Of `cells`, ascending; a sample near a wall belongs to several tiles.
         """
         low = (cells - self.offset - self.shape.margin) / self.shape.core
         high = (cells - self.offset + self.shape.margin) / self.shape.core
@@ -156,14 +157,8 @@ class TilePlan:
         last = np.floor(high).astype(np.int64)
         found: dict[int, list[Int64]] = {}
         numbers = self._numbers()
-        for corner in range(8):
-            steps = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
-            index = np.where(steps, last, first)
-            fresh = ((last != first) | (steps == 0)).all(axis=1)
-            rows = np.flatnonzero(fresh)
-            if not len(rows):
-                continue
-            unique, which = np.unique(index[rows], axis=0, return_inverse=True)
+        for index, rows in _between(first, last):
+            unique, which = np.unique(index, axis=0, return_inverse=True)
             order = np.argsort(which.ravel(), kind="stable")
             edges = np.searchsorted(which.ravel()[order], np.arange(len(unique) + 1))
             for place, key in enumerate(map(tuple, unique.tolist())):
@@ -296,13 +291,19 @@ def count_tiles(
 def _cores_touched(
     low: npt.NDArray[np.floating] | Int64, high: npt.NDArray[np.floating] | Int64, core: int
 ) -> tuple[Int64, Int64]:
-    """Every core that each box overlaps: (index (K, 3), box (K,)). A box is below one core wide."""
+    """Every core that each box overlaps: (index (K, 3), box (K,))."""
     first = np.floor(low / core).astype(np.int64)
     last = np.ceil(high / core).astype(np.int64) - 1
-    parts, rows = [], []
-    for corner in range(8):
-        steps = np.array([corner & 1, corner >> 1 & 1, corner >> 2])
-        fresh = ((last != first) | (steps == 0)).all(axis=1)
-        parts.append(np.where(steps, last, first)[fresh])
-        rows.append(np.flatnonzero(fresh))
-    return np.concatenate(parts), np.concatenate(rows)
+    found = list(_between(first, last))
+    return np.concatenate([index for index, _ in found]), np.concatenate([r for _, r in found])
+
+
+def _between(first: Int64, last: Int64) -> Iterator[tuple[Int64, Int64]]:
+    """Yield all indices from first to last of every row: (index (K, 3), row (K,)) piece by piece."""
+    if not len(first):
+        return
+    spans = (last - first).max(axis=0)
+    for steps in itertools.product(*(range(int(span) + 1) for span in spans)):
+        rows = np.flatnonzero((first + steps <= last).all(axis=1))
+        if len(rows):
+            yield first[rows] + steps, rows
