@@ -1,0 +1,427 @@
+"""Which photos could colour a face, and how well each would.
+
+One photo after another is taken through three steps: vertices are projected, faces that lie wholly
+inside the picture and look at the camera are rated, and those that nothing hides are put among the
+best few of their face. So photos are loaded once, and memory is bounded by faces times
+:data:`SLOTS`, however many photos there are.
+
+The rating (the data term of Waechter, Moehrle, Goesele, "Let There Be Color! Large-Scale Texturing
+of 3D Reconstructions", ECCV 2014, section 4.1) is::
+
+    quality = projected area in pixels * cos(angle to the face's normal) * sharpness
+
+where they integrate the gradient magnitude over the projected face. The faces of a dense survey
+cover a few pixels, where that integral is mostly noise and likes whatever is rough; here the
+sharpness is that of the surroundings (see :mod:`terraport_pipeline.geometry.sharpness`).
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.geometry.chunks import CHUNK, in_chunks
+from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.lens_kernels import HEIGHT, POSITION, WIDTH, project_packed
+from terraport_pipeline.geometry.mesh_blocks import MeshBlocks
+from terraport_pipeline.model import Float32, Float64, Int32, UInt8
+
+__all__ = [
+    "QUALITY_STEPS",
+    "SLOTS",
+    "Candidates",
+    "Rated",
+    "insert",
+    "median_area",
+    "new_candidates",
+    "project_blocks",
+    "rate_faces",
+    "sorted_by_view",
+    "visible_blocks",
+]
+
+SLOTS: Final = 8
+"""Views kept per face, the best by quality. A drone survey shows a point in 5 to 50 photos; the
+eighth best is rarely within half the quality of the best."""
+
+QUALITY_STEPS: Final = 2048
+"""Steps of quality per factor of two: qualities are kept as logarithms in 16 bits, 0.034 %
+apart."""
+
+_QUALITY_SHIFT: Final = 12.0
+"""Qualities below 2^-12 square pixels are kept as that."""
+
+_MARGIN: Final = 0.004
+"""Strip along a photo's edge that is not used, as a part of its width: undistorted photos are black
+there, and resampling needs neighbours."""
+
+_Int16 = npt.NDArray[np.int16]
+_UInt16 = npt.NDArray[np.uint16]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidates:
+    """The best views of each face."""
+
+    view: _Int16
+    """(F, SLOTS) view, -1 in empty places."""
+    quality: _UInt16
+    """(F, SLOTS) logarithm of the quality in steps, 1 at least; 0 in empty places."""
+    colour: UInt8
+    """(F, SLOTS, 3) sRGB of the face in that view, after the view's gain."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rated:
+    """Faces that one photo may show; C of them, in face order."""
+
+    face: Int32
+    """(C,)"""
+    quality: Float32
+    """(C,) see the module."""
+    area: Float32
+    """(C,) square pixels."""
+
+
+def new_candidates(n_faces: int) -> Candidates:
+    """Make empty candidates for so many faces; 56 bytes each."""
+    return Candidates(
+        np.full((n_faces, SLOTS), -1, np.int16),
+        np.zeros((n_faces, SLOTS), np.uint16),
+        np.zeros((n_faces, SLOTS, 3), np.uint8),
+    )
+
+
+def visible_blocks(blocks: MeshBlocks, view: View) -> npt.NDArray[np.intp]:
+    """Find blocks that the cone around a photo touches, ascending.
+
+    The cone holds the rays of the picture's rim; where the lens cannot tell (a rim beyond its valid
+    radius) it is taken as half of space.
+    """
+    lens = view.lens
+    u = np.linspace(0.0, lens.width, 17)
+    v = np.linspace(0.0, lens.height, 17)
+    rim = np.concatenate(
+        [np.stack(pair, axis=1) for pair in (
+            (u, np.zeros(17)), (u, np.full(17, lens.height)),
+            (np.zeros(17), v), (np.full(17, lens.width), v),
+        )]
+    )  # fmt: skip
+    cosine = lens.unproject(rim)[:, 2]
+    widest = 0.5 * np.pi
+    if np.isfinite(cosine).all():
+        widest = min(widest, float(np.arccos(np.clip(cosine.min(), -1.0, 1.0))) + 0.01)
+    towards = blocks.spheres[:, :3] - view.position
+    distance = np.linalg.norm(towards, axis=1)
+    radius = blocks.spheres[:, 3]
+    ahead = towards @ view.rotation[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off_axis = np.arccos(np.clip(ahead / distance, -1.0, 1.0))
+        half = np.arcsin(np.clip(radius / distance, 0.0, 1.0))
+    inside = (distance <= radius) | (off_axis <= widest + half)
+    return np.flatnonzero((radius >= 0.0) & inside)
+
+
+def project_blocks(
+    blocks: MeshBlocks,
+    packed: Float64,
+    seen: npt.NDArray[np.intp],
+    uv: Float32,
+    *,
+    threads: int = 1,
+) -> None:
+    """Write the pixels of the vertices of blocks seen to `uv`, (V, 2) float32; else NaN."""
+    uv[:] = np.nan
+    pieces = _pieces(blocks.vertex_starts, seen)
+    vertices = blocks.vertices
+
+    def work(begin: int, end: int) -> None:
+        for first, last in pieces[begin:end]:
+            _project(packed, vertices, uv, first, last)
+
+    in_chunks(work, len(pieces), threads=threads, chunk=8)
+
+
+def median_area(
+    blocks: MeshBlocks, packed: Float64, seen: npt.NDArray[np.intp], uv: Float32
+) -> float:
+    """Median projected area of faces inside a photo, square pixels, from a sample; 0: none."""
+    found = [
+        _sample_areas(packed, blocks.faces, uv, first, last)
+        for first, last in _pieces(blocks.face_starts, seen)
+    ]
+    areas = np.concatenate(found) if found else np.zeros(0)
+    return float(np.median(areas)) if len(areas) else 0.0
+
+
+def rate_faces(
+    blocks: MeshBlocks,
+    packed: Float64,
+    seen: npt.NDArray[np.intp],
+    uv: Float32,
+    sharpness: Float32,
+    candidates: Candidates,
+    *,
+    min_cosine: float,
+    threads: int = 1,
+) -> Rated:
+    """Rate the faces that lie inside a photo, look at it, and would be among their best.
+
+    Parameters
+    ----------
+    blocks : MeshBlocks
+    packed : ndarray of shape (PACKED,), float64
+        The view.
+    seen : ndarray of int
+        Blocks to look at.
+    uv : ndarray of shape (V, 2), float32
+        From :func:`project_blocks`.
+    sharpness : ndarray of shape (H', W'), float32
+        Positive factor of the quality over the picture, of any resolution.
+    candidates : Candidates
+        What is known so far: a face whose places are all taken by better views is left out.
+    min_cosine : float
+        Faces seen at flatter angles are left out.
+    threads : int
+
+    Returns
+    -------
+    Rated
+    """
+    pieces = _pieces(blocks.face_starts, seen)
+    worst = candidates.quality
+
+    def work(begin: int, end: int) -> list[tuple[Int32, Float32, Float32]]:
+        return [
+            _rate(
+                packed, blocks.vertices, blocks.faces, uv, sharpness, worst, min_cosine, first, last
+            )
+            for first, last in pieces[begin:end]
+        ]
+
+    found = [
+        part for parts in in_chunks(work, len(pieces), threads=threads, chunk=8) for part in parts
+    ]
+    if not found:
+        return Rated(np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32))
+    return Rated(*(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+def insert(
+    candidates: Candidates,
+    view: int,
+    rated: Rated,
+    visible: npt.NDArray[np.bool_],
+    colours: UInt8,
+    *,
+    threads: int = 1,
+) -> None:
+    """Put a photo among the best of the faces it shows.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        Written to.
+    view : int
+        Views must come in ascending order: of equal ones the earlier stays.
+    rated : Rated
+        C faces.
+    visible : ndarray of shape (C,), bool
+    colours : ndarray of shape (C, 3), uint8
+        The faces' colours in this photo.
+    """
+
+    def work(begin: int, end: int) -> None:
+        _insert(
+            candidates.view, candidates.quality, candidates.colour,
+            view, rated.face, rated.quality, visible, colours, begin, end,
+        )  # fmt: skip
+
+    # Every face occurs once, so no two pieces write to one place.
+    in_chunks(work, len(rated.face), threads=threads)
+
+
+def sorted_by_view(candidates: Candidates, *, threads: int = 1) -> None:
+    """Sort the places of every face by view, the empty ones last; in place."""
+
+    def work(begin: int, end: int) -> None:
+        _sort_slots(candidates.view, candidates.quality, candidates.colour, begin, end)
+
+    in_chunks(work, len(candidates.view), threads=threads)
+
+
+def _pieces(starts: npt.NDArray[np.int64], seen: npt.NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Ranges of items of the blocks, neighbouring blocks in one, none longer than a chunk or so."""
+    pieces: list[tuple[int, int]] = []
+    for block in seen.tolist():
+        first, last = int(starts[block]), int(starts[block + 1])
+        if first == last:
+            continue
+        if pieces and pieces[-1][1] == first and last - pieces[-1][0] <= CHUNK // 8:
+            pieces[-1] = (pieces[-1][0], last)
+        else:
+            pieces.append((first, last))
+    return pieces
+
+
+@numba.njit(cache=True, nogil=True)
+def _project(packed: Float64, vertices: Float32, uv: Float32, begin: int, end: int) -> None:
+    for i in range(begin, end):
+        u, v, _ = project_packed(
+            packed,
+            np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2]),
+        )  # fmt: skip
+        uv[i, 0], uv[i, 1] = u, v
+
+
+@numba.njit(cache=True, nogil=True)
+def _sample_areas(packed: Float64, faces: Int32, uv: Float32, begin: int, end: int) -> Float64:
+    """Projected areas of every 61st face that lies inside the picture."""
+    found = np.empty((end - begin) // 61 + 1)
+    n = 0
+    for f in range(begin, end, 61):
+        inside = True
+        for c in range(3):
+            u, v = uv[faces[f, c], 0], uv[faces[f, c], 1]
+            if not (u >= 0.0 and u <= packed[WIDTH] and v >= 0.0 and v <= packed[HEIGHT]):
+                inside = False
+        if inside:
+            found[n] = abs(_picture_area(faces, uv, f))
+            n += 1
+    return found[:n]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _picture_area(faces: Int32, uv: Float32, f: int) -> float:
+    """Projected area; negative for faces that look away from the camera.
+
+    v points down, so a face that is counter-clockwise seen from outside has a negative determinant.
+    """
+    i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+    return 0.5 * (  # type: ignore[no-any-return]
+        (np.float64(uv[k, 0]) - uv[i, 0]) * (np.float64(uv[j, 1]) - uv[i, 1])
+        - (np.float64(uv[j, 0]) - uv[i, 0]) * (np.float64(uv[k, 1]) - uv[i, 1])
+    )
+
+
+@numba.njit(cache=True, nogil=True)
+def quality_level(quality: float) -> int:
+    """Logarithm of a quality in steps, 1..65535."""
+    level = np.log2(max(quality, 2.0**-_QUALITY_SHIFT)) + _QUALITY_SHIFT
+    return min(max(int(level * QUALITY_STEPS), 1), 65535)
+
+
+@numba.njit(cache=True, nogil=True)
+def _rate(
+    packed: Float64,
+    vertices: Float32,
+    faces: Int32,
+    uv: Float32,
+    sharpness: Float32,
+    quality: _UInt16,
+    min_cosine: float,
+    begin: int,
+    end: int,
+) -> tuple[Int32, Float32, Float32]:
+    """Rate faces begin..end; the three columns of :class:`Rated`."""
+    width, height = packed[WIDTH], packed[HEIGHT]
+    margin = _MARGIN * max(width, height)
+    px, py, pz = packed[POSITION], packed[POSITION + 1], packed[POSITION + 2]
+    found_face = np.empty(end - begin, np.int32)
+    found_quality = np.empty(end - begin, np.float32)
+    found_area = np.empty(end - begin, np.float32)
+    rows, columns = sharpness.shape
+    n = 0
+    for f in range(begin, end):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        inside = True  # NaN (not in the picture) fails the comparisons
+        for c in range(3):
+            u, v = uv[faces[f, c], 0], uv[faces[f, c], 1]
+            if not (u >= margin and u <= width - margin and v >= margin and v <= height - margin):
+                inside = False
+        if not inside:
+            continue
+        area = _picture_area(faces, uv, f)
+        if not area > 0.0:
+            continue
+        ax, ay, az = (
+            np.float64(vertices[j, 0]) - vertices[i, 0],
+            np.float64(vertices[j, 1]) - vertices[i, 1],
+            np.float64(vertices[j, 2]) - vertices[i, 2],
+        )
+        bx, by, bz = (
+            np.float64(vertices[k, 0]) - vertices[i, 0],
+            np.float64(vertices[k, 1]) - vertices[i, 1],
+            np.float64(vertices[k, 2]) - vertices[i, 2],
+        )
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        tx, ty, tz = px - vertices[i, 0], py - vertices[i, 1], pz - vertices[i, 2]
+        size = np.sqrt((nx * nx + ny * ny + nz * nz) * (tx * tx + ty * ty + tz * tz))
+        facing = nx * tx + ny * ty + nz * tz
+        if not facing >= min_cosine * size:
+            continue
+        u = (np.float64(uv[i, 0]) + uv[j, 0] + uv[k, 0]) / 3.0
+        v = (np.float64(uv[i, 1]) + uv[j, 1] + uv[k, 1]) / 3.0
+        sharp = sharpness[
+            min(int(v * rows / height), rows - 1), min(int(u * columns / width), columns - 1)
+        ]
+        value = area * (facing / size) * sharp
+        least = 65535
+        for s in range(SLOTS):
+            least = min(least, int(quality[f, s]))
+        if quality_level(value) <= least:
+            continue
+        found_face[n], found_quality[n], found_area[n] = f, value, area
+        n += 1
+    return found_face[:n], found_quality[:n], found_area[:n]
+
+
+@numba.njit(cache=True, nogil=True)
+def _insert(
+    views: _Int16,
+    qualities: _UInt16,
+    slot_colours: UInt8,
+    view: int,
+    face: Int32,
+    quality: Float32,
+    visible: npt.NDArray[np.bool_],
+    colours: UInt8,
+    begin: int,
+    end: int,
+) -> None:
+    for c in range(begin, end):
+        if not visible[c]:
+            continue
+        f = face[c]
+        worst = 0
+        for s in range(1, SLOTS):
+            if qualities[f, s] < qualities[f, worst]:
+                worst = s
+        level = quality_level(np.float64(quality[c]))
+        if level > qualities[f, worst]:
+            views[f, worst] = view
+            qualities[f, worst] = level
+            for k in range(3):
+                slot_colours[f, worst, k] = colours[c, k]
+
+
+@numba.njit(cache=True, nogil=True)
+def _sort_slots(views: _Int16, qualities: _UInt16, colours: UInt8, begin: int, end: int) -> None:
+    for f in range(begin, end):
+        for s in range(1, SLOTS):
+            t = s
+            # as unsigned numbers the empty places (-1) come last
+            while t > 0 and np.uint16(views[f, t]) < np.uint16(views[f, t - 1]):
+                views[f, t], views[f, t - 1] = views[f, t - 1], views[f, t]
+                qualities[f, t], qualities[f, t - 1] = qualities[f, t - 1], qualities[f, t]
+                for k in range(3):
+                    spare = colours[f, t, k]
+                    colours[f, t, k] = colours[f, t - 1, k]
+                    colours[f, t - 1, k] = spare
+                t -= 1

@@ -1,0 +1,435 @@
+"""One photo for every face: good ones, and the same as its neighbours'.
+
+The energy of a Markov random field on the faces, as in Lempitsky & Ivanov, "Seamless mosaicing of
+image-based texture maps" (CVPR 2007), equation 1, with the Potts model of Waechter, Moehrle,
+Goesele (ECCV 2014), equation 1::
+
+    E(l) = sum over faces f: a_f c_f(l_f)  +  smoothness * sum over edges (f, g): s_fg [l_f != l_g]
+
+with c_f(v) = 1 - quality(f, v) / best quality of f, a_f the face's area and s_fg the edge's length,
+both in units of their mean: the seams' length and the loss of quality are what counts, not how many
+faces a solver made of them.
+
+It is lowered by *block coordinate descent on trees* (Thuerck, Waechter, Widmer, von Buelow,
+Seemann, Pfetsch, Goesele, "A fast, massively parallel solver for large, irregular pairwise Markov
+random fields", HPG 2016): faces are picked so that those picked form a forest, about three in four
+of them; given the labels of the rest, dynamic programming finds the forest's best labels exactly,
+so the energy never rises. The next round grows other trees. With Potts costs a message takes time
+linear in the labels (Felzenszwalb & Huttenlocher, "Efficient belief propagation for early vision",
+IJCV 2006, section 3.1).
+
+Rounds run in pieces of faces beside each other; a face with a neighbour in another piece rests
+while its piece is solved, and the pieces are cut elsewhere in the next round. So the result does
+not depend on the number of threads.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.geometry.chunks import in_chunks
+from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS, Candidates
+from terraport_pipeline.model import Float32, Int32
+
+__all__ = ["FaceNeighbours", "Labelled", "energy", "face_neighbours", "label_faces", "view_costs"]
+
+_PIECE: Final = 2**18
+"""Faces solved as one: its border, where faces rest, is under 1 % of them, and its messages take
+8 MB."""
+
+_SHIFT: Final = 0.382
+"""Pieces begin this part of a piece later in every round (the golden section: never twice near one
+place)."""
+
+_UNIT: Final = 65535.0
+"""Costs are kept as 16-bit parts of this."""
+
+_UInt16 = npt.NDArray[np.uint16]
+_Int8 = npt.NDArray[np.int8]
+_Int16 = npt.NDArray[np.int16]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceNeighbours:
+    """Up to three neighbours of every face, and the sizes that weigh them."""
+
+    face: Int32
+    """(F, 3) neighbour across each edge, -1 where there is none; places in no order. Of more than
+    three neighbours (several faces at one edge) the first three."""
+    length: Float32
+    """(F, 3) length of the shared edge over the mean length."""
+    area: Float32
+    """(F,) area over the mean area."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Labelled:
+    """Chosen views, and how the choice went."""
+
+    slot: _Int8
+    """(F,) chosen place among the face's candidates, -1 where it has none."""
+    energies: tuple[float, ...]
+    """Before the first round and after each; never rising."""
+
+
+def face_neighbours(vertices: Float32, faces: Int32, pairs: Int32, edges: Int32) -> FaceNeighbours:
+    """Put pairs of neighbouring faces in rows.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+    faces : ndarray of shape (F, 3), int32
+    pairs, edges : ndarray of shape (P, 2), int32
+        From :func:`terraport_pipeline.geometry.adjacency.face_pairs`.
+
+    Returns
+    -------
+    FaceNeighbours
+    """
+    return FaceNeighbours(*_neighbour_rows(vertices, faces, pairs, edges))
+
+
+def view_costs(candidates: Candidates, *, threads: int = 1) -> None:
+    """Turn qualities into costs c_f(v), in place: 0 for a face's best view, below 65535."""
+
+    def work(begin: int, end: int) -> None:
+        _costs(candidates.view, candidates.quality, begin, end)
+
+    in_chunks(work, len(candidates.view), threads=threads)
+
+
+def label_faces(
+    candidates: Candidates,
+    neighbours: FaceNeighbours,
+    *,
+    smoothness: float,
+    max_rounds: int = 10,
+    min_gain: float = 1e-3,
+    threads: int = 1,
+) -> Labelled:
+    """Choose a view for every face.
+
+    Parameters
+    ----------
+    candidates : Candidates
+        Sorted by view, with costs for qualities (:func:`view_costs`). Faces without any stay
+        without and weigh nothing.
+    neighbours : FaceNeighbours
+    smoothness : float
+        What one mean edge of seam costs, in mean faces without any quality. 0 leaves every face its
+        best view (the first of equal ones).
+    max_rounds : int
+    min_gain : float
+        Stop when a round lowers the energy by less than this part of it.
+    threads : int
+        The result does not depend on it.
+
+    Returns
+    -------
+    Labelled
+    """
+    n_faces = len(candidates.view)
+    slot = np.full(n_faces, -1, np.int8)
+    in_chunks(
+        lambda begin, end: _best_slots(candidates.view, candidates.quality, slot, begin, end),
+        n_faces, threads=threads,
+    )  # fmt: skip
+    energies = [energy(candidates, neighbours, slot, smoothness=smoothness, threads=threads)]
+    for round_number in range(max_rounds if smoothness > 0.0 else 0):
+        _solve_round(candidates, neighbours, slot, smoothness, round_number, threads)
+        energies.append(
+            energy(candidates, neighbours, slot, smoothness=smoothness, threads=threads)
+        )
+        if energies[-2] - energies[-1] < min_gain * energies[-2]:
+            break
+    return Labelled(slot, tuple(energies))
+
+
+def energy(
+    candidates: Candidates,
+    neighbours: FaceNeighbours,
+    slot: _Int8,
+    *,
+    smoothness: float,
+    threads: int = 1,
+) -> float:
+    """E of a choice; see the module. Edges to faces without any view cost nothing."""
+    parts = in_chunks(
+        lambda begin, end: _energy(
+            candidates.view, candidates.quality, neighbours.face, neighbours.length,
+            neighbours.area, slot, smoothness, begin, end,
+        ),
+        len(slot), threads=threads,
+    )  # fmt: skip
+    return float(sum(parts))
+
+
+def _solve_round(
+    candidates: Candidates,
+    neighbours: FaceNeighbours,
+    slot: _Int8,
+    smoothness: float,
+    round_number: int,
+    threads: int,
+) -> None:
+    """Solve every piece once, in place; pieces read the other pieces' labels of before."""
+    n_faces = len(slot)
+    cuts = [0, *range(int(_SHIFT * round_number % 1.0 * _PIECE), n_faces, _PIECE), n_faces]
+    before = slot.copy()
+
+    def work(begin: int, end: int) -> None:
+        for first, last in zip(cuts[begin:end], cuts[begin + 1 : end + 1], strict=True):
+            if first < last:
+                _solve_piece(
+                    candidates.view, candidates.quality, neighbours.face, neighbours.length,
+                    neighbours.area, before, slot, smoothness, round_number, first, last,
+                )  # fmt: skip
+
+    in_chunks(work, len(cuts) - 1, threads=threads, chunk=1)
+
+
+@numba.njit(cache=True, nogil=True)
+def _neighbour_rows(
+    vertices: Float32, faces: Int32, pairs: Int32, edges: Int32
+) -> tuple[Int32, Float32, Float32]:
+    n_faces = len(faces)
+    rows = np.full((n_faces, 3), -1, np.int32)
+    length = np.zeros((n_faces, 3), np.float32)
+    area = np.empty(n_faces, np.float32)
+    total = 0.0
+    for p in range(len(pairs)):
+        a, b = edges[p, 0], edges[p, 1]
+        square = 0.0
+        for k in range(3):
+            square += (np.float64(vertices[a, k]) - vertices[b, k]) ** 2
+        edge = np.sqrt(square)
+        total += edge
+        f, g = pairs[p, 0], pairs[p, 1]
+        if rows[f, 2] >= 0 or rows[g, 2] >= 0:
+            continue  # both must know of each other, or neither
+        for s in range(3):
+            if rows[f, s] < 0:
+                rows[f, s], length[f, s] = g, edge
+                break
+        for s in range(3):
+            if rows[g, s] < 0:
+                rows[g, s], length[g, s] = f, edge
+                break
+    scale = len(pairs) / total if total > 0.0 else 1.0
+    whole = 0.0
+    for f in range(n_faces):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = (
+            np.float64(vertices[j, 0]) - vertices[i, 0],
+            np.float64(vertices[j, 1]) - vertices[i, 1],
+            np.float64(vertices[j, 2]) - vertices[i, 2],
+        )
+        bx, by, bz = (
+            np.float64(vertices[k, 0]) - vertices[i, 0],
+            np.float64(vertices[k, 1]) - vertices[i, 1],
+            np.float64(vertices[k, 2]) - vertices[i, 2],
+        )
+        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        area[f] = np.sqrt(nx * nx + ny * ny + nz * nz)
+        whole += area[f]
+        for s in range(3):
+            length[f, s] *= scale
+    scale = n_faces / whole if whole > 0.0 else 1.0
+    for f in range(n_faces):
+        area[f] *= scale
+    return rows, length, area
+
+
+@numba.njit(cache=True, nogil=True)
+def _costs(views: _Int16, values: _UInt16, begin: int, end: int) -> None:
+    for f in range(begin, end):
+        best = 0
+        for s in range(SLOTS):
+            if views[f, s] >= 0:
+                best = max(best, int(values[f, s]))
+        for s in range(SLOTS):
+            if views[f, s] < 0:
+                values[f, s] = 65535
+            else:
+                below = best - int(values[f, s])
+                values[f, s] = int(_UNIT * (1.0 - np.exp2(-below / QUALITY_STEPS)) + 0.5)
+
+
+@numba.njit(cache=True, nogil=True)
+def _best_slots(views: _Int16, costs: _UInt16, slot: _Int8, begin: int, end: int) -> None:
+    for f in range(begin, end):
+        best = -1
+        for s in range(SLOTS):
+            if views[f, s] >= 0 and (best < 0 or costs[f, s] < costs[f, best]):
+                best = s
+        slot[f] = best
+
+
+@numba.njit(cache=True, nogil=True)
+def _energy(
+    views: _Int16,
+    costs: _UInt16,
+    neighbour: Int32,
+    length: Float32,
+    area: Float32,
+    slot: _Int8,
+    smoothness: float,
+    begin: int,
+    end: int,
+) -> float:
+    total = 0.0
+    for f in range(begin, end):
+        if slot[f] < 0:
+            continue
+        total += area[f] * (costs[f, slot[f]] / _UNIT)
+        mine = views[f, slot[f]]
+        for s in range(3):
+            g = neighbour[f, s]
+            if g > f and slot[g] >= 0 and views[g, slot[g]] != mine:
+                total += smoothness * length[f, s]
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def _grow_forest(
+    slot: _Int8, neighbour: Int32, round_number: int, first: int, last: int
+) -> tuple[Int32, Int32]:
+    """Pick faces of a piece that form a forest: parents before children, and each one's parent.
+
+    A face is taken when exactly one of its neighbours is (its parent), or none and it begins a
+    tree; a face that meets two would close a ring, and rests.
+    """
+    count = last - first
+    state = np.zeros(count, np.uint8)  # 0 not seen, 1 taken, 2 rests
+    for i in range(count):
+        if slot[first + i] < 0:
+            state[i] = 2
+            continue
+        for s in range(3):
+            g = neighbour[first + i, s]
+            if g >= 0 and not first <= g < last and slot[g] >= 0:
+                state[i] = 2
+    order = np.empty(count, np.int32)
+    parent = np.empty(count, np.int32)
+    queue = np.empty(3 * count + 1, np.int32)
+    n = 0
+    # each round begins elsewhere and turns the other way, so that other faces rest
+    begin = (round_number * 7919) % count
+    for k in range(count):
+        seed = (begin + k) % count if round_number % 2 == 0 else (begin - k) % count
+        if state[seed] != 0:
+            continue
+        head, tail = 0, 1
+        queue[0] = seed
+        while head < tail:
+            i = queue[head]
+            head += 1
+            if state[i] != 0:
+                continue
+            above, met = -1, 0
+            for s in range(3):
+                g = neighbour[first + i, s] - first
+                if 0 <= g < count and state[g] == 1:
+                    above = g
+                    met += 1
+            if met > 1:
+                state[i] = 2
+                continue
+            state[i] = 1
+            order[n], parent[n] = i, above
+            n += 1
+            for t in range(3):
+                s = (t + round_number) % 3
+                g = neighbour[first + i, s] - first
+                if 0 <= g < count and state[g] == 0:
+                    queue[tail] = g
+                    tail += 1
+    return order[:n], parent[:n]
+
+
+@numba.njit(cache=True, nogil=True)
+def _edge_between(neighbour: Int32, length: Float32, f: int, g: int) -> float:
+    total = 0.0
+    for s in range(3):
+        if neighbour[f, s] == g:
+            total += length[f, s]
+    return total
+
+
+@numba.njit(cache=True, nogil=True)
+def _solve_piece(
+    views: _Int16,
+    costs: _UInt16,
+    neighbour: Int32,
+    length: Float32,
+    area: Float32,
+    old: _Int8,
+    slot: _Int8,
+    smoothness: float,
+    round_number: int,
+    first: int,
+    last: int,
+) -> None:
+    """Best labels of a forest in faces first..last, the labels of all other faces given."""
+    order, parent = _grow_forest(old, neighbour, round_number, first, last)
+    taken = np.zeros(last - first, np.bool_)
+    for n in range(len(order)):
+        taken[order[n]] = True
+    total = np.zeros((last - first, SLOTS), np.float32)
+    # (1) upwards: each face's costs, its resting neighbours' and its subtrees'
+    for n in range(len(order) - 1, -1, -1):
+        i = order[n]
+        f = first + i
+        for s in range(SLOTS):
+            if views[f, s] < 0:
+                total[i, s] = np.inf
+            else:
+                total[i, s] += area[f] * (costs[f, s] / _UNIT)
+        for e in range(3):
+            g = neighbour[f, e]
+            if g < 0 or old[g] < 0 or (first <= g < last and taken[g - first]):
+                continue
+            theirs = views[g, old[g]]
+            for s in range(SLOTS):
+                if views[f, s] != theirs:
+                    total[i, s] += smoothness * length[f, e]
+        if parent[n] < 0:
+            continue
+        p = first + parent[n]
+        least = total[i].min()
+        seam = smoothness * _edge_between(neighbour, length, f, p)
+        t = 0
+        for s in range(SLOTS):  # both rows are sorted by view: one pass finds the common ones
+            view = views[p, s]
+            if view < 0:
+                break
+            message = seam
+            while t < SLOTS and 0 <= views[f, t] < view:
+                t += 1
+            if t < SLOTS and views[f, t] == view:
+                message = min(message, total[i, t] - least)
+            total[parent[n], s] += message
+    # (2) downwards: each face's best label given its parent's
+    for n in range(len(order)):
+        i = order[n]
+        f = first + i
+        best = old[f]  # stays where another is only as good
+        for s in range(SLOTS):
+            if views[f, s] >= 0 and total[i, s] < total[i, best]:
+                best = s
+        if parent[n] >= 0:
+            p = first + parent[n]
+            seam = smoothness * _edge_between(neighbour, length, f, p)
+            theirs = views[p, slot[p]]
+            for s in range(SLOTS):
+                if views[f, s] == theirs and total[i, s] <= total[i, best] + seam:
+                    best = s
+                    break
+        slot[f] = best

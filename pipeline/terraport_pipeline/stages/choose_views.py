@@ -1,0 +1,221 @@
+"""Choose views: which photo colours which face of a mesh.
+
+(1) every photo's faces are rated, tested for occlusion and kept among the best few of each face,
+one photo at a time; (2) photos that disagree with the others about a face are dropped; (3)
+neighbouring faces are given the same photo where that costs little; (4) what remains at the seams
+is levelled.
+
+Memory: 56 bytes a face for the candidates, about 60 for the neighbours and 60 for the result, and
+40 per vertex; plus what the store of photos may hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
+from terraport_pipeline.geometry.occlusion import Occluder, visible_faces
+from terraport_pipeline.geometry.photo_samples import sample_faces, sharpness_map
+from terraport_pipeline.geometry.view_candidates import (
+    Candidates,
+    insert,
+    median_area,
+    new_candidates,
+    project_blocks,
+    rate_faces,
+    sorted_by_view,
+    visible_blocks,
+)
+from terraport_pipeline.geometry.view_choice import ViewChoice
+from terraport_pipeline.geometry.view_labels import face_neighbours, label_faces, view_costs
+from terraport_pipeline.model import Float32, Float64, Int32, UInt8
+from terraport_pipeline.progress import NullProgress, Progress
+
+__all__ = ["NAME", "Options", "Photos", "choose_views"]
+
+NAME: Final = "choose views"
+
+MAX_VIEWS: Final = 32_767
+"""Views are kept as 16-bit numbers."""
+
+_MAX_SCALE: Final = 8
+"""Photos are read at down to one eighth of their size, which JPEG decoders do at once."""
+
+
+class Photos(Protocol):
+    """Where photos come from: :class:`terraport_pipeline.engines.photos.PhotoStore`."""
+
+    def get(self, view_index: int, scale: int = 1) -> UInt8:
+        """Pixels (H', W', 3), sRGB, at about 1/scale of the photo's size."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How photos are chosen."""
+
+    max_angle_degrees: float = 80.0
+    """Faces seen at flatter angles than this from their normal are not coloured by that photo."""
+    smoothness: float = 1.0
+    """What a seam costs beside quality; see :mod:`terraport_pipeline.geometry.view_labels`. Higher
+    makes larger charts of less sharp photos."""
+    occluder_offset_m: float = 0.0
+    """How far the occluder may lie in front of the mesh where it is not the mesh itself."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.max_angle_degrees < 90.0:
+            raise OptionError(
+                f"max angle {self.max_angle_degrees} degrees; expected above 0 and below 90"
+            )
+        if not 0.0 <= self.smoothness <= 1000.0:
+            raise OptionError(f"smoothness {self.smoothness}; expected 0 to 1000")
+        if not self.occluder_offset_m >= 0.0:
+            raise OptionError(f"occluder offset {self.occluder_offset_m} m; expected at least 0")
+
+
+def choose_views(
+    mesh_vertices: Float32,
+    faces: Int32,
+    normals: Float32,
+    colours: UInt8,
+    views: Sequence[View],
+    photos: Photos,
+    occluder: Occluder,
+    gains: Float32,
+    options: Options | None = None,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> ViewChoice:
+    """Choose a photo for every face of a mesh.
+
+    Parameters
+    ----------
+    mesh_vertices : ndarray of shape (V, 3), float32
+        Metres, scene frame.
+    faces : ndarray of shape (F, 3), int32
+        Counter-clockwise seen from outside.
+    normals : ndarray of shape (V, 3), float32
+    colours : ndarray of shape (V, 3), uint8
+        The cloud's colours at the vertices, sRGB: what faces get that no photo sees.
+    views : sequence of View
+        In the scene frame; may be empty.
+    photos : Photos
+        Asked once for every view that sees anything, in order.
+    occluder : Occluder
+        The mesh itself and whatever else is in the way.
+    gains : ndarray of shape (len(views) + 1, GAIN_COLUMNS), float32
+        From :func:`terraport_pipeline.stages.view_gains.view_gains`, or
+        :func:`terraport_pipeline.geometry.photo_samples.neutral_gains`.
+    options : Options, optional
+    threads : int
+        The result does not depend on it.
+    progress : Progress, optional
+
+    Returns
+    -------
+    ViewChoice
+        In the mesh's own order of faces.
+
+    Raises
+    ------
+    ValueError
+        More than 32,767 views, or gains of another shape.
+    """
+    options, progress = options or Options(), progress or NullProgress()
+    if len(views) > MAX_VIEWS:
+        raise ValueError(f"{len(views)} views, expected at most {MAX_VIEWS}")
+    if len(gains) != len(views) + 1:
+        raise ValueError(f"{len(gains)} rows of gains for {len(views)} views, expected one more")
+    del normals, colours  # not used yet
+    blocks = mesh_blocks(mesh_vertices, faces)
+    # (1) candidates
+    candidates, facts = _collect(blocks, views, photos, occluder, gains, options, threads, progress)
+    # (3) labels
+    progress.start("texture: one photo for neighbours", None, "faces")
+    pairs, edges = face_pairs(blocks.faces, len(blocks.vertices), threads=threads)
+    neighbours = face_neighbours(blocks.vertices, blocks.faces, pairs, edges)
+    view_costs(candidates, threads=threads)
+    labelled = label_faces(candidates, neighbours, smoothness=options.smoothness, threads=threads)
+    slot = labelled.slot
+    chosen = np.where(
+        slot >= 0, np.take_along_axis(candidates.view, np.maximum(slot, 0)[:, None], 1)[:, 0], -1
+    ).astype(np.int32)
+    facts["energy_before"], facts["energy_after"] = labelled.energies[0], labelled.energies[-1]
+    facts["faces_unseen"] = int((slot < 0).sum())
+    progress.done({"faces unseen": facts["faces_unseen"]})
+    view = np.empty(len(faces), np.int32)
+    view[blocks.face_order] = chosen
+    return ViewChoice(
+        view=view,
+        blend_view=np.full(len(faces), -1, np.int32),
+        blend_weight=np.zeros((len(faces), 3), np.float32),
+        correction=np.zeros((len(faces), 3, 3), np.float16),
+        gains=gains,
+        facts=facts,
+    )
+
+
+def _collect(
+    blocks: MeshBlocks,
+    views: Sequence[View],
+    photos: Photos,
+    occluder: Occluder,
+    gains: Float32,
+    options: Options,
+    threads: int,
+    progress: Progress,
+) -> tuple[Candidates, dict[str, Any]]:
+    """Find the best views of every face, photo by photo."""
+    candidates = new_candidates(len(blocks.faces))
+    uv = np.empty((len(blocks.vertices), 2), np.float32)
+    rays, rated_faces, blank = 0, 0, 0
+    progress.start("texture: what each photo sees", float(len(views)), "photos")
+    for number, view in enumerate(views):
+        seen = visible_blocks(blocks, view)
+        packed = view.packed()
+        if len(seen):
+            project_blocks(blocks, packed, seen, uv, threads=threads)
+            scale = _photo_scale(blocks, packed, seen, uv)
+        if not len(seen) or scale == 0:
+            blank += 1
+            progress.advance(1.0)
+            continue
+        photo = photos.get(number, scale)
+        rated = rate_faces(
+            blocks, packed, seen, uv, sharpness_map(photo), candidates,
+            min_cosine=float(np.cos(np.radians(options.max_angle_degrees))), threads=threads,
+        )  # fmt: skip
+        visible, cast = visible_faces(
+            blocks, view, rated, occluder, offset_m=options.occluder_offset_m, threads=threads
+        )
+        found = sample_faces(
+            photo, packed, gains[number], blocks.faces, uv, rated.face, threads=threads
+        )
+        insert(candidates, number, rated, visible, found, threads=threads)
+        rays, rated_faces = rays + cast, rated_faces + len(rated.face)
+        progress.advance(1.0)
+    sorted_by_view(candidates, threads=threads)
+    progress.done({"rays": rays})
+    facts = {"views": len(views), "views_blank": blank, "rays": rays, "faces_rated": rated_faces}
+    return candidates, facts
+
+
+def _photo_scale(
+    blocks: MeshBlocks, packed: Float64, seen: npt.NDArray[np.intp], uv: Float32
+) -> int:
+    """Power of two to shrink a photo by, so that a face covers a pixel; 0: it sees none."""
+    area = median_area(blocks, packed, seen, uv)
+    if area == 0.0:
+        return 0
+    scale = 1
+    while scale < _MAX_SCALE and 4 * scale * scale <= area:
+        scale *= 2
+    return scale
