@@ -1,0 +1,389 @@
+"""Colours of an atlas: every texel of every chart from photo or vertex colours, and the gutters.
+
+A texel's place in its photo is interpolated between the face's corners, whose pixels were projected
+exactly. Within a face of the detail that differs from projecting the texel's own point by less than
+a hundredth of a pixel (a face of 20 pixels whose depth changes by 1 %); within a large face of a
+base by about a pixel, where a texel is several.
+
+How a texel is coloured is stated in :mod:`terraport_pipeline.geometry.view_choice`.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+
+from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH, project_packed
+from terraport_pipeline.geometry.photo_samples import apply_gain, gain_at, sample
+from terraport_pipeline.model import Float32, Float64, Int32, UInt8
+
+__all__ = ["NO_PHOTO", "FaceColours", "bake_photo_faces", "bake_plain_faces", "fill_cells"]
+
+NO_PHOTO: Final = np.zeros((1, 1, 3), np.uint8)
+"""Stands for the second photo where there is none."""
+
+_INSIDE: Final = -1e-9
+"""Barycentric weight from which a texel's centre counts as inside: centres on a shared edge belong
+to both faces, so none is left out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceColours:
+    """What colours F faces; see :class:`~terraport_pipeline.geometry.view_choice.ViewChoice`."""
+
+    view: Int32
+    """(F,)"""
+    blend_view: Int32
+    """(F,)"""
+    blend_weight: Float32
+    """(F, 3)"""
+    correction: Float32
+    """(F, 3, 3) corner, channel."""
+    colours: UInt8
+    """(F, 3, 3) vertex colours of the corners."""
+
+
+def bake_photo_faces(
+    image: UInt8,
+    covered: UInt8,
+    texels: Float64,
+    pixels: Float32,
+    which: Int32,
+    colours: FaceColours,
+    photo: UInt8,
+    packed: Float64,
+    gain: Float32,
+    other: tuple[UInt8, Float64, Float32, Float64] | None = None,
+) -> None:
+    """Draw faces of one photo, and of one second photo where they blend.
+
+    Parameters
+    ----------
+    image : ndarray of shape (H, W, 3), uint8
+        Written to.
+    covered : ndarray of shape (H, W), uint8
+        Set to 1 where a face was drawn.
+    texels : ndarray of shape (F, 3, 2), float64
+        Corners in the image.
+    pixels : ndarray of shape (F, 3, 2), float32
+        Corners in the photo, pixels of the lens.
+    which : ndarray of shape (K,), int32
+        Faces to draw.
+    colours : FaceColours
+        Of all F faces.
+    photo : ndarray of shape (H', W', 3), uint8
+        Of any size.
+    packed : ndarray of shape (PACKED,), float64
+        The photo's view.
+    gain : ndarray of shape (GAIN_COLUMNS,), float32
+        The photo's exposure.
+    other : (photo, packed, gain, points), optional
+        The second photo, and the corners (F, 3, 3) in metres.
+    """
+    if other is None:
+        none = np.zeros((0, 3, 3))
+        _bake_photo(
+            image, covered, texels, pixels, which, colours.blend_weight, colours.correction,
+            photo, packed, gain, NO_PHOTO, packed, gain, none, blends=False,
+        )  # fmt: skip
+        return
+    second, second_packed, second_gain, points = other
+    _bake_photo(
+        image, covered, texels, pixels, which, colours.blend_weight, colours.correction,
+        photo, packed, gain, second, second_packed, second_gain, points, blends=True,
+    )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _bake_photo(
+    image: UInt8,
+    covered: UInt8,
+    texels: Float64,
+    pixels: Float32,
+    which: Int32,
+    blend_weight: Float32,
+    correction: Float32,
+    photo: UInt8,
+    packed: Float64,
+    gain: Float32,
+    second: UInt8,
+    second_packed: Float64,
+    second_gain: Float32,
+    points: Float64,
+    blends: bool,
+) -> None:
+    scale_x, scale_y = photo.shape[1] / packed[WIDTH], photo.shape[0] / packed[HEIGHT]
+    second_x = second.shape[1] / second_packed[WIDTH]
+    second_y = second.shape[0] / second_packed[HEIGHT]
+    # Per corner: x, y in the photo, vignetting; the same of the second photo; its weight.
+    at = np.zeros((3, 7))
+    for index in range(len(which)):
+        f = which[index]
+        mixing = blends
+        for c in range(3):
+            u, v = np.float64(pixels[f, c, 0]), np.float64(pixels[f, c, 1])
+            at[c, 0], at[c, 1] = u * scale_x, v * scale_y
+            at[c, 2] = gain_at(gain, packed, u, v)
+            if mixing:
+                u, v, _ = project_packed(
+                    second_packed, points[f, c, 0], points[f, c, 1], points[f, c, 2]
+                )
+                mixing = np.isfinite(u) and np.isfinite(v)
+                at[c, 3], at[c, 4] = u * second_x, v * second_y
+                at[c, 5] = gain_at(second_gain, second_packed, u, v)
+                at[c, 6] = blend_weight[f, c]
+        box = _texel_box(texels[f], image.shape[1], image.shape[0])
+        drawn = False
+        ax, ay = texels[f, 0, 0], texels[f, 0, 1]
+        bx, by = texels[f, 1, 0] - ax, texels[f, 1, 1] - ay
+        cx, cy = texels[f, 2, 0] - ax, texels[f, 2, 1] - ay
+        area = bx * cy - by * cx
+        if abs(area) > 1e-12:
+            for j in range(box[1], box[3]):
+                for i in range(box[0], box[2]):
+                    px, py = i + 0.5 - ax, j + 0.5 - ay
+                    l1 = (px * cy - py * cx) / area
+                    l2 = (bx * py - by * px) / area
+                    l0 = 1.0 - l1 - l2
+                    if l0 < _INSIDE or l1 < _INSIDE or l2 < _INSIDE:
+                        continue
+                    drawn = True
+                    _write_photo(
+                        image, covered, i, j, l0, l1, l2, at, correction[f],
+                        photo, gain, second, second_gain, mixing,
+                    )  # fmt: skip
+        if not drawn:  # smaller than a texel: its middle takes the texel that nobody has
+            third = 1.0 / 3.0
+            i = int(ax + (bx + cx) * third)
+            j = int(ay + (by + cy) * third)
+            if not covered[j, i]:
+                _write_photo(
+                    image, covered, i, j, third, third, third, at, correction[f],
+                    photo, gain, second, second_gain, mixing,
+                )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _write_photo(
+    image: UInt8,
+    covered: UInt8,
+    i: int,
+    j: int,
+    l0: float,
+    l1: float,
+    l2: float,
+    at: Float64,
+    correction: Float32,
+    photo: UInt8,
+    gain: Float32,
+    second: UInt8,
+    second_gain: Float32,
+    mixing: bool,
+) -> None:
+    x = l0 * at[0, 0] + l1 * at[1, 0] + l2 * at[2, 0]
+    y = l0 * at[0, 1] + l1 * at[1, 1] + l2 * at[2, 1]
+    h = l0 * at[0, 2] + l1 * at[1, 2] + l2 * at[2, 2]
+    weight = x2 = y2 = h2 = 0.0
+    if mixing:
+        weight = l0 * at[0, 6] + l1 * at[1, 6] + l2 * at[2, 6]
+        x2 = l0 * at[0, 3] + l1 * at[1, 3] + l2 * at[2, 3]
+        y2 = l0 * at[0, 4] + l1 * at[1, 4] + l2 * at[2, 4]
+        h2 = l0 * at[0, 5] + l1 * at[1, 5] + l2 * at[2, 5]
+    for k in range(3):
+        level = apply_gain(sample(photo, x, y, k), h * gain[k])
+        if weight > 0.0:
+            there = apply_gain(sample(second, x2, y2, k), h2 * second_gain[k])
+            level += weight * (there - level)
+        level += l0 * correction[0, k] + l1 * correction[1, k] + l2 * correction[2, k]
+        image[j, i, k] = np.uint8(min(max(level + 0.5, 0.0), 255.0))
+    covered[j, i] = 1
+
+
+def bake_plain_faces(
+    image: UInt8,
+    covered: UInt8,
+    texels: Float64,
+    which: Int32,
+    colours: FaceColours,
+    gain: Float32,
+) -> None:
+    """Draw faces by their vertex colours.
+
+    Parameters
+    ----------
+    image, covered, texels, which, colours
+        As in :func:`bake_photo_faces`.
+    gain : ndarray of shape (GAIN_COLUMNS,), float32
+        That of the vertex colours.
+    """
+    _bake_plain(image, covered, texels, which, colours.colours, colours.correction, gain)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _bake_plain(
+    image: UInt8,
+    covered: UInt8,
+    texels: Float64,
+    which: Int32,
+    colours: UInt8,
+    correction: Float32,
+    gain: Float32,
+) -> None:
+    level = np.zeros((3, 3))
+    for index in range(len(which)):
+        f = which[index]
+        for c in range(3):
+            for k in range(3):
+                level[c, k] = apply_gain(np.float64(colours[f, c, k]), gain[k])
+                level[c, k] += correction[f, c, k]
+        box = _texel_box(texels[f], image.shape[1], image.shape[0])
+        drawn = False
+        ax, ay = texels[f, 0, 0], texels[f, 0, 1]
+        bx, by = texels[f, 1, 0] - ax, texels[f, 1, 1] - ay
+        cx, cy = texels[f, 2, 0] - ax, texels[f, 2, 1] - ay
+        area = bx * cy - by * cx
+        if abs(area) > 1e-12:
+            for j in range(box[1], box[3]):
+                for i in range(box[0], box[2]):
+                    px, py = i + 0.5 - ax, j + 0.5 - ay
+                    l1 = (px * cy - py * cx) / area
+                    l2 = (bx * py - by * px) / area
+                    l0 = 1.0 - l1 - l2
+                    if l0 < _INSIDE or l1 < _INSIDE or l2 < _INSIDE:
+                        continue
+                    drawn = True
+                    _write_plain(image, covered, i, j, l0, l1, l2, level)
+        if not drawn:
+            third = 1.0 / 3.0
+            i = int(ax + (bx + cx) * third)
+            j = int(ay + (by + cy) * third)
+            if not covered[j, i]:
+                _write_plain(image, covered, i, j, third, third, third, level)
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _write_plain(
+    image: UInt8,
+    covered: UInt8,
+    i: int,
+    j: int,
+    l0: float,
+    l1: float,
+    l2: float,
+    level: Float64,
+) -> None:
+    for k in range(3):
+        value = l0 * level[0, k] + l1 * level[1, k] + l2 * level[2, k]
+        image[j, i, k] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
+    covered[j, i] = 1
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _texel_box(corners: Float64, width: int, height: int) -> tuple[int, int, int, int]:
+    """Texels whose centres may lie in a face: first and behind the last, across and down."""
+    left = min(corners[0, 0], corners[1, 0], corners[2, 0])
+    right = max(corners[0, 0], corners[1, 0], corners[2, 0])
+    upper = min(corners[0, 1], corners[1, 1], corners[2, 1])
+    lower = max(corners[0, 1], corners[1, 1], corners[2, 1])
+    return (
+        max(int(np.floor(left - 0.5)), 0),
+        max(int(np.floor(upper - 0.5)), 0),
+        min(int(np.floor(right + 0.5)) + 1, width),
+        min(int(np.floor(lower + 0.5)) + 1, height),
+    )
+
+
+def fill_cells(image: UInt8, covered: UInt8, cells: Int32) -> None:
+    """Fill what no face covers: gutters from their own charts, the rest with the mean colour.
+
+    Parameters
+    ----------
+    image : ndarray of shape (H, W, 3), uint8
+        Written to.
+    covered : ndarray of shape (H, W), uint8
+        1 where a face was drawn; 1 in all cells afterwards.
+    cells : ndarray of shape (C, 4), int32
+        x, y, width, height of each chart's cell.
+
+    Notes
+    -----
+    Pull-push (S. J. Gortler et al., "The Lumigraph", 1996, section 3.4) within each cell: averages
+    of 2 x 2 covered texels, again and again, until everything has one; then downwards into the
+    gaps. Smooth, so it compresses to nothing, and a mip's texel in the gutter is the average that
+    the mip would make of its chart alone.
+    """
+    for x, y, width, height in cells.tolist():
+        _fill_cell(image, covered, x, y, width, height)
+    inside = covered.astype(bool)
+    if not inside.all():
+        image[~inside] = np.rint(image[inside].mean(axis=0)) if inside.any() else 128
+
+
+@numba.njit(cache=True, nogil=True)
+def _fill_cell(
+    image: UInt8, covered: UInt8, left: int, upper: int, width: int, height: int
+) -> None:
+    levels = 1
+    side = max(width, height)
+    while side > 1:
+        side = (side + 1) // 2
+        levels += 1
+    if levels == 1:
+        return
+    # All levels in one array; level 0 is the image itself.
+    starts = np.zeros(levels + 1, np.int64)
+    sides = np.zeros((levels, 2), np.int64)
+    w, h = width, height
+    for level in range(levels):
+        sides[level, 0], sides[level, 1] = w, h
+        starts[level + 1] = starts[level] + (w * h if level else 0)
+        w, h = (w + 1) // 2, (h + 1) // 2
+    value = np.zeros((starts[levels], 3), np.float32)
+    known = np.zeros(starts[levels], np.uint8)
+    for level in range(1, levels):
+        fine_w, fine_h = sides[level - 1]
+        for j in range(sides[level, 1]):
+            for i in range(sides[level, 0]):
+                r = g = b = np.float32(0.0)
+                n = np.float32(0.0)
+                for jj in range(2 * j, min(2 * j + 2, fine_h)):
+                    for ii in range(2 * i, min(2 * i + 2, fine_w)):
+                        if level == 1:
+                            if covered[upper + jj, left + ii]:
+                                r += image[upper + jj, left + ii, 0]
+                                g += image[upper + jj, left + ii, 1]
+                                b += image[upper + jj, left + ii, 2]
+                                n += np.float32(1.0)
+                        else:
+                            fine = starts[level - 1] + jj * fine_w + ii
+                            if known[fine]:
+                                r += value[fine, 0]
+                                g += value[fine, 1]
+                                b += value[fine, 2]
+                                n += np.float32(1.0)
+                if n > 0:
+                    place = starts[level] + j * sides[level, 0] + i
+                    value[place, 0], value[place, 1], value[place, 2] = r / n, g / n, b / n
+                    known[place] = 1
+    if not known[starts[levels - 1]]:
+        return  # nothing at all in this cell
+    for level in range(levels - 2, 0, -1):
+        for j in range(sides[level, 1]):
+            for i in range(sides[level, 0]):
+                place = starts[level] + j * sides[level, 0] + i
+                if not known[place]:
+                    parent = starts[level + 1] + (j // 2) * sides[level + 1, 0] + i // 2
+                    for k in range(3):
+                        value[place, k] = value[parent, k]
+    for j in range(height):
+        for i in range(width):
+            if not covered[upper + j, left + i]:
+                parent = starts[1] + (j // 2) * sides[1, 0] + i // 2
+                for k in range(3):
+                    image[upper + j, left + i, k] = np.uint8(value[parent, k] + np.float32(0.5))
+                covered[upper + j, left + i] = 1
