@@ -5,6 +5,7 @@
     PipelineError
     ├── SurveyError          the input file or its content cannot be used
     │   └── ReadError        the file cannot be read; carries path and place
+    ├── PhotoError           photos or cameras fit neither each other nor the survey
     ├── LabelFileError       a table of labels cannot be used; carries path and line
     ├── OptionError          an option is out of range or contradicts another
     ├── ResourceError        not enough memory or disk
@@ -25,6 +26,7 @@ __all__ = [
     "EngineError",
     "LabelFileError",
     "OptionError",
+    "PhotoError",
     "PipelineError",
     "ReadError",
     "ResourceError",
@@ -66,6 +68,10 @@ class ReadError(SurveyError):
     def __str__(self) -> str:
         where = f" at {self.place}" if self.place else ""
         return f"{self.path}{where}: {self.reason}; {self.advice}"
+
+
+class PhotoError(PipelineError, ValueError):
+    """Photos or their cameras cannot be used: missing, damaged, or they look elsewhere."""
 
 
 class LabelFileError(PipelineError, ValueError):
