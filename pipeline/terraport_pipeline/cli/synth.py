@@ -16,11 +16,14 @@ from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
+from terraport_pipeline.synth.flight import FlightOptions
 from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.photo_files import WrittenPhotos, write_photos
 
-__all__ = ["parse_count", "register", "synth"]
+__all__ = ["parse_count", "parse_size", "register", "synth"]
 
 _DEFAULTS: Final = QuarryOptions()
+_FLIGHT: Final = FlightOptions()
 
 _SUFFIXES: Final = {"": 1, "k": 1_000, "m": 1_000_000}
 
@@ -66,6 +69,10 @@ def synth(
         float | None,
         typer.Option(help=f"Share of stray points, 0 to 0.2.  [{_DEFAULTS.outlier_fraction:g}]"),
     ] = None,
+    detail: Annotated[
+        float | None,
+        typer.Option(help="Patterns finer than a cloud's spacing, 0 to 2.  [0; with --photos 1]"),
+    ] = None,
     holes: Annotated[
         int | None,
         typer.Option(help=f"Round areas without points.  [{_DEFAULTS.holes}]"),
@@ -94,6 +101,26 @@ def synth(
         Path | None,
         typer.Option(help="JSON file of options, e.g. data/sample_quarry.json; flags override it."),
     ] = None,
+    photos: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder to write a drone's photos of the quarry to, with their cameras and truth.",
+            show_default=False,
+        ),
+    ] = None,
+    photo_count: Annotated[int, typer.Option(help="Photos.", min=1)] = _FLIGHT.count,
+    photo_size: Annotated[
+        str, typer.Option(help="Width and height of a photo, pixels.")
+    ] = f"{_FLIGHT.width}x{_FLIGHT.height}",
+    overlap: Annotated[
+        float, typer.Option(help="Of neighbouring nadir photos, 0 to 0.95.")
+    ] = _FLIGHT.overlap,
+    exposure_drift: Annotated[
+        float, typer.Option(help="Largest exposure error of a photo, stops.")
+    ] = _FLIGHT.exposure_drift_ev,
+    truck: Annotated[
+        bool, typer.Option("--truck/--no-truck", help="A truck drives through the photos.")
+    ] = _FLIGHT.truck,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
 ) -> None:
     """Make a synthetic open-pit quarry: a survey as a drone would bring it, and its truth.
@@ -105,6 +132,10 @@ def synth(
     NAME.laz is the survey. NAME.truth.npz holds what no survey knows: the material of each point,
     its place before noise, and the parameters that make the surface again.
 
+    --photos also flies over it: a grid of nadir photos and two orbits of oblique ones, with lens
+    distortion, exposure drift, vignetting and a truck that stands elsewhere in every photo. Photos
+    show a pattern finer than any cloud (gravel, cracks, targets), and the cloud is coloured by it.
+
     For example:
 
         terraport synth -o quarry.laz
@@ -112,6 +143,8 @@ def synth(
         terraport synth -o big.laz --points 5M --seed 3
 
         terraport synth -o clean.laz --noise 0 --outliers 0 --holes 0 --uneven 0
+
+        terraport synth -o quarry.laz --points 1M --photos quarry-photos --photo-size 1200x900
 
         terraport build quarry.laz -o scenes/quarry
     """
@@ -128,15 +161,47 @@ def synth(
             "shadows": shadows,
             "contrast": contrast,
             "texture": texture,
+            "detail": detail,
             "uneven": uneven,
         }
         given = {name: value for name, value in values.items() if value is not None}
         base = _DEFAULTS if parameters is None else QuarryOptions.from_json(parameters)
         options = dataclasses.replace(base, **given)
-        start = time.perf_counter()
+        flight = None
+        if photos is not None:
+            flight = FlightOptions(
+                count=photo_count,
+                **parse_size(photo_size),
+                overlap=overlap,
+                exposure_drift_ev=exposure_drift,
+                truck=truck,
+            )
+            if options.detail == 0.0:  # photos and cloud show one and the same ground
+                options = dataclasses.replace(options, detail=1.0)
+        taken = None
         with RichProgress(console) as progress:
+            start = time.perf_counter()
             written = write_quarry(options, output, overwrite=force, progress=progress)
-    Console().print(_make_table(written, options, time.perf_counter() - start))
+            seconds = time.perf_counter() - start
+            start = time.perf_counter()
+            if flight is not None and photos is not None:
+                taken = write_photos(
+                    options,
+                    flight,
+                    photos,
+                    survey=output.name,
+                    overwrite=force,
+                    progress=progress,
+                )
+            photo_seconds = time.perf_counter() - start
+    table = _make_table(written, options, seconds)
+    if taken is not None:
+        _add_photos(table, taken, photo_seconds)
+        table.caption = (
+            f"Next: terraport build {output} -o scenes/quarry "
+            f"--photos {taken.directory / 'images'} --cameras {taken.directory / 'colmap'}"
+        )
+    Console(soft_wrap=True).print(table)
 
 
 def parse_count(text: str) -> int:
@@ -157,6 +222,37 @@ def parse_count(text: str) -> int:
         raise OptionError(f"points is {text!r}, expected a number such as 300000, 300k or 5M")
     number = float(match[1].replace("_", "").replace(",", ""))
     return round(number * _SUFFIXES[match[2].lower()])
+
+
+def parse_size(text: str) -> dict[str, int]:
+    """Read a picture size such as ``2000x1500``.
+
+    Raises
+    ------
+    OptionError
+        When the text is none.
+
+    Examples
+    --------
+    >>> parse_size("2000x1500")
+    {'width': 2000, 'height': 1500}
+    """
+    match = re.fullmatch(r"([0-9]{1,6})\s*[xX]\s*([0-9]{1,6})", text.strip())
+    if match is None:
+        raise OptionError(f"photo size is {text!r}, expected width and height such as 2000x1500")
+    return {"width": int(match[1]), "height": int(match[2])}
+
+
+def _add_photos(table: Table, taken: WrittenPhotos, seconds: float) -> None:
+    low, high = taken.exposure_ev
+    table.add_row("photos", f"{taken.directory}  {taken.bytes / 1e6:,.1f} MB")
+    table.add_row("  number", f"{taken.photos} ({taken.nadir} nadir), {taken.megapixels:,.0f} Mpx")
+    table.add_row(
+        "  flight", f"{taken.height_m:,.0f} m above the plateau, {taken.gsd_m * 100:.1f} cm a pixel"
+    )
+    table.add_row("  exposure", f"{low:+.2f} to {high:+.2f} stops")
+    table.add_row("  with the truck", f"{taken.truck_photos}")
+    table.add_row("  time", f"{seconds:,.1f} s  ({taken.megapixels / seconds:,.2f} Mpx/s)")
 
 
 def _make_table(written: WrittenQuarry, options: QuarryOptions, seconds: float) -> Table:

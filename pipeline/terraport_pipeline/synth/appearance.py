@@ -18,9 +18,9 @@ from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface, SurfacePoints
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
-__all__ = ["Sunlight", "albedo", "grade", "lit_colours", "material_colours", "photographed"]
+__all__ = ["SUN", "Sunlight", "albedo", "grade", "lit_colours", "material_colours", "photographed"]
 
-_SUN: Final = np.array([0.56, -0.34, 0.755]) / np.linalg.norm([0.56, -0.34, 0.755])
+SUN: Final = np.array([0.56, -0.34, 0.755]) / np.linalg.norm([0.56, -0.34, 0.755])
 """Towards the sun: a December morning south of the equator, 49 degrees high, south of east."""
 
 _MAP_STEP: Final = 1.0
@@ -126,8 +126,8 @@ class Sunlight:
     def __init__(self, surface: Surface) -> None:
         height = surface.height_map(_MAP_STEP)
         rows, columns = np.indices(height.shape, dtype=np.float64)
-        plan = _SUN[:2] / np.linalg.norm(_SUN[:2])
-        rise = _SUN[2] / np.linalg.norm(_SUN[:2]) * _MAP_STEP
+        plan = SUN[:2] / np.linalg.norm(SUN[:2])
+        rise = SUN[2] / np.linalg.norm(SUN[:2]) * _MAP_STEP
         roof = np.full(height.shape, -np.inf)
         for step in range(1, _MAP_REACH):
             at = [rows + step * plan[1], columns + step * plan[0]]
@@ -135,17 +135,20 @@ class Sunlight:
             np.maximum(roof, seen - step * rise, out=roof)
         self._roof = roof
 
-    def __call__(self, points: SurfacePoints) -> Float64:
-        """Return the light on each point, (N,): 1 in full sun on a slope that faces it."""
+    def __call__(self, points: SurfacePoints, unblocked: float | Float64 = 1.0) -> Float64:
+        """Return the light on each point, (N,): 1 in full sun on a slope that faces it.
+
+        `unblocked` is 0 where something that is no part of the surface stands in the sun.
+        """
         at = [
             (points.positions[:, 1] + HALF_Y) / _MAP_STEP,
             (points.positions[:, 0] + HALF_X) / _MAP_STEP,
         ]
         roof = map_coordinates(self._roof, at, order=1, mode="nearest")
         lit = np.clip((points.positions[:, 2] - roof) / _PENUMBRA + 0.5, 0.0, 1.0)
-        slope = np.clip(points.normals @ _SUN, 0.0, 1.0)
+        slope = np.clip(points.normals @ SUN, 0.0, 1.0)
         sky = 0.5 + 0.5 * points.normals[:, 2]
-        result: Float64 = 0.22 * sky + 0.78 * slope * lit
+        result: Float64 = 0.22 * sky + 0.78 * slope * lit * unblocked
         return result
 
 
@@ -156,6 +159,7 @@ def lit_colours(
     options: QuarryOptions,
     *,
     footprint: float | Float64 = 0.0,
+    unblocked: float | Float64 = 1.0,
 ) -> Float64:
     """Return what reaches the sensor: albedo with its fine pattern, in the day's light.
 
@@ -171,6 +175,8 @@ def lit_colours(
         Of the same surface.
     footprint : float or ndarray of shape (N,)
         Width of what one colour averages, design metres.
+    unblocked : float or ndarray of shape (N,)
+        See :class:`Sunlight`.
 
     Returns
     -------
@@ -188,7 +194,7 @@ def lit_colours(
             footprint=footprint,
         )
         np.clip(colours, 0.0, 255.0, out=colours)
-    dark = options.shadows * (1.0 - sunlight(points))
+    dark = options.shadows * (1.0 - sunlight(points, unblocked))
     colours *= (1.0 - dark)[:, None]
     return colours
 

@@ -24,8 +24,8 @@ __all__ = ["paint_fine_pattern"]
 _WAVES: Final = (1.1, 0.52, 0.25, 0.13)
 """Wavelengths of the gravel; the longest joins the shortest of the grain (0.375)."""
 
-_GRAVEL: Final = 0.30
-"""Amplitude of each octave as a share of the colour; the sum has a deviation of about 0.2."""
+_GRAVEL: Final = 0.26
+"""Amplitude of each octave as a share of the colour; the sum has a deviation of about 0.15."""
 
 _CRACK_WAVE: Final = 2.6
 _CRACK_WIDTH: Final = 0.045
@@ -62,13 +62,20 @@ def paint_fine_pattern(
     x, y, z = points.positions[rows].T
     wide = np.broadcast_to(np.asarray(footprint, dtype=np.float64), len(colours))[rows]
     gravel = np.zeros(len(rows))
-    # Two slanted planes: on level ground and on walls alike, one of them is not seen edge-on.
+    # Three planes, weighted by how far the surface faces each: no streaks on walls.
+    facing = points.normals[rows] ** 4
+    facing /= np.maximum(facing.sum(axis=1, keepdims=True), 1e-9)
     for octave, wave in enumerate(_WAVES):
         weight = np.clip(wave / np.maximum(wide, 1e-9) - 1.0, 0.0, 1.0)
-        plane = noise(x + 0.6 * z, y - 0.5 * z, wavelength=wave, field=40 + octave)
-        plane += noise(z - 0.3 * x, x + 0.4 * y, wavelength=wave, field=50 + octave)
+        # Each octave is turned, or the lattice would show.
+        c, d = np.cos(0.5 + 0.7 * octave), np.sin(0.5 + 0.7 * octave)
+        plane = np.zeros(len(rows))
+        for side, (p, q) in enumerate(((y, z), (z, x), (x, y))):
+            field = 40 + 4 * side + octave
+            turned = noise(c * p - d * q, d * p + c * q, wavelength=wave, field=field)
+            plane += facing[:, side] * turned
         gravel += weight * plane
-    factor = 1.0 + strength * _GRAVEL * 0.7 * gravel
+    factor = 1.0 + strength * _GRAVEL * gravel
     rocky = np.isin(points.material[rows], (Material.ROCK_FACE, Material.BENCH, Material.BOULDER))
     at = np.flatnonzero(rocky)
     vein = noise(x[at] + 0.9 * z[at], y[at] + 0.7 * z[at], wavelength=_CRACK_WAVE, field=60)

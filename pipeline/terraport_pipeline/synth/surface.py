@@ -24,7 +24,7 @@ from terraport_pipeline.synth.targets import place_targets
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
 from terraport_pipeline.synth.triangulate import Int64, grid_triangles, icosphere, refine
 
-__all__ = ["GROUND", "Surface", "SurfacePoints"]
+__all__ = ["GROUND", "Surface", "SurfacePoints", "ground_material"]
 
 GROUND: Final = -1
 """Body number of the ground."""
@@ -212,7 +212,7 @@ class Surface:
         du = self.terrain.positions(u + _NORMAL_STEP, v) - ground.positions
         dv = self.terrain.positions(u, v + _NORMAL_STEP) - ground.positions
         normals[on] = _unit(np.cross(du, dv))
-        material[on] = _ground_material(
+        material[on] = ground_material(
             normals[on, 2], ground.road, ground.water, ground.pile, ground.inside
         )
         hidden[on] = self._inside_bodies(ground.positions, near_body[on])
@@ -264,9 +264,10 @@ class Surface:
         return height
 
 
-def _ground_material(
+def ground_material(
     up: Float64, road: Float64, water: Float64, pile: Float64, inside: Float64
 ) -> UInt8:
+    """Decide what the ground is made of, (N,), from its slope and what stands or lies there."""
     material = np.where(inside > -1.5, np.uint8(Material.BENCH), np.uint8(Material.GRASSLAND))
     material[(up < _STEEP) & (inside > -3.0)] = Material.ROCK_FACE
     material[(road > 0.5) & (up > _STEEP)] = Material.ROAD

@@ -1,0 +1,244 @@
+"""A drone's flight over the quarry: a grid of nadir photos, and two orbits of oblique ones.
+
+The grid takes the given overlap in both directions and flies as low as its share of the photos
+allows. The outer orbit stands over the site's edge and looks across the pit; the inner one stands
+over the pit and looks at the wall in front of it, below roofs that no nadir photo sees.
+
+Frame: scene metres about the quarry's origin (x east, y up, z south), as
+:class:`~terraport_pipeline.geometry.lens.View` wants it. PURE.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.model import Float64
+from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
+
+__all__ = ["MAX_PHOTOS", "MAX_PIXELS", "Flight", "FlightOptions", "plan_flight"]
+
+MAX_PHOTOS: Final = 2_000
+MAX_PIXELS: Final = 64_000_000
+"""Of one photo: rendering needs about 60 bytes a pixel."""
+
+_NADIR_SHARE: Final = 0.6
+"""Of all photos; the rest goes to the orbits, half each."""
+
+_FOCAL: Final = 0.72
+"""Focal length in photo widths: 70 degrees across, a common drone's wide lens."""
+
+_RADIAL: Final = (-0.062, 0.024)
+_TANGENTIAL: Final = (0.0009, -0.0006)
+_AXIS_SHIFT: Final = (0.004, -0.003)
+"""Brown's k1, k2 and p1, p2, and the principal point's offset in photo widths: each moves a
+corner's pixel by 2 to 30 in a photo 2,000 wide, so that leaving one out shows."""
+
+_SIDE: Final = 0.92
+"""The grid covers this share of the site: at the very edge a photo sees mostly nothing."""
+
+_SWAY_DEG: Final = 1.2
+_DRIFT: Final = 0.01
+"""Wind: deviation of the attitude, and of the position as a share of the height."""
+
+_STREAM: Final = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightOptions:
+    """How the photos are taken; equal options give equal bytes.
+
+    Raises
+    ------
+    OptionError
+        When a value is out of its range.
+    """
+
+    count: int = 60
+    """Photos; at most :data:`MAX_PHOTOS`."""
+    width: int = 2000
+    height: int = 1500
+    """Pixels."""
+    overlap: float = 0.7
+    """Of neighbouring nadir photos on the plateau, along and across the flight."""
+    exposure_drift_ev: float = 0.35
+    """Largest exposure error, in stops: 0.35 is a factor of 1.27 in light."""
+    vignetting: float = 0.18
+    """Light lost in the photo's corner."""
+    sensor_noise: float = 1.2
+    """Standard deviation in grey levels of 255."""
+    quality: int = 92
+    """Of the JPEG files."""
+    truck: bool = True
+    """A truck drives through the scene: in every photo at another place."""
+
+    def __post_init__(self) -> None:
+        ranges = (
+            ("count", 1, MAX_PHOTOS),
+            ("width", 64, 16_384),
+            ("height", 64, 16_384),
+            ("overlap", 0.0, 0.95),
+            ("exposure_drift_ev", 0.0, 3.0),
+            ("vignetting", 0.0, 0.9),
+            ("sensor_noise", 0.0, 64.0),
+            ("quality", 1, 100),
+        )
+        for name, least, most in ranges:
+            value = getattr(self, name)
+            if not least <= value <= most:  # also refuses NaN
+                raise OptionError(
+                    f"photos: {name} is {value!r}, expected {least:,} to {most:,}; "
+                    "give another value"
+                )
+        if self.width * self.height > MAX_PIXELS:
+            raise OptionError(
+                f"a photo of {self.width} x {self.height} pixels is too large, expected at most "
+                f"{MAX_PIXELS:,} pixels; take a smaller --photo-size"
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flight:
+    """Where the photos were taken."""
+
+    views: tuple[View, ...]
+    """Named ``DJI_0001.JPG`` and so on."""
+    nadir: int
+    """The first so many look straight down."""
+    height_m: float
+    """Of the nadir photos above the plateau."""
+    gsd_m: float
+    """Ground sampling distance of the nadir photos on the plateau."""
+
+
+def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
+    """Lay out the flight.
+
+    Parameters
+    ----------
+    options : FlightOptions
+    quarry : QuarryOptions
+        Size, depth and seed of the site.
+
+    Returns
+    -------
+    Flight
+    """
+    lens = _lens(options)
+    half = np.array([HALF_X, HALF_Y]) * quarry.scale * _SIDE
+    columns, rows, height = _grid(options, half, lens)
+    rng = np.random.default_rng([quarry.seed, _STREAM])
+    places, looks, ups = _nadir(half, columns, rows, height)
+    nadir = len(places)
+    outer = (options.count - nadir + 1) // 2
+    for count, ring in ((outer, _outer), (options.count - nadir - outer, _inner)):
+        more = ring(count, quarry)
+        places, looks, ups = (
+            np.concatenate([a, b]) for a, b in zip((places, looks, ups), more, strict=True)
+        )
+    places = places + rng.normal(0.0, _DRIFT * height, places.shape)
+    sway = np.radians(rng.normal(0.0, _SWAY_DEG, (len(places), 3)))
+    views = tuple(
+        View(
+            f"DJI_{number + 1:04d}.JPG",
+            lens,
+            _tilt(sway[number]) @ _look(looks[number], ups[number]),
+            places[number],
+        )
+        for number in range(len(places))
+    )
+    return Flight(views, nadir, height, height / lens.fx)
+
+
+def _lens(options: FlightOptions) -> Lens:
+    # A photo taken upright has the same lens: the longer side counts.
+    long = max(options.width, options.height)
+    focal = _FOCAL * long
+    return Lens(
+        width=options.width,
+        height=options.height,
+        fx=focal,
+        fy=focal * 0.999,
+        cx=options.width / 2 + _AXIS_SHIFT[0] * long,
+        cy=options.height / 2 + _AXIS_SHIFT[1] * long,
+        radial=_RADIAL,
+        tangential=_TANGENTIAL,
+    )
+
+
+def _grid(options: FlightOptions, half: Float64, lens: Lens) -> tuple[int, int, float]:
+    """Columns (along a line), rows (lines) and height: the lowest that the photos suffice for."""
+    most = max(1, round(options.count * _NADIR_SHARE))
+    best: tuple[int, int, float] | None = None
+    for rows in range(1, most + 1):
+        columns = most // rows
+        # Lines run east and west, a photo's width across them.
+        across = 2 * half[1] / (rows * (1 - options.overlap) + options.overlap) / options.width
+        along = 2 * half[0] / (columns * (1 - options.overlap) + options.overlap) / options.height
+        height = max(across, along) * lens.fx
+        if best is None or height < best[2]:
+            best = (columns, rows, float(height))
+    assert best is not None
+    return best
+
+
+def _nadir(
+    half: Float64, columns: int, rows: int, height: float
+) -> tuple[Float64, Float64, Float64]:
+    east = half[0] * ((np.arange(columns) + 0.5) / columns * 2 - 1)
+    north = half[1] * ((np.arange(rows) + 0.5) / rows * 2 - 1)
+    places, ups = [], []
+    for row, y in enumerate(north):
+        way = 1.0 if row % 2 == 0 else -1.0
+        line = east[:: int(way)]
+        places.append(np.stack([line, np.full(columns, height), np.full(columns, -y)], axis=1))
+        ups.append(np.tile([way, 0.0, 0.0], (columns, 1)))
+    looks = np.tile([0.0, -1.0, 0.0], (rows * columns, 1))
+    return np.concatenate(places), looks, np.concatenate(ups)
+
+
+def _outer(count: int, quarry: QuarryOptions) -> tuple[Float64, Float64, Float64]:
+    """From over the site's edge across the pit, 40 degrees down."""
+    turn = 2 * np.pi * (np.arange(count) + 0.25) / max(count, 1)
+    ring = np.stack([np.cos(turn) * HALF_X, np.zeros(count), np.sin(turn) * HALF_Y], axis=1)
+    places = ring * 0.92 + np.array([0.0, 105.0, 0.0])
+    aim = np.array([0.0, -0.6 * quarry.depth_design_m, 0.0]) - 0.15 * ring
+    return _as_rows(places, aim - places, quarry.scale)
+
+
+def _inner(count: int, quarry: QuarryOptions) -> tuple[Float64, Float64, Float64]:
+    """From over the pit at the wall on its other side, 35 degrees down."""
+    turn = 2 * np.pi * (np.arange(count) + 0.5) / max(count, 1)
+    ring = np.stack([np.cos(turn), np.zeros(count), np.sin(turn)], axis=1)
+    places = ring * 40.0 + np.array([0.0, 42.0, 0.0])
+    aim = -ring * 95.0 + np.array([0.0, -0.6 * quarry.depth_design_m, 0.0])
+    return _as_rows(places, aim - places, quarry.scale)
+
+
+def _as_rows(places: Float64, looks: Float64, scale: float) -> tuple[Float64, Float64, Float64]:
+    length = np.linalg.norm(looks, axis=1, keepdims=True)
+    return places * scale, looks / length, np.tile([0.0, 1.0, 0.0], (len(places), 1))
+
+
+def _look(forward: Float64, up: Float64) -> Float64:
+    """Rotation scene -> camera whose rows are right, down and forward."""
+    right = np.cross(forward, up)
+    right /= np.linalg.norm(right)
+    down = np.cross(forward, right)
+    result: Float64 = np.stack([right, down, forward])
+    return result
+
+
+def _tilt(angles: Float64) -> Float64:
+    """Small rotation about the camera's axes by angles in radians."""
+    (ca, cb, cc), (sa, sb, sc) = np.cos(angles), np.sin(angles)
+    about_x = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
+    about_y = np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]])
+    about_z = np.array([[cc, -sc, 0], [sc, cc, 0], [0, 0, 1]])
+    result: Float64 = about_z @ about_y @ about_x
+    return result
