@@ -1,0 +1,278 @@
+"""OpenSfM's ``reconstruction.json`` and OpenDroneMap's ``shots.geojson``.
+
+Conventions (OpenSfM ``doc/source/geometry.rst``, ``opensfm/io.py``): a pose is an angle-axis vector
+and a translation that take world to camera, x right, y down, z forward. Lengths in a picture are
+divided by its larger side, from its middle (``(w - 1) / 2`` where the first pixel's centre is 0,
+which is ``w / 2`` for us). The world is metres east, north, up of ``reference_lla``.
+
+OpenDroneMap (``stages/run_opensfm.py``, ``opendm/shots.py``) then moves ``reconstruction.json`` to
+the UTM zone less the whole-metre offset in the second line of ``odm_georeferencing/coords.txt``,
+and keeps the first in ``reconstruction.topocentric.json``. The place alone does not tell both
+apart, so both are offered. ``shots.geojson`` holds UTM coordinates, no offset and no distortion:
+that comes from ``cameras.json``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from terraport_pipeline.engines.camera_files.raw_cameras import (
+    AGAIN,
+    MAX_TEXT_BYTES,
+    Frame,
+    RawCamera,
+    RawCameras,
+    check_count,
+    check_size,
+    make_lens,
+    parse_numbers,
+    read_small_text,
+    rotation_vector_to_matrix,
+)
+from terraport_pipeline.errors import ReadError
+from terraport_pipeline.geometry.lens import Lens
+from terraport_pipeline.model import Float64
+
+__all__ = ["MODELS", "read_opensfm", "read_shots"]
+
+MODELS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
+    "perspective": ("radial", ("k1", "k2")),
+    "simple_radial": ("radial", ("k1",)),
+    "radial": ("radial", ("k1", "k2")),
+    "brown": ("radial", ("k1", "k2", "k3")),
+    "fisheye": ("fisheye", ("k1", "k2")),
+    "fisheye_opencv": ("fisheye", ("k1", "k2", "k3", "k4")),
+}
+"""Our model and the radial terms of every projection type that is understood."""
+
+_TOO_LARGE: Final = "give OpenDroneMap's odm_report/shots.geojson, which has no tie points"
+
+_FRESH: Final = "export the reconstruction again"
+
+
+def read_opensfm(path: Path) -> RawCameras:
+    """Read a reconstruction; all of its parts must be in one frame.
+
+    Parameters
+    ----------
+    path : Path
+        ``reconstruction.json``.
+
+    Raises
+    ------
+    ReadError
+        No JSON of this kind, a lens that is not understood, or numbers that are none.
+    """
+    parts = _load(path)
+    cameras: dict[str, RawCamera] = {}
+    references: list[Mapping[str, Any]] = []
+    warnings: list[str] = []
+    for index, part in enumerate(parts):
+        place = f"reconstruction {index}"
+        lenses = {
+            name: _lens(path, f"camera {name!r}", values)
+            for name, values in _mapping(path, part, "cameras", place).items()
+        }
+        for name, shot in _mapping(path, part, "shots", place).items():
+            camera = _shot(path, name, shot, lenses)
+            cameras.setdefault(name, camera)
+            check_count(path, len(cameras))
+        reference = part.get("reference_lla") or _beside(path.parent / "reference_lla.json")
+        if reference is not None and reference not in references:
+            references.append(reference)
+    check_count(path, len(cameras))
+    if len(parts) > 1:
+        warnings.append(
+            f"{path.name} holds {len(parts)} reconstructions that OpenSfM could not join; they "
+            "are taken as lying in one frame."
+        )
+    if len(references) > 1:
+        raise ReadError(
+            path, f"{len(references)} different reference_lla", "give one reconstruction"
+        )
+    frames = (*_odm_offset(path), *(_enu(path, one) for one in references))
+    own = Frame("offset", "no offset")
+    return RawCameras("OpenSfM", tuple(cameras.values()), (*frames, own), tuple(warnings))
+
+
+def read_shots(path: Path) -> RawCameras:
+    """Read OpenDroneMap's ``shots.geojson``.
+
+    Parameters
+    ----------
+    path : Path
+        ``cameras.json`` is looked for beside it, one folder above, and in ``../opensfm``.
+
+    Raises
+    ------
+    ReadError
+        As :func:`read_opensfm`; also when no lens is of the size of a shot.
+    """
+    found = _parse(path)
+    lenses, source = _lenses_beside(path)
+    cameras = []
+    for feature in found.get("features") or ():
+        place = "a feature"
+        try:
+            values = feature["properties"]
+            name = str(values["filename"])
+            place = f"shot {name!r}"
+            size = int(values["width"]), int(values["height"])
+            pose = _floats(values["rotation"], 3), _floats(values["translation"], 3)
+        except (KeyError, TypeError, ValueError) as error:
+            raise ReadError(path, f"no shot of OpenDroneMap ({error!r})", _FRESH, place) from error
+        fitting = [one for one in lenses if (one.width, one.height) == size]
+        if len(fitting) != 1:
+            raise ReadError(
+                path,
+                f"{len(fitting)} lenses of {size[0]} x {size[1]} pixels in {source}, expected one",
+                "give opensfm/reconstruction.json of the same project instead",
+                place,
+            )
+        rotation = rotation_vector_to_matrix(pose[0].tolist())
+        cameras.append(RawCamera(name, fitting[0], rotation, pose[1]))
+        check_count(path, len(cameras))
+    check_count(path, len(cameras))
+    frames = (Frame("offset", "shots.geojson: no offset"),)
+    return RawCameras("OpenDroneMap shots", tuple(cameras), frames)
+
+
+def _parse(path: Path) -> Any:
+    check_size(path, MAX_TEXT_BYTES, _TOO_LARGE)
+    try:
+        return json.loads(path.read_bytes())
+    except (ValueError, RecursionError) as error:
+        place = f"line {error.lineno:,}" if isinstance(error, json.JSONDecodeError) else None
+        raise ReadError(path, f"no JSON ({str(error)[:80]})", AGAIN, place) from error
+
+
+def _load(path: Path) -> list[Mapping[str, Any]]:
+    found = _parse(path)
+    parts = found if isinstance(found, list) else [found]
+    if not parts or not all(isinstance(one, dict) and "shots" in one for one in parts):
+        raise ReadError(
+            path, "JSON without shots: no reconstruction of OpenSfM", "give reconstruction.json"
+        )
+    return parts
+
+
+def _mapping(path: Path, part: Mapping[str, Any], key: str, place: str) -> dict[str, Any]:
+    values = part.get(key)
+    if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
+        raise ReadError(path, f"{key!r} is no object of objects", _FRESH, place)
+    return values
+
+
+def _floats(values: Any, expected: int) -> Float64:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (expected,) or not np.isfinite(array).all():
+        raise ValueError(f"{str(values)[:80]} is not {expected} finite numbers")
+    return array
+
+
+def _lens(path: Path, place: str, values: Mapping[str, Any]) -> Lens:
+    kind = values.get("projection_type")
+    if kind not in MODELS:
+        raise ReadError(
+            path,
+            f"the projection type is {kind!r}, expected one of {', '.join(MODELS)}",
+            "reconstruct with the camera model brown or fisheye_opencv",
+            place,
+        )
+    model, terms = MODELS[kind]
+    try:
+        width, height = int(values["width"]), int(values["height"])
+        side = max(width, height)
+        across = float(values["focal_x"] if "focal_x" in values else values["focal"])
+        down = float(values.get("focal_y", across))
+        radial = tuple(float(values.get(name, 0.0)) for name in terms)
+        tangential = (0.0, 0.0)
+        if kind == "brown":
+            tangential = (float(values.get("p1", 0.0)), float(values.get("p2", 0.0)))
+        middle = float(values.get("c_x", 0.0)), float(values.get("c_y", 0.0))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise ReadError(path, f"no camera of OpenSfM ({error!r})", _FRESH, place) from error
+    return make_lens(
+        path,
+        place,
+        width=width,
+        height=height,
+        fx=across * side,
+        fy=down * side,
+        cx=0.5 * width + middle[0] * side,
+        cy=0.5 * height + middle[1] * side,
+        model=model,
+        radial=radial,
+        tangential=tangential,
+    )
+
+
+def _shot(path: Path, name: str, shot: Mapping[str, Any], lenses: Mapping[str, Lens]) -> RawCamera:
+    place = f"shot {name!r}"
+    try:
+        rotation = rotation_vector_to_matrix(_floats(shot["rotation"], 3).tolist())
+        translation = _floats(shot["translation"], 3)
+        lens = lenses[shot["camera"]]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ReadError(path, f"no shot of OpenSfM ({error!r})", _FRESH, place) from error
+    return RawCamera(name, lens, rotation, -rotation.T @ translation)
+
+
+def _beside(path: Path) -> Mapping[str, Any] | None:
+    if not path.is_file():
+        return None
+    found = _parse(path)
+    return found if isinstance(found, dict) else None
+
+
+def _enu(path: Path, reference: Mapping[str, Any]) -> Frame:
+    try:
+        keys = ("latitude", "longitude", "altitude")
+        latitude, longitude, height = _floats([reference[key] for key in keys], 3).tolist()
+    except (KeyError, TypeError, ValueError) as error:
+        raise ReadError(
+            path, f"no latitude, longitude, altitude ({error!r})", _FRESH, "reference_lla"
+        ) from error
+    if abs(latitude) > 90.0 or abs(longitude) > 360.0:
+        raise ReadError(
+            path, f"no place on Earth: {latitude}, {longitude}", _FRESH, "reference_lla"
+        )
+    return Frame("enu", "reference_lla", place=(latitude, longitude, height))
+
+
+def _odm_offset(path: Path) -> Iterator[Frame]:
+    """Find the offset of an OpenDroneMap project; nothing elsewhere."""
+    for folder in (path.parent, path.parent.parent):
+        coords = folder / "odm_georeferencing" / "coords.txt"
+        if not coords.is_file():
+            coords = folder / "coords.txt"
+        if not coords.is_file():
+            continue
+        lines = read_small_text(coords).splitlines()
+        if len(lines) < 2:
+            raise ReadError(coords, "no second line with the offset", _FRESH)
+        east, north = parse_numbers(coords, 2, lines[1].split()[:2], 2, "an offset")
+        yield Frame("offset", "coords.txt", offset=(east, north, 0.0))
+        return
+
+
+def _lenses_beside(path: Path) -> tuple[list[Lens], str]:
+    folders = (path.parent, path.parent.parent, path.parent.parent / "opensfm")
+    for folder in folders:
+        cameras = folder / "cameras.json"
+        if cameras.is_file():
+            found = _parse(cameras)
+            if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
+                raise ReadError(cameras, "no object of cameras", _FRESH)
+            lenses = [_lens(cameras, f"camera {name!r}", one) for name, one in found.items()]
+            return lenses, str(cameras)
+    raise ReadError(
+        path,
+        "no cameras.json beside it or one folder above: the shots do not say the lens",
+        "put OpenDroneMap's cameras.json beside it",
+    )

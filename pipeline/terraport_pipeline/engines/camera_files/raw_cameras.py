@@ -1,0 +1,255 @@
+"""What a cameras' file says, before it is brought to the scene; and the small tools of its readers.
+
+A reader gives cameras in the file's own world frame, and *frames*: the ways in which that frame may
+lie in the survey's, best guess first. Which one is right shows only against the cloud
+(``georeference.py``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from terraport_pipeline.errors import ReadError
+from terraport_pipeline.geometry.lens import Lens
+from terraport_pipeline.model import Float64
+
+__all__ = [
+    "AGAIN",
+    "MAX_CAMERAS",
+    "MAX_TEXT_BYTES",
+    "Frame",
+    "PhotoSize",
+    "RawCamera",
+    "RawCameras",
+    "check_count",
+    "check_size",
+    "make_lens",
+    "parse_numbers",
+    "quaternion_to_matrix",
+    "read_small_text",
+    "rotation_vector_to_matrix",
+    "text_lines",
+]
+
+MAX_CAMERAS: Final = 100_000
+"""Photos of one survey; a file that claims more is damaged."""
+
+MAX_TEXT_BYTES: Final = 512 << 20
+"""Largest file that is parsed whole (JSON, XML): ten thousand photos with their tie points."""
+
+_MAX_SMALL_BYTES: Final = 1 << 16
+"""Offsets and lists of names that stand beside the cameras."""
+
+_MAX_LINE_BYTES: Final = 64 << 20
+"""COLMAP writes all tie points of a photo into one line; a million of them are 40 MB."""
+
+AGAIN: Final = "the file is cut off or damaged: copy or export it again"
+
+PhotoSize = Callable[[str], tuple[int, int]]
+"""Width and height in pixels of the photo of a name, for formats that do not say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One way to understand a file's world coordinates."""
+
+    kind: Literal["offset", "enu", "geocentric", "crs"]
+    """``"offset"``: the survey's CRS less `offset`. ``"enu"``: metres east, north, up of a place on
+    the ellipsoid. ``"geocentric"``: metres from the Earth's centre. ``"crs"``: another CRS."""
+    told_by: str
+    """Where this comes from, for messages: ``"OFFSET.txt"``, ``"reference_lla"``."""
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Metres east, north, up."""
+    place: tuple[float, float, float] | None = None
+    """Latitude and longitude in degrees and height in metres of ``"enu"``."""
+    crs: str | None = None
+    """Well-known text or code: of the datum for ``"geocentric"``, of the frame for ``"crs"``."""
+
+    def __str__(self) -> str:
+        if self.kind == "enu" and self.place is not None:
+            latitude, longitude, height = self.place
+            return f"metres about {latitude:.6f}, {longitude:.6f}, {height:.1f} m ({self.told_by})"
+        if self.kind == "geocentric":
+            return f"Earth-centred metres ({self.told_by})"
+        if self.kind == "crs":
+            return f"coordinates of another system ({self.told_by})"
+        if self.offset == (0.0, 0.0, 0.0):
+            return f"the survey's own coordinates ({self.told_by})"
+        numbers = ", ".join(f"{value:,.3f}" for value in self.offset)
+        return f"the survey's coordinates less {numbers} m ({self.told_by})"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RawCamera:
+    """One photo in the file's world frame."""
+
+    name: str
+    lens: Lens
+    rotation: Float64
+    """(3, 3), world to camera (x right, y down, z forward)."""
+    centre: Float64
+    """(3,) world coordinates."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawCameras:
+    """What a reader returns."""
+
+    format: str
+    cameras: tuple[RawCamera, ...]
+    frames: tuple[Frame, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def check_size(path: Path, most: int, advice: str) -> None:
+    """Refuse a file beyond `most` bytes.
+
+    Raises
+    ------
+    ReadError
+    """
+    size = path.stat().st_size
+    if size > most:
+        raise ReadError(path, f"it has {size:,} bytes, expected at most {most:,}", advice)
+
+
+def check_count(path: Path, count: int, place: str | None = None) -> None:
+    """Refuse no cameras, and more than :data:`MAX_CAMERAS`.
+
+    Raises
+    ------
+    ReadError
+    """
+    if count < 1:
+        raise ReadError(
+            path, "no camera in it has a pose", "export it after the photos are aligned", place
+        )
+    if count > MAX_CAMERAS:
+        raise ReadError(
+            path, f"it says {count:,} cameras, expected at most {MAX_CAMERAS:,}", AGAIN, place
+        )
+
+
+def text_lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Read a text file line by line.
+
+    Yields
+    ------
+    number : int
+        From 1.
+    text : str
+        Without blanks around it.
+
+    Raises
+    ------
+    ReadError
+        A line beyond every bound, or bytes that are no text.
+    """
+    number = 0
+    with path.open("rb") as file:
+        while line := file.readline(_MAX_LINE_BYTES + 1):
+            number += 1
+            if len(line) > _MAX_LINE_BYTES or b"\0" in line:
+                raise ReadError(path, "this is no line of text", AGAIN, f"line {number:,}")
+            text = line.decode("utf-8", errors="surrogateescape")
+            yield number, text.removeprefix("\ufeff").strip()
+
+
+def parse_numbers(
+    path: Path, number: int, words: Sequence[str], expected: int, what: str
+) -> list[float]:
+    """Parse finite numbers of one line.
+
+    Parameters
+    ----------
+    path : Path
+    number : int
+        The line's.
+    words : sequence of str
+    expected : int
+        How many there should be.
+    what : str
+        Named in the error.
+
+    Raises
+    ------
+    ReadError
+        Another count, no number, NaN or infinity.
+    """
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = []
+    if len(values) != expected or not np.isfinite(values).all():
+        told = " ".join(words)[:80]
+        raise ReadError(
+            path, f"{told!r} is not {what} ({expected} finite numbers)", AGAIN, f"line {number:,}"
+        )
+    return values
+
+
+def read_small_text(path: Path) -> str:
+    """Read a file of a few lines.
+
+    Raises
+    ------
+    ReadError
+        Above 64 KiB.
+    """
+    check_size(path, _MAX_SMALL_BYTES, "give the file that the program wrote")
+    return path.read_bytes().decode("utf-8", errors="replace")
+
+
+def make_lens(path: Path, place: str, **fields: Any) -> Lens:
+    """Make a lens; say where in the file the numbers are that make none.
+
+    Raises
+    ------
+    ReadError
+    """
+    try:
+        return Lens(**fields)
+    except ValueError as error:
+        raise ReadError(path, f"no lens: {error}", AGAIN, place) from error
+
+
+def quaternion_to_matrix(quaternion: Sequence[float]) -> Float64 | None:
+    """Turn w, x, y, z of any length into a rotation; None when they are all zero.
+
+    Examples
+    --------
+    >>> quaternion_to_matrix((2.0, 0.0, 0.0, 0.0)).tolist()
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    length = float(np.linalg.norm(quaternion))
+    if not 1e-6 < length < 1e6:
+        return None
+    w, x, y, z = np.asarray(quaternion) / length
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def rotation_vector_to_matrix(vector: Sequence[float]) -> Float64:
+    """Turn an axis times an angle in radians into a rotation (Rodrigues).
+
+    Examples
+    --------
+    >>> rotation_vector_to_matrix((0.0, 0.0, np.pi / 2)).round(9).tolist()[0]
+    [0.0, -1.0, 0.0]
+    """
+    angle = float(np.linalg.norm(vector))
+    half = 0.5 * angle
+    axis = np.asarray(vector) / angle if angle > 0.0 else np.zeros(3)
+    matrix = quaternion_to_matrix((np.cos(half), *(np.sin(half) * axis)))
+    assert matrix is not None  # the quaternion has length 1
+    return matrix
