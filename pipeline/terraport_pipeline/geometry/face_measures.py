@@ -24,8 +24,10 @@ __all__ = [
     "first_faces",
     "label_boxes",
     "label_sums",
+    "longest_edge",
     "main_labels",
     "mesh_input",
+    "steps_of_lengths",
     "surface_area",
 ]
 
@@ -127,23 +129,44 @@ def dense_labels(labels: npt.NDArray[np.integer]) -> _Int32:
     return dense
 
 
-def edge_steps(vertices: npt.NDArray[np.floating], edges: _Int32, *, threads: int = 1) -> _Int64:
-    """Edge lengths as whole steps, at least 1, (P,) int64; see ``unit_graph.py``."""
+def edge_steps(
+    vertices: npt.NDArray[np.floating],
+    edges: _Int32,
+    *,
+    longest: float | None = None,
+    threads: int = 1,
+) -> _Int64:
+    """Edge lengths as whole steps, at least 1, (P,) int64; see ``unit_graph.py``.
+
+    Steps are shares of the longest edge: of these, or as given where they are part of more.
+    """
     steps = np.empty(len(edges), np.int64)
     if len(edges) == 0:
         return steps
     points, ends = mesh_input(vertices, edges)
-    longest = max(
-        in_chunks(
-            lambda begin, end: _longest_edge(points, ends, begin, end), len(ends), threads=threads
-        )
-    )
+    if longest is None:
+        longest = longest_edge(vertices, edges, threads=threads)
     scale = _LENGTH_STEPS / longest if longest > 0.0 else 0.0
     in_chunks(
         lambda begin, end: _edge_steps(points, ends, scale, steps, begin, end),
         len(ends), threads=threads,
     )  # fmt: skip
     return steps
+
+
+def steps_of_lengths(length: _Float64, longest: float) -> _Int64:
+    """Lengths as whole steps of the longest edge, at least 1; see :func:`edge_steps`."""
+    scale = _LENGTH_STEPS / longest if longest > 0.0 else 0.0
+    return np.maximum(np.rint(length * scale), 1.0).astype(np.int64)
+
+
+def longest_edge(vertices: npt.NDArray[np.floating], edges: _Int32, *, threads: int = 1) -> float:
+    """Length of the longest of some edges (P, 2), in the vertices' unit; 0 where there is none."""
+    points, ends = mesh_input(vertices, edges)
+    longest = in_chunks(
+        lambda begin, end: _longest_edge(points, ends, begin, end), len(ends), threads=threads
+    )
+    return max(longest, default=0.0)
 
 
 def face_areas(

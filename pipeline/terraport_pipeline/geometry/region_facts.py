@@ -9,6 +9,7 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,14 @@ from terraport_pipeline.geometry.region_roughness import (
     region_roughness,
 )
 
-__all__ = ["region_facts"]
+__all__ = [
+    "RegionNumbers",
+    "add_borders",
+    "border_lengths",
+    "facts_document",
+    "region_facts",
+    "rows_of_borders",
+]
 
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
@@ -117,10 +125,59 @@ def region_facts(
     scale_m = roughness_scale_m or automatic_roughness_scale(float(area.sum()), len(faces), extent)
     rough = region_roughness(points, corners, labels, scale_m)
     borders = _borders(vertices, faces, regions, pairs)
-    # (4) rounded all at once, then taken apart
-    metres = np.round(np.column_stack([area, plan, means[:, :3], boxes]), 3).tolist()
-    others = np.round(np.column_stack([means[:, 3:7], steep]), 1).tolist()
-    rough_m = np.round(rough, 4).tolist()
+    return facts_document(
+        RegionNumbers(sizes, area, plan, means, boxes, steep, rough),
+        dict(zip(attributes, told, strict=True)),
+        borders,
+        scale_m,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RegionNumbers:
+    """What is told of every region, row r of region r; not rounded."""
+
+    sizes: npt.NDArray[np.integer]
+    """(R,) faces."""
+    area: _Float64
+    """(R,) square metres."""
+    plan: _Float64
+    """(R,) square metres seen from above."""
+    means: _Float64
+    """(R, 7) mean x, y, z, red, green, blue, slope."""
+    boxes: _Float64
+    """(R, 6) metres."""
+    steep: _Float64
+    """(R,) 90th percentile of the slope, degrees."""
+    rough: _Float64
+    """(R,) metres."""
+
+
+def facts_document(
+    numbers: RegionNumbers,
+    attributes: Mapping[str, Mapping[int, dict[str, float]]],
+    borders: _Neighbours,
+    scale_m: float,
+) -> dict[str, Any]:
+    """Write region facts down as plain rounded values; see :func:`region_facts`.
+
+    Parameters
+    ----------
+    numbers : RegionNumbers
+    attributes : mapping
+        By name, by region: statistics; regions without any value are left out.
+    borders : dict
+        By region: from :func:`rows_of_borders`.
+    scale_m : float
+        Width of the cubes that roughness was measured in.
+    """
+    means = numbers.means
+    # Rounded all at once, then taken apart.
+    metres = np.round(
+        np.column_stack([numbers.area, numbers.plan, means[:, :3], numbers.boxes]), 3
+    ).tolist()
+    others = np.round(np.column_stack([means[:, 3:7], numbers.steep]), 1).tolist()
+    rough_m = np.round(numbers.rough, 4).tolist()
     return {
         "roughness_scale_m": scale_m,
         "regions": [
@@ -136,14 +193,12 @@ def region_facts(
                 "roughness_m": rough_m[number],
                 "height_m": {"min": row[6], "mean": row[3], "max": row[9]},
                 "attributes": {
-                    name: facts[number]
-                    for name, facts in zip(attributes, told, strict=True)
-                    if number in facts
+                    name: facts[number] for name, facts in attributes.items() if number in facts
                 },
                 "neighbours": borders.get(number, []),
             }
             for number, (size, row, other) in enumerate(
-                zip(sizes.tolist(), metres, others, strict=True)
+                zip(numbers.sizes.tolist(), metres, others, strict=True)
             )
         ],
     }
@@ -200,18 +255,41 @@ def _borders(
     pairs: tuple[_Int32, _Int32] | None,
 ) -> _Neighbours:
     """Per region its neighbours and the length of the common border, longest first."""
+    keys, length = border_lengths(vertices, faces, regions, pairs)
+    return rows_of_borders(keys, length)
+
+
+def border_lengths(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    regions: _Int32,
+    pairs: tuple[_Int32, _Int32] | None = None,
+) -> tuple[_Int32, _Float64]:
+    """Pairs of regions that touch, lower first, ascending (B, 2), and their border, metres (B,)."""
     neighbours, edges = face_pairs(faces, len(vertices)) if pairs is None else pairs
     left, right = regions[neighbours[:, 0]], regions[neighbours[:, 1]]
     crossing = left != right
-    if not crossing.any():
-        return {}
     along = vertices[edges[crossing, 0]].astype(np.float64) - vertices[edges[crossing, 1]]
     length = np.sqrt((along * along).sum(axis=1))
-    span = int(regions.max()) + 1
-    low = np.minimum(left[crossing], right[crossing]).astype(np.int64)
-    keys, index = np.unique(low * span + np.maximum(left, right)[crossing], return_inverse=True)
-    metres = np.round(np.bincount(index, weights=length), 3)
-    one, other = np.divmod(keys, span)
+    return add_borders(np.stack([left[crossing], right[crossing]], axis=1), length)
+
+
+def add_borders(pairs: _Int32, length: _Float64) -> tuple[_Int32, _Float64]:
+    """Add the lengths of equal pairs, whichever way round: (B, 2) ascending, (B,)."""
+    if not len(pairs):
+        return np.zeros((0, 2), np.int32), np.zeros(0)
+    span = int(pairs.max()) + 1
+    keys, index = np.unique(
+        pairs.min(axis=1).astype(np.int64) * span + pairs.max(axis=1), return_inverse=True
+    )
+    both = np.stack(np.divmod(keys, span), axis=1).astype(np.int32)
+    return both, np.bincount(index, weights=length)
+
+
+def rows_of_borders(pairs: _Int32, length: _Float64) -> _Neighbours:
+    """Per region its neighbours and the length of the common border, longest first."""
+    metres = np.round(length, 3)
+    one, other = pairs[:, 0], pairs[:, 1]
     region, near = np.concatenate([one, other]), np.concatenate([other, one])
     border = np.concatenate([metres, metres])
     order = np.lexsort((near, -border, region))

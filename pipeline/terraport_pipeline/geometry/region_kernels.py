@@ -17,6 +17,7 @@ __all__ = [
     "face_areas",
     "order_by_slope",
     "region_sums",
+    "slope_histogram",
     "slope_percentile",
     "squared_deviations",
 ]
@@ -153,6 +154,17 @@ def slope_percentile(
             found[r] = slope[order[i]]
             if passed >= share * total:
                 break
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def slope_histogram(
+    regions: _Int32, weight: _Float64, slope: _Float64, count: int, bins: int
+) -> _Float64:
+    """Weight of every region's faces by slope, (R, bins); bins cut 0..90 degrees evenly."""
+    found = np.zeros((count, bins), np.float64)
+    for f in range(len(regions)):
+        found[regions[f], min(int(slope[f] * (bins / 90.0)), bins - 1)] += weight[f]
     return found
 
 

@@ -24,7 +24,12 @@ import numpy.typing as npt
 
 from terraport_pipeline.geometry.adjacency import as_kernel_input
 
-__all__ = ["automatic_roughness_scale", "region_roughness"]
+__all__ = [
+    "automatic_roughness_scale",
+    "region_roughness",
+    "roughness_moments",
+    "roughness_of",
+]
 
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
@@ -105,12 +110,40 @@ def region_roughness(
     count = int(regions.max()) + 1 if len(regions) else 0
     if len(faces) == 0:
         return np.zeros(count)
+    return roughness_of(*roughness_moments(vertices, faces, regions, scale_m)[1:], count)
+
+
+def roughness_moments(
+    vertices: npt.NDArray[np.floating],
+    faces: npt.NDArray[np.integer],
+    regions: _Int32,
+    scale_m: float,
+) -> tuple[_Int64, _Int32, _Float64]:
+    """Sum up what each region has in each cube; sums of several tiles may be added.
+
+    Parameters
+    ----------
+    vertices, faces, regions, scale_m
+        As for :func:`region_roughness`; at least one face.
+
+    Returns
+    -------
+    cube : ndarray of shape (K, 3), int64
+        Number of the cube along each axis, from the frame's origin.
+    region : ndarray of shape (K,), int32
+    moments : ndarray of shape (K, 10), float64
+        Area, first and second moments about the cube's corner.
+    """
     points = as_kernel_input(vertices, np.float32 if vertices.dtype == np.float32 else np.float64)
     corners = as_kernel_input(faces, np.int32)
     labels = as_kernel_input(regions, np.int32)
     low = np.floor(vertices.min(axis=0).astype(np.float64) / scale_m).astype(np.int64)
     piece, cell, region = _pieces(points, corners, labels, scale_m, low)
-    moments = _moments(points, corners, piece, cell, scale_m)
+    return cell, region, _moments(points, corners, piece, cell, scale_m)
+
+
+def roughness_of(region: _Int32, moments: _Float64, count: int) -> _Float64:
+    """Roughness of every region 0..count-1 from the sums of its pieces, (count,) metres."""
     area = moments[:, 0]
     known = area > 0.0
     mean = moments[known, 1:4] / area[known, None]
