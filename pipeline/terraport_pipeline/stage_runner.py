@@ -83,3 +83,29 @@ class StageRunner:
         self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
         found = record
         return Step(found, result, lambda: restore(self.work.load(found), found.facts))
+
+    def folder_step(
+        self,
+        name: str,
+        key: str,
+        fill: Callable[[Path, Context], tuple[Mapping[str, Any], Facts]],
+    ) -> StageRecord:
+        """Take a result up, or have it written into a folder; for arrays larger than memory.
+
+        Parameters
+        ----------
+        name, key : str
+        fill : callable
+            Writes ``.npy`` files into the folder it is given; returns the result's plain values
+            and what to tell.
+        """
+        record = self.work.find(name, key) if self.resume else None
+        taken_up = record is not None
+        if record is None:
+            with self.work.beside(name) as folder:
+                with Measure() as measure, self.work.scratch() as scratch:
+                    values, facts = fill(folder, self.context(scratch))
+                cost = Cost(measure.seconds, measure.peak_bytes)
+                record = self.work.seal(folder, name, key, values, facts, cost)
+        self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
+        return record

@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 import xxhash
 
+from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.errors import ResourceError, WorkDirectoryError
 from terraport_pipeline.stages.contract import Facts, Json, Stored
 
@@ -38,6 +39,9 @@ _MARK: Final = ".terraport-work"
 """Says that a directory is ours, so that nothing else's files are ever deleted."""
 
 _RECORD: Final = "stage.json"
+
+_BLOCK_BYTES: Final = 1 << 24
+"""Read at once where a file is digested."""
 
 _DISK_FULL: Final = frozenset({28, 27, 122})
 """errno ENOSPC, EFBIG, EDQUOT."""
@@ -149,7 +153,7 @@ class WorkDirectory:
         told = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
         digests = {f"{n}.npy": _array_digest(array) for n, array in stored.arrays.items()}
         whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
-        with self._written_beside(name) as folder:
+        with self.beside(name) as folder:
             files = {}
             for array_name, array in stored.arrays.items():
                 path = folder / f"{array_name}.npy"
@@ -157,20 +161,44 @@ class WorkDirectory:
                     _write_npy(file, np.ascontiguousarray(array))
                     _sync(file.fileno())
                 files[path.name] = path.stat().st_size
-            document = {
-                "name": name,
-                "key": key,
-                "digest": whole,
-                "facts": told,
-                "cost": {"seconds": cost.seconds, "peak_bytes": cost.peak_bytes},
-                "values": values,
-                "files": files,
-            }
-            with (folder / _RECORD).open("w", encoding="utf-8") as text:
-                json.dump(document, text, indent=1)
-                text.flush()
-                _sync(text.fileno())
-        return _parse(document)
+            return _write_record(folder, name, key, whole, told, cost, values, files)
+
+    def seal(
+        self,
+        folder: Path,
+        name: str,
+        key: str,
+        values: Mapping[str, Json],
+        facts: Facts,
+        cost: Cost,
+    ) -> StageRecord:
+        """Make the ``.npy`` files in a folder a result; for arrays too large to be in memory.
+
+        Parameters
+        ----------
+        folder : Path
+            From :meth:`beside`, with every array written.
+        name, key, values, facts, cost
+            As in :meth:`save`; the digest is the one that :meth:`save` computes.
+        """
+        values = json.loads(json.dumps(dict(values), allow_nan=False))
+        told = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        digests, files = {}, {}
+        for path in sorted(folder.glob("*.npy")):
+            digests[path.name] = _npy_digest(path)
+            with path.open("rb+") as file:
+                _sync(file.fileno())
+            files[path.name] = path.stat().st_size
+        whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
+        return _write_record(folder, name, key, whole, told, cost, values, files)
+
+    def forget(self, name: str) -> None:
+        """Delete a result; nothing happens when there is none."""
+        shutil.rmtree(self.path / name, ignore_errors=True)
+
+    def names(self, prefix: str) -> list[str]:
+        """Names of the results that begin with a prefix, sorted."""
+        return sorted(path.parent.name for path in self.path.glob(f"{prefix}*/{_RECORD}"))
 
     @contextlib.contextmanager
     def scratch(self) -> Iterator[Path]:
@@ -184,7 +212,7 @@ class WorkDirectory:
             shutil.rmtree(folder, ignore_errors=True)
 
     @contextlib.contextmanager
-    def _written_beside(self, name: str) -> Iterator[Path]:
+    def beside(self, name: str) -> Iterator[Path]:
         """Make a folder that takes the stage's place when the block ends well."""
         with disk_full_named(self.path):
             beside = Path(tempfile.mkdtemp(prefix=f".{name}.", suffix=".tmp", dir=self.path))
@@ -252,6 +280,32 @@ def disk_full_named(path: Path) -> Iterator[None]:
         ) from error
 
 
+def _write_record(
+    folder: Path,
+    name: str,
+    key: str,
+    digest: str,
+    told: Json,
+    cost: Cost,
+    values: Json,
+    files: Mapping[str, int],
+) -> StageRecord:
+    document = {
+        "name": name,
+        "key": key,
+        "digest": digest,
+        "facts": told,
+        "cost": {"seconds": cost.seconds, "peak_bytes": cost.peak_bytes},
+        "values": values,
+        "files": dict(files),
+    }
+    with (folder / _RECORD).open("w", encoding="utf-8") as text:
+        json.dump(document, text, indent=1)
+        text.flush()
+        _sync(text.fileno())
+    return _parse(document)
+
+
 def _parse(document: Any) -> StageRecord:
     facts, cost = document["facts"], document["cost"]
     return StageRecord(
@@ -273,6 +327,16 @@ def _array_digest(array: npt.NDArray[np.generic]) -> str:
     whole = np.ascontiguousarray(array)
     digest = xxhash.xxh3_128(f"{whole.dtype.str}{whole.shape}".encode())
     digest.update(whole.reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()
+
+
+def _npy_digest(path: Path) -> str:
+    """Compute what :func:`_array_digest` gives for the array in a file, by blocks."""
+    reader = NpyReader(path)
+    digest = xxhash.xxh3_128(f"{reader.dtype.str}{reader.shape}".encode())
+    row_bytes = max(1, reader.dtype.itemsize * int(np.prod(reader.shape[1:])))
+    for _, rows in reader.blocks(max(1, _BLOCK_BYTES // row_bytes)):
+        digest.update(rows.reshape(-1).view(np.uint8).data)
     return digest.hexdigest()
 
 

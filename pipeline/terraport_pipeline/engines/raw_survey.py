@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,11 +18,18 @@ __all__ = [
     "COLOUR_NAMES",
     "Advance",
     "RawSurvey",
+    "StreamPart",
+    "apply_depth",
     "check_precision",
+    "choose_depth",
     "find_colours",
+    "tell_precision",
     "thinning_rows",
     "to_eight_bits",
 ]
+
+Depth = Literal["unit", "eight", "sixteen"]
+"""How colour values become 0..255: from 0..1, from 0..255, or from 0..65,535."""
 
 Advance = Callable[[int, int], None]
 """Told (points read since last time, points in the file); a reader calls it about once a chunk."""
@@ -54,6 +61,23 @@ class RawSurvey:
     """pyproj.CRS as the file states it."""
     warnings: tuple[str, ...] = ()
     """Whole sentences."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StreamPart:
+    """Some points of a survey that is read in parts."""
+
+    points: Float64
+    """(n, 3) in the file's unit and axis order east, north, up; n may be 0 where it is thinned."""
+    columns: dict[str, npt.NDArray[Any]]
+    """Everything else by name, colours too, (n,) or (n, k), in the file's dtype."""
+    read: int
+    """What this part adds to the progress: points of the file, or bytes of a text."""
+
+    @property
+    def kept(self) -> int:
+        """Points in the part."""
+        return len(self.points)
 
 
 def thinning_rows(count: int, max_points: int | None) -> npt.NDArray[np.int64] | None:
@@ -111,21 +135,45 @@ def to_eight_bits(colours: npt.NDArray[Any], *, where: str) -> tuple[UInt8 | Non
     """
     if len(colours) == 0:
         return None, ()
-    finite = np.isfinite(colours).all(axis=1) if colours.dtype.kind == "f" else None
-    if finite is not None and not finite.all():
-        # A point without a valid colour keeps its place and turns black.
-        colours = np.where(finite[:, None], colours, colours.dtype.type(0))
-    low, high = float(colours.min()), float(colours.max())
+    if colours.dtype.kind == "f":
+        finite = np.isfinite(colours).all(axis=1)
+        if not finite.all():
+            # A point without a valid colour keeps its place and turns black.
+            colours = np.where(finite[:, None], colours, colours.dtype.type(0))
+    rule, warnings = choose_depth(
+        float(colours.min()), float(colours.max()), colours.dtype, where=where
+    )
+    return (None if rule is None else apply_depth(colours, rule)), warnings
+
+
+def choose_depth(
+    low: float, high: float, dtype: np.dtype[Any], *, where: str
+) -> tuple[Depth | None, tuple[str, ...]]:
+    """Apply the rules of :func:`to_eight_bits` to a survey's lowest and highest colour value.
+
+    Returns
+    -------
+    rule : {"unit", "eight", "sixteen"} or None
+        For :func:`apply_depth`; None when they are no colours.
+    warnings : tuple of str
+    """
     if low < 0.0 or high > np.iinfo(np.uint16).max:
         told = f"The fields {where} hold values from {low:g} to {high:g}, which are no colours."
         return None, (told,)
     if high == 0.0:
         return None, (f"The fields {where} are 0 in every point.",)
-    if colours.dtype.kind == "f" and high <= 1.0:
-        return np.rint(colours * _MAX_EIGHT_BIT).astype(np.uint8), ()
-    if high <= _MAX_EIGHT_BIT:
-        return colours.astype(np.uint8), ()
-    return (colours.astype(np.uint16) >> 8).astype(np.uint8), ()
+    if dtype.kind == "f" and high <= 1.0:
+        return "unit", ()
+    return ("eight" if high <= _MAX_EIGHT_BIT else "sixteen"), ()
+
+
+def apply_depth(colours: npt.NDArray[Any], rule: Depth) -> UInt8:
+    """Bring finite colours to 0..255 by the rule that the whole survey asks for."""
+    if rule == "unit":
+        return np.rint(colours * _MAX_EIGHT_BIT).astype(np.uint8)
+    if rule == "eight":
+        return colours.astype(np.uint8)
+    return (colours.astype(np.uint16) >> 8).astype(np.uint8)
 
 
 def check_precision(points: Float64) -> tuple[str, ...]:
@@ -142,20 +190,30 @@ def check_precision(points: Float64) -> tuple[str, ...]:
         One sentence, or nothing. An axis counts when each of its values is a 32-bit float and the
         largest one's neighbour is more than 1 mm away.
     """
-    worst, largest = 0.0, 0.0
-    for axis in range(3):
-        single = points[:, axis].astype(np.float32)
-        if len(single) and (single == points[:, axis]).all():
-            top = np.abs(single).max()
-            step = float(np.spacing(top))
-            if step > worst:
-                worst, largest = step, float(top)
-    if worst <= _WORST_STEP_M:
+    single = np.zeros(3, dtype=bool)
+    if len(points):
+        single = np.array([(p.astype(np.float32) == p).all() for p in points.T])
+    return tell_precision(single, np.abs(points).max(axis=0, initial=0.0))
+
+
+def tell_precision(single: npt.NDArray[np.bool_], top: Float64) -> tuple[str, ...]:
+    """Warn by what was found in parts: see :func:`check_precision`.
+
+    Parameters
+    ----------
+    single : ndarray of shape (3,), bool
+        Every value of the axis is a 32-bit float.
+    top : ndarray of shape (3,), float64
+        Largest absolute value of each axis.
+    """
+    steps = np.where(single, np.spacing(top.astype(np.float32)), 0.0).astype(np.float64)
+    axis = int(steps.argmax())
+    if steps[axis] <= _WORST_STEP_M:
         return ()
     told = (
-        f"Coordinates near {largest:,.0f} m were stored as 32-bit floats: they move in steps of "
-        f"{worst:g} m, and detail below that is lost. Export the survey with 64-bit coordinates or "
-        "with a local offset."
+        f"Coordinates near {top[axis]:,.0f} m were stored as 32-bit floats: they move in steps of "
+        f"{steps[axis]:g} m, and detail below that is lost. Export the survey with 64-bit "
+        "coordinates or with a local offset."
     )
     return (told,)
 

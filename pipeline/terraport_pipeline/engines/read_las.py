@@ -7,8 +7,10 @@ attribute under its LAS name, except X, Y, Z and colour, and except standard fie
 
 from __future__ import annotations
 
+import contextlib
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,19 +23,20 @@ from pyproj.exceptions import CRSError
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
+    StreamPart,
     thinning_rows,
     to_eight_bits,
 )
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["read_las"]
+__all__ = ["UNSET", "LasStream", "open_las", "read_las"]
 
 _CHUNK_POINTS: Final = 500_000
 """Points decoded at once: about 60 MB."""
 
 _COLOURS: Final = ("red", "green", "blue")
 
-_UNSET: Final = {"return_number": (0, 1), "number_of_returns": (0, 1)}
+UNSET: Final = {"return_number": (0, 1), "number_of_returns": (0, 1)}
 """Values of a standard field that say nothing when every point has them; 0 for the others."""
 
 _HEADER_BYTES: Final = 375
@@ -81,6 +84,60 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     ReadError
         When header or points are damaged or cut off; names the point where reading ended.
     """
+    points = np.zeros((0, 3))
+    columns: dict[str, npt.NDArray[Any]] = {}
+    done = 0
+    with open_las(path, max_points=max_points) as stream:
+        for part in stream.parts():
+            target = slice(done, done + part.kept)
+            if not done:
+                points = np.empty((stream.kept, 3))
+                columns = {
+                    name: np.empty((stream.kept, *values.shape[1:]), dtype=values.dtype)
+                    for name, values in part.columns.items()
+                }
+            points[target] = part.points
+            for name, values in part.columns.items():
+                columns[name][target] = values
+            done = target.stop
+            advance(part.read, stream.count)
+    colours, notes = _take_colours(columns)
+    attributes = _keep_attributes(columns, set(stream.standard))
+    return RawSurvey(points, colours, attributes, stream.crs, (*stream.warnings, *notes))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LasStream:
+    """An open file; its points come in parts."""
+
+    count: int
+    """Points in the file."""
+    kept: int
+    """Points that all parts together hold: fewer where the file is thinned."""
+    crs: Any | None
+    warnings: tuple[str, ...]
+    standard: frozenset[str]
+    """Dimensions that the standard names; they are left out where they hold nothing."""
+    parts: Callable[[], Iterator[StreamPart]]
+    """Makes the iterator; once."""
+
+
+@contextlib.contextmanager
+def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream]:
+    """Open a file for reading in parts of half a million points.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Starts with ``LASF``.
+    max_points : int, optional
+        Thin to this many points.
+
+    Raises
+    ------
+    ReadError
+        As :func:`read_las`; what is damaged in the points is found while the parts are read.
+    """
     _check_records(path)
     try:
         reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs)
@@ -108,29 +165,27 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
                 "twice",
                 "the header is damaged: copy or export the file again",
             )
-        kept = count if rows is None else len(rows)
-        points = np.empty((kept, 3))
-        columns: dict[str, npt.NDArray[Any]] = {}
-        done = 0
-        for first, chunk in _iterate(reader, path, count):
-            wanted: Any = slice(None)
-            if rows is not None:
-                low, high = np.searchsorted(rows, (first, first + len(chunk)))
-                wanted = rows[low:high] - first
-            part = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
-            target = slice(done, done + len(part))
-            with np.errstate(over="ignore", invalid="ignore"):  # a damaged scale; dropped later
-                points[target] = part * header.scales + header.offsets
-            for name in names:
-                values = np.asarray(chunk[name])
-                if name not in columns:
-                    columns[name] = np.empty((kept, *values.shape[1:]), dtype=values.dtype)
-                columns[name][target] = values[wanted]
-            done = target.stop
-            advance(len(chunk), count)
-        standard = set(header.point_format.standard_dimension_names)
-    colours, notes = _take_colours(columns)
-    return RawSurvey(points, colours, _keep_attributes(columns, standard), crs, (*warnings, *notes))
+
+        def parts() -> Iterator[StreamPart]:
+            for first, chunk in _iterate(reader, path, count):
+                wanted: Any = slice(None)
+                if rows is not None:
+                    low, high = np.searchsorted(rows, (first, first + len(chunk)))
+                    wanted = rows[low:high] - first
+                part = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
+                with np.errstate(over="ignore", invalid="ignore"):  # a damaged scale; dropped later
+                    points = part * header.scales + header.offsets
+                columns = {name: np.asarray(chunk[name])[wanted] for name in names}
+                yield StreamPart(points, columns, len(chunk))
+
+        yield LasStream(
+            count,
+            count if rows is None else len(rows),
+            crs,
+            warnings,
+            frozenset(header.point_format.standard_dimension_names),
+            parts,
+        )
 
 
 def _check_records(path: Path) -> None:
@@ -282,7 +337,7 @@ def _keep_attributes(
     """Leave out unset standard fields; give each part of a vector field its own name."""
     kept: dict[str, npt.NDArray[Any]] = {}
     for name, values in columns.items():
-        unset = name in standard and values.ndim == 1 and values[0] in _UNSET.get(name, (0,))
+        unset = name in standard and values.ndim == 1 and values[0] in UNSET.get(name, (0,))
         if unset and (values == values[0]).all():
             continue
         if values.ndim == 1:

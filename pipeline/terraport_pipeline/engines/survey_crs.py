@@ -25,7 +25,7 @@ from pyproj.exceptions import CRSError
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.model import Crs, Float64
 
-__all__ = ["to_metres"]
+__all__ = ["metre_factors", "to_metres"]
 
 _EARTH_RADII_M: Final = (6.2e6, 6.5e6)
 """Distances from the Earth's centre at which a survey can lie."""
@@ -62,15 +62,45 @@ def to_metres(
     ReadError
         By rule 1.
     """
+    factors, found, warnings = metre_factors(path, points.min(axis=0), points.max(axis=0), crs)
+    return (points if factors is None else points * factors), found, warnings
+
+
+def metre_factors(
+    path: Path, low: Float64, high: Float64, crs: Any | None
+) -> tuple[Float64 | None, Crs | None, list[str]]:
+    """Apply the rules above to a cloud of which only the box is known.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Named in errors.
+    low, high : ndarray of shape (3,), float64
+        Corners of the cloud's box in the unit of `crs`.
+    crs : pyproj.CRS or None
+        As the file states it.
+
+    Returns
+    -------
+    factors : ndarray of shape (3,), float64, or None
+        What brings coordinates to metres; None where they are.
+    crs : Crs or None
+        In metres.
+    warnings : list of str
+
+    Raises
+    ------
+    ReadError
+        By rule 1.
+    """
     if crs is None:
-        return points, None, _suspect_degrees(points)
-    low, high = points.min(axis=0), points.max(axis=0)
+        return None, None, _suspect_degrees(low, high)
     if crs.is_geographic:
         if max(-low[:2].min(), high[:2].max()) <= 360.0:
             raise ReadError(
                 path, f"its coordinates are degrees ({crs.name}), expected metres", _DEGREES_ADVICE
             )
-        return points, None, [_wrong_crs(crs, "degrees", low, high)]
+        return None, None, [_wrong_crs(crs, "degrees", low, high)]
     if crs.is_geocentric:
         radius = float(np.linalg.norm(0.5 * (low + high)))
         if _EARTH_RADII_M[0] < radius < _EARTH_RADII_M[1]:
@@ -80,16 +110,16 @@ def to_metres(
                 "height",
                 _DEGREES_ADVICE,
             )
-        return points, None, [_wrong_crs(crs, "Earth-centred", low, high)]
+        return None, None, [_wrong_crs(crs, "Earth-centred", low, high)]
     factors = _unit_factors(crs)
     if factors == (1.0, 1.0, 1.0):
-        return points, Crs(crs.name, crs.to_wkt(), crs.to_epsg()), []
+        return None, Crs(crs.name, crs.to_wkt(), crs.to_epsg()), []
     told = f"horizontal unit {factors[0]:.9g} m, height unit {factors[2]:.9g} m"
     warning = (
         f"The survey is not in metres ({crs.name}: {told}); its coordinates were converted to "
         "metres."
     )
-    return points * np.array(factors), _in_metres(crs), [warning]
+    return np.array(factors), _in_metres(crs), [warning]
 
 
 def _unit_factors(crs: CRS) -> tuple[float, float, float]:
@@ -125,9 +155,8 @@ def _wrong_crs(crs: CRS, kind: str, low: Float64, high: Float64) -> str:
     )
 
 
-def _suspect_degrees(points: Float64) -> list[str]:
+def _suspect_degrees(low: Float64, high: Float64) -> list[str]:
     """Warn of a cloud that is within a map in degrees and far taller than wide."""
-    low, high = points.min(axis=0), points.max(axis=0)
     span = high - low
     inside = (np.abs([low[:2], high[:2]]).max(axis=0) <= (180.0, 90.0)).all()
     if not inside or span[2] < 100.0 * max(float(span[:2].max()), 1e-12):

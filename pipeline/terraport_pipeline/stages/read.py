@@ -24,7 +24,7 @@ from terraport_pipeline.errors import OptionError, ReadError
 from terraport_pipeline.model import Survey
 from terraport_pipeline.progress import NullProgress, Progress
 
-__all__ = ["FORMATS", "NAME", "find_format", "read_survey"]
+__all__ = ["FORMATS", "MAX_SPAN_M", "NAME", "find_format", "read_survey"]
 
 NAME: Final = "read"
 
@@ -60,7 +60,7 @@ _FOREIGN: Final = (
     (b"<html", "a web page", "download the file itself"),
 )
 
-_MAX_SPAN_M: Final = 1e7
+MAX_SPAN_M: Final = 1e7
 """No survey is wider than a quarter of the Earth: larger spans are damaged coordinates."""
 
 
@@ -189,10 +189,10 @@ def _finish(path: Path, raw: RawSurvey, name: str) -> Survey:
         colours = None if colours is None else colours[finite]
         attributes = {key: values[finite] for key, values in attributes.items()}
     span = float(np.ptp(points, axis=0).max())
-    if span > _MAX_SPAN_M:
+    if span > MAX_SPAN_M:
         raise ReadError(
             path,
-            f"the coordinates span {span:.3g}, expected less than {_MAX_SPAN_M:.0e} metres",
+            f"the coordinates span {span:.3g}, expected less than {MAX_SPAN_M:.0e} metres",
             "some are damaged: remove them or export the survey again",
         )
     if name not in ("las", "e57"):  # LAS has a stated step; the E57 reader looks at each scan

@@ -1,0 +1,130 @@
+"""Arrays on disk that are written and read in parts, as ordinary ``.npy`` files.
+
+A mapped file would be shorter to write, but its pages count as this process's memory and stay until
+something else needs the room; a build that promises a bound reads and writes by blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["NpyReader", "NpyWriter"]
+
+_HEADER_BYTES: Final = 128
+"""Room for the header, which is written last: only then is the number of rows known."""
+
+
+class NpyWriter:
+    """Appends rows to a new ``.npy`` file; whole after :meth:`close`.
+
+    A context manager: closes on success, leaves an unreadable torso on an exception.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Replaced if it is there.
+    dtype : numpy dtype
+    row_shape : tuple of int
+        ``()`` for one value a row.
+    """
+
+    def __init__(self, path: Path, dtype: npt.DTypeLike, row_shape: tuple[int, ...] = ()) -> None:
+        self.path = path
+        self.dtype = np.dtype(dtype)
+        self.row_shape = row_shape
+        self.rows = 0
+        self._file: BinaryIO = path.open("wb")
+        self._file.write(b"\0" * _HEADER_BYTES)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self._file.close()
+
+    def append(self, rows: npt.NDArray[Any]) -> None:
+        """Write rows of shape (n, *row_shape); converted to the file's dtype."""
+        if rows.shape[1:] != self.row_shape:
+            raise ValueError(f"rows of shape {rows.shape[1:]}, expected {self.row_shape}")
+        whole = np.ascontiguousarray(rows, dtype=self.dtype)
+        if len(whole):
+            self._file.write(whole.view(np.uint8).data)
+        self.rows += len(whole)
+
+    def close(self) -> None:
+        """Write the header."""
+        descr = np.lib.format.dtype_to_descr(self.dtype)
+        shape = (self.rows, *self.row_shape)
+        text = f"{{'descr': {descr!r}, 'fortran_order': False, 'shape': {shape!r}, }}"
+        size = _HEADER_BYTES - 10
+        if len(text) >= size:
+            raise ValueError(f"header of {len(text)} characters, room for {size - 1}: {text}")
+        self._file.seek(0)
+        self._file.write(b"\x93NUMPY\x01\x00" + size.to_bytes(2, "little"))
+        self._file.write(text.encode("latin-1").ljust(size - 1) + b"\n")
+        self._file.close()
+
+
+class NpyReader:
+    """Reads rows of a ``.npy`` file in parts.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        In C order.
+
+    Raises
+    ------
+    ValueError
+        No such array, or cut short.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with path.open("rb") as file:
+            version = np.lib.format.read_magic(file)
+            if version != (1, 0):
+                raise ValueError(f"{path}: NPY version {version}, expected 1.0")
+            shape, fortran, dtype = np.lib.format.read_array_header_1_0(file)
+            self._start = file.tell()
+        if fortran and len(shape) > 1:
+            raise ValueError(f"{path}: Fortran order, expected C order")
+        self.shape: tuple[int, ...] = tuple(int(side) for side in shape)
+        self.dtype: np.dtype[Any] = dtype
+        need = self._start + self.dtype.itemsize * int(np.prod(self.shape))
+        if path.stat().st_size < need:
+            raise ValueError(f"{path}: {path.stat().st_size} bytes, expected {need}")
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def read(self, first: int, last: int) -> npt.NDArray[Any]:
+        """Read rows `first` to `last`, without the last."""
+        row_shape = self.shape[1:]
+        items = int(np.prod(row_shape))
+        rows = np.fromfile(
+            self.path,
+            dtype=self.dtype,
+            count=(last - first) * items,
+            offset=self._start + first * items * self.dtype.itemsize,
+        )
+        return rows.reshape(last - first, *row_shape)
+
+    def blocks(self, rows: int) -> Iterator[tuple[int, npt.NDArray[Any]]]:
+        """Yield (first row, rows) one after the other."""
+        for first in range(0, len(self), rows):
+            yield first, self.read(first, min(first + rows, len(self)))
