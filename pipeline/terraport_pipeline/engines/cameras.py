@@ -15,9 +15,10 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.model import Float32, Float64
 
-__all__ = ["Camera", "eye_level", "oblique", "top_down"]
+__all__ = ["Camera", "PhotoCamera", "eye_level", "oblique", "top_down"]
 
 FIELD_OF_VIEW_DEG: Final = 40.0
 """Vertical opening of the overview pictures: little distortion, still some depth."""
@@ -74,6 +75,14 @@ class Camera:
             headings.reshape(-1, 3).astype(np.float32),
         )
 
+    def pixel_m(self, distance_m: Float32, height: int) -> Float32:
+        """Return how wide a pixel is at hits so far along their rays, (R,) metres."""
+        size = np.float32(2 * self.half_height / height)
+        if self.kind == "orthographic":
+            return np.full(len(distance_m), size, dtype=np.float32)
+        result: Float32 = distance_m * size
+        return result
+
     def project(
         self, points: npt.NDArray[np.floating], width: int, height: int
     ) -> tuple[Float64, Float64, Float64]:
@@ -102,6 +111,40 @@ class Camera:
         x = local @ np.array(self.right) / (scale * self.half_height * width / height)
         y = local @ np.array(self.up) / (scale * self.half_height)
         return (x + 1) / 2 * width, (1 - y) / 2 * height, depth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PhotoCamera:
+    """The camera that took a photo, distortion and all: draws what the photo shows."""
+
+    view: View
+    kind: Literal["perspective"] = "perspective"
+
+    @property
+    def eye(self) -> tuple[float, float, float]:
+        """The projection centre, metres."""
+        x, y, z = self.view.position.tolist()
+        return (x, y, z)
+
+    def rays(self, width: int, height: int) -> tuple[Float32, Float32]:
+        """Make one ray through the middle of each pixel; see :meth:`Camera.rays`.
+
+        A pixel beyond the lens's valid radius looks straight up.
+        """
+        lens = self.view.lens.scaled(width, height)
+        column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        pixels = np.stack([column.ravel(), row.ravel()], axis=1)
+        headings = lens.unproject(pixels) @ self.view.rotation
+        headings[~np.isfinite(headings).all(axis=1)] = (0.0, 1.0, 0.0)
+        origins = np.broadcast_to(self.view.position, headings.shape)
+        return origins.astype(np.float32), headings.astype(np.float32)
+
+    def pixel_m(self, distance_m: Float32, height: int) -> Float32:
+        """Return how wide a pixel is at hits so far along their rays, (R,) metres."""
+        result: Float32 = distance_m / np.float32(
+            self.view.lens.fy * height / self.view.lens.height
+        )
+        return result
 
 
 def top_down(points: npt.NDArray[np.floating], *, aspect: float, margin: float = 0.03) -> Camera:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import io
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from os import cpu_count
 from pathlib import Path
 from typing import Final
@@ -20,11 +21,12 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from terraport_pipeline.engines.cameras import Camera
+from terraport_pipeline.engines.cameras import Camera, PhotoCamera
 from terraport_pipeline.engines.rays import Hits, RayScene
+from terraport_pipeline.engines.texturing import Texturing, textured_colours
 from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
-__all__ = ["encode_jpeg", "encode_png", "render_mesh", "render_points", "save_png"]
+__all__ = ["Tint", "encode_jpeg", "encode_png", "render_mesh", "render_points", "save_png"]
 
 SUN: Final = np.array([-0.5507, 0.7208, -0.4205], dtype=np.float32)
 """Unit vector towards the sun: north-west, 46 degrees high (the cartographers' light)."""
@@ -57,13 +59,27 @@ DOME_STRENGTH: Final = 160.0
 """Reach and depth of the eye-dome shading of point pictures."""
 
 
+@dataclass(frozen=True, slots=True)
+class Tint:
+    """A colour mixed into some faces, to mark them."""
+
+    first_face: int
+    """This face and all after it are marked."""
+    colour: tuple[float, float, float]
+    """sRGB, 0..255."""
+    share: float
+    """0 leaves the faces, 1 paints over them."""
+
+
 def render_mesh(
     vertices: Float32,
     faces: Int32,
-    camera: Camera,
+    camera: Camera | PhotoCamera,
     size: tuple[int, int] = (1280, 720),
     *,
     colours: UInt8 | None = None,
+    texturing: Texturing | None = None,
+    tint: Tint | None = None,
     face_colours: UInt8 | None = None,
     normals: Float32 | None = None,
     relief: float = 1.0,
@@ -85,8 +101,12 @@ def render_mesh(
         Width and height in pixels.
     colours : ndarray of shape (V, 3), uint8, optional
         sRGB per vertex, interpolated over the face.
+    texturing : Texturing, optional
+        Images for faces that have one; the others keep their vertex colours.
+    tint : Tint, optional
+        Faces that are marked.
     face_colours : ndarray of shape (F, 3), uint8, optional
-        sRGB per face, flat; wins over ``colours``. Grey when neither is given.
+        sRGB per face, flat; wins over ``colours`` and textures. Grey when neither is given.
     normals : ndarray of shape (V, 3), float32, optional
         Unit normals for smooth shading; without them each face is shaded flat, which shows it.
     relief : float
@@ -131,6 +151,12 @@ def render_mesh(
             lit = _sunlit(rays, places, flat, lift) if shadows else np.ones(len(met), np.float32)
             light = _light(shading, lit, relief)
             bare = _surface_colours(faces, found, colours, face_colours)
+            if texturing is not None and face_colours is None:
+                pixel_m = camera.pixel_m(found.t, height)
+                textured_colours(texturing, vertices, faces, found, pixel_m, bare)
+            if tint is not None:
+                marked = found.face >= tint.first_face
+                bare[marked] += tint.share * (np.float32(tint.colour) - bare[marked])
             # (c^2.2 * light)^(1 / 2.2) = c * light^(1 / 2.2): the light is linear, colours sRGB.
             picture[met] = np.minimum(bare * np.power(light, 1 / 2.2)[:, None], 255)
         band = picture.reshape((last_row - first_row) * supersample, width, 3)
@@ -271,7 +297,7 @@ def _validate_size(size: tuple[int, int], supersample: int) -> tuple[int, int]:
     return width, height
 
 
-def _sky(directions: Float32, camera: Camera) -> Float32:
+def _sky(directions: Float32, camera: Camera | PhotoCamera) -> Float32:
     if camera.kind == "orthographic":
         return np.tile(HORIZON, (len(directions), 1))
     height = directions[:, 1:2]
