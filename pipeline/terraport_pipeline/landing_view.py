@@ -15,7 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.engines.cameras import Camera, eye_level, oblique
+from terraport_pipeline.engines.pictures import Tint
 from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.geometry.handoff_rays import hidden_base_faces
 from terraport_pipeline.model import Float32, Int32, UInt8
 from terraport_pipeline.scene_model import SceneModel
@@ -34,7 +36,7 @@ EYE_HEIGHT_M: Final = 1.7
 LARGEST_RADIUS_M: Final = 60.0
 """The default radius of a landing; small scenes take a fifth of their width."""
 
-BASE_TINT: Final = np.array([60, 120, 230])
+BASE_TINT: Final = (60.0, 120.0, 230.0)
 """Mixed into base faces so that one sees where the base is shown."""
 
 CANDIDATES: Final = 7
@@ -68,6 +70,8 @@ class MixedMesh:
     normals: Float32
     base_from: int
     """The first face that belongs to the base."""
+    texturing: Texturing | None = None
+    tint: Tint | None = None
 
 
 def choose_landing(model: SceneModel, rays: RayScene) -> Landing:
@@ -152,13 +156,15 @@ def mixed_mesh(
         sight = base_vertices - np.array(camera.eye)
         length = np.linalg.norm(sight, axis=1, keepdims=True)
         base_vertices = base_vertices + sight / np.maximum(length, 1e-6) * back
-    tinted = model.base.colours * (1 - tint) + BASE_TINT * tint
+    textures = model.textures
     return MixedMesh(
         np.concatenate([model.detail.vertices, base_vertices.astype(np.float32)]),
         np.concatenate([detail_faces, base_faces]),
-        np.concatenate([model.detail.colours, np.round(tinted).astype(np.uint8)]),
+        np.concatenate([model.detail.colours, model.base.colours]),
         np.concatenate([model.detail.normals, model.base.normals]),
         len(detail_faces),
+        None if textures is None else textures.mixed(loaded[model.segment_of_face], ~hidden),
+        Tint(len(detail_faces), BASE_TINT, tint) if tint > 0 else None,
     )
 
 

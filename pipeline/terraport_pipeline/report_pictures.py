@@ -18,6 +18,7 @@ from terraport_pipeline.engines.palettes import (
 )
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
 from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.handoff_report import WorstRay
 from terraport_pipeline.landing_view import (
     Landing,
@@ -133,6 +134,7 @@ class PictureTaker:
             Input, detail, base, regions, segments, attributes; all from one camera.
         """
         counts, detail = self._model.manifest.counts, self._model.detail
+        textures = self._model.textures
         if cloud is not None:
             yield self._input(cloud)
         yield self._detail_picture(
@@ -142,6 +144,7 @@ class PictureTaker:
             f"{counts.detail_faces:,} triangles in {counts.segments:,} segments; a client never "
             "holds all of them.",
             colours=detail.colours,
+            texturing=None if textures is None else textures.detail,
             relief=PHOTO_RELIEF,
         )
         yield self._base()
@@ -252,13 +255,14 @@ class PictureTaker:
 
     def _base(self) -> Picture:
         base, counts = self._model.base, self._model.manifest.counts
-        options = self._options
+        options, textures = self._options, self._model.textures
         image = render_mesh(
             base.vertices,
             base.faces,
             self._camera,
             (options.width, options.height),
             colours=base.colours,
+            texturing=None if textures is None else textures.base,
             relief=PHOTO_RELIEF,
             supersample=options.supersample,
             scene=self.base_rays,
@@ -317,6 +321,7 @@ class PictureTaker:
         *,
         relief: float,
         colours: UInt8 | None = None,
+        texturing: Texturing | None = None,
         face_colours: UInt8 | None = None,
         legend: Legend | None = None,
     ) -> Picture:
@@ -327,6 +332,7 @@ class PictureTaker:
             self._camera,
             (options.width, options.height),
             colours=colours,
+            texturing=texturing,
             face_colours=face_colours,
             normals=detail.normals,
             relief=relief,
@@ -353,6 +359,8 @@ class PictureTaker:
             camera,
             (options.width, options.height),
             colours=mesh.colours,
+            texturing=mesh.texturing,
+            tint=mesh.tint,
             normals=mesh.normals,
             relief=PHOTO_RELIEF,
             # The two levels shade each other at the rim, which no client does.

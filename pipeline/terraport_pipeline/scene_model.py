@@ -1,6 +1,7 @@
 """A published scene as plain meshes: every payload decoded, as a client gets it.
 
 Memory: about 60 bytes per detail face (vertices are half as many as faces), 80 with attributes.
+Textures stay in the scene: see :mod:`.scene_textures`.
 """
 
 from __future__ import annotations
@@ -9,13 +10,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import Cover, PayloadError, SegmentMesh, decode_glb
+from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.mixed_model import HandOffModel
 from terraport_pipeline.model import Float32, Int32, Mesh
 from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.scene_textures import SceneTextures, TextureParts, open_images
 from terraport_store import DamagedSceneError, Manifest, Scene
 
 __all__ = ["MAX_DETAIL_FACES", "SceneModel", "load_scene_model"]
@@ -42,6 +44,8 @@ class SceneModel:
     """(S, 6) metres: minimum x, y, z and maximum x, y, z of each segment."""
     base: Mesh
     cover: Cover
+    textures: SceneTextures | None = None
+    """None when no payload has one; vertices then have their own colours, else the textures'."""
 
     def hand_off_model(self) -> HandOffModel:
         """Take what the proof of the hand-off looks at."""
@@ -107,7 +111,7 @@ def load_scene_model(scene: Scene, *, progress: Progress | None = None) -> Scene
             )
         parts.add(segment, mesh)
         watcher.advance(1)
-    base = _decoded_base(scene)
+    base, base_parts = _decoded_base(scene, len(index))
     watcher.done({"faces": total_faces})
     return SceneModel(
         manifest,
@@ -117,6 +121,7 @@ def load_scene_model(scene: Scene, *, progress: Progress | None = None) -> Scene
         index.bounds.copy(),
         base,
         scene.cover,
+        _textures(scene, parts.textures, base_parts),
     )
 
 
@@ -133,6 +138,7 @@ class _Parts:
         )
         self.segment_of_face = np.empty(faces, np.int32)
         self.region_of_face = np.full(faces, -1, np.int32)
+        self.textures = TextureParts(vertices, faces)
         self._vertex = self._face = 0
 
     def add(self, segment: int, mesh: SegmentMesh) -> None:
@@ -142,8 +148,10 @@ class _Parts:
         whole.vertices[vertices] = mesh.positions
         whole.normals[vertices] = mesh.normals
         whole.faces[faces] = mesh.faces.astype(np.int32) + np.int32(self._vertex)
-        if mesh.colours is not None:
-            whole.colours[vertices] = mesh.colours
+        textured = self.textures.add(segment, mesh, vertices, faces)
+        colours = mesh.colours if textured is None else textured
+        if colours is not None:
+            whole.colours[vertices] = colours
         for name, values in mesh.attributes.items():
             if name in whole.attributes:
                 whole.attributes[name][vertices] = values
@@ -167,13 +175,28 @@ def _decoded(scene: Scene, segment: int) -> SegmentMesh:
         ) from None
 
 
-def _decoded_base(scene: Scene) -> Mesh:
+def _decoded_base(scene: Scene, image: int) -> tuple[Mesh, TextureParts]:
     try:
         mesh = decode_glb(scene.base_path.read_bytes())
     except PayloadError as error:
         raise DamagedSceneError(scene.manifest.files["base.glb"].path, str(error)) from None
-    colours: npt.NDArray[np.uint8] = (
-        np.full((len(mesh.positions), 3), GREY, np.uint8) if mesh.colours is None else mesh.colours
-    )
+    count = len(mesh.positions)
+    parts = TextureParts(count, len(mesh.faces))
+    colours = parts.add(image, mesh, slice(0, count), slice(0, len(mesh.faces)))
+    if colours is None:
+        colours = mesh.colours
+    if colours is None:
+        colours = np.full((count, 3), GREY, np.uint8)
     faces = mesh.faces.astype(np.int32)
-    return Mesh(mesh.positions, faces, mesh.normals, colours, dict(mesh.attributes))
+    return Mesh(mesh.positions, faces, mesh.normals, colours, dict(mesh.attributes)), parts
+
+
+def _textures(scene: Scene, detail: TextureParts, base: TextureParts) -> SceneTextures | None:
+    if not ((detail.image_of_face >= 0).any() or (base.image_of_face >= 0).any()):
+        return None
+    sizes = [*detail.sizes, *base.sizes]
+    images = open_images(scene.path, scene.manifest.version, sizes)
+    return SceneTextures(
+        Texturing(detail.uvs, detail.image_of_face, images),
+        Texturing(base.uvs, base.image_of_face, images),
+    )

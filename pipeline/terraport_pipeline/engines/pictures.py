@@ -156,7 +156,8 @@ def render_mesh(
                 textured_colours(texturing, vertices, faces, found, pixel_m, bare)
             if tint is not None:
                 marked = found.face >= tint.first_face
-                bare[marked] += tint.share * (np.float32(tint.colour) - bare[marked])
+                paint = np.array(tint.colour, dtype=np.float32)
+                bare[marked] += tint.share * (paint - bare[marked])
             # (c^2.2 * light)^(1 / 2.2) = c * light^(1 / 2.2): the light is linear, colours sRGB.
             picture[met] = np.minimum(bare * np.power(light, 1 / 2.2)[:, None], 255)
         band = picture.reshape((last_row - first_row) * supersample, width, 3)
