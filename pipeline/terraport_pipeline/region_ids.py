@@ -14,7 +14,7 @@ import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from terraport_payload import PayloadError, SegmentMesh, decode_glb
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.region_match import carry_ids, match_regions, region_overlaps
 from terraport_pipeline.geometry.surface_samples import SurfaceSamples, surface_samples
-from terraport_pipeline.model import Float64, Int32, Mesh
+from terraport_pipeline.model import Float32, Float64, Int32, Mesh
 from terraport_pipeline.progress import Progress
 from terraport_store import (
     CorruptPayloadError,
@@ -36,7 +36,7 @@ from terraport_store import (
 )
 from terraport_store.labels import MAX_STABLE_ID
 
-__all__ = ["NewSurface", "NumberedRegions", "number_regions"]
+__all__ = ["NewSurface", "NumberedRegions", "Surface", "number_regions"]
 
 _SAMPLES: Final = 500_000
 """Faces of one surface that are looked at; all of them where it has no more. Two trees of so many
@@ -52,9 +52,35 @@ _LISTED_LABELS: Final = 10
 """Labels that a warning spells out."""
 
 
+class Surface(Protocol):
+    """What is about to be published, read piece by piece."""
+
+    @property
+    def face_count(self) -> int:
+        """Faces of the detail."""
+        ...
+
+    @property
+    def origin(self) -> Float64:
+        """(3,) E0, N0, H0."""
+        ...
+
+    @property
+    def crs(self) -> CrsInfo | None:
+        """Of the survey."""
+        ...
+
+    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
+        """Give every segment's vertices, faces (F, 3) and their regions (F,), always in one order.
+
+        Vertices may be those of more than the segment.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class NewSurface:
-    """What is about to be published."""
+    """A surface that is in memory."""
 
     detail: Mesh
     segments: Int32
@@ -64,6 +90,20 @@ class NewSurface:
     origin: Float64
     """(3,) E0, N0, H0."""
     crs: CrsInfo | None
+
+    @property
+    def face_count(self) -> int:
+        """Faces of the detail."""
+        return len(self.segments)
+
+    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
+        """Give every segment's vertices, faces and regions, in order of the segments."""
+        order = np.argsort(self.segments, kind="stable")
+        count = int(self.segments.max()) + 1
+        starts = np.searchsorted(self.segments[order], np.arange(count + 1))
+        for begin, end in itertools.pairwise(starts):
+            chosen = order[begin:end]
+            yield self.detail.vertices, self.detail.faces[chosen], self.regions[chosen]
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +131,7 @@ class _Before:
 
 
 def number_regions(
-    scene: Path, facts: Mapping[str, Any], surface: NewSurface, progress: Progress
+    scene: Path, facts: Mapping[str, Any], surface: Surface, progress: Progress
 ) -> NumberedRegions:
     """Give every region its stable id.
 
@@ -101,7 +141,7 @@ def number_regions(
         Scene directory, published before or not; locked by the caller.
     facts : mapping
         Contents of regions.json without stable ids; not modified.
-    surface : NewSurface
+    surface : Surface
     progress : Progress
         Advances by segments of the version before.
 
@@ -158,7 +198,7 @@ def number_regions(
     return NumberedRegions(document, counts, tuple(before.warnings))
 
 
-def _before(scene: Path, surface: NewSurface, progress: Progress) -> _Before:
+def _before(scene: Path, surface: Surface, progress: Progress) -> _Before:
     """Read ids, samples and labels of the published version, as far as they can be read."""
     found = _Before()
     try:
@@ -193,7 +233,7 @@ def _before(scene: Path, surface: NewSurface, progress: Progress) -> _Before:
 
 
 def _old_samples(
-    scene: Scene, before: _Before, surface: NewSurface, progress: Progress
+    scene: Scene, before: _Before, surface: Surface, progress: Progress
 ) -> SurfaceSamples:
     """Sample a published scene's detail, in the new surface's frame."""
     shift = _shift(np.array(scene.manifest.origin), surface.origin)
@@ -234,20 +274,12 @@ def _labels(mesh: SegmentMesh, region: int) -> Int32:
     return mesh.region_ids[mesh.faces[:, 0]].astype(np.int32)
 
 
-def _new_samples(surface: NewSurface, at_least: int) -> Iterator[SurfaceSamples]:
+def _new_samples(surface: Surface, at_least: int) -> Iterator[SurfaceSamples]:
     """Sample the new detail, segment by segment as a published scene is sampled."""
-    per_sample = _faces_per_sample(len(surface.segments))
-    order = np.argsort(surface.segments, kind="stable")
-    count = int(surface.segments.max()) + 1
-    starts = np.searchsorted(surface.segments[order], np.arange(count + 1))
-    for begin, end in itertools.pairwise(starts):
-        chosen = order[begin:end]
+    per_sample = _faces_per_sample(surface.face_count)
+    for vertices, faces, regions in surface.pieces():
         yield surface_samples(
-            surface.detail.vertices,
-            surface.detail.faces[chosen],
-            surface.regions[chosen],
-            faces_per_sample=per_sample,
-            at_least=at_least,
+            vertices, faces, regions, faces_per_sample=per_sample, at_least=at_least
         )
 
 

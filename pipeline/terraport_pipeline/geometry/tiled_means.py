@@ -34,7 +34,7 @@ from terraport_pipeline.geometry.mean_colour import (
     LEVELS,
     MeanColourSegmenter,
 )
-from terraport_pipeline.geometry.mean_scale import ColourTotals, axis_index
+from terraport_pipeline.geometry.mean_scale import ColourTotals
 from terraport_pipeline.geometry.mean_units import MeanUnits, unite
 from terraport_pipeline.geometry.pool_refine import number_by_first
 from terraport_pipeline.geometry.tile_seams import Seams

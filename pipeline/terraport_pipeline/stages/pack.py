@@ -40,13 +40,28 @@ from terraport_pipeline.stages.segment import Segmented
 from terraport_store.manifest import AttributeInfo, BuildInfo, CrsInfo, HandOff, Manifest
 from terraport_store.writer import SceneInfo, SceneWriter
 
-__all__ = ["NAME", "About", "Encoding", "Options", "Packed", "run", "split_segments"]
+__all__ = [
+    "EXPECTED_BYTES_PER_FACE",
+    "NAME",
+    "About",
+    "Encoding",
+    "Options",
+    "Packed",
+    "Payload",
+    "encode_payload",
+    "in_order",
+    "kept_faces",
+    "pack_counts",
+    "run",
+    "split_segments",
+    "whole_payload",
+]
 
 NAME: Final = "pack"
 
 Encoding = Literal["glb", "arrays"]
 
-_EXPECTED_BYTES_PER_FACE: Final = 16
+EXPECTED_BYTES_PER_FACE: Final = 16
 """Free space asked for before writing; twice what a coloured face takes with few attributes."""
 
 _QUEUE_PER_THREAD: Final = 4
@@ -92,7 +107,7 @@ class Packed:
 
 
 @dataclass(frozen=True, slots=True)
-class _Payload:
+class Payload:
     """One encoded segment."""
 
     glb: bytes
@@ -132,7 +147,7 @@ def run(
         The disk is full, or somebody else publishes the same scene; nothing half-written is left.
     """
     detail, progress = reconstructed.detail, context.progress
-    base = _kept(reconstructed.base, segmented.base_kept)
+    base = kept_faces(reconstructed.base, segmented.base_kept)
     step_m = choose_step_m(_widest_m(segmented.bounds), _farthest_m(detail, base))
     scales = {
         name: choose_attribute_scale(np.concatenate([values, base.attributes[name]]))
@@ -140,17 +155,17 @@ def run(
     }
     with_arrays = "arrays" in options.encodings
     count = len(segmented.main_region)
-    expected = (len(detail.faces) * (1 + with_arrays) + len(base.faces)) * _EXPECTED_BYTES_PER_FACE
+    expected = (len(detail.faces) * (1 + with_arrays) + len(base.faces)) * EXPECTED_BYTES_PER_FACE
     with SceneWriter(scene, with_arrays=with_arrays, expected_bytes=expected) as writer:
         # (1) segments, in their Morton order
         progress.start("pack: segments", float(count), "segments")
 
-        def encode(mesh: SegmentMesh) -> _Payload:
-            return _encode(mesh, step_m, scales, with_arrays=with_arrays)
+        def encode(mesh: SegmentMesh) -> Payload:
+            return encode_payload(mesh, step_m, scales, with_arrays=with_arrays)
 
         payload_bytes = []
         meshes = split_segments(detail, segmented.segments, segmented.regions)
-        for number, payload in enumerate(_in_order(encode, meshes, context.threads)):
+        for number, payload in enumerate(in_order(encode, meshes, context.threads)):
             writer.add_segment(
                 payload.glb,
                 region=int(segmented.main_region[number]),
@@ -166,7 +181,7 @@ def run(
         # (2) base, cover, regions
         progress.start("pack: base", None, "faces")
         glb = encode_glb(
-            _segment_mesh(base), step_m=step_m, attribute_scales=scales, keep_face_order=True
+            whole_payload(base), step_m=step_m, attribute_scales=scales, keep_face_order=True
         )
         writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
         progress.done({})
@@ -197,7 +212,7 @@ def run(
         )
         progress.done({"version": manifest.version[:12]})
     return Packed(
-        manifest, Facts(_counts(manifest, payload_bytes) | numbered.counts, numbered.warnings)
+        manifest, Facts(pack_counts(manifest, payload_bytes) | numbered.counts, numbered.warnings)
     )
 
 
@@ -235,7 +250,7 @@ def split_segments(detail: Mesh, segments: Int32, regions: Int32) -> Iterator[Se
         )
 
 
-def _kept(base: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
+def kept_faces(base: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
     """Keep some faces in their order, and the vertices that they use."""
     faces = base.faces[kept]
     used, corner = np.unique(faces, return_inverse=True)
@@ -248,7 +263,8 @@ def _kept(base: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
     )
 
 
-def _segment_mesh(mesh: Mesh) -> SegmentMesh:
+def whole_payload(mesh: Mesh) -> SegmentMesh:
+    """Take a mesh as one payload, without regions."""
     return SegmentMesh(
         positions=mesh.vertices,
         faces=mesh.faces.astype(np.uint32),
@@ -258,12 +274,13 @@ def _segment_mesh(mesh: Mesh) -> SegmentMesh:
     )
 
 
-def _encode(
+def encode_payload(
     mesh: SegmentMesh, step_m: float, scales: dict[str, AttributeScale], *, with_arrays: bool
-) -> _Payload:
+) -> Payload:
+    """Encode one segment in all encodings."""
     glb = encode_glb(mesh, step_m=step_m, attribute_scales=scales)
     corners = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
-    return _Payload(
+    return Payload(
         glb=glb,
         arrays=encode_arrays(decode_glb(glb)) if with_arrays else None,
         bounds=tuple(snap(corners, step_m).ravel().tolist()),
@@ -272,11 +289,11 @@ def _encode(
     )
 
 
-def _in_order(
-    encode: Callable[[SegmentMesh], _Payload], meshes: Iterator[SegmentMesh], threads: int
-) -> Iterator[_Payload]:
+def in_order(
+    encode: Callable[[SegmentMesh], Payload], meshes: Iterator[SegmentMesh], threads: int
+) -> Iterator[Payload]:
     """Encode in threads (the codec releases the GIL), results in the order of the meshes."""
-    waiting: deque[Future[_Payload]] = deque()
+    waiting: deque[Future[Payload]] = deque()
     with ThreadPoolExecutor(max_workers=threads) as pool:
         try:
             for mesh in meshes:
@@ -328,7 +345,8 @@ def _triple(values: Float64) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _counts(manifest: Manifest, payload_bytes: list[int]) -> dict[str, Json]:
+def pack_counts(manifest: Manifest, payload_bytes: list[int]) -> dict[str, Json]:
+    """Count what was published."""
     payload = manifest.encodings["glb"].payload_bytes
     return {
         "segments": manifest.counts.segments,
