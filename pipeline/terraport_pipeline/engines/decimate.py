@@ -15,14 +15,16 @@ from terraport_pipeline.model import Float32, Int32
 __all__ = ["decimate"]
 
 _LOCK = threading.Lock()
-"""The library keeps its mesh in a global: one call at a time."""
+"""The library keeps its mesh in a global: one call at a time and process."""
 
 _AGGRESSION = 5.0
 """How fast the threshold rises; lower follows the error order more closely (the library's default
 is 7)."""
 
 
-def decimate(vertices: Float32, faces: Int32, *, max_faces: int) -> tuple[Float32, Int32]:
+def decimate(
+    vertices: Float32, faces: Int32, *, max_faces: int, aggression: float = _AGGRESSION
+) -> tuple[Float32, Int32]:
     """Reduce a mesh to about a number of faces, leaving its border where it is.
 
     Parameters
@@ -32,6 +34,8 @@ def decimate(vertices: Float32, faces: Int32, *, max_faces: int) -> tuple[Float3
     faces : ndarray of shape (F, 3), int32
     max_faces : int
         Wanted. More can be left where the border alone needs more.
+    aggression : float
+        How fast the error threshold rises.
 
     Returns
     -------
@@ -46,7 +50,7 @@ def decimate(vertices: Float32, faces: Int32, *, max_faces: int) -> tuple[Float3
             vertices.astype(np.float64),
             np.ascontiguousarray(faces),
             target_count=max_faces,
-            agg=_AGGRESSION,
+            agg=aggression,
             preserve_border=True,
         )
     triangles = np.asarray(triangles, dtype=np.int32)

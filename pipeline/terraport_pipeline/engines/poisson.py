@@ -34,24 +34,26 @@ clean scans."""
 SCALE = 1.1
 """The solver's cube is this much wider than the cloud's longest side."""
 
-_FACES_PER_CELL = 3.5
-"""Faces per cell of the cube's cross section that the surface passes (measured on terrain, depths
-9 and 10)."""
+_FACES_PER_CELL = 2.8
+"""Faces per cell of the cube's cross section that the surface passes (measured on six surveys,
+depths 9 to 11: 2.5 to 2.9)."""
 
 _FACES_PER_POINT = 6.6
 """Faces per sample at which finer cells add no more (measured: 4.1 to 6.6)."""
 
-_BASE_BYTES = 250 * 2**20
+_BASE_BYTES = 160 * 2**20
 """A child's memory before it solves: interpreter, pycolmap, buffers."""
 
-_BYTES_PER_FACE = 420
-"""Peak memory per face made (measured 380 to 390, depths 9 to 13), with a tenth on top."""
+_BYTES_PER_FACE = 280
+"""Peak memory per face made (measured 240 to 255, depths 9 to 11), with a tenth on top."""
 
-_BYTES_PER_POINT = 120
+_BYTES_PER_POINT = 35
 """Peak memory per sample while the tree is built."""
 
-_SECONDS_PER_FACE = 32e-6
-"""One thread of this project's reference machine: 2.87 M faces in 87 s."""
+_SECONDS_PER_FACE = 19e-6
+_SECONDS_PER_POINT = 4e-6
+"""One thread of this project's reference machine, nothing beside it: 5.3 M faces of 2.2 M points in
+114 s, 1.6 M of 0.5 M in 35 s."""
 
 _POLL_S = 0.1
 _ATTEMPTS = 2
@@ -98,13 +100,16 @@ def forecast(point_count: int, depth: int, extent_m: float, area_m2: float) -> F
     Returns
     -------
     Forecast
-        Within about a factor of 1.5 on the surveys it was fitted to.
+        On the surveys it was fitted to (0.5 to 5 M points, depths 9 to 11) memory comes out 1.0 to
+        1.25 times what was used, faces within an eighth either way. Seconds are those of an idle
+        core; another machine, or a loaded one, takes its own.
     """
     cell_m = SCALE * extent_m / 2**depth
     by_cells = _FACES_PER_CELL * area_m2 / cell_m**2
     faces = int(min(by_cells, _FACES_PER_POINT * point_count)) + 1000
     memory = _BASE_BYTES + _BYTES_PER_FACE * faces + _BYTES_PER_POINT * point_count
-    return Forecast(faces, memory, 1.5 + _SECONDS_PER_FACE * faces + 4e-6 * point_count)
+    seconds = 1.5 + _SECONDS_PER_FACE * faces + _SECONDS_PER_POINT * point_count
+    return Forecast(faces, memory, seconds)
 
 
 def reconstruct(
@@ -129,7 +134,8 @@ def reconstruct(
     directory : Path
         For the PLY files; they are deleted before this returns or raises.
     side_by_side : bool
-        Run all at once instead of one after the other. Same bytes either way.
+        Run all at once instead of one after the other. Same bytes either way. When memory runs out
+        they are run again one after the other, except those that had finished.
     max_memory_bytes : int, optional
         The children are stopped when together they pass this.
     point_weight : float
@@ -155,14 +161,21 @@ def reconstruct(
         jobs = []
         for place, depth in enumerate(depths):
             target = directory / f"poisson-{place}-depth{depth}.ply"
-            made += [target, target.with_suffix(".log")]
+            made += [target, target.with_suffix(".log"), target.with_suffix(".part.ply")]
             jobs.append(_Job(source, target, depth, point_weight))
-        for group in [jobs] if side_by_side else [[job] for job in jobs]:
-            _run_group(group, max_memory_bytes, tick)
+        waiting = list(jobs)
+        if side_by_side and len(jobs) > 1:
+            waiting = _run_together(jobs, max_memory_bytes, tick)
+        for job in waiting:
+            _run_alone(job, max_memory_bytes, tick)
         return [_read_ply(job.target) for job in jobs]
     finally:
         for path in made:
             path.unlink(missing_ok=True)
+
+
+class _MemoryPassedError(ResourceError):
+    """The children together passed what is allowed; one after the other they may not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,21 +191,23 @@ class _Job:
         return [sys.executable, "-m", module, str(self.source), str(self.target), *numbers]
 
 
-def _run_group(
+def _run_together(
     jobs: Sequence[_Job], max_memory_bytes: int | None, tick: Callable[[float], None]
-) -> None:
-    """Run children to their end, each again once if it fails."""
-    waiting = list(jobs)
-    for attempt in range(1, _ATTEMPTS + 1):
-        with contextlib.ExitStack() as stack:
-            running = [(job, stack.enter_context(_child(job))) for job in waiting]
-            _wait([process for _, process in running], max_memory_bytes, tick)
-            failed = [(job, process) for job, process in running if not _succeeded(job, process)]
-        if not failed:
+) -> list[_Job]:
+    """Run children at once; returns those that did not end well, to be run one by one."""
+    with contextlib.ExitStack() as stack, contextlib.suppress(_MemoryPassedError):
+        _wait([stack.enter_context(_child(job)) for job in jobs], max_memory_bytes, tick)
+    return [job for job in jobs if not job.target.is_file()]
+
+
+def _run_alone(job: _Job, max_memory_bytes: int | None, tick: Callable[[float], None]) -> None:
+    """Run a child to its end, again once if it fails."""
+    for _ in range(_ATTEMPTS):
+        with _child(job) as process:
+            _wait([process], max_memory_bytes, tick)
+        if job.target.is_file():
             return
-        if attempt == _ATTEMPTS:
-            _raise_failure(*failed[0])
-        waiting = [job for job, _ in failed]
+    _raise_failure(job, process)
 
 
 @contextlib.contextmanager
@@ -223,7 +238,7 @@ def _wait(
         last = now
         used = sum(_resident_bytes(process.pid) for process in processes if process.poll() is None)
         if max_memory_bytes is not None and used > max_memory_bytes:
-            raise ResourceError(
+            raise _MemoryPassedError(
                 f"reconstruction uses {used / 2**30:.1f} GiB, allowed are "
                 f"{max_memory_bytes / 2**30:.1f} GiB (--max-memory); lower --detail-depth, "
                 "or thin the survey with --max-points"
@@ -235,10 +250,6 @@ def _resident_bytes(pid: int) -> int:
         return int(psutil.Process(pid).memory_info().rss)
     except psutil.Error:
         return 0
-
-
-def _succeeded(job: _Job, process: subprocess.Popen[bytes]) -> bool:
-    return process.returncode == 0 and job.target.is_file() and job.target.stat().st_size > 0
 
 
 def _raise_failure(job: _Job, process: subprocess.Popen[bytes]) -> None:

@@ -10,9 +10,10 @@ import ctypes
 import os
 import signal
 import sys
+from pathlib import Path
 from typing import Final
 
-__all__ = ["main"]
+__all__ = ["die_with_parent", "main"]
 
 _PR_SET_PDEATHSIG: Final = 1
 """Linux `prctl` option: the signal this process gets when its parent dies."""
@@ -33,7 +34,7 @@ def main(arguments: list[str]) -> int:
     """
     source, target, depth, point_weight, parent = arguments
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends us
-    _die_with_parent(int(parent))
+    die_with_parent(int(parent))
     import pycolmap
 
     options = pycolmap.PoissonMeshingOptions()
@@ -42,11 +43,17 @@ def main(arguments: list[str]) -> int:
     options.num_threads = 1
     options.trim = 0.0
     options.color = False
-    pycolmap.poisson_meshing(source, target, options)
+    # Under its name only when whole: what a stopped child leaves is not taken for a mesh.
+    part = Path(target).with_suffix(".part.ply")
+    pycolmap.poisson_meshing(source, str(part), options)
+    if not part.stat().st_size:
+        return 1
+    part.replace(target)
     return 0
 
 
-def _die_with_parent(parent: int) -> None:
+def die_with_parent(parent: int) -> None:
+    """End this process when its parent ends, whatever ends it (Linux)."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # it died before the request was made

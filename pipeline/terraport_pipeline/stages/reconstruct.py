@@ -1,15 +1,15 @@
 """Reconstruct: from the cloud to two meshes of one surface, already aligned.
 
-Screened Poisson at two octree depths, trimmed to where samples support it; colours and attributes
-carried from the cloud; the base reduced to its face budget; the distance between the two measured.
-Memory: the solver's (see :func:`terraport_pipeline.engines.poisson.forecast`), then about 250 bytes
-per detail face.
+Screened Poisson, cut to where samples support it; a base thinned from that detail (or solved at a
+lower octree depth, as the thesis does); colours and attributes carried from the cloud; the distance
+between the two measured. Memory: the solver's (see
+:func:`terraport_pipeline.engines.poisson.forecast`), then about 250 bytes per detail face.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -17,21 +17,17 @@ from scipy.spatial import cKDTree
 from terraport_payload.order import order_for_cache
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
-from terraport_pipeline.errors import OptionError, ResourceError, SurveyError
+from terraport_pipeline.engines.thin_detail import thin_detail
+from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.carry import carry_values
 from terraport_pipeline.geometry.deviation import distances_to_mesh
-from terraport_pipeline.geometry.trim import (
-    close_small_gaps,
-    compact,
-    island_mask,
-    near_mask,
-    support_mask,
-)
+from terraport_pipeline.geometry.trim import close_small_gaps, compact, near_mask
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
 from terraport_pipeline.model import Float32, Int32, Mesh
 from terraport_pipeline.progress import ESTIMATE_UNIT
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
+from terraport_pipeline.stages.trim_detail import trim_detail
 
 __all__ = ["NAME", "Options", "Reconstructed", "restore", "run", "store"]
 
@@ -57,14 +53,18 @@ _PERCENTILES: Final = (50.0, 95.0, 99.0, 99.9)
 class Options:
     """How finely to reconstruct."""
 
+    base_from: Literal["detail", "poisson"] = "detail"
+    """"detail" thins the detail: ten times nearer to it, and the same outline. "poisson" solves the
+    base apart, as the thesis does."""
     base_depth: int = 9
-    """Octree depth of the base; lower is lighter and farther from the detail."""
+    """Octree depth of a base by "poisson"; lower is lighter and farther from the detail."""
     detail_depth: int = 13
     """Octree depth of the detail, lowered to where a cell is one sample spacing."""
     base_faces: int = 200_000
     """The base is decimated to this. Every client holds all of it all the time."""
     trim_spacings: float = 4.0
-    """Surface farther than this many spacings from a sample goes. Higher closes more holes, and
+    """Surface farther than this many spacings from a sample goes; between what the histogram of
+    support says and this, gaps between samples stay and borders go. Higher closes more holes, and
     invents more."""
     island_faces: int = 200
     """Loose pieces of detail with fewer faces go."""
@@ -72,6 +72,8 @@ class Options:
     """Higher follows the samples and their noise, lower smooths."""
 
     def __post_init__(self) -> None:
+        if self.base_from not in ("detail", "poisson"):
+            raise OptionError(f"base from {self.base_from!r}; expected detail or poisson")
         for name, depth in (("base", self.base_depth), ("detail", self.detail_depth)):
             if not 3 <= depth <= _MAX_DEPTH:
                 raise OptionError(f"{name} depth {depth}; expected 3 to {_MAX_DEPTH}")
@@ -121,25 +123,42 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
     cloud, progress = cleaned.cloud, context.progress
     warnings: list[str] = []
     base_depth, detail_depth = _choose_depths(cleaned, options, warnings)
+    depths = (detail_depth,) if options.base_from == "detail" else (detail_depth, base_depth)
     # (1) solve
-    surfaces, forecasts = _solve(cleaned, options, (base_depth, detail_depth), context)
+    surfaces, forecasts = _solve(cleaned, options, depths, context)
+    solved = [len(faces) for _, faces in surfaces]
     # (2) trim
     progress.start("reconstruct: trim", None, "faces")
     tree = cKDTree(cloud.points, balanced_tree=False)
-    solved = [len(faces) for _, faces in surfaces]
-    detail, islands = _trim_detail(*surfaces[1], cleaned, tree, options, context)
-    cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
-    base = _trim_base(*surfaces[0], detail, cell_m, context)
-    del surfaces
-    progress.done({"detail faces": len(detail[1]), "islands dropped": islands})
-    # (3) reduce the base
+    trimmed = trim_detail(
+        *surfaces[0],
+        cleaned,
+        tree,
+        largest=options.trim_spacings,
+        island_faces=options.island_faces,
+        threads=context.threads,
+    )
+    detail = (trimmed.vertices, trimmed.faces)
+    progress.done({"detail faces": len(detail[1]), "islands dropped": trimmed.islands})
+    # (3) the base
     progress.start("reconstruct: base", None, "faces")
-    trimmed = len(base[1])
-    base = decimate(*base, max_faces=options.base_faces)
+    counts: dict[str, Json] = {"base_from": options.base_from, "detail_depth": detail_depth}
+    if options.base_from == "poisson":
+        cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
+        base = _trim_base(*surfaces[1], detail, cell_m, context)
+        counts |= {
+            "base_depth": base_depth,
+            "base_faces_solved": solved[1],
+            "base_faces_trimmed": len(base[1]),
+        }
+        base = decimate(*base, max_faces=options.base_faces)
+    else:
+        base = thin_detail(*detail, max_faces=options.base_faces, threads=context.threads)
+    del surfaces
     if len(base[1]) > 1.1 * options.base_faces:
         warnings.append(
             f"the base keeps {len(base[1])} faces, {options.base_faces} were asked: its border "
-            "alone needs more; lower --base-depth"
+            "alone needs more; raise --base-faces"
         )
     # Vertex cache order now: the cover names base faces by number.
     base = (base[0], base[1][order_for_cache(base[1].astype(np.uint32))])
@@ -148,16 +167,13 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
     meshes = [_dress(*surface, cleaned, tree, context) for surface in (base, detail)]
     # (5) measure
     deviation_m = _measure(meshes[0], meshes[1], context)
-    counts: dict[str, Json] = {
-        "base_depth": base_depth,
-        "detail_depth": detail_depth,
-        "base_faces_solved": solved[0],
-        "detail_faces_solved": solved[1],
-        "base_faces_trimmed": trimmed,
+    counts |= {
+        "detail_faces_solved": solved[0],
         "base_faces": len(meshes[0].faces),
         "detail_faces": len(meshes[1].faces),
         "detail_vertices": len(meshes[1].vertices),
-        "islands_dropped": islands,
+        "islands_dropped": trimmed.islands,
+        **trimmed.counts,
         "forecast_memory_bytes": sum(forecast.memory_bytes for forecast in forecasts),
     }
     for percentile, value in zip(_PERCENTILES, deviation_m, strict=True):
@@ -210,7 +226,7 @@ def _choose_depths(cleaned: Cleaned, options: Options, warnings: list[str]) -> t
             f"spacing ({spacing_m:.3g} m); finer cells would only add noise"
         )
     base = max(1, min(options.base_depth, detail - 1))
-    if base < options.base_depth:
+    if base < options.base_depth and options.base_from == "poisson":
         warnings.append(
             f"base depth {base} instead of {options.base_depth}: the base stays below the detail"
         )
@@ -218,9 +234,9 @@ def _choose_depths(cleaned: Cleaned, options: Options, warnings: list[str]) -> t
 
 
 def _solve(
-    cleaned: Cleaned, options: Options, depths: tuple[int, int], context: Context
+    cleaned: Cleaned, options: Options, depths: tuple[int, ...], context: Context
 ) -> tuple[list[tuple[Float32, Int32]], list[poisson.Forecast]]:
-    """Run both reconstructions within the memory allowed."""
+    """Run the reconstructions, the detail's first, within the memory allowed."""
     cloud = cleaned.cloud
     area_m2 = len(cloud.points) * cloud.spacing_m**2
     forecasts = [
@@ -230,16 +246,18 @@ def _solve(
     needed = max(forecast.memory_bytes for forecast in forecasts)
     if allowed is not None and needed > allowed:
         raise ResourceError(
-            f"reconstruction at depth {depths[1]} needs about {needed / 2**30:.1f} GiB, allowed "
+            f"reconstruction at depth {depths[0]} needs about {needed / 2**30:.1f} GiB, allowed "
             f"are {allowed / 2**30:.1f} GiB; lower --detail-depth (one less needs about a "
             "quarter), thin the survey with --max-points, or raise --max-memory"
         )
     together = sum(forecast.memory_bytes for forecast in forecasts)
-    side_by_side = context.threads > 1 and (allowed is None or together <= allowed)
+    side_by_side = (
+        context.threads > 1 and len(depths) > 1 and (allowed is None or together <= allowed)
+    )
     times = [forecast.seconds for forecast in forecasts]
     expected_s = max(times) if side_by_side else sum(times)
     context.progress.start(
-        f"reconstruct: depth {depths[0]} and {depths[1]}", expected_s, ESTIMATE_UNIT
+        f"reconstruct: Poisson, depth {' and '.join(map(str, depths))}", expected_s, ESTIMATE_UNIT
     )
     surfaces = poisson.reconstruct(
         cloud.points,
@@ -253,34 +271,6 @@ def _solve(
     )
     context.progress.done({"faces": sum(len(faces) for _, faces in surfaces)})
     return surfaces, forecasts
-
-
-def _trim_detail(
-    vertices: Float32,
-    faces: Int32,
-    cleaned: Cleaned,
-    tree: cKDTree,
-    options: Options,
-    context: Context,
-) -> tuple[tuple[Float32, Int32], int]:
-    keep = support_mask(
-        vertices,
-        faces,
-        tree,
-        cleaned.local_spacing_m,
-        spacings=options.trim_spacings,
-        workers=context.threads,
-    )
-    vertices, faces = compact(vertices, faces, keep)
-    # Some of a small survey's pieces may all be islands: the largest always stays.
-    keep, islands = island_mask(faces, len(vertices), min_faces=options.island_faces)
-    vertices, faces = compact(vertices, faces, keep)
-    if not len(faces):
-        raise SurveyError(
-            f"no surface lies within {options.trim_spacings} spacings of the {tree.n} samples; "
-            "are they scattered in space rather than on a surface? raise --trim-spacings to see"
-        )
-    return (vertices, faces), islands
 
 
 def _trim_base(

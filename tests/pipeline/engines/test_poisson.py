@@ -108,10 +108,46 @@ def test_depth_follows_the_density(
 
 
 def test_forecast_grows_with_depth_until_the_samples_run_out() -> None:
-    costs = [poisson.forecast(10**6, depth, 400.0, 160_000.0) for depth in range(7, 14)]
+    costs = [poisson.forecast(10**6, depth, 400.0, 220_000.0) for depth in range(7, 14)]
     memory = [cost.memory_bytes for cost in costs]
     assert memory == sorted(memory)
     assert memory[-1] == memory[-2]
-    # Measured with PoissonRecon: 1 M points at depth 9 took 0.5 GB and 0.9 M faces.
+    # Measured with PoissonRecon: 1 M points of rough ground at depth 9 took 0.5 GB and 0.9 M faces.
     assert 0.4e9 < memory[2] < 1.0e9
     assert 0.6e6 < costs[2].faces < 1.4e6
+
+
+def test_what_memory_stops_side_by_side_is_run_again_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Two children together are "too large" as soon as both live; one alone never is.
+    alive: list[int] = []
+
+    def resident_bytes(pid: int) -> int:
+        alive.append(pid)
+        return 600
+
+    monkeypatch.setattr(poisson, "_resident_bytes", resident_bytes)
+    points, normals = sphere()
+    ran = poisson.reconstruct(
+        points, normals, [4, 5], tmp_path, side_by_side=True, max_memory_bytes=1000
+    )
+    expected = poisson.reconstruct(points, normals, [4, 5], tmp_path, side_by_side=False)
+    assert len(set(alive)) >= 3  # two stopped together, then at least one looked at alone
+    for (v1, f1), (v2, f2) in zip(ran, expected, strict=True):
+        assert v1.tobytes() == v2.tobytes()
+        assert f1.tobytes() == f2.tobytes()
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_forecast_is_near_what_surveys_took() -> None:
+    # points, depth, extent, spacing; faces and peak bytes of the child as measured
+    for count, depth, extent_m, spacing_m, faces, peak in (
+        (499_947, 9, 157.874, 0.18296, 423_008, 276_660_224),
+        (499_947, 10, 157.874, 0.18296, 1_646_885, 580_935_680),
+        (939_235, 11, 104.25, 0.06467, 3_154_854, 984_276_992),
+        (2_196_390, 11, 1995.42, 0.99267, 5_259_565, 1_489_702_912),
+    ):
+        found = poisson.forecast(count, depth, extent_m, count * spacing_m**2)
+        assert 0.85 < found.faces / faces < 1.2
+        assert 1.0 < found.memory_bytes / peak < 1.3

@@ -1,0 +1,146 @@
+"""Cut a reconstructed detail to its edges, and say what that changed.
+
+Part of the stage *reconstruct*; its steps are apart so that pieces of a surface can be cut by one
+rule made for the whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scipy.spatial import cKDTree
+
+from terraport_pipeline.errors import SurveyError
+from terraport_pipeline.geometry.border import BorderFacts, measure_border
+from terraport_pipeline.geometry.edges import EdgeRule, trim_edges
+from terraport_pipeline.geometry.footprint import footprint_of
+from terraport_pipeline.geometry.support import (
+    support_histogram,
+    support_ratio,
+    support_threshold,
+)
+from terraport_pipeline.geometry.trim import compact, island_mask
+from terraport_pipeline.model import Float32, Int32
+from terraport_pipeline.stages.clean import Cleaned
+from terraport_pipeline.stages.contract import Json
+
+__all__ = ["TrimmedDetail", "border_counts", "make_edge_rule", "trim_detail"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrimmedDetail:
+    """A detail surface between its edges."""
+
+    vertices: Float32
+    faces: Int32
+    islands: int
+    """Loose pieces dropped."""
+    counts: dict[str, Json]
+    """What the edges were and are."""
+
+
+def make_edge_rule(
+    vertices: Float32, faces: Int32, ratio: Float32, cleaned: Cleaned, *, largest: float
+) -> EdgeRule:
+    """Read how far the surface goes from the cloud and from the surface as solved.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+        Metres, scene frame, before anything was trimmed.
+    faces : ndarray of shape (F, 3), int32
+    ratio : ndarray of shape (V,), float32
+        Support ratio of the vertices.
+    cleaned : Cleaned
+    largest : float
+        Support ratio that no place may pass.
+
+    Returns
+    -------
+    EdgeRule
+    """
+    threshold = support_threshold(support_histogram(vertices, faces, ratio), largest=largest)
+    cloud = cleaned.cloud
+    outline = footprint_of(cloud.points, cleaned.local_spacing_m, cloud.spacing_m)
+    return EdgeRule(threshold, largest, cloud.spacing_m, outline)
+
+
+def trim_detail(
+    vertices: Float32,
+    faces: Int32,
+    cleaned: Cleaned,
+    tree: cKDTree,
+    *,
+    largest: float,
+    island_faces: int,
+    threads: int = 1,
+) -> TrimmedDetail:
+    """Cut a whole surface to its edges and drop loose pieces.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+        Metres, scene frame.
+    faces : ndarray of shape (F, 3), int32
+    cleaned : Cleaned
+    tree : cKDTree
+        Over the cloud's points.
+    largest : float
+        Support ratio that no place may pass.
+    island_faces : int
+        Loose pieces with fewer faces go.
+    threads : int
+
+    Returns
+    -------
+    TrimmedDetail
+
+    Raises
+    ------
+    SurveyError
+        Nothing is left.
+    """
+    spacing_m, local_m = cleaned.cloud.spacing_m, cleaned.local_spacing_m
+
+    def ratio_of(places: Float32) -> Float32:
+        return support_ratio(places, tree, local_m, spacing_m, workers=threads)
+
+    ratio = ratio_of(vertices)
+    rule = make_edge_rule(vertices, faces, ratio, cleaned, largest=largest)
+    outline = rule.footprint
+    assert outline is not None  # make_edge_rule draws one
+    # What whole faces by the largest ratio alone would have left: the rule up to November 2026.
+    coarse = faces[(ratio <= largest)[faces].all(axis=1)]
+    before = measure_border(vertices, coarse, outline, ratio_of, spacing_m)
+    del coarse
+    cut_vertices, cut_faces = trim_edges(vertices, faces, ratio, rule)
+    # Some of a small survey's pieces may all be islands: the largest always stays.
+    keep, islands = island_mask(cut_faces, len(cut_vertices), min_faces=island_faces)
+    cut_vertices, cut_faces = compact(cut_vertices, cut_faces, keep)
+    if not len(cut_faces):
+        raise SurveyError(
+            f"no surface lies within {largest} spacings of the {tree.n} samples; are they "
+            "scattered in space rather than on a surface? raise --trim-spacings to see"
+        )
+    after = measure_border(cut_vertices, cut_faces, outline, ratio_of, spacing_m)
+    counts = {
+        "support_threshold": rule.threshold,
+        "footprint_m2": outline.area_m2,
+        **border_counts(before, after),
+    }
+    return TrimmedDetail(cut_vertices, cut_faces, islands, counts)
+
+
+def border_counts(before: BorderFacts, after: BorderFacts) -> dict[str, Json]:
+    """Name what the trimming changed; lengths in spacings where nothing else is said."""
+    return {
+        f"{name}_{when}": getattr(facts, field)
+        for name, field in (
+            ("outside_footprint_m2", "outside_m2"),
+            ("border_reach_p50", "reach_p50"),
+            ("border_reach_p95", "reach_p95"),
+            ("border_teeth_p50", "teeth_p50"),
+            ("border_teeth_p95", "teeth_p95"),
+        )
+        for when, facts in (("before", before), ("after", after))
+    }
