@@ -27,6 +27,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     RawCamera,
     RawCameras,
     check_count,
+    check_position,
     check_size,
     make_lens,
 )
@@ -105,6 +106,7 @@ def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:
             made[sensor] = _lens(path, lenses[sensor])
         matrix = _numbers(path, transform.text, 16, place).reshape(4, 4)
         scale, rotation, shift = moves.get(one.get("component_id", "")) or whole or _NOWHERE
+        check_position(path, place, [scale * np.abs(matrix[:3]).max(), *shift])
         to_world = rotation @ matrix[:3, :3]
         if np.abs(to_world @ to_world.T - np.eye(3)).max() > 1e-6 or np.linalg.det(to_world) < 0:
             raise ReadError(path, f"no rotation: {to_world.round(6).tolist()}", AGAIN, place)

@@ -23,6 +23,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     RawCamera,
     RawCameras,
     check_count,
+    check_position,
     check_size,
     make_lens,
     parse_numbers,
@@ -75,6 +76,7 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
         translation = np.array(_next(path, lines, "a translation"))
         if focal == 0.0:
             continue
+        check_position(path, f"camera {name!r}", translation)
         rotation = _nearest_rotation(path, name, np.array(rows))
         width, height = photo_size(name)
         lens = make_lens(

@@ -25,6 +25,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     RawCamera,
     RawCameras,
     check_count,
+    check_position,
     make_lens,
     parse_numbers,
     quaternion_to_matrix,
@@ -236,6 +237,7 @@ def _camera(
     rotation = quaternion_to_matrix(pose[:4])
     if rotation is None or not np.isfinite(pose).all():
         raise ReadError(path, f"the pose of {name} is {list(pose)}", AGAIN, place)
+    check_position(path, place, pose[4:])
     centre = -rotation.T @ np.asarray(pose[4:])
     return RawCamera(name, lenses[camera], rotation, centre)
 

@@ -28,6 +28,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     RawCamera,
     RawCameras,
     check_count,
+    check_position,
     check_size,
     make_lens,
     parse_numbers,
@@ -135,6 +136,7 @@ def read_shots(path: Path) -> RawCameras:
                 place,
             )
         rotation = rotation_vector_to_matrix(pose[0].tolist())
+        check_position(path, place, pose[1])
         cameras.append(RawCamera(name, fitting[0], rotation, pose[1]))
         check_count(path, len(cameras))
     check_count(path, len(cameras))
@@ -220,6 +222,7 @@ def _shot(path: Path, name: str, shot: Mapping[str, Any], lenses: Mapping[str, L
         lens = lenses[shot["camera"]]
     except (KeyError, TypeError, ValueError) as error:
         raise ReadError(path, f"no shot of OpenSfM ({error!r})", _FRESH, place) from error
+    check_position(path, place, translation)
     return RawCamera(name, lens, rotation, -rotation.T @ translation)
 
 

@@ -34,6 +34,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     RawCamera,
     RawCameras,
     check_count,
+    check_position,
     make_lens,
     parse_numbers,
     read_small_text,
@@ -98,6 +99,7 @@ def read_pix4d(path: Path) -> RawCameras:
             radial=tuple(rows[3]),
             tangential=(rows[4][0], rows[4][1]),
         )
+        check_position(path, place, rows[5])
         cameras.append(RawCamera(words[0], lens, rotation, np.array(rows[5])))
         check_count(path, len(cameras), f"line {number:,}")
     check_count(path, len(cameras))
@@ -129,6 +131,7 @@ def read_pix4d_external(path: Path) -> RawCameras:
                 f"line {number:,}",
             )
         values = parse_numbers(path, number, words[1:], 6, "X Y Z omega phi kappa")
+        check_position(path, f"line {number:,}", values[:3])
         rotation = _FLIP @ omega_phi_kappa(*values[3:]).T
         cameras.append(RawCamera(words[0], lens, rotation, np.array(values[:3])))
         check_count(path, len(cameras), f"line {number:,}")

@@ -7,12 +7,14 @@ lie in the survey's, best guess first. Which one is right shows only against the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.lens import Lens
@@ -27,6 +29,7 @@ __all__ = [
     "RawCamera",
     "RawCameras",
     "check_count",
+    "check_position",
     "check_size",
     "make_lens",
     "parse_numbers",
@@ -47,6 +50,9 @@ _MAX_SMALL_BYTES: Final = 1 << 16
 
 _MAX_LINE_BYTES: Final = 64 << 20
 """COLMAP writes all tie points of a photo into one line; a million of them are 40 MB."""
+
+_MAX_COORDINATE_M: Final = 1e8
+"""Twice around the Earth; some national grids count from far away."""
 
 AGAIN: Final = "the file is cut off or damaged: copy or export it again"
 
@@ -218,6 +224,18 @@ def make_lens(path: Path, place: str, **fields: Any) -> Lens:
         raise ReadError(path, f"no lens: {error}", AGAIN, place) from error
 
 
+def check_position(path: Path, place: str, numbers: npt.ArrayLike) -> None:
+    """Refuse coordinates that are no place on Earth in any system.
+
+    Raises
+    ------
+    ReadError
+    """
+    farthest = float(np.abs(numbers).max())
+    if not farthest < _MAX_COORDINATE_M:
+        raise ReadError(path, f"a coordinate of {farthest:g} m", AGAIN, place)
+
+
 def quaternion_to_matrix(quaternion: Sequence[float]) -> Float64 | None:
     """Turn w, x, y, z of any length into a rotation; None when they are all zero.
 
@@ -226,7 +244,7 @@ def quaternion_to_matrix(quaternion: Sequence[float]) -> Float64 | None:
     >>> quaternion_to_matrix((2.0, 0.0, 0.0, 0.0)).tolist()
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
-    length = float(np.linalg.norm(quaternion))
+    length = math.hypot(*quaternion)
     if not 1e-6 < length < 1e6:
         return None
     w, x, y, z = np.asarray(quaternion) / length
@@ -247,7 +265,7 @@ def rotation_vector_to_matrix(vector: Sequence[float]) -> Float64:
     >>> rotation_vector_to_matrix((0.0, 0.0, np.pi / 2)).round(9).tolist()[0]
     [0.0, -1.0, 0.0]
     """
-    angle = float(np.linalg.norm(vector))
+    angle = math.hypot(*vector)
     half = 0.5 * angle
     axis = np.asarray(vector) / angle if angle > 0.0 else np.zeros(3)
     matrix = quaternion_to_matrix((np.cos(half), *(np.sin(half) * axis)))
