@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.engines.rays import Hits, RayScene
 from terraport_pipeline.geometry.lens import Lens, View
 from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 from terraport_pipeline.synth._photo_kernels import FIELDS, fields_at
@@ -155,6 +155,29 @@ class CameraEye:
             colours.reshape(height, width, 3),
             what.reshape(height, width),
             distance.reshape(height, width),
+        )
+
+    def colours_at(self, hits: Hits, footprint_m: float) -> Float64:
+        """Return the true colours of places on the truth mesh.
+
+        Parameters
+        ----------
+        hits : Hits
+            R meetings with :attr:`rays`, all on a face.
+        footprint_m : float
+            Width of what one colour averages.
+
+        Returns
+        -------
+        ndarray of shape (R, 3), float64
+            sRGB, 0..255, in the day's light.
+        """
+        return lit_colours(
+            self._points(hits.face, hits.u, hits.v),
+            self.surface,
+            self._sunlight,
+            self.options,
+            footprint=footprint_m / self.options.scale,
         )
 
     def _rays_of(self, lens: Lens) -> Float32:

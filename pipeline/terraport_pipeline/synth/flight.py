@@ -133,7 +133,8 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
     half = np.array([HALF_X, HALF_Y]) * quarry.scale * _SIDE
     columns, rows, height = _grid(options, half, lens)
     rng = np.random.default_rng([quarry.seed, _STREAM])
-    places, looks, ups = _nadir(half, columns, rows, height)
+    shown = np.array([lens.height, lens.width]) * height / lens.fx
+    places, looks, ups = _nadir(half, shown, columns, rows, height)
     nadir = len(places)
     outer = (options.count - nadir + 1) // 2
     for count, ring in ((outer, _outer), (options.count - nadir - outer, _inner)):
@@ -188,10 +189,13 @@ def _grid(options: FlightOptions, half: Float64, lens: Lens) -> tuple[int, int, 
 
 
 def _nadir(
-    half: Float64, columns: int, rows: int, height: float
+    half: Float64, shown: Float64, columns: int, rows: int, height: float
 ) -> tuple[Float64, Float64, Float64]:
-    east = half[0] * ((np.arange(columns) + 0.5) / columns * 2 - 1)
-    north = half[1] * ((np.arange(rows) + 0.5) / rows * 2 - 1)
+    """Lay out the grid; `shown` is what one photo shows of the plateau, east and north."""
+    # The outermost photos end where the covered part of the site ends.
+    reach = np.maximum(half - 0.5 * shown, 0.0)
+    east = np.linspace(-reach[0], reach[0], columns) if columns > 1 else np.zeros(1)
+    north = np.linspace(-reach[1], reach[1], rows) if rows > 1 else np.zeros(1)
     places, ups = [], []
     for row, y in enumerate(north):
         way = 1.0 if row % 2 == 0 else -1.0

@@ -86,3 +86,24 @@ def test_counts(text: str, count: int) -> None:
 def test_bad_counts(text: str) -> None:
     with pytest.raises(OptionError):
         parse_count(text)
+
+
+def test_photos_come_with_the_cloud_they_show(tmp_path: Path) -> None:
+    path = tmp_path / "q.laz"
+    result = run(
+        "-o", path, "--points", "1k", "--size", "90", "--photos", tmp_path / "p",
+        "--photo-count", "2", "--photo-size", "80x64", "--no-truck",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    assert "cm a pixel" in result.output
+    assert "--cameras" in result.output
+    assert load_options(tmp_path / "q.truth.npz").detail == 1.0
+    assert len(list((tmp_path / "p" / "images").iterdir())) == 2
+
+
+def test_a_photo_size_that_is_none_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    arguments = ("--points", "1k", "--photos", tmp_path / "p", "--photo-size", "large")
+    result = run("-o", tmp_path / "q.laz", *arguments)
+    assert result.exit_code == 2
+    assert "photo size is 'large'" in result.output
+    assert list(tmp_path.iterdir()) == []

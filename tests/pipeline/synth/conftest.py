@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from terraport_pipeline.synth import Quarry, QuarryOptions, synthesise
+from terraport_pipeline.synth.camera_eye import CameraEye
 
 
 @pytest.fixture(scope="session")
@@ -20,3 +21,9 @@ def clean_quarry() -> Quarry:
         uneven=0.0,
     )  # fmt: skip
     return synthesise(options)
+
+
+@pytest.fixture(scope="session")
+def eye() -> CameraEye:
+    """A camera's eye on a coarse truth mesh of a small site."""
+    return CameraEye(QuarryOptions(points=1_000, seed=7, size_m=90.0, detail=1.0), 1.2, threads=2)

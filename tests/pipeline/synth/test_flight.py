@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.synth import QuarryOptions
+from terraport_pipeline.synth.flight import FlightOptions, plan_flight
+
+QUARRY = QuarryOptions(seed=3)
+
+
+def test_the_nadir_photos_overlap_as_asked_and_cover_the_site() -> None:
+    options = FlightOptions(count=60, width=1000, height=750, overlap=0.6)
+    flight = plan_flight(options, QUARRY)
+    nadir = flight.views[: flight.nadir]
+    assert len(flight.views) == 60
+    assert 30 <= flight.nadir <= 36
+    assert all(view.rotation[2, 1] < -0.99 for view in nadir)  # forward is down
+    across = flight.height_m * 1000 / nadir[0].lens.fx
+    along = flight.height_m * 750 / nadir[0].lens.fx
+    north = np.unique(np.round([-view.position[2] for view in nadir], -1))
+    assert np.diff(sorted(-view.position[2] for view in nadir)).max() < 0.4 * across + 8
+    assert north.max() + across / 2 > 150
+    rows = [v.position[0] for v in nadir if abs(v.position[2] - nadir[0].position[2]) < 5]
+    assert np.diff(sorted(rows)).max() < 0.4 * along + 8
+
+
+def test_more_photos_fly_lower() -> None:
+    few = plan_flight(FlightOptions(count=20), QUARRY)
+    many = plan_flight(FlightOptions(count=200), QUARRY)
+    assert many.gsd_m < 0.5 * few.gsd_m
+    assert many.height_m == pytest.approx(many.gsd_m * many.views[0].lens.fx)
+
+
+def test_oblique_photos_look_down_into_the_pit() -> None:
+    flight = plan_flight(FlightOptions(count=30), QUARRY)
+    oblique = flight.views[flight.nadir :]
+    assert len(oblique) == 12
+    for view in oblique:
+        assert -0.95 < view.rotation[2, 1] < -0.3
+        assert view.position[1] > 20.0
+
+
+def test_the_flight_scales_with_the_site_and_repeats() -> None:
+    options = FlightOptions(count=12)
+    small = plan_flight(options, QuarryOptions(seed=3, size_m=36.0))
+    large = plan_flight(options, QUARRY)
+    again = plan_flight(options, QUARRY)
+    assert small.height_m == pytest.approx(large.height_m / 10)
+    for a, b, c in zip(small.views, large.views, again.views, strict=True):
+        np.testing.assert_allclose(a.position * 10, b.position)
+        np.testing.assert_array_equal(b.rotation, c.rotation)
+
+
+def test_one_photo_is_a_flight() -> None:
+    flight = plan_flight(FlightOptions(count=1, truck=False), QUARRY)
+    assert (len(flight.views), flight.nadir) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"count": 0}, "count is 0, expected 1 to 2,000"),
+        ({"overlap": 1.0}, "overlap is 1.0"),
+        ({"width": 10_000, "height": 10_000}, "10000 x 10000 pixels is too large"),
+        ({"exposure_drift_ev": float("nan")}, "exposure_drift_ev is nan"),
+    ],
+)
+def test_what_no_camera_can_is_refused(values: dict[str, float], told: str) -> None:
+    with pytest.raises(OptionError, match=told):
+        FlightOptions(**values)
