@@ -1,4 +1,4 @@
-"""``terraport inspect``: what is in a scene."""
+"""``terraport inspect``: what is in a scene, and whether cameras fit a survey."""
 
 from __future__ import annotations
 
@@ -12,10 +12,16 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
+from terraport_pipeline.camera_inspection import inspect_cameras, inspect_photos, parse_offset
+from terraport_pipeline.cli.camera_tables import camera_tables
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.label import regions_table
+from terraport_pipeline.engines.camera_files import has_cameras
+from terraport_pipeline.errors import OptionError
 from terraport_pipeline.inspection import inspect_scene
+from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
+from terraport_store import SceneNotFoundError
 
 __all__ = ["inspect", "register"]
 
@@ -29,25 +35,78 @@ def register(app: typer.Typer) -> None:
 
 
 def inspect(
-    scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
+    target: Annotated[
+        Path,
+        typer.Argument(
+            help="Scene directory; a survey, with --cameras; or cameras alone.",
+            show_default=False,
+        ),
+    ],
+    cameras: Annotated[
+        Path | None,
+        typer.Option(help="Cameras of the survey's photos.", show_default=False),
+    ] = None,
+    photos: Annotated[
+        Path | None, typer.Option(help="Folder of the photos.", show_default=False)
+    ] = None,
+    camera_offset: Annotated[
+        str | None,
+        typer.Option(
+            metavar="E,N,H",
+            help="Metres to add to the cameras' coordinates, where no file says them.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Show what is in a scene: counts, sizes, regions, segments, attributes, coordinates.
+    """Show what is in a scene, or whether the cameras of photos fit a survey.
 
-    Reads manifest, index and region facts only, so it answers at once however large the scene is.
+    Of a scene: counts, sizes, regions, segments, attributes, coordinates. Reads manifest, index and
+    region facts only, so it answers at once however large the scene is.
+
+    Of a survey with --cameras: format, lenses, pixel size on the ground, how much of the cloud the
+    photos show, and with --photos whether their colours agree with the cloud's.
 
     For example:
 
         terraport inspect scenes/quarry
 
         terraport inspect scenes/quarry --json | jq .segments.faces
+
+        terraport inspect survey.laz --cameras colmap/ --photos images/
     """
-    with reporting_errors(Console(stderr=True)):
-        found = inspect_scene(scene)
+    console = Console(stderr=True)
+    with reporting_errors(console):
+        if cameras is not None:
+            with RichProgress(console) as progress:
+                found = inspect_photos(
+                    target,
+                    cameras,
+                    photos=photos,
+                    offset=parse_offset(camera_offset),
+                    progress=progress,
+                )
+            drawn = camera_tables(found, cameras.name)
+        elif camera_offset is not None:
+            raise OptionError("--camera-offset needs --cameras and the survey")
+        else:
+            found, drawn = _scene_or_cameras(target, photos)
     if as_json:
         typer.echo(json.dumps(found, indent=1))
     else:
-        Console().print(_tables(found))
+        Console().print(drawn)
+
+
+def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any], Group]:
+    if not target.is_file():
+        try:
+            found = inspect_scene(target)
+            return found, _tables(found)
+        except SceneNotFoundError:
+            if not has_cameras(target):
+                raise
+    found = inspect_cameras(target, photos)
+    return found, camera_tables(found, target.name)
 
 
 def _tables(found: Mapping[str, Any]) -> Group:

@@ -18,11 +18,20 @@ from typing import Final
 import numpy as np
 from PIL import Image, ImageOps
 
+from terraport_pipeline.engines.camera_files.raw_cameras import PhotoSize
 from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.model import UInt8
 
-__all__ = ["MAX_PIXELS", "OpenPhotos", "PhotoStore", "find_photos", "open_photos", "photo_size"]
+__all__ = [
+    "MAX_PIXELS",
+    "OpenPhotos",
+    "PhotoStore",
+    "find_photos",
+    "open_photos",
+    "photo_size",
+    "sizes_below",
+]
 
 MAX_PIXELS: Final = 500_000_000
 """Largest photo: survey cameras have 150 million pixels; decoded it takes 1.5 GB."""
@@ -75,12 +84,9 @@ def find_photos(directory: Path, views: Iterable[View]) -> dict[str, Path]:
     found: dict[str, Path] = {}
     views = list(views)
     for view in views:
-        name = PurePosixPath(view.name.replace("\\", "/").lower())
-        candidates = by_name.get(name.name, [])
-        if not candidates and name.suffix not in _ENDINGS:
-            candidates = by_stem.get(name.name, [])
-        if candidates:
-            found[view.name] = _pick(view.name, name, candidates)
+        path = _look_up(view.name, by_name, by_stem)
+        if path is not None:
+            found[view.name] = path
     if not found:
         names = ", ".join(view.name for view in views[:_NAMED])
         raise PhotoError(
@@ -105,6 +111,17 @@ def _index(directory: Path) -> tuple[dict[str, list[Path]], dict[str, list[Path]
             by_name.setdefault(path.name.lower(), []).append(path)
             by_stem.setdefault(path.stem.lower(), []).append(path)
     return by_name, by_stem
+
+
+_Index = dict[str, list[Path]]
+
+
+def _look_up(told: str, by_name: _Index, by_stem: _Index) -> Path | None:
+    name = PurePosixPath(told.replace("\\", "/").lower())
+    candidates = by_name.get(name.name, [])
+    if not candidates and name.suffix not in _ENDINGS:
+        candidates = by_stem.get(name.name, [])
+    return _pick(told, name, candidates) if candidates else None
 
 
 def _pick(told: str, name: PurePosixPath, candidates: Sequence[Path]) -> Path:
@@ -138,6 +155,34 @@ def photo_size(path: Path) -> tuple[int, int]:
     """
     with _open(path) as image:
         return image.size
+
+
+def sizes_below(directory: Path | None) -> PhotoSize | None:
+    """Tell how large photos are, for cameras of a format that does not say.
+
+    Parameters
+    ----------
+    directory : Path or None
+
+    Returns
+    -------
+    callable or None
+        Takes a name, gives width and height; looks through the folder once, when first asked.
+        None without a folder.
+    """
+    if directory is None:
+        return None
+    index: list[tuple[_Index, _Index]] = []
+
+    def size(name: str) -> tuple[int, int]:
+        if not index:
+            index.append(_index(directory))
+        path = _look_up(name, *index[0])
+        if path is None:
+            raise PhotoError(f"photo {name} is not below {directory}, and its size is needed")
+        return photo_size(path)
+
+    return size
 
 
 def _open(path: Path) -> Image.Image:

@@ -27,7 +27,7 @@ from terraport_pipeline.errors import PhotoError, ReadError
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.model import Crs, Float64
 
-__all__ = ["CameraSet", "read_cameras", "read_raw_cameras"]
+__all__ = ["CameraSet", "has_cameras", "read_cameras", "read_raw_cameras"]
 
 _HEAD_BYTES: Final = 4096
 
@@ -132,6 +132,11 @@ def read_raw_cameras(path: Path, photo_size: PhotoSize | None = None) -> RawCame
     if times > 1:
         raise ReadError(found, f"photo {twice!r} has two poses", "give one reconstruction")
     return raw
+
+
+def has_cameras(folder: Path) -> bool:
+    """Tell whether a folder holds a file of cameras where programs leave them."""
+    return folder.is_dir() and next(_inside(folder), None) is not None
 
 
 def _inside(folder: Path) -> Iterator[Path]:
