@@ -126,9 +126,9 @@ def _bake_photo(
         f = which[index]
         mixing = blends
         for c in range(3):
-            u, v = np.float64(pixels[f, c, 0]), np.float64(pixels[f, c, 1])
-            at[c, 0], at[c, 1] = u * scale_x, v * scale_y
-            at[c, 2] = gain_at(gain, packed, u, v)
+            x, y = np.float64(pixels[f, c, 0]), np.float64(pixels[f, c, 1])
+            at[c, 0], at[c, 1] = x * scale_x, y * scale_y
+            at[c, 2] = gain_at(gain, packed, x, y)
             if mixing:
                 u, v, _ = project_packed(
                     second_packed, points[f, c, 0], points[f, c, 1], points[f, c, 2]

@@ -8,10 +8,8 @@ payloads.
 from __future__ import annotations
 
 import itertools
-from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
@@ -32,11 +30,14 @@ from terraport_payload import (
 )
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.segment_shapes import QUANTILES
+from terraport_pipeline.geometry.uv import split_wedges
 from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.ordered import in_order
 from terraport_pipeline.region_ids import NewSurface, number_regions
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.reconstruct import Reconstructed
 from terraport_pipeline.stages.segment import Segmented
+from terraport_pipeline.stages.texture_set import Textured, TextureSet, texture_info
 from terraport_store.manifest import AttributeInfo, BuildInfo, CrsInfo, HandOff, Manifest
 from terraport_store.writer import SceneInfo, SceneWriter
 
@@ -63,9 +64,6 @@ Encoding = Literal["glb", "arrays"]
 
 EXPECTED_BYTES_PER_FACE: Final = 16
 """Free space asked for before writing; twice what a coloured face takes with few attributes."""
-
-_QUEUE_PER_THREAD: Final = 4
-"""Payloads in work per thread: enough to keep all busy, few enough to bound the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +122,7 @@ def run(
     about: About,
     options: Options,
     context: Context,
+    textured: Textured | None = None,
 ) -> Packed:
     """Encode everything and publish it.
 
@@ -136,6 +135,8 @@ def run(
     about : About
     options : Options
     context : Context
+    textured : Textured, optional
+        Payloads get its images instead of the vertex colours.
 
     Returns
     -------
@@ -156,6 +157,8 @@ def run(
     with_arrays = "arrays" in options.encodings
     count = len(segmented.main_region)
     expected = (len(detail.faces) * (1 + with_arrays) + len(base.faces)) * EXPECTED_BYTES_PER_FACE
+    if textured is not None:
+        expected += (1 + with_arrays) * len(textured.detail.images) + len(textured.base.images)
     with SceneWriter(scene, with_arrays=with_arrays, expected_bytes=expected) as writer:
         # (1) segments, in their Morton order
         progress.start("pack: segments", float(count), "segments")
@@ -164,7 +167,8 @@ def run(
             return encode_payload(mesh, step_m, scales, with_arrays=with_arrays)
 
         payload_bytes = []
-        meshes = split_segments(detail, segmented.segments, segmented.regions)
+        images = None if textured is None else textured.detail
+        meshes = split_segments(detail, segmented.segments, segmented.regions, images)
         for number, payload in enumerate(in_order(encode, meshes, context.threads)):
             writer.add_segment(
                 payload.glb,
@@ -181,7 +185,10 @@ def run(
         # (2) base, cover, regions
         progress.start("pack: base", None, "faces")
         glb = encode_glb(
-            whole_payload(base), step_m=step_m, attribute_scales=scales, keep_face_order=True
+            whole_payload(base, None if textured is None else textured.base),
+            step_m=step_m,
+            attribute_scales=scales,
+            keep_face_order=True,
         )
         writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
         progress.done({})
@@ -207,7 +214,8 @@ def run(
                 build=about.build,
                 crs=about.crs,
                 attributes=_attribute_infos(detail, base, scales),
-                has_colour=about.has_colour,
+                has_colour=about.has_colour and textured is None,
+                textures=None if textured is None else texture_info(textured),
             )
         )
         progress.done({"version": manifest.version[:12]})
@@ -216,7 +224,9 @@ def run(
     )
 
 
-def split_segments(detail: Mesh, segments: Int32, regions: Int32) -> Iterator[SegmentMesh]:
+def split_segments(
+    detail: Mesh, segments: Int32, regions: Int32, textures: TextureSet | None = None
+) -> Iterator[SegmentMesh]:
     """Cut the detail into one mesh per segment.
 
     Parameters
@@ -224,29 +234,40 @@ def split_segments(detail: Mesh, segments: Int32, regions: Int32) -> Iterator[Se
     detail : Mesh
     segments, regions : ndarray of shape (F,), int32
         Labels of every face, from 0.
+    textures : TextureSet, optional
+        An image for every segment, instead of the vertex colours.
 
     Yields
     ------
     SegmentMesh
-        In order of the segments' numbers. Vertices on region borders are there once per region;
-        vertices on segment borders once per segment, with equal values.
+        In order of the segments' numbers. Vertices on region borders and on seams of the texture
+        are there once per region and chart; vertices on segment borders once per segment, with
+        equal values.
     """
     order = np.argsort(segments, kind="stable")
     count = int(segments.max()) + 1
     starts = np.searchsorted(segments[order], np.arange(count + 1))
     region_count = int(regions.max()) + 1
-    for begin, end in itertools.pairwise(starts):
+    for segment, (begin, end) in enumerate(itertools.pairwise(starts)):
         chosen = order[begin:end]
         keys = detail.faces[chosen].astype(np.int64) * region_count + regions[chosen, None]
         unique, corner = np.unique(keys, return_inverse=True)
+        faces = corner.reshape(-1, 3)
         vertex, region = np.divmod(unique, region_count)
+        uvs = None
+        if textures is not None:
+            split = split_wedges(faces, textures.uvs(chosen), len(unique))
+            vertex, region, faces = vertex[split.vertex], region[split.vertex], split.faces
+            uvs = split.uvs
         yield SegmentMesh(
             positions=detail.vertices[vertex],
-            faces=corner.reshape(-1, 3).astype(np.uint32),
+            faces=faces.astype(np.uint32),
             normals=detail.normals[vertex],
-            colours=detail.colours[vertex],
+            colours=detail.colours[vertex] if textures is None else None,
             region_ids=region.astype(np.uint16),
             attributes={name: values[vertex] for name, values in detail.attributes.items()},
+            uvs=uvs,
+            texture=None if textures is None else textures.texture(segment),
         )
 
 
@@ -263,14 +284,27 @@ def kept_faces(base: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
     )
 
 
-def whole_payload(mesh: Mesh) -> SegmentMesh:
-    """Take a mesh as one payload, without regions."""
-    return SegmentMesh(
+def whole_payload(mesh: Mesh, textures: TextureSet | None = None) -> SegmentMesh:
+    """Take a mesh as one payload, without regions; with its one image instead of its colours."""
+    plain = SegmentMesh(
         positions=mesh.vertices,
         faces=mesh.faces.astype(np.uint32),
         normals=mesh.normals,
         colours=mesh.colours,
         attributes=mesh.attributes,
+    )
+    if textures is None:
+        return plain
+    split = split_wedges(mesh.faces, textures.uvs(slice(None)), len(mesh.vertices))
+    return replace(
+        plain,
+        positions=mesh.vertices[split.vertex],
+        faces=split.faces.astype(np.uint32),
+        normals=mesh.normals[split.vertex],
+        colours=None,
+        attributes={name: values[split.vertex] for name, values in mesh.attributes.items()},
+        uvs=split.uvs,
+        texture=textures.texture(0),
     )
 
 
@@ -287,24 +321,6 @@ def encode_payload(
         vertices=len(mesh.positions),
         faces=len(mesh.faces),
     )
-
-
-def in_order(
-    encode: Callable[[SegmentMesh], Payload], meshes: Iterator[SegmentMesh], threads: int
-) -> Iterator[Payload]:
-    """Encode in threads (the codec releases the GIL), results in the order of the meshes."""
-    waiting: deque[Future[Payload]] = deque()
-    with ThreadPoolExecutor(max_workers=threads) as pool:
-        try:
-            for mesh in meshes:
-                waiting.append(pool.submit(encode, mesh))
-                if len(waiting) >= _QUEUE_PER_THREAD * threads:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
-        finally:
-            for future in waiting:
-                future.cancel()
 
 
 def _widest_m(bounds: Float32) -> float:

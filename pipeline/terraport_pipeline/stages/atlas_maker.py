@@ -1,0 +1,186 @@
+"""One segment (or the base) with its atlas: charts, packing, baking, the image file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.engines.images import ImageFormat, encode_image
+from terraport_pipeline.geometry.atlas_pack import Atlas, pack_charts
+from terraport_pipeline.geometry.bake import (
+    FaceColours,
+    bake_photo_faces,
+    bake_plain_faces,
+    fill_cells,
+)
+from terraport_pipeline.geometry.charts import Charts, make_charts
+from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.photo_samples import neutral_gains
+from terraport_pipeline.geometry.view_choice import ViewChoice
+from terraport_pipeline.model import Float64, Int32, Mesh, UInt8
+from terraport_pipeline.stages.choose_views import Photos
+
+__all__ = ["AtlasMaker", "MadeAtlas"]
+
+UInt16 = npt.NDArray[np.uint16]
+
+_CODE: Final = 65535
+"""Texture coordinates are 16-bit codes, as payloads hold them."""
+
+_MAX_PHOTO_SCALE: Final = 8
+"""Photos are decoded at down to this part of their size, as JPEG decoders do at once."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MadeAtlas:
+    """The texture of one mesh of F faces."""
+
+    wedges: UInt16
+    """(F, 3, 2) coordinates of the corners, 65535 = 1, from the image's upper left."""
+    image: bytes
+    """The file."""
+    width: int
+    height: int
+    surface_m2: Float64
+    """(F,) area of each face."""
+    texels: Float64
+    """(F,) area of each face in the image, texels."""
+    gsd_m: Float64
+    """(F,) length of a photo's pixel on each face; NaN without a photo."""
+    charts: int
+    use: float
+    """Share of the image within cells of charts."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AtlasMaker:
+    """Makes atlases of pieces of one mesh. Thread-safe as far as the photos are."""
+
+    mesh: Mesh
+    views: Sequence[View]
+    photos: Photos | None
+    """None: everything from vertex colours."""
+    choice: ViewChoice | None
+    """Of all faces of the mesh; None where there are no photos."""
+    texel_m: float | None
+    """Length of a texel; None: as fine as the photos."""
+    kind: ImageFormat
+    quality: int
+
+    def make(self, faces: npt.NDArray[np.integer], *, max_side: int) -> MadeAtlas:
+        """Make the atlas of some faces.
+
+        Parameters
+        ----------
+        faces : ndarray of shape (K,), integer
+            Numbers of faces of the mesh.
+        max_side : int
+            Longest side of the image, texels.
+
+        Returns
+        -------
+        MadeAtlas
+            In the order of *faces*.
+        """
+        used, local = np.unique(self.mesh.faces[faces], return_inverse=True)
+        corners = local.reshape(-1, 3).astype(np.int32)
+        points = self.mesh.vertices[used].astype(np.float64)
+        colours = self._colours(faces, corners, used)
+        packed = np.array([view.packed() for view in self.views])
+        charts = make_charts(points, corners, colours.view, packed, texel_m=self.texel_m)
+        atlas = pack_charts(charts.sizes, max_side=max_side)
+        texels = atlas.place(charts.uvs, charts.chart)
+        image = np.zeros((atlas.height, atlas.width, 3), np.uint8)
+        covered = np.zeros((atlas.height, atlas.width), np.uint8)
+        self._bake(image, covered, texels, points[corners], charts, atlas, colours, packed)
+        fill_cells(image, covered, atlas.cells)
+        size = np.array([atlas.width, atlas.height], dtype=np.float64)
+        return MadeAtlas(
+            wedges=np.rint(texels / size * _CODE).astype(np.uint16),
+            image=encode_image(image, self.kind, self.quality),
+            width=atlas.width,
+            height=atlas.height,
+            surface_m2=charts.surface_m2,
+            texels=charts.texels * atlas.scale**2,
+            gsd_m=charts.gsd_m,
+            charts=charts.count,
+            use=atlas.use,
+        )
+
+    def _colours(
+        self, faces: npt.NDArray[np.integer], corners: Int32, used: npt.NDArray[np.integer]
+    ) -> FaceColours:
+        colours = self.mesh.colours[used][corners]
+        if self.choice is None or self.photos is None:
+            count = len(faces)
+            return FaceColours(
+                view=np.full(count, -1, np.int32),
+                blend_view=np.full(count, -1, np.int32),
+                blend_weight=np.zeros((count, 3), np.float32),
+                correction=np.zeros((count, 3, 3), np.float32),
+                colours=colours,
+            )
+        return FaceColours(
+            view=self.choice.view[faces],
+            blend_view=self.choice.blend_view[faces],
+            blend_weight=self.choice.blend_weight[faces],
+            correction=self.choice.correction[faces].astype(np.float32),
+            colours=colours,
+        )
+
+    def _bake(
+        self,
+        image: UInt8,
+        covered: UInt8,
+        texels: Float64,
+        points: Float64,
+        charts: Charts,
+        atlas: Atlas,
+        colours: FaceColours,
+        packed: Float64,
+    ) -> None:
+        """Draw all faces, photo by photo and within a photo by the second one."""
+        gains = neutral_gains(0) if self.choice is None else self.choice.gains
+        plain = np.flatnonzero(charts.view < 0).astype(np.int32)
+        if len(plain):
+            bake_plain_faces(image, covered, texels, plain, colours, gains[-1])
+        if self.photos is None:
+            return
+        blend = np.where(charts.view >= 0, colours.blend_view, -1)
+        order = np.lexsort((np.arange(len(blend)), blend, charts.view))
+        order = order[charts.view[order] >= 0]
+        pairs = np.column_stack([charts.view[order], blend[order]])
+        starts = np.flatnonzero(np.any(pairs[1:] != pairs[:-1], axis=1)) + 1
+        for which in np.split(order.astype(np.int32), starts):
+            if not len(which):
+                continue
+            view, second = int(charts.view[which[0]]), int(blend[which[0]])
+            scale = _photo_scale(charts, atlas, which)
+            other = None
+            if second >= 0:
+                other = (self.photos.get(second, scale), packed[second], gains[second], points)
+            bake_photo_faces(
+                image, covered, texels, charts.pixels, which, colours,
+                self.photos.get(view, scale), packed[view], gains[view], other,
+            )  # fmt: skip
+
+
+def _photo_scale(charts: Charts, atlas: Atlas, which: Int32) -> int:
+    """Part of its size at which a photo has about the density of the texels, a power of two.
+
+    Larger texels than pixels would otherwise pick single pixels, and flicker as one moves.
+    """
+    corners = charts.pixels[which].astype(np.float64)
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    pixels = float(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+    texels = float(charts.texels[which].sum()) * atlas.scale**2
+    ratio = math.sqrt(pixels / texels) if texels > 0 else 1.0
+    scale = 1
+    while 2 * scale <= min(ratio * 1.05, _MAX_PHOTO_SCALE):
+        scale *= 2
+    return scale
