@@ -9,27 +9,26 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Final, Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 __all__ = ["NpyReader", "NpyWriter"]
 
-_HEADER_BYTES: Final = 128
-"""Room for the header, which is written last: only then is the number of rows known."""
-
 
 class NpyWriter:
-    """Appends rows to a new ``.npy`` file; whole after :meth:`close`.
+    """Appends rows to a new ``.npy`` file; readable after :meth:`close`.
 
-    A context manager: closes on success, leaves an unreadable torso on an exception.
+    A context manager: closes on success, leaves an unreadable torso on an exception. The file is
+    opened for every append, so that hundreds of writers need no hundreds of handles.
 
     Parameters
     ----------
-    path : pathlib.Path
+    path : Path
         Replaced if it is there.
     dtype : numpy dtype
+        May be structured.
     row_shape : tuple of int
         ``()`` for one value a row.
     """
@@ -39,8 +38,9 @@ class NpyWriter:
         self.dtype = np.dtype(dtype)
         self.row_shape = row_shape
         self.rows = 0
-        self._file: BinaryIO = path.open("wb")
-        self._file.write(b"\0" * _HEADER_BYTES)
+        # The header comes last: only then is the number of rows known. Room for any number.
+        self._header_bytes = -(-(10 + len(self._header(10**15)) + 1) // 64) * 64
+        path.write_bytes(b"\0" * self._header_bytes)
 
     def __enter__(self) -> Self:
         return self
@@ -53,8 +53,6 @@ class NpyWriter:
     ) -> None:
         if kind is None:
             self.close()
-        else:
-            self._file.close()
 
     def append(self, rows: npt.NDArray[Any]) -> None:
         """Write rows of shape (n, *row_shape); converted to the file's dtype."""
@@ -62,21 +60,22 @@ class NpyWriter:
             raise ValueError(f"rows of shape {rows.shape[1:]}, expected {self.row_shape}")
         whole = np.ascontiguousarray(rows, dtype=self.dtype)
         if len(whole):
-            self._file.write(whole.view(np.uint8).data)
+            with self.path.open("ab") as file:
+                file.write(whole.reshape(-1).view(np.uint8).data)
         self.rows += len(whole)
 
     def close(self) -> None:
         """Write the header."""
+        room = self._header_bytes - 10
+        with self.path.open("r+b") as file:
+            file.write(b"\x93NUMPY\x01\x00" + room.to_bytes(2, "little"))
+            file.write(self._header(self.rows).ljust(room - 1) + b"\n")
+
+    def _header(self, rows: int) -> bytes:
         descr = np.lib.format.dtype_to_descr(self.dtype)
-        shape = (self.rows, *self.row_shape)
+        shape = (rows, *self.row_shape)
         text = f"{{'descr': {descr!r}, 'fortran_order': False, 'shape': {shape!r}, }}"
-        size = _HEADER_BYTES - 10
-        if len(text) >= size:
-            raise ValueError(f"header of {len(text)} characters, room for {size - 1}: {text}")
-        self._file.seek(0)
-        self._file.write(b"\x93NUMPY\x01\x00" + size.to_bytes(2, "little"))
-        self._file.write(text.encode("latin-1").ljust(size - 1) + b"\n")
-        self._file.close()
+        return text.encode("latin-1")
 
 
 class NpyReader:

@@ -53,6 +53,7 @@ def main(arguments: list[str]) -> int:
 
 
 def die_with_parent(parent: int) -> None:
+    """End this process when its parent ends (Linux)."""
     """End this process when its parent ends, whatever ends it (Linux)."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

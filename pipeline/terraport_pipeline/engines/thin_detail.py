@@ -23,7 +23,7 @@ from terraport_pipeline.geometry.skirt import add_skirt, drop_skirt
 from terraport_pipeline.geometry.trim import compact
 from terraport_pipeline.model import Float32, Int32
 
-__all__ = ["thin_detail"]
+__all__ = ["thin_block", "thin_detail"]
 
 _FIRST_AGGRESSION: Final = 7.0
 """Of the first pass, whose result is thinned again: 5 took half as long again and gave the same
@@ -87,6 +87,18 @@ def thin_detail(
     thinned, triangles = decimate(hung_vertices, hung_faces, max_faces=wanted)
     kept = drop_skirt(thinned, triangles, hem)
     return compact(thinned, kept, np.ones(len(kept), dtype=bool))
+
+
+def thin_block(
+    vertices: Float32, faces: Int32, *, max_faces: int, threads: int = 1
+) -> tuple[Float32, Int32]:
+    """Reduce a piece of a surface to about `max_faces`, holding its border bit for bit.
+
+    The first pass of :func:`thin_detail`, for a surface that comes in pieces (tiles).
+    """
+    if len(faces) <= max_faces:
+        return vertices, faces
+    return _thin_blocks(vertices, faces, max_faces, threads)
 
 
 def _thin_blocks(

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.model import UP, Float32, Int32
+from terraport_pipeline.model import UP, Float32, Float64, Int32
 
-__all__ = ["face_normals", "vertex_normals"]
+__all__ = ["face_normals", "normal_sums", "unit_normals", "vertex_normals"]
 
 
 def face_normals(vertices: Float32, faces: Int32) -> tuple[Float32, Float32]:
@@ -61,6 +61,14 @@ def vertex_normals(vertices: Float32, faces: Int32) -> Float32:
     >>> vertex_normals(flat, np.array([[0, 1, 2]], dtype=np.int32)).tolist()[0]
     [0.0, 1.0, 0.0]
     """
+    return unit_normals(normal_sums(vertices, faces))
+
+
+def normal_sums(vertices: Float32, faces: Int32) -> Float64:
+    """Sum the adjacent faces' normals, each as long as twice its area: (V, 3) float64.
+
+    Sums over the pieces of a mesh add up to those of the whole.
+    """
     a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
     doubled = np.cross(b - a, c - a)
     del a, b, c
@@ -69,6 +77,12 @@ def vertex_normals(vertices: Float32, faces: Int32) -> Float32:
     for axis in range(3):
         for corner in range(3):
             total[:, axis] += np.bincount(faces[:, corner], doubled[:, axis], minlength=count)
+    return total
+
+
+def unit_normals(total: Float64) -> Float32:
+    """Make sums of normals unit length, (V, 3) float32; those without length point up."""
+    total = total.copy()
     length = np.linalg.norm(total, axis=1)
     lost = length < np.finfo(np.float32).tiny
     total[lost] = UP

@@ -206,9 +206,7 @@ def _finish(
         column.writer.path.unlink(missing_ok=True)
     if points.read > count:
         lost = points.read - count
-        warnings.append(
-            f"{lost:,} of {points.read:,} points have no finite coordinates: dropped."
-        )
+        warnings.append(f"{lost:,} of {points.read:,} points have no finite coordinates: dropped.")
     span = float((points.high - points.low).max())
     if span > MAX_SPAN_M:
         raise ReadError(

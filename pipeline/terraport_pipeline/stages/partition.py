@@ -1,0 +1,149 @@
+"""Hand a survey's samples out to tiles, a block at a time.
+
+First pass: samples per block of the lattice, for the plan. Second pass: every sample goes to the
+file of each tile whose data box it lies in, in file order. Memory: one block of the survey, and one
+number per occupied block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.engines.npy_columns import NpyReader, NpyWriter
+from terraport_pipeline.geometry.tile_plan import Lattice, TilePlan
+from terraport_pipeline.model import Float64
+from terraport_pipeline.stages.contract import Context, Facts, Json
+from terraport_pipeline.stages.solve_tile import sample_type
+
+__all__ = ["BLOCK_CELLS", "NAME", "count_blocks", "run", "samples_name"]
+
+NAME: Final = "partition"
+
+Int64 = npt.NDArray[np.int64]
+
+_BLOCK_ROWS: Final = 500_000
+"""Samples in memory at once: about 100 MB with what is computed of them."""
+
+BLOCK_CELLS: Final = 16
+"""Width of the blocks that the plan counts in: small beside any core but the least."""
+
+_KEY_SPAN: Final = 1 << 20
+"""Blocks along an axis, at most, and half of them may lie below the anchor."""
+
+
+def samples_name(tile: int) -> str:
+    """File of a tile's samples."""
+    return f"samples-{tile:05d}"
+
+
+def count_blocks(
+    folder: Path, lattice: Lattice, origin: Float64, block_cells: int, context: Context
+) -> tuple[Int64, Int64]:
+    """Count samples per block.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Of the read stage.
+    lattice : Lattice
+    origin : ndarray of shape (3,), float64
+        Of the scene, CRS frame.
+    block_cells : int
+        Width of a block.
+
+    Returns
+    -------
+    blocks : ndarray of shape (B, 3), int64
+        Indices of occupied blocks; stray samples more than half a million blocks away are left
+        out.
+    counts : ndarray of shape (B,), int64
+    """
+    reader = NpyReader(folder / "points.npy")
+    context.progress.start("tiles: plan", float(len(reader)), "points")
+    keys, counts = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    for _, points in reader.blocks(_BLOCK_ROWS):
+        block = np.floor(_cells(points, lattice, origin) / block_cells) + _KEY_SPAN // 2
+        block = block[((block >= 0) & (block < _KEY_SPAN)).all(axis=1)].astype(np.int64)
+        key = (block[:, 0] * _KEY_SPAN + block[:, 1]) * _KEY_SPAN + block[:, 2]
+        fresh, found = np.unique(key, return_counts=True)
+        keys, which = np.unique(np.concatenate([keys, fresh]), return_inverse=True)
+        counts = np.bincount(which, np.concatenate([counts, found])).astype(np.int64)
+        context.progress.advance(len(points))
+    context.progress.done({"blocks": len(keys)})
+    split = np.stack(
+        [keys // _KEY_SPAN**2, keys // _KEY_SPAN % _KEY_SPAN, keys % _KEY_SPAN], axis=1
+    )
+    return split - _KEY_SPAN // 2, counts
+
+
+def run(
+    source: Path,
+    attributes: int,
+    plan: TilePlan,
+    origin: Float64,
+    folder: Path,
+    context: Context,
+) -> tuple[Mapping[str, Json], Facts]:
+    """Write every tile's samples.
+
+    Parameters
+    ----------
+    source : pathlib.Path
+        Of the read stage.
+    attributes : int
+        Columns ``attribute-<i>.npy`` there.
+    plan : TilePlan
+    origin : ndarray of shape (3,), float64
+    folder : pathlib.Path
+        Gets one ``samples-<tile>.npy`` per tile.
+    context : Context
+
+    Returns
+    -------
+    values, facts
+        ``samples``: per tile, how many.
+    """
+    points = NpyReader(source / "points.npy")
+    has_colour = (source / "colours.npy").exists()
+    colours = NpyReader(source / "colours.npy") if has_colour else None
+    columns = [NpyReader(source / f"attribute-{i}.npy") for i in range(attributes)]
+    dtype = sample_type([("", column.dtype.str) for column in columns], has_colour=has_colour)
+    writers = [NpyWriter(folder / f"{samples_name(t)}.npy", dtype) for t in range(plan.count)]
+    context.progress.start("tiles: samples", float(len(points)), "points")
+    for first, block in points.blocks(_BLOCK_ROWS):
+        rows: npt.NDArray[Any] = np.zeros(len(block), dtype=dtype)
+        last = first + len(block)
+        rows["position"] = block
+        if colours is not None:
+            rows["colour"] = colours.read(first, last)
+        for place, column in enumerate(columns):
+            rows[f"a{place}"] = column.read(first, last)
+        for tile, mine in plan.members(_cells(block, plan.lattice, origin)):
+            writers[tile].append(rows[mine])
+        context.progress.advance(len(block))
+    for writer in writers:
+        writer.close()
+    counts = [writer.rows for writer in writers]
+    context.progress.done({"tiles": plan.count, "with margins": sum(counts)})
+    facts = {
+        "tiles": plan.count,
+        "tile_depth": plan.shape.depth,
+        "core_cells": plan.shape.core,
+        "margin_cells": round(plan.shape.margin, 1),
+        "cell_m": plan.lattice.cell_m,
+        "samples": sum(counts),
+        "largest_tile_samples": max(counts),
+        "overlap": sum(counts) / len(points),
+    }
+    return {"samples": counts}, Facts(facts)
+
+
+def _cells(points: Float64, lattice: Lattice, origin: Float64) -> Float64:
+    """CRS frame to lattice cells, float64 all the way."""
+    local = points - origin
+    return lattice.cells(np.stack([local[:, 0], local[:, 2], -local[:, 1]], axis=1))

@@ -1,0 +1,185 @@
+"""Work on one tile as a job for another process: paths and numbers in, a small answer out.
+
+What a job makes, it puts into the work directory itself, whole or not at all; a job whose result is
+already there has nothing to do. So a build that was killed goes on with the tiles that are done.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.engines.npy_columns import NpyReader
+from terraport_pipeline.errors import WorkDirectoryError
+from terraport_pipeline.measure import Measure
+from terraport_pipeline.stages import join_tiles, solve_tile
+from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.join_tiles import Join, Look
+from terraport_pipeline.stages.solve_tile import TileTask
+from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory
+
+__all__ = [
+    "FinishJob",
+    "LookJob",
+    "SolveJob",
+    "TileArrays",
+    "finish_tile",
+    "join_name",
+    "look_at_tile",
+    "solve_name",
+    "solve_one",
+    "tile_name",
+]
+
+
+def solve_name(tile: int) -> str:
+    """Result of a tile as solved."""
+    return f"solve-{tile:05d}"
+
+
+def tile_name(tile: int) -> str:
+    """Result of a tile as later stages read it."""
+    return f"tile-{tile:05d}"
+
+
+def join_name() -> str:
+    """Result of the join."""
+    return join_tiles.NAME
+
+
+@dataclass(frozen=True, slots=True)
+class SolveJob:
+    """Reconstruct one tile."""
+
+    work: WorkDirectory
+    tile: int
+    key: str
+    task: TileTask
+    samples: Path
+    threads: int
+    max_memory_bytes: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class LookJob:
+    """Look at a tile as it will be after the join."""
+
+    work: WorkDirectory
+    tile: int
+    task: TileTask
+    join: Path
+    """A file with the join; :func:`save_join`."""
+
+
+@dataclass(frozen=True, slots=True)
+class FinishJob:
+    """Write a tile as it is after the join."""
+
+    work: WorkDirectory
+    tile: int
+    key: str
+    task: TileTask
+    join_key: str
+
+
+def solve_one(job: SolveJob) -> StageRecord:
+    """Carry out a :class:`SolveJob`."""
+    name = solve_name(job.tile)
+    record = job.work.find(name, job.key)
+    if record is not None:
+        return record
+    threads = max(1, min(job.threads, int(numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
+    numba.set_num_threads(threads)
+    with Measure() as measure, job.work.scratch() as scratch:
+        context = Context(scratch, threads=threads, max_memory_bytes=job.max_memory_bytes)
+        reader = NpyReader(job.samples)
+        stored = solve_tile.run(job.task, reader.read(0, len(reader)), context)
+    cost = Cost(measure.seconds, measure.peak_bytes)
+    return job.work.save(name, job.key, stored, solve_tile.facts_of(stored), cost)
+
+
+def look_at_tile(job: LookJob) -> Look:
+    """Carry out a :class:`LookJob`."""
+    join = load_join(job.join)
+    arrays = TileArrays(job.work.path / solve_name(job.tile))
+    return join_tiles.look(job.task, job.tile, arrays, join)
+
+
+def finish_tile(job: FinishJob) -> StageRecord:
+    """Carry out a :class:`FinishJob`."""
+    name = tile_name(job.tile)
+    record = job.work.find(name, job.key)
+    if record is not None:
+        return record
+    joined = job.work.find(join_name(), job.join_key)
+    if joined is None:
+        raise WorkDirectoryError(f"{job.work.path}: the join is gone; build again")
+    with Measure() as measure:
+        join, settled = join_tiles.from_stored(job.work.load(joined))
+        source = TileArrays(job.work.path / solve_name(job.tile))
+        arrays, box = join_tiles.finish(job.task, job.tile, source, join, settled)
+    values = {
+        "faces": len(arrays["faces"]),
+        "vertices": len(arrays["vertices"]),
+        "box": [float(side) for side in box],
+    }
+    cost = Cost(measure.seconds, measure.peak_bytes)
+    return job.work.save(name, job.key, Stored(arrays, values), Facts(dict(values)), cost)
+
+
+class TileArrays(dict[str, npt.NDArray[Any]]):
+    """Arrays of a result by name, each read when it is asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self._folder = folder
+
+    def __missing__(self, name: str) -> npt.NDArray[Any]:
+        try:
+            self[name] = np.load(self._folder / f"{name}.npy", allow_pickle=False)
+        except (OSError, ValueError, EOFError) as error:
+            raise WorkDirectoryError(
+                f"{self._folder / name}.npy cannot be read ({error}); build again with --no-resume"
+            ) from None
+        return self[name]
+
+
+def save_join(path: Path, join: Join) -> None:
+    """Write the join for :class:`LookJob`."""
+    empty = join_tiles.Settled(
+        np.zeros((len(join.cells), 3), np.float32),
+        tuple(np.zeros(0, np.int64) for _ in join.rows),
+        0,
+        0,
+        0,
+        0,
+    )
+    stored = join_tiles.to_stored(join, empty)
+    path.mkdir()
+    for name, array in stored.arrays.items():
+        np.save(path / f"{name}.npy", array)
+    (path / "max_ratio.txt").write_text(repr(join.max_ratio), encoding="ascii")
+
+
+def load_join(path: Path) -> Join:
+    """Read what :func:`save_join` wrote."""
+    arrays = {file.stem: np.load(file, allow_pickle=False) for file in path.glob("*.npy")}
+    values = {
+        "max_ratio": float((path / "max_ratio.txt").read_text(encoding="ascii")),
+        "attributes": sum(name.startswith("attribute-") for name in arrays),
+        "islands": 0,
+        "seam_edges": 0,
+        "cracks": 0,
+        "rims": 0,
+    }
+    return join_tiles.from_stored(Stored(arrays, values))[0]
+
+
+def options_of(task: TileTask) -> dict[str, Any]:
+    """Plain values of a task, for its key."""
+    return asdict(task)

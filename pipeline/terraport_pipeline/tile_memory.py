@@ -1,0 +1,179 @@
+"""How much memory a build needs, before it starts: whole, in tiles, or not at all.
+
+The numbers are fits to measured builds (docs/topics/limits.md): bytes per sample and per face of
+each stage, above what Python and its libraries take themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from terraport_pipeline.engines import poisson
+from terraport_pipeline.geometry.tile_plan import TilePlan
+
+__all__ = ["MemoryPlan", "TileForecast", "choose_depth", "forecast_tiles", "plan_memory"]
+
+PROCESS_BYTES: Final = 240 * 2**20
+"""Python with NumPy, SciPy, numba and their kernels."""
+
+CLEAN_BYTES_PER_POINT: Final = 510
+SEGMENT_BYTES_PER_FACE: Final = 325
+TRIM_BYTES_PER_FACE: Final = 260
+READ_BYTES_PER_POINT: Final = 75
+
+_HELD_BYTES_PER_POINT: Final = 90
+"""Of a tile's samples, while its solver runs."""
+
+PARENT_BYTES: Final = 900 * 2**20
+"""The build itself while tiles are worked on: the thinned copy (0.2 GB), libraries, buffers. It
+takes up to 1.4 GB earlier and later, when no tile is."""
+
+LEAST_BYTES: Final = 1500 * 2**20
+"""Cleaning the thinned copy."""
+
+_TILE_DEPTHS: Final = range(7, 12)
+"""A tile of depth 12 has 20 M faces: the overlap it saves is a tenth."""
+
+_CELLS_PER_POINT: Final = 0.8
+"""Cells per sample where nothing is known of the survey: the depth rule gives 0.5 to 2."""
+
+_SIDE_BY_SIDE: Final = 3
+"""Tiles that should fit the memory together, whatever the number of cores (the plan must not depend
+on it)."""
+
+
+@dataclass(frozen=True, slots=True)
+class TileForecast:
+    """What the tiles of a plan are expected to cost."""
+
+    tile_bytes: int
+    """The most loaded tile, with its process."""
+    workers: int
+    """Tiles side by side."""
+    faces: int
+    seconds: float
+    """CPU seconds of all tiles' solvers."""
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryPlan:
+    """Whether a build goes whole or in tiles."""
+
+    tiled: bool
+    whole_bytes: int
+    """Peak of a build in one piece."""
+    allowed_bytes: int
+    why: str
+    """A sentence for the user."""
+
+
+def plan_memory(
+    points: int,
+    allowed_bytes: int,
+    *,
+    force: bool = False,
+    detail_depth: int = 13,
+    extent_m: float | None = None,
+    area_m2: float | None = None,
+) -> MemoryPlan:
+    """Decide how to build.
+
+    Parameters
+    ----------
+    points : int
+        Of the survey, after ``--max-points``.
+    allowed_bytes : int
+        For the whole process tree.
+    force : bool
+        Tiles in any case.
+    detail_depth : int
+        As asked.
+    extent_m, area_m2 : float, optional
+        Longest side and plan area of the survey's box, where the header says them; they tell how
+        deep the density goes. A usual density is assumed otherwise.
+
+    Returns
+    -------
+    MemoryPlan
+        In tiles when the whole would pass what is allowed.
+    """
+    if extent_m and area_m2:
+        # A surface is rougher than its plan: a third more area.
+        area = 4.0 / 3.0 * area_m2
+        depth = poisson.depth_for(detail_depth, extent_m, (area / points) ** 0.5)
+        solver = poisson.forecast(points, depth, extent_m, area)
+    else:
+        solver = poisson.forecast(points, 0, 1.0 / poisson.SCALE, _CELLS_PER_POINT * points)
+    faces = solver.faces
+    reading = READ_BYTES_PER_POINT * points
+    cleaning = CLEAN_BYTES_PER_POINT * points
+    solving = solver.memory_bytes + _HELD_BYTES_PER_POINT * points
+    segmenting = SEGMENT_BYTES_PER_FACE * faces
+    whole = PROCESS_BYTES + max(reading, cleaning, solving, segmenting)
+    told = (
+        f"a build in one piece needs about {whole / 2**30:.1f} GiB for {points:,} points and "
+        f"{faces:,} faces, allowed are {allowed_bytes / 2**30:.1f} GiB"
+    )
+    if force:
+        return MemoryPlan(True, whole, allowed_bytes, f"tiles were asked for ({told})")
+    if whole <= allowed_bytes:
+        return MemoryPlan(False, whole, allowed_bytes, told)
+    return MemoryPlan(True, whole, allowed_bytes, f"{told}: it goes in tiles")
+
+
+def choose_depth(
+    plan: Callable[[int], TilePlan],
+    *,
+    points: int,
+    area_m2: float,
+    max_memory_bytes: int,
+    asked: int | None = None,
+) -> TilePlan | None:
+    """Choose the largest tiles of which three fit the memory allowed.
+
+    Returns
+    -------
+    TilePlan or None
+        None when not even one of the smallest does.
+    """
+    if asked is not None:
+        return plan(asked)
+    smallest: TilePlan | None = None
+    for depth in reversed(_TILE_DEPTHS):
+        tried = plan(depth)
+        need = _tile_bytes(tried, points, area_m2)
+        if PARENT_BYTES + _SIDE_BY_SIDE * need <= max_memory_bytes:
+            return tried
+        smallest = tried if PARENT_BYTES + need <= max_memory_bytes else smallest
+    return smallest
+
+
+def forecast_tiles(
+    plan: TilePlan, points: int, area_m2: float, max_memory_bytes: int, threads: int
+) -> TileForecast:
+    """Forecast the cost of a plan's tiles and how many run side by side."""
+    need = _tile_bytes(plan, points, area_m2)
+    fit = max(1, int((max_memory_bytes - PARENT_BYTES) // need))
+    each = [_solver(plan, int(load), points, area_m2) for load in plan.points]
+    return TileForecast(
+        need,
+        min(fit, threads, plan.count),
+        sum(forecast.faces for forecast in each),
+        sum(forecast.seconds for forecast in each),
+    )
+
+
+def _solver(plan: TilePlan, load: int, points: int, area_m2: float) -> poisson.Forecast:
+    extent_m = plan.shape.side * plan.lattice.cell_m / poisson.SCALE
+    return poisson.forecast(load, plan.shape.depth, extent_m, area_m2 * load / points)
+
+
+def _tile_bytes(plan: TilePlan, points: int, area_m2: float) -> int:
+    load = int(plan.points.max())
+    solver = _solver(plan, load, points, area_m2)
+    cleaning = CLEAN_BYTES_PER_POINT * load
+    solving = solver.memory_bytes + _HELD_BYTES_PER_POINT * load
+    trimming = TRIM_BYTES_PER_FACE * solver.faces + _HELD_BYTES_PER_POINT * load
+    return PROCESS_BYTES + max(cleaning, solving, trimming)
