@@ -8,31 +8,28 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import numba
 import psutil
 
-from terraport_pipeline.build_report import BuildReport, StageReport, write_build_report
+from terraport_pipeline.build_report import BuildReport, write_build_report
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.errors import OptionError, SurveyError
-from terraport_pipeline.measure import Measure
 from terraport_pipeline.model import Survey
 from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.publish_step import build_info, pack_once
 from terraport_pipeline.scene_lock import scene_locked
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import clean, pack, reconstruct, segment, survey_store
-from terraport_pipeline.stages.contract import Context, Stored
+from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.read import read_survey
 from terraport_pipeline.stages.region_engine import check_segment_by
-from terraport_pipeline.workdir import Cost, WorkDirectory, file_digest
-from terraport_store.errors import StoreError
+from terraport_pipeline.workdir import WorkDirectory, file_digest
 from terraport_store.layout import MANIFEST_NAME
-from terraport_store.manifest import BuildInfo, CrsInfo, InputInfo, Manifest
+from terraport_store.manifest import CrsInfo, InputInfo
 
 __all__ = ["BuildOptions", "available_memory_bytes", "build", "default_work_directory"]
 
@@ -200,7 +197,7 @@ def _run_stages(
         segment.restore,
     )
     crs = read.record.values["crs"]
-    build_info = _build_info(options, input_info, runner.reports)
+    made = build_info(options.recorded(), input_info, runner.reports)
     pack_options = options.pack_options()
 
     def publish(context: Context) -> pack.Packed:
@@ -210,7 +207,7 @@ def _run_stages(
             crs=CrsInfo(**crs) if crs else None,
             points=len(cloud.points),
             has_colour=cloud.has_colour,
-            build=build_info,
+            build=made,
         )
         cleaned.release()
         return pack.run(
@@ -219,14 +216,14 @@ def _run_stages(
 
     key = key_of(
         pack.NAME,
-        {**asdict(pack_options), "build": build_info.model_dump(mode="json"), "crs": crs},
+        {**asdict(pack_options), "build": made.model_dump(mode="json"), "crs": crs},
         {
             "cloud": cleaned.record.digest,
             "meshes": reconstructed.record.digest,
             "labels": segmented.record.digest,
         },
     )
-    return _pack(runner, scene, key, publish)
+    return pack_once(runner, scene, key, publish)
 
 
 def _read(
@@ -250,34 +247,6 @@ def _read(
         survey_store.store,
         survey_store.restore,
     )
-
-
-def _pack(
-    runner: StageRunner, scene: Path, key: str, publish: Callable[[Context], pack.Packed]
-) -> tuple[str, bool]:
-    """Publish, unless the scene already is what would be published."""
-    record = runner.work.find(pack.NAME, key) if runner.resume else None
-    if record is not None and _is_published(scene, record.values):
-        runner.reports.append(StageReport(pack.NAME, True, record.cost, record.facts))
-        return str(record.values["version"]), False
-    with Measure() as measure, runner.work.scratch() as scratch:
-        packed = publish(runner.context(scratch))
-    cost = Cost(measure.seconds, measure.peak_bytes)
-    values = {"version": packed.manifest.version}
-    record = runner.work.save(pack.NAME, key, Stored({}, values), packed.facts, cost)
-    runner.reports.append(StageReport(pack.NAME, False, cost, record.facts))
-    return packed.manifest.version, True
-
-
-def _is_published(scene: Path, values: Mapping[str, Any]) -> bool:
-    """Whether the scene is the version that was packed, with all its files in full size."""
-    try:
-        manifest = Manifest.from_bytes((scene / MANIFEST_NAME).read_bytes())
-        return manifest.version == values["version"] and all(
-            (scene / file.path).stat().st_size == file.bytes for file in manifest.files.values()
-        )
-    except (OSError, StoreError):
-        return False
 
 
 def _check_paths(options: BuildOptions) -> None:
@@ -309,19 +278,3 @@ def _check_paths(options: BuildOptions) -> None:
         raise OptionError(f"max points {options.max_points}; expected at least {clean.MIN_POINTS}")
     if options.max_memory_bytes is not None and options.max_memory_bytes < 2**28:
         raise OptionError(f"max memory {options.max_memory_bytes} bytes; expected 256 MiB or more")
-
-
-def _build_info(
-    options: BuildOptions, input_info: InputInfo, reports: list[StageReport]
-) -> BuildInfo:
-    try:
-        release = version("terraport")
-    except PackageNotFoundError:
-        release = "unknown"
-    return BuildInfo(
-        terraport=release,
-        options=options.recorded(),
-        input=input_info,
-        warnings=tuple(text for report in reports for text in report.facts.warnings),
-        stages=tuple({"name": r.name, "counts": r.facts.counts} for r in reports),
-    )

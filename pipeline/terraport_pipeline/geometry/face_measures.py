@@ -18,6 +18,7 @@ __all__ = [
     "automatic_extent",
     "dense_labels",
     "edge_steps",
+    "extent_of_area",
     "face_areas",
     "face_boxes",
     "face_centres",
@@ -198,11 +199,14 @@ def automatic_extent(
 ) -> float:
     """1.2 times the side of the square that ``max_faces`` faces of mean area fill."""
     area = surface_area(vertices, faces, threads=threads)
-    side = _AUTO_EXTENT * float(np.sqrt(area * max_faces / len(faces)))
-    if side > 0.0:
-        return side
+    return extent_of_area(area, len(faces), float(np.ptp(vertices, axis=0).max()), max_faces)
+
+
+def extent_of_area(area: float, n_faces: int, widest: float, max_faces: int) -> float:
+    """Automatic extent from what :func:`automatic_extent` measures of a mesh (or of its tiles)."""
+    side = _AUTO_EXTENT * float(np.sqrt(area * max_faces / n_faces))
     # every face has zero area: do not cut by width
-    return max(float(np.ptp(vertices, axis=0).max()), 1.0)
+    return side if side > 0.0 else max(widest, 1.0)
 
 
 def mesh_input(

@@ -17,7 +17,7 @@ from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.columns import Grid, rasterise
 from terraport_pipeline.geometry.face_measures import face_centres
 
-__all__ = ["FarDetail", "far_detail", "median_edge"]
+__all__ = ["FAR_BASE_EDGES", "FAR_TOLERANCES", "FarDetail", "far_detail", "median_edge"]
 
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
@@ -25,8 +25,9 @@ _Int64 = npt.NDArray[np.int64]
 
 _NEAREST_VERTICES: Final = 4
 """Base vertices whose faces stand in for a far detail face; more would only hide the base later."""
-_FAR: Final = 32.0
-"""Looks this many tolerances (or four base edges) far; detail beyond has no base to speak of."""
+FAR_TOLERANCES: Final = 32.0
+"""Looks this many tolerances far, or so many base edges; detail beyond has no base to speak of."""
+FAR_BASE_EDGES: Final = 4.0
 _CLOSE, _ALONE, _BASELESS = 0, 1, 2
 
 
@@ -94,7 +95,9 @@ def far_detail(
     if len(far) == 0:
         return FarDetail(np.zeros(len(base_faces) + 1, np.int64), np.zeros(0, np.int32), 0, 0)
     vertex_ids = np.unique(base_faces)
-    limit = max(_FAR * tolerance_m, 4.0 * median_edge(base_vertices, base_faces))
+    limit = max(
+        FAR_TOLERANCES * tolerance_m, FAR_BASE_EDGES * median_edge(base_vertices, base_faces)
+    )
     k = min(_NEAREST_VERTICES, len(vertex_ids))
     distance, nearest = cKDTree(base_vertices[vertex_ids]).query(
         face_centres(vertices, faces[far]), k=k, distance_upper_bound=limit, workers=threads

@@ -37,7 +37,14 @@ from terraport_pipeline.geometry.region_kernels import (
 )
 from terraport_pipeline.geometry.region_roughness import roughness_moments, roughness_of
 
-__all__ = ["RegionTotals", "add_totals", "tile_totals", "totals_document"]
+__all__ = [
+    "RegionTotals",
+    "add_totals",
+    "slope_bins",
+    "spread_totals",
+    "tile_totals",
+    "totals_document",
+]
 
 _Float64 = npt.NDArray[np.float64]
 _Int32 = npt.NDArray[np.int32]
@@ -92,6 +99,7 @@ def tile_totals(
     attributes: Mapping[str, npt.NDArray[np.floating]],
     pairs: tuple[_Int32, _Int32],
     roughness_scale_m: float,
+    bins: int,
 ) -> RegionTotals:
     """Sum up one tile.
 
@@ -100,11 +108,13 @@ def tile_totals(
     vertices, faces, colours, attributes, pairs
         The tile, as for :func:`~.region_facts.region_facts`; at least one face.
     regions : ndarray of shape (F,), int32
-        Region of every face, 0..count-1.
+        Region of every face, 0..count-1: numbers of the tile's own, or of the scene.
     count : int
-        Regions of the whole scene.
+        Number of regions.
     roughness_scale_m : float
         The same for all tiles.
+    bins : int
+        :func:`slope_bins` of the scene.
 
     Returns
     -------
@@ -121,7 +131,6 @@ def tile_totals(
     if flat.any():
         alike = flat[labels].astype(np.float64)
         plain = region_sums(points, corners, rgb, labels, alike, slope, count)[0]
-    bins = max(min(_SLOPE_BINS, _MOST_BINS // max(count, 1)), 90)
     told = [
         _tile_attribute(values, corners, labels, weight, count) for values in attributes.values()
     ]
@@ -131,6 +140,42 @@ def tile_totals(
         slope_histogram(labels, weight, slope, count, bins),
         np.stack(told) if told else np.zeros((0, count, 8)),
         cubes, cube_region, moments, *border_lengths(vertices, faces, regions, pairs),
+    )  # fmt: skip
+
+
+def slope_bins(count: int) -> int:
+    """Bins of the slope's histogram for so many regions."""
+    return max(min(_SLOPE_BINS, _MOST_BINS // max(count, 1)), 90)
+
+
+def spread_totals(totals: RegionTotals, regions: _Int32, count: int) -> RegionTotals:
+    """Take a tile's own numbers of regions to the scene's.
+
+    Parameters
+    ----------
+    totals : RegionTotals
+        Of regions 0..N-1.
+    regions : ndarray of shape (N,), int32
+        Their numbers in the scene, ascending.
+    count : int
+        Regions of the scene.
+    """
+    boxes = np.tile(np.array([np.inf] * 3 + [-np.inf] * 3), (count, 1))
+    boxes[regions] = totals.boxes
+    attributes = np.zeros((len(totals.attributes), count, 8))
+    attributes[..., _LEAST], attributes[..., _MOST] = np.inf, -np.inf
+    attributes[:, regions] = totals.attributes
+
+    def spread(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        all_rows = np.zeros((count, *rows.shape[1:]), rows.dtype)
+        all_rows[regions] = rows
+        return all_rows
+
+    return RegionTotals(
+        spread(totals.sizes), spread(totals.areas), spread(totals.sums), spread(totals.plain),
+        boxes, spread(totals.slopes), attributes, totals.cubes,
+        regions[totals.cube_region].astype(np.int32), totals.moments,
+        regions[totals.touching].astype(np.int32), totals.border_m,
     )  # fmt: skip
 
 

@@ -23,7 +23,14 @@ from terraport_pipeline.geometry.shape_index import shape_index
 from terraport_pipeline.geometry.triangle_pool import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.model import Float64, Int32, Mesh
 
-__all__ = ["ENGINES", "Engine", "check_segment_by", "make_segmenter", "segmenter_mesh"]
+__all__ = [
+    "ENGINES",
+    "Engine",
+    "check_segment_by",
+    "make_segmenter",
+    "means_segmenter",
+    "segmenter_mesh",
+]
 
 Engine = Literal["means", "graph", "tpa", "felzenszwalb", "grid"]
 
@@ -82,12 +89,7 @@ def make_segmenter(
     if engine == "grid":
         return GridSegmenter(region_cell_m=region_threshold)
     if engine == "means":
-        means = MeanColourSegmenter()
-        return replace(
-            means,
-            spread=_given(region_threshold, means.spread),
-            small_share=_given(region_small, means.small_share),
-        )
+        return means_segmenter(region_threshold, region_small)
     return TriangleSegmenter(
         regions=replace(
             REGION_POOLS,
@@ -96,6 +98,18 @@ def make_segmenter(
         ),
         fine=replace(FINE_POOLS, threshold=segment_threshold),
         threads=threads,
+    )
+
+
+def means_segmenter(
+    region_threshold: float | None, region_small: float | None
+) -> MeanColourSegmenter:
+    """Make the engine of mean colours; None for its own threshold and least share."""
+    means = MeanColourSegmenter()
+    return replace(
+        means,
+        spread=_given(region_threshold, means.spread),
+        small_share=_given(region_small, means.small_share),
     )
 
 

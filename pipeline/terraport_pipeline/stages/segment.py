@@ -27,19 +27,28 @@ from terraport_pipeline.stages.region_engine import (
     segmenter_mesh,
 )
 
-__all__ = ["NAME", "Options", "Segmented", "restore", "run", "store"]
+__all__ = [
+    "MAX_REGIONS",
+    "NAME",
+    "SMALLEST_TOLERANCE_M",
+    "Options",
+    "Segmented",
+    "restore",
+    "run",
+    "store",
+]
 
 NAME: Final = "segment"
 
 UInt32 = npt.NDArray[np.uint32]
 
-_MAX_REGIONS: Final = 65535
+MAX_REGIONS: Final = 65535
 """Feature ids travel as 16-bit numbers."""
 
 _MOST_THRESHOLD: Final = 1_000_000
 """The scale of "felzenszwalb" is the widest: up to 30,000 means something on landscapes."""
 
-_SMALLEST_TOLERANCE_M: Final = 1e-3
+SMALLEST_TOLERANCE_M: Final = 1e-3
 """Base and detail can coincide (a cloud so small that both are the same): the cover needs a
 length."""
 
@@ -157,9 +166,9 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         )
     )
     progress.done({"regions": found.region_count, "pools": found.fine_count})
-    if found.region_count > _MAX_REGIONS:
+    if found.region_count > MAX_REGIONS:
         raise OptionError(
-            f"{found.region_count} regions; at most {_MAX_REGIONS} can be told apart at run time: "
+            f"{found.region_count} regions; at most {MAX_REGIONS} can be told apart at run time: "
             "change --region-threshold or raise --region-small"
         )
     # (2) segments
@@ -182,7 +191,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     progress.done({"segments": segments.count})
     # (3) cover
     progress.start("segment: cover", None, "base faces")
-    tolerance_m = max(reconstructed.deviation_m[2], _SMALLEST_TOLERANCE_M)
+    tolerance_m = max(reconstructed.deviation_m[2], SMALLEST_TOLERANCE_M)
     # Faces partly beyond the detail may be hidden too, because nothing is kept beyond them: no slit
     # can open between the detail's rim and a next base face.
     cover = build_cover(

@@ -1,0 +1,362 @@
+"""The build of a survey larger than memory: tiles from reading to packing.
+
+The same stages as :mod:`terraport_pipeline.build`, each over tiles; what one tile takes is bounded,
+what grows with the scene is small. Every tile's result is kept, so an interrupted build goes on
+with the tile it was at. What differs from the whole: ``docs/topics/tiled-build.md``.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import xxhash
+
+from terraport_pipeline.build_report import StageReport
+from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.geometry.tiled_means import JoinedRegions
+from terraport_pipeline.measure import Measure
+from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.publish_step import pack_once
+from terraport_pipeline.stage_runner import StageRunner
+from terraport_pipeline.stages import pack, segment, tiled_join, tiled_pack, tiled_segment
+from terraport_pipeline.stages.contract import Stored
+from terraport_pipeline.tile_runner import PassResult, TilePass, run_pass
+from terraport_pipeline.tiles import DetailTiles
+from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, stage_key
+from terraport_store.manifest import CrsInfo
+
+__all__ = ["TiledSurface", "segment_and_pack"]
+
+_SEGMENT_MODULE: Final = tiled_segment.__name__
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TiledSurface:
+    """Two levels of one surface, the detail in tiles."""
+
+    base: Mesh
+    tiles: DetailTiles
+    deviation_m: tuple[float, ...]
+    """50th, 95th, 99th and 99.9th percentile of the distance of detail to base."""
+    digest: str
+    """Of base and tiles."""
+
+
+def segment_and_pack(
+    runner: StageRunner,
+    scene: Path,
+    surface: TiledSurface,
+    options: segment.Options,
+    pack_options: pack.Options,
+    about: Callable[[], pack.About],
+) -> tuple[str, bool]:
+    """Do everything after reconstruction.
+
+    Parameters
+    ----------
+    runner : StageRunner
+        Gets one report per stage.
+    scene : Path
+        Scene directory.
+    surface : TiledSurface
+    options : segment.Options
+    pack_options : pack.Options
+    about : callable
+        Makes what the manifest says beyond the meshes, when all stages but the last have reported.
+
+    Returns
+    -------
+    version : str
+    published : bool
+        False when the scene already was this version.
+
+    Raises
+    ------
+    OptionError
+        What cannot be done by tiles.
+    """
+    tiled_segment.check_options(options)
+    known, segmented, labels, cuts = _Work(runner, surface, options).segmented()
+    scales = tiled_pack.scales_of(known, segmented, surface.base, pack_options)
+    said = about()
+    encoded = TilePass(
+        "pack-tile",
+        tiled_pack.__name__,
+        "pack: tiles",
+        scales.recorded(),
+        [
+            {"tile": f"{surface.digest}-{i}", "labels": labels.digest(i), "cut": record.digest}
+            for i, record in enumerate(cuts.records)
+        ],
+        known.faces,
+        tiled_pack.ENCODE_BYTES_PER_FACE,
+    )
+    payloads = run_pass(
+        runner,
+        encoded,
+        lambda tile, context: tiled_pack.encode(
+            surface.tiles.load(tile),
+            _array(runner.work, cuts.records[tile], "segments"),
+            labels.of(tile),
+            scales,
+            context,
+        ),
+    )
+    key = stage_key(
+        pack.NAME,
+        code_digest(tiled_pack.__name__),
+        {
+            **asdict(pack_options),
+            "build": said.build.model_dump(mode="json"),
+            "crs": None if said.crs is None else said.crs.model_dump(mode="json"),
+        },
+        {"payloads": _digest(payloads), "segments": _segments_digest(segmented)},
+    )
+    version, published = pack_once(
+        runner,
+        scene,
+        key,
+        lambda context: tiled_pack.publish(
+            scene,
+            surface.base,
+            segmented,
+            lambda tile: _mapped(runner.work, payloads.records[tile]),
+            _Pieces(surface, runner.work, labels, cuts, known.face_count, said.origin, said.crs),
+            scales,
+            surface.deviation_m,
+            said,
+            pack_options,
+            context,
+        ),
+    )
+    if published:  # to the reader, encoding and publishing are one stage
+        last = runner.reports.pop()
+        cost = _together(last.cost, payloads.cost)
+        runner.reports.append(StageReport(last.name, last.taken_up, cost, last.facts))
+    return version, published
+
+
+def _together(*costs: Cost) -> Cost:
+    """Cost of one thing after another."""
+    return Cost(sum(cost.seconds for cost in costs), max(cost.peak_bytes for cost in costs))
+
+
+def _segments_digest(segmented: tiled_join.TiledSegmented) -> str:
+    """Hash what the join of all tiles found."""
+    stored = tiled_join.store(segmented)
+    digest = xxhash.xxh3_128(json.dumps(dict(stored.values), sort_keys=True).encode())
+    for name in sorted(stored.arrays):
+        digest.update(np.ascontiguousarray(stored.arrays[name]).reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()
+
+
+@dataclass(slots=True)
+class _Labels:
+    """Regions of the faces of every tile, from their units."""
+
+    work: WorkDirectory
+    units: PassResult
+    joined: JoinedRegions
+
+    def of(self, tile: int) -> Int32:
+        """Region of every face."""
+        found: Int32 = self.joined.region[tile][self.unit(tile)]
+        return found
+
+    def unit(self, tile: int) -> Int32:
+        """Read the unit of every face."""
+        return _array(self.work, self.units.records[tile], "labels")
+
+    def digest(self, tile: int) -> str:
+        """Of the tile's units and their regions."""
+        region = xxhash.xxh3_128_hexdigest(np.ascontiguousarray(self.joined.region[tile]).data)
+        return f"{self.units.records[tile].digest}-{region}"
+
+
+class _Work:
+    """The passes of segmentation."""
+
+    def __init__(
+        self, runner: StageRunner, surface: TiledSurface, options: segment.Options
+    ) -> None:
+        self._runner, self._surface, self._options = runner, surface, options
+        self._faces = [surface.tiles.face_count(i) for i in range(surface.tiles.count)]
+
+    def segmented(
+        self,
+    ) -> tuple[tiled_segment.TiledScene, tiled_join.TiledSegmented, _Labels, PassResult]:
+        """Do all passes; one report."""
+        runner, surface, options = self._runner, self._surface, self._options
+        work, tiles, base = runner.work, surface.tiles, surface.base
+        measured = run_pass(
+            runner,
+            self._pass(
+                "segment-measure", "segment: measure", {}, tiled_segment.MEASURE_BYTES_PER_FACE
+            ),
+            lambda tile, context: tiled_segment.measure(tiles.load(tile), context),
+        )
+        known = tiled_segment.scene_of([_mapped(work, record) for record in measured.records])
+        shared = {"measured": _digest(measured)}
+        united = run_pass(
+            runner,
+            self._pass(
+                "segment-units",
+                "segment: regions within tiles",
+                asdict(options),
+                tiled_segment.UNITS_BYTES_PER_FACE,
+                shared,
+            ),
+            lambda tile, context: tiled_segment.units(
+                tiles.load(tile), tile, known, options, context
+            ),
+        )
+        progress = runner.progress
+        with Measure() as joining, work.scratch() as scratch:
+            progress.start("segment: regions across tiles", None, "units")
+            joined = tiled_segment.regions(
+                [_mapped(work, record) for record in united.records],
+                known,
+                options,
+                runner.context(scratch),
+            )
+            progress.done({"regions": joined.count})
+        labels = _Labels(work, united, joined)
+        tolerance_m = max(surface.deviation_m[2], segment.SMALLEST_TOLERANCE_M)
+        cuts = run_pass(
+            runner,
+            self._pass(
+                "segment-cut",
+                "segment: segments and cover",
+                {**asdict(options), "regions": joined.count},
+                tiled_segment.CUT_BYTES_PER_FACE,
+                shared,
+                labels,
+            ),
+            lambda tile, context: tiled_segment.cut(
+                tiles.load(tile),
+                labels.unit(tile),
+                joined.region[tile],
+                base,
+                known,
+                options,
+                context,
+                region_count=joined.count,
+                tolerance_m=tolerance_m,
+            ),
+        )
+        passes = (measured, united, cuts)
+        step = runner.step(
+            tiled_join.NAME,
+            stage_key(
+                tiled_join.NAME,
+                code_digest(tiled_join.__name__),
+                asdict(options),
+                {"cuts": _digest(cuts), "units": _digest(united)},
+            ),
+            lambda _: tiled_join.join(
+                (_mapped(work, record) for record in cuts.records),
+                known,
+                joined,
+                self._seam_regions(known, labels),
+                base,
+                options,
+                tolerance_m,
+            ),
+            lambda result: result.facts,
+            tiled_join.store,
+            tiled_join.restore,
+        )
+        last = runner.reports.pop()
+        joined_cost = Cost(joining.seconds, joining.peak_bytes)
+        cost = _together(last.cost, joined_cost, *(found.cost for found in passes))
+        taken_up = last.taken_up and all(found.taken_up for found in passes)
+        runner.reports.append(StageReport(last.name, taken_up, cost, last.facts))
+        return known, step.value(), labels, cuts
+
+    def _pass(
+        self,
+        name: str,
+        title: str,
+        options: dict[str, Any],
+        bytes_per_face: int,
+        shared: dict[str, str] | None = None,
+        labels: _Labels | None = None,
+    ) -> TilePass:
+        digest = self._surface.digest
+        inputs = [
+            {
+                "tile": f"{digest}-{tile}",
+                **(shared or {}),
+                **({} if labels is None else {"labels": labels.digest(tile)}),
+            }
+            for tile in range(len(self._faces))
+        ]
+        return TilePass(name, _SEGMENT_MODULE, title, options, inputs, self._faces, bytes_per_face)
+
+    @staticmethod
+    def _seam_regions(known: tiled_segment.TiledScene, labels: _Labels) -> Int32:
+        seams = known.seams
+        found = np.zeros(seams.faces.shape, np.int32)
+        for tile in np.unique(seams.tiles):
+            of_faces = labels.of(int(tile))
+            for side in (0, 1):
+                rows = np.flatnonzero(seams.tiles[:, side] == tile)
+                found[rows, side] = of_faces[seams.faces[rows, side]]
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pieces:
+    """The new surface, segment by segment, read tile by tile."""
+
+    surface: TiledSurface
+    work: WorkDirectory
+    labels: _Labels
+    cuts: PassResult
+    face_count: int
+    origin: Float64
+    crs: CrsInfo | None
+
+    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
+        """Give every segment's vertices, faces and regions."""
+        for tile, record in enumerate(self.cuts.records):
+            mesh, regions = self.surface.tiles.load(tile), self.labels.of(tile)
+            segments = _array(self.work, record, "segments")
+            order = np.argsort(segments, kind="stable")
+            starts = np.searchsorted(segments[order], np.arange(int(segments.max()) + 2))
+            for begin, end in itertools.pairwise(starts):
+                chosen = order[begin:end]
+                yield mesh.vertices, mesh.faces[chosen], regions[chosen]
+
+
+def _digest(result: PassResult) -> str:
+    return xxhash.xxh3_128_hexdigest("".join(record.digest for record in result.records).encode())
+
+
+def _mapped(work: WorkDirectory, record: StageRecord) -> Stored:
+    """Open a result without reading its arrays."""
+    folder = work.path / record.name
+    arrays: dict[str, npt.NDArray[Any]] = {
+        Path(name).stem: _map(folder / name) for name in record.files
+    }
+    return Stored(arrays, record.values)
+
+
+def _array(work: WorkDirectory, record: StageRecord, name: str) -> Int32:
+    found: Int32 = np.load(work.path / record.name / f"{name}.npy", allow_pickle=False)
+    return found
+
+
+def _map(path: Path) -> npt.NDArray[Any]:
+    try:
+        found: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    except ValueError:  # an empty array cannot be mapped
+        found = np.load(path, allow_pickle=False)
+    return found

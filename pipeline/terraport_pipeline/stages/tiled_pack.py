@@ -1,0 +1,273 @@
+"""Pack, tile by tile: payloads of each tile into the work directory, then one scene in order.
+
+A segment's payload needs its tile alone, so tiles are encoded one by one (:func:`encode`); the pack
+is then written in the order of the segments' Morton curve, each payload read from where it lies
+(:func:`publish`). Memory: one tile and a few payloads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_payload import (
+    AttributeScale,
+    Cover,
+    choose_attribute_scale,
+    choose_step_m,
+    encode_glb,
+    gltf_attribute_name,
+)
+from terraport_pipeline.model import Int32, Mesh
+from terraport_pipeline.region_ids import Surface, number_regions
+from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.pack import (
+    EXPECTED_BYTES_PER_FACE,
+    About,
+    Options,
+    Packed,
+    encode_payload,
+    in_order,
+    kept_faces,
+    pack_counts,
+    split_segments,
+    whole_payload,
+)
+from terraport_pipeline.stages.tiled_join import TiledSegmented
+from terraport_pipeline.stages.tiled_segment import AttributeRange, TiledScene
+from terraport_store.manifest import AttributeInfo, HandOff
+from terraport_store.writer import SceneInfo, SceneWriter
+
+__all__ = ["ENCODE_BYTES_PER_FACE", "Scales", "encode", "publish", "scales_of"]
+
+ENCODE_BYTES_PER_FACE: Final = 150
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """How positions and attributes are rounded, the same in every payload."""
+
+    step_m: float
+    ranges: dict[str, AttributeRange]
+    """Of detail and base."""
+    with_arrays: bool
+
+    @property
+    def attributes(self) -> dict[str, AttributeScale]:
+        """Scale of every attribute."""
+        return {n: choose_attribute_scale(found.values()) for n, found in self.ranges.items()}
+
+    def recorded(self) -> dict[str, Any]:
+        """Plain values, for the keys of the payloads."""
+        return {
+            "step_m": self.step_m,
+            "attributes": {n: [s.offset, s.step] for n, s in self.attributes.items()},
+            "with_arrays": self.with_arrays,
+        }
+
+
+class PayloadFiles(Protocol):
+    """Where the payloads of tiles lie."""
+
+    def __call__(self, tile: int) -> Stored:
+        """Give what :func:`encode` made of one tile; arrays may be mapped."""
+        ...
+
+
+def scales_of(scene: TiledScene, segmented: TiledSegmented, base: Mesh, options: Options) -> Scales:
+    """Choose the rounding for a scene."""
+    sides = segmented.bounds[:, 3:].astype(np.float64) - segmented.bounds[:, :3]
+    farthest = max(
+        float(np.abs(scene.low).max()),
+        float(np.abs(scene.high).max()),
+        float(np.abs(base.vertices).max()),
+    )
+    ranges = {
+        name: found.plus(AttributeRange.of(base.attributes[name]))
+        for name, found in scene.attributes.items()
+    }
+    return Scales(
+        choose_step_m(float(sides.max()), farthest), ranges, "arrays" in options.encodings
+    )
+
+
+def encode(mesh: Mesh, segments: Int32, regions: Int32, scales: Scales, context: Context) -> Stored:
+    """Encode one tile's segments.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The tile.
+    segments, regions : ndarray of shape (F,), int32
+        Labels of its faces: segments by their numbers within the tile.
+    scales : Scales
+    context : Context
+
+    Returns
+    -------
+    Stored
+        ``glb`` (and ``arrays``): payloads one after the other in order of the segments, with their
+        lengths; boxes and counts of the segments.
+    """
+    attributes = scales.attributes
+    made = list(
+        in_order(
+            lambda part: encode_payload(
+                part, scales.step_m, attributes, with_arrays=scales.with_arrays
+            ),
+            split_segments(mesh, segments, regions),
+            context.threads,
+        )
+    )
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "bounds": np.array([payload.bounds for payload in made], np.float64),
+        "vertices": np.array([payload.vertices for payload in made], np.int64),
+        "faces": np.array([payload.faces for payload in made], np.int64),
+    }
+    encoded = {"glb": [payload.glb for payload in made]}
+    if scales.with_arrays:
+        encoded["arrays"] = [payload.arrays or b"" for payload in made]
+    for name, payloads in encoded.items():
+        arrays[name] = np.frombuffer(b"".join(payloads), np.uint8)
+        arrays[f"{name}_length"] = np.array([len(data) for data in payloads], np.int64)
+    return Stored(arrays, {})
+
+
+def publish(
+    place: Path,
+    base: Mesh,
+    segmented: TiledSegmented,
+    payloads: PayloadFiles,
+    surface: Surface,
+    scales: Scales,
+    deviation_m: Sequence[float],
+    about: About,
+    options: Options,
+    context: Context,
+) -> Packed:
+    """Write base, payloads, cover and facts, and publish them in one act.
+
+    Parameters
+    ----------
+    place : Path
+        Scene directory; untouched until everything is written.
+    base : Mesh
+        The whole base, as it was covered.
+    segmented : TiledSegmented
+    payloads : PayloadFiles
+    surface : Surface
+        For the stable ids of regions.
+    scales : Scales
+    deviation_m : sequence of float
+        50th, 95th, 99th and 99.9th percentile of the distance of detail to base.
+    about, options, context
+        As for :func:`~.pack.run`.
+
+    Returns
+    -------
+    Packed
+
+    Raises
+    ------
+    SceneStoreError
+        The disk is full, or somebody else publishes the same scene; nothing half-written is left.
+    """
+    progress = context.progress
+    kept = kept_faces(base, segmented.base_kept)
+    count = len(segmented.tile)
+    expected = surface.face_count * (1 + scales.with_arrays) * EXPECTED_BYTES_PER_FACE // 2
+    with SceneWriter(place, with_arrays=scales.with_arrays, expected_bytes=expected) as writer:
+        progress.start("pack: segments", float(count), "segments")
+        payload_bytes = []
+        for number, payload in enumerate(_by_number(segmented, payloads)):
+            writer.add_segment(
+                payload["glb"],
+                region=int(segmented.main_region[number]),
+                region_count=int(segmented.region_counts[number]),
+                bounds=payload["bounds"],
+                vertices=payload["vertices"],
+                faces=payload["faces"],
+                arrays=payload.get("arrays"),
+            )
+            payload_bytes.append(len(payload["glb"]))
+            progress.advance(1)
+        progress.done({})
+        progress.start("pack: base", None, "faces")
+        attributes = scales.attributes
+        glb = encode_glb(
+            whole_payload(kept),
+            step_m=scales.step_m,
+            attribute_scales=attributes,
+            keep_face_order=True,
+        )
+        writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
+        progress.done({})
+        numbered = number_regions(place, segmented.region_facts, surface, progress)
+        writer.set_regions(numbered.document)
+        progress.start("pack: publish", None, "files")
+        x, y, z = about.origin.tolist()
+        manifest = writer.publish(
+            SceneInfo(
+                name=options.name,
+                origin=(x, y, z),
+                step_m=scales.step_m,
+                points=about.points,
+                regions=len(segmented.region_facts["regions"]),
+                hand_off=HandOff(deviation_m=deviation_m[3], tolerance_m=segmented.tolerance_m),
+                build=about.build,
+                crs=about.crs,
+                attributes=_attribute_infos(scales.ranges, attributes),
+                has_colour=about.has_colour,
+            )
+        )
+        progress.done({"version": manifest.version[:12]})
+    return Packed(
+        manifest, Facts(pack_counts(manifest, payload_bytes) | numbered.counts, numbered.warnings)
+    )
+
+
+def _by_number(segmented: TiledSegmented, payloads: PayloadFiles) -> Iterator[dict[str, Any]]:
+    """Read every payload in the order of the scene's segments."""
+    opened: dict[int, tuple[Stored, Mapping[str, npt.NDArray[np.int64]]]] = {}
+    for tile, within in zip(segmented.tile.tolist(), segmented.within.tolist(), strict=True):
+        if tile not in opened:
+            stored = payloads(tile)
+            begins = {
+                name: np.concatenate([[0], np.cumsum(stored.arrays[f"{name}_length"])])
+                for name in ("glb", "arrays")
+                if name in stored.arrays
+            }
+            opened[tile] = stored, begins
+        stored, starts = opened[tile]
+        found: dict[str, Any] = {
+            name: stored.arrays[name][begin[within] : begin[within + 1]].tobytes()
+            for name, begin in starts.items()
+        }
+        found["bounds"] = stored.arrays["bounds"][within].tolist()
+        found["vertices"] = int(stored.arrays["vertices"][within])
+        found["faces"] = int(stored.arrays["faces"][within])
+        yield found
+
+
+def _attribute_infos(
+    ranges: Mapping[str, AttributeRange], scales: Mapping[str, AttributeScale]
+) -> tuple[AttributeInfo, ...]:
+    infos = []
+    for name, found in ranges.items():
+        known = found.low <= found.high
+        infos.append(
+            AttributeInfo(
+                name=name,
+                gltf_name=gltf_attribute_name(name),
+                offset=scales[name].offset,
+                step=scales[name].step,
+                min=found.low if known else None,
+                max=found.high if known else None,
+            )
+        )
+    return tuple(infos)
