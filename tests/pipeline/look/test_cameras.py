@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.engines.cameras import Camera, eye_level, oblique, top_down
+from terraport_pipeline.engines.cameras import Camera, PhotoCamera, eye_level, oblique, top_down
+from terraport_pipeline.geometry.lens import Lens, View
 
 BOX = np.array([[0, 0, 0], [200, 30, 100]], dtype=np.float64)
 WIDTH, HEIGHT = 64, 36
@@ -71,3 +72,26 @@ def test_points_behind_a_pinhole_are_not_projected() -> None:
 def test_nothing_to_frame_is_refused() -> None:
     with pytest.raises(ValueError, match="received no points"):
         top_down(np.empty((0, 3)), aspect=1.0)
+
+
+def test_a_photos_camera_draws_what_the_photo_shows() -> None:
+    lens = Lens(width=400, height=300, fx=300.0, fy=299.0, cx=203.0, cy=148.0, radial=(-0.08, 0.02))
+    view = View("a.jpg", lens, np.diag([1.0, -1.0, -1.0]), np.array([5.0, 2.0, 9.0]))
+    camera = PhotoCamera(view)
+    origins, headings = camera.rays(200, 150)  # drawn at half the size
+    assert origins.shape == headings.shape == (30_000, 3)
+    assert camera.eye == (5.0, 2.0, 9.0)
+    row, column = 31, 150
+    pixels, _ = view.project((origins + 7.0 * headings)[row * 200 + column][None].astype(float))
+    np.testing.assert_allclose(pixels[0] / 2, [column + 0.5, row + 0.5], atol=1e-3)
+    # A pixel is as wide as the angle between two rays.
+    step = np.linalg.norm(headings[75 * 200 + 101] - headings[75 * 200 + 100]) * 10
+    np.testing.assert_allclose(camera.pixel_m(np.float32([10.0]), 150), step, rtol=0.02)
+
+
+def test_a_pixel_grows_with_the_distance_but_not_in_a_parallel_projection() -> None:
+    flat = top_down(np.array([[0, 0, 0], [90, 0, 90]]), aspect=1.0, margin=0.0)
+    np.testing.assert_allclose(flat.pixel_m(np.float32([1, 50]), 90), [1.0, 1.0])
+    near = eye_level((0, 0, 0), azimuth_deg=0.0)
+    one, two = near.pixel_m(np.float32([10, 20]), 100)
+    assert two == pytest.approx(2 * one)
