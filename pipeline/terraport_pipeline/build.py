@@ -15,18 +15,25 @@ from typing import Any, Final, TypeVar
 import numba
 import psutil
 
+from terraport_pipeline import tiled_reconstruct
 from terraport_pipeline.build_report import BuildReport, write_build_report
+from terraport_pipeline.build_tiled import TiledSurface, segment_and_pack
 from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.engines.survey_stream import survey_size
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.model import Survey
+from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.publish_step import build_info, pack_once
 from terraport_pipeline.scene_lock import scene_locked
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import clean, pack, reconstruct, segment, survey_store
 from terraport_pipeline.stages.contract import Context
-from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.stages.read import find_format, read_survey
 from terraport_pipeline.stages.region_engine import check_segment_by
+from terraport_pipeline.texture_step import texture_step
+from terraport_pipeline.tile_memory import MemoryPlan, plan_memory
+from terraport_pipeline.tiled_reconstruct import TileOptions
 from terraport_pipeline.workdir import WorkDirectory, file_digest
 from terraport_store.layout import MANIFEST_NAME
 from terraport_store.manifest import CrsInfo, InputInfo
@@ -53,6 +60,8 @@ class BuildOptions:
     reconstruct: reconstruct.Options = field(default_factory=reconstruct.Options)
     segment: segment.Options = field(default_factory=segment.Options)
     encodings: tuple[pack.Encoding, ...] = ("glb",)
+    texture: Texturing | None = None
+    """Textures instead of vertex colours, from photos or for comparison from the colours."""
     work: Path | None = None
     """Work directory; ``.<scene>.work`` beside the scene by default."""
     resume: bool = True
@@ -61,6 +70,8 @@ class BuildOptions:
     """All cores by default. Changes times only."""
     max_memory_bytes: int | None = None
     """80 % of what is free by default."""
+    tiles: TileOptions = field(default_factory=TileOptions)
+    """How to go about a survey that does not fit into that."""
 
     def __post_init__(self) -> None:
         self.pack_options()  # refused before any work, not after an hour
@@ -157,9 +168,14 @@ def _run_stages(
     runner: StageRunner, survey: Path, scene: Path, options: BuildOptions
 ) -> tuple[str, bool]:
     """Run all stages; return the scene's version and whether it was published now."""
+    # Photos that are not there are told of now, not after the reconstruction.
+    photos = None if options.texture is None else options.texture.find(runner.progress)
     runner.progress.start("read: checksum", None, "bytes")
     input_info = InputInfo(name=survey.name, bytes=survey.stat().st_size, xxh3=file_digest(survey))
     runner.progress.done({})
+    plan = _plan_memory(runner, survey, options)
+    if plan.tiled:
+        return _run_tiled(runner, survey, scene, options, input_info, plan)
     read = _read(runner, survey, input_info, options)
     cleaned = runner.step(
         clean.NAME,
@@ -197,7 +213,14 @@ def _run_stages(
         segment.restore,
     )
     crs = read.record.values["crs"]
-    made = build_info(options.recorded(), input_info, runner.reports)
+    recorded = options.recorded()
+    textured = None
+    if options.texture is not None:
+        recorded["texture"] = options.texture.recorded(photos)
+        textured = texture_step(
+            runner, options.texture, photos, crs, cleaned, reconstructed, segmented
+        )
+    made = build_info(recorded, input_info, runner.reports)
     pack_options = options.pack_options()
 
     def publish(context: Context) -> pack.Packed:
@@ -211,7 +234,13 @@ def _run_stages(
         )
         cleaned.release()
         return pack.run(
-            scene, reconstructed.value(), segmented.value(), about, pack_options, context
+            scene,
+            reconstructed.value(),
+            segmented.value(),
+            about,
+            pack_options,
+            context,
+            None if textured is None else textured.value(),
         )
 
     key = key_of(
@@ -221,9 +250,61 @@ def _run_stages(
             "cloud": cleaned.record.digest,
             "meshes": reconstructed.record.digest,
             "labels": segmented.record.digest,
+            **({} if textured is None else {"textures": textured.record.digest}),
         },
     )
     return pack_once(runner, scene, key, publish)
+
+
+def _plan_memory(runner: StageRunner, survey: Path, options: BuildOptions) -> MemoryPlan:
+    """Decide by the survey's header whether it is built in one piece."""
+    size = survey_size(survey, find_format(survey))
+    points = min(size.points, options.max_points or size.points)
+    return plan_memory(
+        points,
+        runner.max_memory_bytes,
+        force=options.tiles.force,
+        detail_depth=options.reconstruct.detail_depth,
+        extent_m=size.extent,
+        area_m2=size.area,
+    )
+
+
+def _run_tiled(
+    runner: StageRunner,
+    survey: Path,
+    scene: Path,
+    options: BuildOptions,
+    input_info: InputInfo,
+    plan: MemoryPlan,
+) -> tuple[str, bool]:
+    """Run all stages over tiles; as :func:`_run_stages`."""
+    runner.progress.start("plan", None, "")
+    runner.progress.done({"tiles": plan.why})
+    made = tiled_reconstruct.run(
+        runner,
+        survey,
+        f"{input_info.bytes}-{input_info.xxh3}",
+        max_points=options.max_points,
+        clean_options=options.clean,
+        options=options.reconstruct,
+        tiles=options.tiles,
+        check=lambda names: check_segment_by(options.segment.segment_by, names),
+    )
+    crs = made.crs
+
+    def about() -> pack.About:
+        recorded = {**options.recorded(), "tile_depth": made.tile_depth}
+        return pack.About(
+            origin=made.origin,
+            crs=CrsInfo(name=crs.name, wkt=crs.wkt, epsg=crs.epsg) if crs else None,
+            points=made.points,
+            has_colour=made.has_colour,
+            build=build_info(recorded, input_info, runner.reports),
+        )
+
+    surface = TiledSurface(made.base, made.tiles, made.deviation_m, made.digest)
+    return segment_and_pack(runner, scene, surface, options.segment, options.pack_options(), about)
 
 
 def _read(

@@ -18,10 +18,12 @@ from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.synth import parse_count
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.input_cloud import find_input_cloud
+from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.progress import NullProgress, Progress, RichProgress
 from terraport_pipeline.report import REPORT_NAME, write_report
-from terraport_pipeline.stages import clean, reconstruct, segment
+from terraport_pipeline.stages import clean, reconstruct, segment, texture
 from terraport_pipeline.stages.region_engine import ENGINES, Engine
+from terraport_pipeline.tiled_reconstruct import TileOptions
 
 __all__ = ["build", "parse_size", "register"]
 
@@ -30,6 +32,7 @@ _SIZES: Final = {"": 1, "k": 2**10, "m": 2**20, "g": 2**30, "t": 2**40}
 _CLEAN: Final = clean.Options()
 _RECONSTRUCT: Final = reconstruct.Options()
 _SEGMENT: Final = segment.Options()
+_TEXTURE: Final = texture.Options()
 
 
 def register(app: typer.Typer) -> None:
@@ -114,6 +117,37 @@ def build(
         str, typer.Option(help="segments, or pools (the thesis's units, for comparison).")
     ] = "segments",
     encodings: Annotated[str, typer.Option(help="glb, or glb,arrays.")] = "glb",
+    photos: Annotated[
+        Path | None, typer.Option(help="Folder of the survey's photos: textures from them.")
+    ] = None,
+    cameras: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the photos were taken: file or project folder of COLMAP, OpenSfM, "
+            "OpenDroneMap, Pix4D, Metashape or Bundler.  [looked for beside the photos]"
+        ),
+    ] = None,
+    camera_offset: Annotated[
+        str | None,
+        typer.Option(help="E,N,H to add to the cameras' coordinates.  [where stated, found]"),
+    ] = None,
+    texture_from: Annotated[
+        str | None,
+        typer.Option(help="photos; vertex draws the cloud's colours into images, to compare."),
+    ] = None,
+    texel_size: Annotated[
+        float | None,
+        typer.Option(help="Metres a texel; never finer than the photos.  [as fine as the photos]"),
+    ] = None,
+    texture_format: Annotated[
+        str, typer.Option(help="jpeg (every loader), webp (smaller), png.")
+    ] = _TEXTURE.kind,
+    texture_quality: Annotated[
+        int, typer.Option(help="1 to 100, of jpeg and webp.")
+    ] = _TEXTURE.quality,
+    base_texture: Annotated[
+        int, typer.Option(help="Longest side of the base's texture, pixels: 2048, 4096.")
+    ] = _TEXTURE.base_side,
     max_points: Annotated[
         str | None, typer.Option(help="Thin the survey to this many points: 500k, 5M.")
     ] = None,
@@ -126,6 +160,23 @@ def build(
     ] = True,
     max_memory: Annotated[
         str | None, typer.Option(help="For example 8G.  [80 % of what is free]")
+    ] = None,
+    tiles: Annotated[
+        bool,
+        typer.Option(
+            "--tiles", help="In tiles also when the whole would fit.  [when it does not fit]"
+        ),
+    ] = False,
+    tile_depth: Annotated[
+        int | None,
+        typer.Option(help="Octree depth of a tile, 7 to 12.  [what --max-memory allows]"),
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler that works on the tiles: tcp://host:8786. Its "
+            "workers must see the same paths.  [processes of this machine]"
+        ),
     ] = None,
     threads: Annotated[
         int | None, typer.Option(help="The result does not depend on it.  [all cores]")
@@ -168,10 +219,26 @@ def build(
                 units=_parse_units(units),
             ),
             encodings=cast("Any", tuple(part.strip() for part in encodings.split(","))),
+            texture=_texturing(
+                photos,
+                cameras,
+                camera_offset,
+                texture_from,
+                texture.Options(
+                    source="vertex" if texture_from == "vertex" else "photos",
+                    texel_m=texel_size,
+                    kind=cast("Any", texture_format),
+                    quality=texture_quality,
+                    base_side=base_texture,
+                ),
+            ),
             work=work,
             resume=resume,
             threads=threads,
             max_memory_bytes=None if max_memory is None else parse_size(max_memory),
+            tiles=TileOptions(
+                force=tiles or cluster is not None, depth=tile_depth, cluster=cluster
+            ),
         )
         with _watching(console, quiet=quiet) as progress:
             built = _build(options, console, progress, with_report=report)
@@ -200,6 +267,31 @@ def parse_size(text: str) -> int:
     if not found:
         raise OptionError(f"size {text!r}; expected a number with K, M, G or T, for example 8G")
     return int(float(found[1]) * _SIZES[found[2]])
+
+
+def _texturing(
+    photos: Path | None,
+    cameras: Path | None,
+    offset: str | None,
+    source: str | None,
+    options: texture.Options,
+) -> Texturing | None:
+    """Put together what was said of textures; None where nothing was."""
+    if source not in (None, "photos", "vertex"):
+        raise OptionError(f"textures from {source!r}; expected photos or vertex")
+    if photos is None and cameras is None and source is None:
+        return None
+    return Texturing(options, photos, cameras, None if offset is None else _parse_offset(offset))
+
+
+def _parse_offset(text: str) -> tuple[float, float, float]:
+    try:
+        east, north, height = (float(part) for part in text.split(","))
+    except ValueError:
+        raise OptionError(
+            f"camera offset {text!r}; expected E,N,H in metres, for example 576600,5188100,0"
+        ) from None
+    return east, north, height
 
 
 def _parse_engine(text: str) -> Engine:
