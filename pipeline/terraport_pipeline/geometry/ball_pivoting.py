@@ -166,12 +166,14 @@ def _agrees(points, normals, a, b, c):  # type: ignore[no-untyped-def] # pragma:
 
 
 @numba.njit(cache=True)
-def _empty(points, centre, radius, near, count, a, b, c):  # type: ignore[no-untyped-def] # pragma: no cover
+def _empty(  # type: ignore[no-untyped-def]
+    points, centre, radius, near, count, a, b, c
+):  # pragma: no cover - compiled
     """Whether no sample of `near` but the three lies in the ball."""
     limit = radius * radius * (1.0 - _TOUCH)
     for place in range(count):
         point = near[place]
-        if point == a or point == b or point == c:
+        if point in (a, b, c):
             continue
         dx, dy, dz = (
             points[point, 0] - centre[0], points[point, 1] - centre[1], points[point, 2] - centre[2],
@@ -202,8 +204,10 @@ def _takes(edges, heads, a, b):  # type: ignore[no-untyped-def] # pragma: no cov
 
 
 @numba.njit(cache=True)
-def _add_face(faces, edges, centres, heads, counts, queue, centre, a, b, c):  # type: ignore[no-untyped-def] # pragma: no cover
-    """Write a face; its edges close open ones or join the front. Returns the queue's new length."""
+def _add_face(  # type: ignore[no-untyped-def]
+    faces, edges, centres, heads, counts, queue, centre, a, b, c
+):  # pragma: no cover - compiled
+    """Write a face; its edges close open ones or join the front."""
     faces[counts[0], 0], faces[counts[0], 1], faces[counts[0], 2] = a, b, c
     counts[0] += 1
     for start, end, across in ((a, b, c), (b, c, a), (c, a, b)):
@@ -245,7 +249,7 @@ def _pivot(  # type: ignore[no-untyped-def]
     centre = np.empty(3)
     for place in range(count):
         point = near[place]
-        if point == a or point == b or point == opposite:
+        if point in (a, b, opposite):
             continue
         if not _ball(points, b, a, point, radius, centre):
             continue
@@ -345,7 +349,7 @@ def _sow(  # type: ignore[no-untyped-def]
     for first in range(1, len(nearest)):
         for second in range(1, first):
             b, c = near[nearest[second]], near[nearest[first]]
-            if a == b or a == c:
+            if a in (b, c):
                 continue
             if not _agrees(points, normals, a, b, c):
                 b, c = c, b

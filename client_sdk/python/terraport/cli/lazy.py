@@ -87,6 +87,12 @@ VERBS: Final = (
         "pipeline",
         "Make a procedural quarry with known truth, as a survey to build from.",
     ),
+    Verb(
+        "evaluate",
+        "terraport_pipeline.cli.evaluate",
+        "pipeline",
+        "Compare algorithms with each other and with the thesis, for researchers.",
+    ),
 )
 """Every verb, in the order of the help."""
 

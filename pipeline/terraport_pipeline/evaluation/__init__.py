@@ -1,0 +1,1 @@
+"""``terraport evaluate``: algorithms side by side, on data with truth."""
