@@ -14,6 +14,7 @@ The steps, each a result in the work directory:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -100,6 +101,7 @@ class TiledReconstructed:
     codes: tuple[str, ...]
     spacing_m: float
     cell_m: float
+    tile_depth: int
     digest: str
     """Of base and tiles."""
 
@@ -128,6 +130,7 @@ def run(
     clean_options: clean.Options,
     options: reconstruct.Options,
     tiles: TileOptions,
+    check: Callable[[tuple[str, ...]], None] = lambda _names: None,
 ) -> TiledReconstructed:
     """Reconstruct a survey in tiles.
 
@@ -142,6 +145,8 @@ def run(
         Thin the survey to this many samples while reading.
     clean_options, options, tiles
         As of the build.
+    check : callable
+        Told the surface's attributes as soon as they are known; may refuse them.
 
     Returns
     -------
@@ -157,6 +162,7 @@ def run(
         The solver failed twice on a tile, or a worker was lost twice.
     """
     ground = _prepare(runner, survey, file_key, max_points, clean_options, options, tiles)
+    check(tuple(ground.cleaned.record.values["attributes"]))
     tasks = _tasks(ground, clean_options, options)
     solved = _solve(runner, ground, tasks, tiles)
     stored, joined = _join(runner, ground, tasks, solved, options, tiles)
@@ -206,6 +212,7 @@ def run(
         cleaned.codes,
         float(ground.measured["spacing_m"]),
         ground.lattice.cell_m,
+        ground.plan.shape.depth,
         stage_key("tiled", "", {}, {"base": base.record.digest, "tiles": stored.digest}),
     )
 
@@ -438,12 +445,8 @@ def _solve(
     facts = Facts(
         {
             "tiles": len(tasks),
-            "solved_now": len(jobs),
-            "workers": ground.forecast.workers,
             "faces_solved": sum(int(r.values["faces_solved"]) for r in listed),
             "faces": sum(int(r.values["faces"]) for r in listed),
-            "largest_tile_peak_bytes": max(r.cost.peak_bytes for r in listed),
-            "forecast_tile_bytes": ground.forecast.tile_bytes,
         }
     )
     seconds = sum(r.cost.seconds for r in listed) if taken_up else measure.seconds

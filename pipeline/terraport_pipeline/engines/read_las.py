@@ -120,6 +120,8 @@ class LasStream:
     """Dimensions that the standard names; they are left out where they hold nothing."""
     parts: Callable[[], Iterator[StreamPart]]
     """Makes the iterator; once."""
+    sides: tuple[float, float, float]
+    """Of the box that the header states, in the file's unit; may be nonsense."""
 
 
 @contextlib.contextmanager
@@ -185,6 +187,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             warnings,
             frozenset(header.point_format.standard_dimension_names),
             parts,
+            tuple(float(side) for side in header.maxs - header.mins),  # type: ignore[arg-type]
         )
 
 

@@ -17,9 +17,16 @@ from terraport_pipeline.engines.raw_survey import StreamPart
 from terraport_pipeline.engines.read_las import UNSET, open_las
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["SurveyStream", "open_stream"]
+__all__ = ["SurveySize", "SurveyStream", "open_stream", "survey_size"]
 
 _LAS_COLOURS: Final = ("red", "green", "blue")
+
+
+_WIDEST: Final = 1e7
+"""A header that states a wider box is wrong."""
+
+_BYTES_PER_POINT: Final = {"xyz": 40, "e57": 20, "pcd": 20, "ply": 27}
+"""Of usual coloured files; only decides early whether a survey might not fit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +51,45 @@ class SurveyStream:
     """Columns of whole numbers get an integer type."""
     stated_step: bool = False
     """The format states how fine its coordinates are: nothing to suspect of 32-bit floats."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveySize:
+    """What a survey's header says of its size."""
+
+    points: int
+    extent: float | None = None
+    """Longest side, in the file's unit; None where the header does not say it."""
+    area: float | None = None
+    """Of the box seen from above, in the same unit squared."""
+
+
+def survey_size(path: Path, name: str) -> SurveySize:
+    """Read how large a survey is, without its points.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    name : str
+        Format, from :func:`terraport_pipeline.stages.read.find_format`.
+
+    Returns
+    -------
+    SurveySize
+        By its header; for text, and for formats that are not read in parts, by the file's size.
+
+    Raises
+    ------
+    ReadError
+        The header is damaged.
+    """
+    if name == "las":
+        with open_las(path) as stream:
+            x, y, z = stream.sides
+            if all(0 < side < _WIDEST for side in stream.sides):
+                return SurveySize(stream.count, max(x, y, z), x * y)
+            return SurveySize(stream.count)
+    return SurveySize(path.stat().st_size // _BYTES_PER_POINT.get(name, 30))
 
 
 @contextlib.contextmanager
