@@ -17,7 +17,7 @@ import psutil
 
 from terraport_pipeline import tiled_reconstruct
 from terraport_pipeline.build_report import BuildReport, write_build_report
-from terraport_pipeline.build_tiled import TiledSurface, segment_and_pack
+from terraport_pipeline.build_tiled import TiledSurface, check_tiled, segment_and_pack
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.survey_stream import survey_size
 from terraport_pipeline.errors import OptionError, SurveyError
@@ -231,6 +231,7 @@ def _run_stages(
             points=len(cloud.points),
             has_colour=cloud.has_colour,
             build=made,
+            spacing_m=cloud.spacing_m,
         )
         cleaned.release()
         return pack.run(
@@ -279,6 +280,12 @@ def _run_tiled(
     plan: MemoryPlan,
 ) -> tuple[str, bool]:
     """Run all stages over tiles; as :func:`_run_stages`."""
+    check_tiled(options.segment)
+    if options.texture is not None:
+        raise OptionError(
+            f"textures in a tiled build ({plan.why}); thin the survey with --max-points or raise "
+            "--max-memory to texture it, or leave --photos out"
+        )
     runner.progress.start("plan", None, "")
     runner.progress.done({"tiles": plan.why})
     made = tiled_reconstruct.run(

@@ -32,7 +32,7 @@ from terraport_pipeline.tiles import DetailTiles
 from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, stage_key
 from terraport_store.manifest import CrsInfo
 
-__all__ = ["TiledSurface", "segment_and_pack"]
+__all__ = ["TiledSurface", "check_tiled", "segment_and_pack"]
 
 _SEGMENT_MODULE: Final = tiled_segment.__name__
 
@@ -47,6 +47,16 @@ class TiledSurface:
     """50th, 95th, 99th and 99.9th percentile of the distance of detail to base."""
     digest: str
     """Of base and tiles."""
+
+
+def check_tiled(options: segment.Options) -> None:
+    """Refuse what cannot be segmented tile by tile, before any work.
+
+    Raises
+    ------
+    OptionError
+    """
+    tiled_segment.check_options(options)
 
 
 def segment_and_pack(
@@ -82,7 +92,7 @@ def segment_and_pack(
     OptionError
         What cannot be done by tiles.
     """
-    tiled_segment.check_options(options)
+    check_tiled(options)
     known, segmented, labels, cuts = _Work(runner, surface, options).segmented()
     scales = tiled_pack.scales_of(known, segmented, surface.base, pack_options)
     said = about()
