@@ -90,7 +90,7 @@ def _write_project(folder: Path, cameras) -> None:
         away = " ".join(f"{-value:.9f}" for value in place)
         lines += [
             f'  <MLRaster label="{number:04d}.png">',
-            f'   <VCGCamera RotationMatrix="{turn} " TranslationVector="{away} 1" '
+            f'   <VCGCamera RotationMatrix="{turn} " TranslationVector="{away} 1" '  # noqa: ISC004
             f'FocalMm="{focal}" PixelSizeMm="1 1" ViewportPx="{width} {height}" '
             f'CenterPx="{width // 2} {height // 2}" LensDistortion="0 0" CameraType="0" '
             'BinaryData="0"/>',
@@ -134,10 +134,10 @@ def _open3d(folder, vertices, faces, cameras):
         outside.append(o3d.core.Tensor(pose))
     albedo = mesh.project_images_to_albedo(images, inside, outside, SIDE, True)
     pixels = albedo.as_tensor().numpy()
-    o3d.t.io.write_image(
-        str(folder / "result-open3d.png"),
-        o3d.t.geometry.Image(o3d.core.Tensor(pixels[::-1].copy())),
-    )
+    from PIL import Image
+
+    Image.fromarray(pixels).save(folder / "result-open3d.png")
+    # Row 0 of the image is v = 1: the upper left is where it should be.
     wedges[..., 1] = 1.0 - wedges[..., 1]
     return mesh.vertex.positions.numpy(), mesh.triangle.indices.numpy(), wedges
 

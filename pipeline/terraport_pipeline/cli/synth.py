@@ -16,7 +16,7 @@ from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
-from terraport_pipeline.synth.flight import FlightOptions
+from terraport_pipeline.synth.flight import FlightOptions, seen_by
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.photo_files import WrittenPhotos, write_photos
 
@@ -176,8 +176,7 @@ def synth(
                 exposure_drift_ev=exposure_drift,
                 truck=truck,
             )
-            if options.detail == 0.0:  # photos and cloud show one and the same ground
-                options = dataclasses.replace(options, detail=1.0)
+            options = seen_by(flight, options)
         taken = None
         with RichProgress(console) as progress:
             start = time.perf_counter()

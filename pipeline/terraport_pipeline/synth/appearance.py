@@ -207,7 +207,9 @@ def photographed(
     rng: np.random.Generator,
 ) -> UInt8:
     """Return colours as a camera sees them: albedo, light, sensor noise; (N, 3) sRGB."""
-    colours = lit_colours(points, surface, sunlight, options)
+    colours = lit_colours(
+        points, surface, sunlight, options, footprint=options.pixel_m / options.scale
+    )
     sigma = options.colour_noise / np.sqrt(2.0)
     colours += rng.normal(0.0, 1.0, (len(colours), 1)) * sigma
     colours += rng.normal(0.0, 1.0, colours.shape) * sigma

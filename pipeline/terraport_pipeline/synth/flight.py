@@ -10,7 +10,7 @@ Frame: scene metres about the quarry's origin (x east, y up, z south), as
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,7 +21,7 @@ from terraport_pipeline.model import Float64
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
-__all__ = ["MAX_PHOTOS", "MAX_PIXELS", "Flight", "FlightOptions", "plan_flight"]
+__all__ = ["MAX_PHOTOS", "MAX_PIXELS", "Flight", "FlightOptions", "plan_flight", "seen_by"]
 
 MAX_PHOTOS: Final = 2_000
 MAX_PIXELS: Final = 64_000_000
@@ -154,6 +154,18 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
         for number in range(len(places))
     )
     return Flight(views, nadir, height, height / lens.fx)
+
+
+def seen_by(options: FlightOptions, quarry: QuarryOptions) -> QuarryOptions:
+    """Return the options of a cloud made from these photos: both show one and the same ground.
+
+    Its colours have the fine pattern, as a photo's pixels see it; values that are set already stay.
+    """
+    return replace(
+        quarry,
+        detail=quarry.detail or 1.0,
+        pixel_m=quarry.pixel_m or plan_flight(options, quarry).gsd_m,
+    )
 
 
 def _lens(options: FlightOptions) -> Lens:

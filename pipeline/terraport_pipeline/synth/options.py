@@ -46,6 +46,7 @@ _RANGES: Final[dict[str, tuple[float, float]]] = {
     "contrast": (0.0, 2.0),
     "texture": (0.0, 2.0),
     "detail": (0.0, 2.0),
+    "pixel_m": (0.0, 10.0),
     "uneven": (0.0, 0.95),
     "easting_m": (100_000.0, 900_000.0),
     "northing_m": (0.0, 10_000_000.0),
@@ -110,6 +111,8 @@ class QuarryOptions:
     detail: float = 0.0
     """Gravel, cracks and targets finer than a cloud's spacing; 1 for photos (see
     :mod:`.fine_pattern`), 0 as clouds without photos always had it."""
+    pixel_m: float = 0.0
+    """Width of the photo's pixel that a point has its colour from; averages the fine pattern."""
     uneven: float = 0.35
     """0: even density by area; towards 1: patches with (1 - uneven) times the density."""
     easting_m: float = 641_200.0

@@ -5,7 +5,7 @@ import pytest
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.synth import QuarryOptions
-from terraport_pipeline.synth.flight import FlightOptions, plan_flight
+from terraport_pipeline.synth.flight import FlightOptions, plan_flight, seen_by
 
 QUARRY = QuarryOptions(seed=3)
 
@@ -70,3 +70,11 @@ def test_one_photo_is_a_flight() -> None:
 def test_what_no_camera_can_is_refused(values: dict[str, float], told: str) -> None:
     with pytest.raises(OptionError, match=told):
         FlightOptions(**values)
+
+
+def test_a_cloud_of_photos_has_their_pattern_and_pixel() -> None:
+    options = FlightOptions(count=20)
+    seen = seen_by(options, QUARRY)
+    assert seen.detail == 1.0
+    assert seen.pixel_m == plan_flight(options, QUARRY).gsd_m
+    assert seen_by(options, QuarryOptions(detail=0.5, pixel_m=0.3)).pixel_m == 0.3
