@@ -6,9 +6,10 @@ already there has nothing to do. So a build that was killed goes on with the til
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numba
 import numpy as np
@@ -17,9 +18,9 @@ import numpy.typing as npt
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.errors import WorkDirectoryError
 from terraport_pipeline.measure import Measure
-from terraport_pipeline.stages import join_tiles, solve_tile
+from terraport_pipeline.stages import join_tiles, joined_tile, solve_tile
 from terraport_pipeline.stages.contract import Context, Facts, Stored
-from terraport_pipeline.stages.join_tiles import Join, Look
+from terraport_pipeline.stages.join_tiles import Join, Look, Weak
 from terraport_pipeline.stages.solve_tile import TileTask
 from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory
 
@@ -28,6 +29,7 @@ __all__ = [
     "LookJob",
     "SolveJob",
     "TileArrays",
+    "find_weak",
     "finish_tile",
     "join_name",
     "look_at_tile",
@@ -35,6 +37,9 @@ __all__ = [
     "solve_one",
     "tile_name",
 ]
+
+
+_VALUES: Final = "values.json"
 
 
 def solve_name(tile: int) -> str:
@@ -103,11 +108,16 @@ def solve_one(job: SolveJob) -> StageRecord:
     return job.work.save(name, job.key, stored, solve_tile.facts_of(stored), cost)
 
 
-def look_at_tile(job: LookJob) -> Look:
-    """Carry out a :class:`LookJob`."""
-    join = load_join(job.join)
+def find_weak(job: LookJob) -> Weak:
+    """Carry out a :class:`LookJob`: weak places."""
     arrays = TileArrays(job.work.path / solve_name(job.tile))
-    return join_tiles.look(job.task, job.tile, arrays, join)
+    return joined_tile.weak_places(job.task, job.tile, arrays, load_join(job.join))
+
+
+def look_at_tile(job: LookJob) -> Look:
+    """Carry out a :class:`LookJob`: everything else."""
+    arrays = TileArrays(job.work.path / solve_name(job.tile))
+    return joined_tile.look(job.task, job.tile, arrays, load_join(job.join))
 
 
 def finish_tile(job: FinishJob) -> StageRecord:
@@ -122,7 +132,7 @@ def finish_tile(job: FinishJob) -> StageRecord:
     with Measure() as measure:
         join, settled = join_tiles.from_stored(job.work.load(joined))
         source = TileArrays(job.work.path / solve_name(job.tile))
-        arrays, box = join_tiles.finish(job.task, job.tile, source, join, settled)
+        arrays, box = joined_tile.finish(job.task, job.tile, source, join, settled)
     values = {
         "faces": len(arrays["faces"]),
         "vertices": len(arrays["vertices"]),
@@ -149,37 +159,17 @@ class TileArrays(dict[str, npt.NDArray[Any]]):
         return self[name]
 
 
-def save_join(path: Path, join: Join) -> None:
+def save_join(folder: Path, join: Join) -> None:
     """Write the join for :class:`LookJob`."""
-    empty = join_tiles.Settled(
-        np.zeros((len(join.cells), 3), np.float32),
-        tuple(np.zeros(0, np.int64) for _ in join.rows),
-        0,
-        0,
-        0,
-        0,
-    )
-    stored = join_tiles.to_stored(join, empty)
-    path.mkdir()
+    stored = join_tiles.to_stored(join, None)
+    folder.mkdir()
     for name, array in stored.arrays.items():
-        np.save(path / f"{name}.npy", array)
-    (path / "max_ratio.txt").write_text(repr(join.max_ratio), encoding="ascii")
+        np.save(folder / f"{name}.npy", array)
+    (folder / _VALUES).write_text(json.dumps(dict(stored.values)), encoding="utf-8")
 
 
-def load_join(path: Path) -> Join:
+def load_join(folder: Path) -> Join:
     """Read what :func:`save_join` wrote."""
-    arrays = {file.stem: np.load(file, allow_pickle=False) for file in path.glob("*.npy")}
-    values = {
-        "max_ratio": float((path / "max_ratio.txt").read_text(encoding="ascii")),
-        "attributes": sum(name.startswith("attribute-") for name in arrays),
-        "islands": 0,
-        "seam_edges": 0,
-        "cracks": 0,
-        "rims": 0,
-    }
+    arrays = {file.stem: np.load(file, allow_pickle=False) for file in folder.glob("*.npy")}
+    values = json.loads((folder / _VALUES).read_text(encoding="utf-8"))
     return join_tiles.from_stored(Stored(arrays, values))[0]
-
-
-def options_of(task: TileTask) -> dict[str, Any]:
-    """Plain values of a task, for its key."""
-    return asdict(task)

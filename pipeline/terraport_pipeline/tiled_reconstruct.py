@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -28,6 +28,8 @@ from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.engines.tile_pool import run_jobs
 from terraport_pipeline.errors import OptionError, ResourceError, SurveyError
+from terraport_pipeline.geometry.edges import EdgeRule
+from terraport_pipeline.geometry.footprint import Occupancy, plan_occupancy
 from terraport_pipeline.geometry.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
 from terraport_pipeline.geometry.tile_weld import Seams, TileBorder, weld_tiles
 from terraport_pipeline.measure import Measure
@@ -36,6 +38,7 @@ from terraport_pipeline.stage_runner import StageRunner, Step
 from terraport_pipeline.stages import (
     clean,
     join_tiles,
+    joined_tile,
     measure_survey,
     partition,
     read_streamed,
@@ -50,6 +53,7 @@ from terraport_pipeline.tile_jobs import (
     LookJob,
     SolveJob,
     TileArrays,
+    find_weak,
     finish_tile,
     look_at_tile,
     save_join,
@@ -62,6 +66,11 @@ from terraport_pipeline.tiles import DetailTiles, StoredTiles
 from terraport_pipeline.workdir import Cost, StageRecord, stage_key
 
 __all__ = ["TileOptions", "TiledReconstructed", "run"]
+
+T = TypeVar("T")
+
+_KEPT_RATIO: Final = 8.0
+"""Support ratio up to which a tile keeps its surface until the join decides."""
 
 _THINNED_POINTS: Final = 1_500_000
 """Samples of the thinned copy: four per cell of a base of depth 9, and 0.8 GB to clean."""
@@ -364,6 +373,7 @@ def _tasks(
 ) -> list[solve_tile.TileTask]:
     plan, lattice = ground.plan, ground.lattice
     cleaned = ground.cleaned.value()
+    raster = _raster(ground)
     tasks = []
     for tile in range(plan.count):
         low, high = plan.core(tile)
@@ -387,9 +397,21 @@ def _tasks(
                 outlier_deviations=clean_options.outlier_deviations,
                 normal_neighbours=clean_options.normal_neighbours,
                 point_weight=options.point_weight,
+                kept_ratio=max(_KEPT_RATIO, options.trim_spacings + 1.0),
+                raster_low=raster.low,
+                raster_cell_m=raster.cell_m,
+                raster_shape=(raster.spacing_m.shape[0], raster.spacing_m.shape[1]),
             )
         )
     return tasks
+
+
+def _raster(ground: _Ground) -> Occupancy:
+    """The empty raster of the scene's footprint."""
+    measured = ground.measured
+    return plan_occupancy(
+        np.array(measured["low"]), np.array(measured["high"]), measured["spacing_m"]
+    )
 
 
 def _solve(
@@ -477,7 +499,7 @@ def _join(
         )
     key = stage_key(
         join_tiles.NAME,
-        code_digest(join_tiles.__name__),
+        code_digest(joined_tile.__name__),
         {"trim_spacings": options.trim_spacings, "island_faces": options.island_faces},
         {solve_name(tile): record.digest for tile, record in enumerate(solved)},
     )
@@ -486,26 +508,38 @@ def _join(
     def compute(context: Context) -> tuple[Stored, Facts]:
         arrays = [TileArrays(work.path / solve_name(tile)) for tile in range(plan.count)]
         borders = [_border(each) for each in arrays]
-        context.progress.start("tiles: join", float(plan.count), "tiles")
-        seams = weld_tiles(borders, plan.neighbours())
-        names = len(tasks[0].attributes)
-        join = join_tiles.Join.of(seams, arrays, names, options.trim_spacings)
-        folder = context.scratch / "join"
-        save_join(folder, join)
-        looks: dict[int, join_tiles.Look] = {}
-
-        def done(number: int, look: join_tiles.Look) -> None:
-            looks[number] = look
-            context.progress.advance(1.0)
-
-        jobs = [LookJob(work, tile, task, folder) for tile, task in enumerate(tasks)]
-        run_jobs(look_at_tile, jobs, workers=workers, cluster=tiles.cluster, done=done)
-        settled = join_tiles.settle(
-            [looks[tile] for tile in range(plan.count)],
-            len(join.cells),
-            min_faces=options.island_faces,
+        context.progress.start("tiles: join", 2.0 * plan.count, "tiles")
+        rule = join_tiles.edge_rule(
+            arrays,
+            _raster(ground),
+            largest=options.trim_spacings,
+            spacing_m=ground.measured["spacing_m"],
         )
-        facts = _seam_facts(seams, settled)
+        seams = weld_tiles(borders, plan.neighbours())
+        names, codes = tasks[0].attributes, tasks[0].codes
+        places = tuple(place for place, name in enumerate(names) if name in codes)
+        join = join_tiles.Join.of(seams, arrays, len(names), places, rule)
+        del arrays
+
+        def each(function: Callable[[LookJob], T], join: join_tiles.Join, name: str) -> list[T]:
+            """Look at every tile."""
+            folder = context.scratch / name
+            save_join(folder, join)
+            jobs = [LookJob(work, tile, task, folder) for tile, task in enumerate(tasks)]
+            found: dict[int, T] = {}
+
+            def done(number: int, result: T) -> None:
+                found[number] = result
+                context.progress.advance(1.0)
+
+            run_jobs(function, jobs, workers=workers, cluster=tiles.cluster, done=done)
+            return [found[tile] for tile in range(plan.count)]
+
+        join = join_tiles.forgive(join, each(find_weak, join, "weak"))
+        settled = join_tiles.settle(
+            each(look_at_tile, join, "look"), len(join.cells), min_faces=options.island_faces
+        )
+        facts = _seam_facts(seams, settled, rule)
         context.progress.done({"seam edges": settled.seam_edges, "cracks": settled.cracks})
         return join_tiles.to_stored(join, settled), facts
 
@@ -518,7 +552,7 @@ def _join(
         lambda stored, facts: (stored, facts),
     )
     joined.release()
-    code = code_digest(join_tiles.__name__)
+    code = code_digest(joined_tile.__name__)
     jobs = [
         FinishJob(
             work,
@@ -579,16 +613,18 @@ def _border(arrays: TileArrays) -> TileBorder:
     )
 
 
-def _seam_facts(seams: Seams, settled: join_tiles.Settled) -> Facts:
+def _seam_facts(seams: Seams, settled: join_tiles.Settled, rule: EdgeRule) -> Facts:
     gaps = seams.gaps if len(seams.gaps) else np.zeros(1)
     counts: dict[str, Any] = {
-        "shared_vertices": len(seams.cells),
+        "shared_vertices": len(seams.cells) + len(settled.pairs),
         "seam_edges": settled.seam_edges,
         "seam_cracks": settled.cracks,
         "seam_rims": settled.rims,
         "seam_fillers": sum(len(part) for part in seams.fillers),
         "seam_unmatched_vertices": seams.unmatched,
         "islands_dropped": settled.islands,
+        "support_threshold": rule.threshold,
+        "footprint_m2": rule.footprint.area_m2 if rule.footprint else 0.0,
     }
     for percentile in (50.0, 95.0, 99.0, 100.0):
         counts[f"seam_gap_p{percentile:g}_cells"] = float(np.percentile(gaps, percentile))

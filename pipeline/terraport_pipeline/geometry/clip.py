@@ -8,6 +8,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numba
@@ -17,7 +18,7 @@ import numpy.typing as npt
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 from terraport_pipeline.model import Float32, Int32
 
-__all__ = ["clip_by_field"]
+__all__ = ["Clip", "clip_by_field", "clip_with_sources"]
 
 _Int64 = npt.NDArray[np.int64]
 
@@ -53,29 +54,58 @@ def clip_by_field(vertices: Float32, faces: Int32, field: Float32) -> tuple[Floa
     only as a corner of faces that keep area.
     Linear in the faces; about 40 bytes of scratch per face that is cut.
     """
+    clip = clip_with_sources(vertices, faces, field)
+    return clip.vertices, clip.faces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Clip:
+    """A clipped surface, and where its vertices come from."""
+
+    vertices: Float32
+    """(V', 3)"""
+    faces: Int32
+    """(F', 3)"""
+    ends: _Int64
+    """(V', 2) vertices before: twice the same for one that stayed, the ends of its edge for a cut,
+    in the order of their coordinates."""
+    share: npt.NDArray[np.float64]
+    """(V',) how far from the first end to the second; 0 for one that stayed."""
+
+
+def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
+    """As :func:`clip_by_field`, for meshes whose vertices carry values: they can be interpolated."""
     points = as_kernel_input(vertices, np.float32)
     triangles = as_kernel_input(faces, np.int32)
     values = np.where(np.isnan(field), -1.0, field).astype(np.float32)
     crossed = _crossed_edges(triangles, values)
+    stayed = np.repeat(np.arange(len(points), dtype=np.int64)[:, None], 2, axis=1)
     if not len(crossed):
         inside = (values >= 0)[triangles].all(axis=1) if len(triangles) else np.zeros(0, bool)
-        return _used(points, triangles[inside])
+        return _used(points, triangles[inside], stayed, np.zeros(len(points)))
     # One row per edge that is cut; numbered by first use, so that the result does not depend on
     # how edges sort.
     keys, first = np.unique(crossed, return_index=True)
     rank = np.empty(len(keys), dtype=np.int64)
     rank[np.argsort(first, kind="stable")] = np.arange(len(keys))
-    made, replaced = _cut_points(points, values, keys, rank, len(points))
+    made, replaced, ends, share = _cut_points(points, values, keys, rank, len(points))
     pieces = _cut_faces(triangles, values, keys, replaced, len(crossed))
-    return _used(np.concatenate([points, made]), pieces)
+    return _used(
+        np.concatenate([points, made]),
+        pieces,
+        np.concatenate([stayed, ends]),
+        np.concatenate([np.zeros(len(points)), share]),
+    )
 
 
-def _used(vertices: Float32, faces: Int32) -> tuple[Float32, Int32]:
+def _used(vertices: Float32, faces: Int32, ends: _Int64, share: npt.NDArray[np.float64]) -> Clip:
     """Drop vertices that no face uses."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.ravel()] = True
     number = np.cumsum(used, dtype=np.int64) - 1
-    return vertices[used], number[faces].astype(np.int32).reshape(-1, 3)
+    return Clip(
+        vertices[used], number[faces].astype(np.int32).reshape(-1, 3), ends[used], share[used]
+    )
 
 
 @numba.njit(cache=True, nogil=True)
@@ -100,15 +130,21 @@ def _crossed_edges(faces: Int32, field: Float32) -> _Int64:
 @numba.njit(cache=True, nogil=True)
 def _cut_points(
     vertices: Float32, field: Float32, keys: _Int64, rank: _Int64, first_number: int
-) -> tuple[Float32, _Int64]:
-    """Place the cut of every edge; returns new vertices by rank, and each key's vertex number."""
+) -> tuple[Float32, _Int64, _Int64, npt.NDArray[np.float64]]:
+    """Place the cut of every edge.
+
+    Returns new vertices by rank, each key's vertex number, and by rank the ends and the share.
+    """
     made = np.zeros((len(keys), 3), np.float32)
+    ends = np.empty((len(keys), 2), np.int64)
+    shares = np.empty(len(keys))
     number = np.empty(len(keys), np.int64)
     for k in range(len(keys)):
         a, b = keys[k] >> 32, keys[k] & 0xFFFFFFFF
         if _comes_after(vertices, a, b):
             a, b = b, a
         share = np.float64(field[a]) / (np.float64(field[a]) - np.float64(field[b]))
+        ends[rank[k], 0], ends[rank[k], 1], shares[rank[k]] = a, b, share
         for axis in range(3):
             start, end = np.float64(vertices[a, axis]), np.float64(vertices[b, axis])
             made[rank[k], axis] = start + share * (end - start)
@@ -117,7 +153,7 @@ def _cut_points(
             number[k] = a
         elif field[b] >= 0.0 and 1.0 - share < _NEAR:
             number[k] = b
-    return made, number
+    return made, number, ends, shares
 
 
 @numba.njit(cache=True, nogil=True)

@@ -1,19 +1,20 @@
-"""From the tiles' own pieces to pieces of one surface.
+"""From the tiles' own pieces to pieces of one surface: what is decided for all tiles together.
 
-In three passes, each of which holds one tile at a time:
+Four passes, each of which holds one tile at a time (:mod:`~terraport_pipeline.stages.joined_tile`):
 
 1. the borders alone: vertices in walls become one, gaps are filled
    (:mod:`~terraport_pipeline.geometry.tile_weld`);
-2. every tile is looked at as it will be: how large its loose pieces are, what its faces add to the
-   normals of shared vertices, which edges along walls stay open;
-3. every tile is written.
+2. weak places: those that reach across walls are one, and stay or go as one (:func:`forgive`);
+3. every tile is cut and looked at: how large its loose pieces are, what its faces add to the
+   normals of shared vertices, which edges along walls stay open (:func:`settle`);
+4. every tile is written.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, Final, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -21,23 +22,24 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from terraport_pipeline.geometry.tile_plan import Lattice
+from terraport_pipeline.geometry.edges import EdgeRule
+from terraport_pipeline.geometry.footprint import Footprint, Occupancy, make_footprint
+from terraport_pipeline.geometry.support import support_threshold
 from terraport_pipeline.geometry.tile_weld import Seams
-from terraport_pipeline.geometry.trim import compact
-from terraport_pipeline.geometry.vertex_normals import normal_sums, unit_normals
+from terraport_pipeline.geometry.vertex_normals import unit_normals
 from terraport_pipeline.model import Float32, Float64, Int32
 from terraport_pipeline.stages.contract import Stored
-from terraport_pipeline.stages.solve_tile import TileTask
-from terraport_pipeline.tiles import vertex_box
 
 __all__ = [
     "NAME",
     "Join",
     "Look",
     "Settled",
-    "finish",
+    "Weak",
+    "cut_ids",
+    "edge_rule",
+    "forgive",
     "from_stored",
-    "look",
     "settle",
     "to_stored",
 ]
@@ -46,6 +48,7 @@ NAME: Final = "join_tiles"
 
 Int64 = npt.NDArray[np.int64]
 Arrays = Mapping[str, npt.NDArray[Any]]
+Mask = npt.NDArray[np.bool_]
 
 _CRACK_CELLS: Final = 1.0
 """Open edges of two tiles this near to each other are a crack, not two rims."""
@@ -58,22 +61,33 @@ class Join:
     cells: Float64
     """(G, 3) shared vertices, lattice cells."""
     ratio: Float32
-    """(G,)"""
+    """(G,) support ratio."""
     colours: npt.NDArray[np.uint8]
     """(G, 3)"""
     attributes: tuple[Float32, ...]
     """(G,) each."""
+    codes: tuple[int, ...]
+    """Places of attributes that hold codes."""
     rows: tuple[Int32, ...]
     """Per tile: its shared vertices."""
     ids: tuple[Int64, ...]
     """Per tile: their ids, then those of vertices it gets for its fillers."""
     fillers: tuple[Int64, ...]
     """Per tile: (K, 3) ids."""
-    max_ratio: float
-    """Faces with a vertex beyond this go."""
+    rule: EdgeRule
+    """Where the surface ends."""
+    forgiven: tuple[Mask, ...]
+    """Per tile: which of its weak places stay."""
 
     @classmethod
-    def of(cls, seams: Seams, tiles: Sequence[Arrays], names: int, max_ratio: float) -> Join:
+    def of(
+        cls,
+        seams: Seams,
+        tiles: Sequence[Arrays],
+        names: int,
+        codes: tuple[int, ...],
+        rule: EdgeRule,
+    ) -> Self:
         """Take colours and attributes of shared vertices from their owners.
 
         Parameters
@@ -83,6 +97,9 @@ class Join:
             Gives ``colours`` and ``attribute-<i>`` of every tile; only of owners is anything read.
         names : int
             Number of attributes.
+        codes : tuple of int
+            Those that hold codes.
+        rule : EdgeRule
         """
         count = len(seams.cells)
         colours = np.zeros((count, 3), np.uint8)
@@ -95,16 +112,29 @@ class Join:
             colours[mine] = arrays["colours"][rows]
             for place, values in enumerate(attributes):
                 values[mine] = arrays[f"attribute-{place}"][rows]
+        none = tuple(np.zeros(0, dtype=bool) for _ in tiles)
         return cls(
             seams.cells,
             seams.ratio,
             colours,
             attributes,
+            codes,
             seams.tile_rows,
             seams.tile_ids,
             seams.fillers,
-            max_ratio,
+            rule,
+            none,
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weak:
+    """Connected weak places of a tile."""
+
+    farthest: Float32
+    """(W,) largest support ratio in each."""
+    touch: Int64
+    """(K, 2) (place, id) of the shared vertices in them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,14 +143,15 @@ class Look:
 
     sizes: Int64
     """(P,) faces of each of its loose pieces."""
-    touch: Int64
-    """(K, 2) (piece, id) of shared vertices in use."""
-    ids: Int64
-    """(S,) ids of shared vertices in use, ascending."""
+    piece: Int64
+    """(S,) piece of each shared vertex."""
+    pairs: Int64
+    """(S, 2) ids of its two ends, ascending: twice its own id, or those of the edge that the cut
+    made it on."""
     sums: Float64
-    """(S, 3) what its faces add to their normals."""
+    """(S, 3) what the tile's faces add to its normal."""
     edges: Int64
-    """(E, 2) open edges along walls; ids, or -1 - row for vertices that are not shared."""
+    """(E, 4) open edges along walls, two names each."""
     middles: Float64
     """(E, 3) their middles, cells."""
 
@@ -129,8 +160,10 @@ class Look:
 class Settled:
     """What all looks together decide."""
 
+    pairs: Int64
+    """(C, 2) ends of shared vertices that the cut made, ascending; their ids follow the join's."""
     normals: Float32
-    """(G, 3) unit normals of shared vertices."""
+    """(G + C, 3) unit normals of shared vertices."""
     dropped: tuple[Int64, ...]
     """Per tile: loose pieces that go."""
     islands: int
@@ -143,118 +176,120 @@ class Settled:
     """Other open edges along walls: the surface ends there."""
 
 
-def look(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Look:
-    """Look at a tile as it will be."""
-    vertices, faces, ids = _assemble(task, tile, arrays, join)
-    piece, sizes = _pieces(faces, len(vertices))
-    shared = np.flatnonzero(ids >= 0)
-    used = np.zeros(len(vertices), dtype=bool)
-    used[faces.ravel()] = True
-    shared = shared[used[shared]]
-    shared = shared[np.argsort(ids[shared])]
-    of_vertex = np.zeros(len(vertices), dtype=np.int64)
-    of_vertex[faces.ravel()] = np.repeat(piece, 3)
-    sums = normal_sums(vertices, faces)[shared]
-    edges, middles = _open_wall_edges(task, vertices, faces, ids, arrays, tile, join)
-    return Look(
-        sizes, np.stack([of_vertex[shared], ids[shared]], axis=1), ids[shared], sums, edges, middles
+def edge_rule(
+    tiles: Sequence[Arrays], raster: Occupancy, *, largest: float, spacing_m: float
+) -> EdgeRule:
+    """Read from all tiles where the surface ends.
+
+    Parameters
+    ----------
+    tiles : sequence of mapping
+        Gives ``histogram``, ``raster-cells`` and ``raster-spacing`` of every tile.
+    raster : Occupancy
+        Empty; filled here.
+    largest, spacing_m : float
+        As in :class:`~terraport_pipeline.geometry.edges.EdgeRule`.
+    """
+    for arrays in tiles:
+        cells = arrays["raster-cells"]
+        np.maximum.at(raster.spacing_m.reshape(-1), cells, arrays["raster-spacing"])
+    threshold = support_threshold(sum(arrays["histogram"] for arrays in tiles), largest=largest)
+    outline = make_footprint(raster) if raster.spacing_m.any() else None
+    return EdgeRule(threshold, largest, spacing_m, outline)
+
+
+def forgive(join: Join, weak: Sequence[Weak]) -> Join:
+    """Decide which weak places stay: those that, over all tiles, nowhere pass the largest ratio."""
+    label, _ = _over_tiles(
+        [len(each.farthest) for each in weak], [each.touch for each in weak], len(join.cells)
     )
+    farthest = np.concatenate([np.zeros(0, np.float32), *(each.farthest for each in weak)])
+    worst = np.zeros(int(label.max(initial=-1)) + 1, dtype=np.float32)
+    np.maximum.at(worst, label, farthest)
+    stays = worst[label] <= join.rule.largest
+    ends = np.cumsum([len(each.farthest) for each in weak])
+    return replace(join, forgiven=tuple(np.split(stays, ends[:-1])))
 
 
 def settle(looks: Sequence[Look], count: int, *, min_faces: int) -> Settled:
-    """Decide what only all tiles together can decide.
+    """Decide what is left to decide.
 
     Parameters
     ----------
     looks : sequence of Look
     count : int
-        Shared vertices.
+        Shared vertices of the join.
     min_faces : int
         Pieces of the joined surface with fewer faces go; the largest stays.
     """
-    starts = np.cumsum([0, *(len(each.sizes) for each in looks)])
-    nodes = int(starts[-1])
-    touch = [
-        each.touch + np.array([start, nodes]) for each, start in zip(looks, starts, strict=False)
-    ]
-    links = np.concatenate([np.zeros((0, 2), np.int64), *touch])
-    graph = coo_matrix(
-        (np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), shape=(nodes + count,) * 2
-    )
-    _, label = connected_components(graph, directed=False)
-    label = label[:nodes]
+    every = np.concatenate([np.zeros((0, 2), np.int64), *(each.pairs for each in looks)])
+    pairs = np.unique(every[every[:, 0] != every[:, 1]], axis=0)
+    ids = [cut_ids(each.pairs, pairs, count) for each in looks]
+    touch = [np.stack([look.piece, own], axis=1) for look, own in zip(looks, ids, strict=True)]
+    label, starts = _over_tiles([len(each.sizes) for each in looks], touch, count + len(pairs))
     sizes = np.concatenate([np.zeros(0, np.int64), *(each.sizes for each in looks)])
     whole = np.bincount(label, sizes, minlength=1)
     large = whole >= min_faces
     large[int(whole.argmax())] = True
-    goes = ~large[label] if nodes else np.zeros(0, bool)
+    goes = ~large[label]
     dropped = tuple(
         np.flatnonzero(goes[starts[t] : starts[t + 1]]).astype(np.int64) for t in range(len(looks))
     )
-    total = np.zeros((count, 3))
-    for each in looks:
-        total[each.ids] += each.sums
+    total = np.zeros((count + len(pairs), 3))
+    for each, own in zip(looks, ids, strict=True):
+        np.add.at(total, own, each.sums)
     islands = int(((whole > 0) & ~large).sum())
-    return Settled(unit_normals(total), dropped, islands, *_count_open(looks))
+    return Settled(pairs, unit_normals(total), dropped, islands, *_count_open(looks))
 
 
-def finish(
-    task: TileTask, tile: int, arrays: Arrays, join: Join, settled: Settled
-) -> tuple[dict[str, npt.NDArray[np.generic]], Float64]:
-    """Make a tile as it will be: arrays of :class:`~terraport_pipeline.tiles.StoredTiles`, box."""
-    vertices, faces, ids = _assemble(task, tile, arrays, join)
-    piece, _ = _pieces(faces, len(vertices))
-    keep = ~np.isin(piece, settled.dropped[tile])
-    used = np.zeros(len(vertices), dtype=bool)
-    used[faces[keep].ravel()] = True
-    normals = unit_normals(normal_sums(vertices, faces[keep]))
-    shared = np.flatnonzero(ids >= 0)
-    normals[shared] = settled.normals[ids[shared]]
-    guests = len(vertices) - len(arrays["vertices"])
-    colours = np.concatenate([arrays["colours"], np.zeros((guests, 3), np.uint8)])
-    colours[shared] = join.colours[ids[shared]]
-    made: dict[str, npt.NDArray[np.generic]] = {}
-    for place, values in enumerate(join.attributes):
-        column = np.concatenate([arrays[f"attribute-{place}"], np.zeros(guests, np.float32)])
-        column[shared] = values[ids[shared]]
-        made[f"attribute-{place}"] = column[used]
-    final, final_faces = compact(vertices, faces, keep)
-    border = np.flatnonzero(ids[used] >= 0)
-    made |= {
-        "vertices": final,
-        "faces": final_faces,
-        "normals": normals[used],
-        "colours": colours[used],
-        "border-rows": border.astype(np.int32),
-        "border-ids": ids[used][border],
-    }
-    return made, vertex_box(final) if len(final) else np.zeros(6)
+def cut_ids(pairs: Int64, made: Int64, count: int) -> Int64:
+    """Ids of shared vertices by their ends: (S,) from (S, 2); those of `made` follow `count`."""
+    found = pairs[:, 0].copy()
+    cut = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
+    if len(cut):
+        span = int(made.max()) + 1
+        key, known = pairs[cut] @ [span, 1], made @ [span, 1]
+        found[cut] = count + np.searchsorted(known, key)
+    return found
 
 
-def to_stored(join: Join, settled: Settled) -> Stored:
+def to_stored(join: Join, settled: Settled | None) -> Stored:
     """Turn the join into arrays and values."""
+    settled = settled or Settled(
+        np.zeros((0, 2), np.int64),
+        np.zeros((0, 3), np.float32),
+        tuple(np.zeros(0, np.int64) for _ in join.rows),
+        0,
+        0,
+        0,
+        0,
+    )
+    rule, outline = join.rule, join.rule.footprint
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "cells": join.cells,
         "ratio": join.ratio,
         "colours": join.colours,
+        "pairs": settled.pairs,
         "normals": settled.normals,
+        "footprint": np.zeros((0, 0), np.float32) if outline is None else outline.field_m,
     }
     arrays |= {f"attribute-{i}": values for i, values in enumerate(join.attributes)}
-    for name, parts in (
+    lists: tuple[tuple[str, Sequence[npt.NDArray[Any]]], ...] = (
         ("rows", join.rows),
         ("ids", join.ids),
         ("fillers", join.fillers),
+        ("forgiven", join.forgiven),
         ("dropped", settled.dropped),
-    ):
+    )
+    for name, parts in lists:
         arrays[name] = np.concatenate(parts)
         arrays[f"{name}-starts"] = np.cumsum([0, *(len(part) for part in parts)])
     values = {
-        "max_ratio": join.max_ratio,
         "attributes": len(join.attributes),
-        "islands": settled.islands,
-        "seam_edges": settled.seam_edges,
-        "cracks": settled.cracks,
-        "rims": settled.rims,
+        "codes": list(join.codes),
+        "rule": [rule.threshold, rule.largest, rule.spacing_m],
+        "footprint": None if outline is None else [*outline.low, outline.cell_m],
+        "counts": [settled.islands, settled.seam_edges, settled.cracks, settled.rims],
     }
     return Stored(arrays, values)
 
@@ -266,117 +301,79 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
     def parts(name: str) -> tuple[Any, ...]:
         return tuple(np.split(arrays[name], arrays[f"{name}-starts"][1:-1]))
 
-    attributes = tuple(
-        np.asarray(arrays[f"attribute-{i}"], np.float32) for i in range(values["attributes"])
-    )
+    outline = None
+    if values["footprint"] is not None:
+        x, z, cell_m = values["footprint"]
+        outline = Footprint((x, z), cell_m, np.asarray(arrays["footprint"], np.float32))
     join = Join(
         np.asarray(arrays["cells"], np.float64),
         np.asarray(arrays["ratio"], np.float32),
         np.asarray(arrays["colours"], np.uint8),
-        attributes,
+        tuple(
+            np.asarray(arrays[f"attribute-{i}"], np.float32) for i in range(values["attributes"])
+        ),
+        tuple(values["codes"]),
         parts("rows"),
         parts("ids"),
         parts("fillers"),
-        values["max_ratio"],
+        EdgeRule(*values["rule"], outline),
+        parts("forgiven"),
     )
     settled = Settled(
+        np.asarray(arrays["pairs"], np.int64),
         np.asarray(arrays["normals"], np.float32),
         parts("dropped"),
-        values["islands"],
-        values["seam_edges"],
-        values["cracks"],
-        values["rims"],
+        *values["counts"],
     )
     return join, settled
 
 
-def _assemble(
-    task: TileTask, tile: int, arrays: Arrays, join: Join
-) -> tuple[Float32, Int32, Int64]:
-    """A tile's vertices in the scene frame, its faces after trimming, and its vertices' ids."""
-    own = arrays["vertices"]
-    rows, ids = join.rows[tile], join.ids[tile]
-    guests = len(ids) - len(rows)
-    numbers = np.full(len(own) + guests, -1, dtype=np.int64)
-    numbers[rows] = ids[: len(rows)]
-    numbers[len(own) :] = ids[len(rows) :]
-    shared = np.concatenate([rows, np.arange(len(own), len(own) + guests)])
-    vertices = np.zeros((len(numbers), 3), dtype=np.float32)
-    vertices[: len(own)] = own.astype(np.float64) + task.centre_m + 0.0
-    lattice = Lattice(task.anchor_m, task.cell_m)
-    vertices[shared] = lattice.metres(join.cells[ids])
-    vertices += np.float32(0.0)  # turns -0.0 into 0.0: equal places must be equal bits
-    ratio = np.concatenate([arrays["ratio"], np.zeros(guests, np.float32)])
-    ratio[shared] = join.ratio[ids]
-    order = np.argsort(ids)
-    fillers = shared[order][np.searchsorted(ids[order], join.fillers[tile])]
-    faces = np.concatenate([arrays["faces"], fillers.astype(np.int32).reshape(-1, 3)])
-    faces = faces[(ratio[faces] <= join.max_ratio).all(axis=1)]
-    return vertices, faces, numbers
+def _over_tiles(counts: Sequence[int], touch: Sequence[Int64], shared: int) -> tuple[Int64, Int64]:
+    """Join parts of tiles that have a shared vertex in common.
 
+    Parameters
+    ----------
+    counts : sequence of int
+        Parts of every tile.
+    touch : sequence of ndarray of shape (K, 2), int64
+        Per tile: (part, id).
+    shared : int
+        Number of ids.
 
-def _pieces(faces: Int32, vertex_count: int) -> tuple[Int64, Int64]:
-    """Connected piece of every face, numbered from 0 in order of their first face, and sizes."""
-    if not len(faces):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    links = coo_matrix(
-        (
-            np.ones(2 * len(faces), np.int8),
-            (
-                np.concatenate([faces[:, 0], faces[:, 1]]),
-                np.concatenate([faces[:, 1], faces[:, 2]]),
-            ),
-        ),
-        shape=(vertex_count, vertex_count),
+    Returns
+    -------
+    label : ndarray, int64
+        Of every part over all tiles.
+    starts : ndarray of shape (T + 1,), int64
+        Where each tile's parts begin.
+    """
+    starts = np.cumsum([0, *counts])
+    nodes = int(starts[-1])
+    numbered = [
+        each + np.array([start, nodes]) for each, start in zip(touch, starts[:-1], strict=True)
+    ]
+    links = np.concatenate([np.zeros((0, 2), np.int64), *numbered])
+    graph = coo_matrix(
+        (np.ones(len(links), np.int8), (links[:, 0], links[:, 1])), shape=(nodes + shared,) * 2
     )
-    _, label = connected_components(links, directed=False)
-    found = label[faces[:, 0]]
-    _, first, piece = np.unique(found, return_index=True, return_inverse=True)
-    rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
-    piece = rank[piece.ravel()]
-    return piece.astype(np.int64), np.bincount(piece).astype(np.int64)
-
-
-def _open_wall_edges(
-    task: TileTask,
-    vertices: Float32,
-    faces: Int32,
-    ids: Int64,
-    arrays: Arrays,
-    tile: int,
-    join: Join,
-) -> tuple[Int64, Float64]:
-    """Open edges whose two vertices lie in walls: named by ids, and their middles in cells."""
-    in_wall = np.zeros(len(vertices), dtype=bool)
-    in_wall[arrays["border-rows"]] = True
-    in_wall[len(arrays["vertices"]) :] = True
-    some = faces[in_wall[faces].sum(axis=1) >= 2]
-    edges = np.concatenate([some[:, [0, 1]], some[:, [1, 2]], some[:, [2, 0]]]).astype(np.int64)
-    edges = edges[in_wall[edges].all(axis=1)]
-    cells = Lattice(task.anchor_m, task.cell_m).cells(vertices)
-    core = np.array(task.centre_cells) - 0.5 * task.core_cells
-    place = (cells - core) / task.core_cells
-    # Both in one wall: the same coordinate is 0, or 1, of the core's width.
-    off = 1e-2 / task.core_cells
-    low = np.abs(place[edges]) < off
-    high = np.abs(place[edges] - 1.0) < off
-    edges = edges[(low.all(axis=1) | high.all(axis=1)).any(axis=1)]
-    forward = edges[:, 0] * len(vertices) + edges[:, 1]
-    backward = edges[:, 1] * len(vertices) + edges[:, 0]
-    edges = edges[~np.isin(backward, forward)]
-    named = np.where(ids >= 0, ids, -1 - np.arange(len(ids)))
-    return named[edges], cells[edges].mean(axis=1)
+    if not nodes:
+        return np.zeros(0, np.int64), starts
+    _, label = connected_components(graph, directed=False)
+    return label[:nodes].astype(np.int64), starts
 
 
 def _count_open(looks: Sequence[Look]) -> tuple[int, int, int]:
-    """Edges that two tiles share, cracks, rims."""
+    """Count edges that two tiles share, cracks, rims."""
     tile = np.repeat(np.arange(len(looks)), [len(each.edges) for each in looks])
-    edges = np.concatenate([np.zeros((0, 2), np.int64), *(each.edges for each in looks)])
+    edges = np.concatenate([np.zeros((0, 4), np.int64), *(each.edges for each in looks)])
     middles = np.concatenate([np.zeros((0, 3)), *(each.middles for each in looks)])
+    if not len(edges):
+        return 0, 0, 0
     shared = (edges >= 0).all(axis=1)
-    ordered = np.sort(edges, axis=1)
-    _, which = np.unique(ordered, axis=0, return_inverse=True)
-    sign = np.where(edges[:, 0] < edges[:, 1], 1, -1)
+    _, vertex = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+    vertex = vertex.reshape(-1, 2)
+    _, which = np.unique(np.sort(vertex, axis=1), axis=0, return_inverse=True)
+    sign = np.where(vertex[:, 0] < vertex[:, 1], 1, -1)
     balance = np.bincount(which.ravel(), sign, minlength=1)[which.ravel()]
     closed = shared & (balance == 0)
     left = np.flatnonzero(~closed)

@@ -24,7 +24,8 @@ from terraport_pipeline.geometry.spacing import (
     nearest_neighbours,
     remaining_neighbours,
 )
-from terraport_pipeline.geometry.support import support_histogram, support_ratio
+from terraport_pipeline.geometry.footprint import Occupancy
+from terraport_pipeline.geometry.support import BINS, support_histogram, support_ratio
 from terraport_pipeline.geometry.tile_plan import REACH_CELLS
 from terraport_pipeline.geometry.tile_weld import TileBorder
 from terraport_pipeline.geometry.trim import compact
@@ -32,13 +33,9 @@ from terraport_pipeline.model import Float32, Float64, Int32
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 
-__all__ = ["KEPT_RATIO", "NAME", "TileTask", "border_of", "facts_of", "run", "sample_type"]
+__all__ = ["NAME", "TileTask", "border_of", "facts_of", "run", "sample_type"]
 
 NAME: Final = "solve_tile"
-
-KEPT_RATIO: Final = 8.0
-"""Surface farther than this many local spacings from a sample is dropped at once; the join decides
-on the rest, when it knows what both sides of a wall say."""
 
 SNAP_CELLS: Final = 2e-3
 """Vertices this near to a wall lie in it: the solver computes in 32 bits."""
@@ -77,6 +74,13 @@ class TileTask:
     outlier_deviations: float
     normal_neighbours: int
     point_weight: float
+    kept_ratio: float
+    """Surface farther than this many local spacings from a sample is dropped at once; the join
+    decides on the rest, when it knows what both sides of a wall say."""
+    raster_low: tuple[float, float]
+    """x and z of the corner of the scene's raster of samples; geometry/footprint.py."""
+    raster_cell_m: float
+    raster_shape: tuple[int, int]
 
     @property
     def centre_m(self) -> Float64:
@@ -132,6 +136,7 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     counts["core"] = int((np.abs(points) <= half_m).all(axis=1).sum())
     if int(near.sum()) < 3:
         return _nothing(task, counts)
+    raster, raster_spacing_m = _occupied(task, points, local_m)
     vertices, faces = _solve(task, points, normals, context)
     counts["faces_solved"] = len(faces)
     del normals
@@ -141,7 +146,7 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     tree = cKDTree(points, balanced_tree=False)
     ratio = support_ratio(vertices, tree, local_m, task.spacing_m, workers=context.threads)
     histogram = support_histogram(vertices, faces, ratio)
-    keep = (ratio[faces] <= KEPT_RATIO).all(axis=1)
+    keep = (ratio[faces] <= task.kept_ratio).all(axis=1)
     used = np.zeros(len(vertices), dtype=bool)
     used[faces[keep].ravel()] = True
     vertices, faces = compact(vertices, faces, keep)
@@ -157,6 +162,8 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
         "colours": colours,
         "ratio": ratio,
         "histogram": histogram,
+        "raster-cells": raster,
+        "raster-spacing": raster_spacing_m,
         "border-rows": border.rows,
         "border-cells": border.cells,
         "border-ratio": border.ratio,
@@ -254,6 +261,33 @@ def _clean(
     return points, normals, local_m, stays
 
 
+def _occupied(
+    task: TileTask, points: Float32, local_m: Float32
+) -> tuple[npt.NDArray[np.int64], Float32]:
+    """Cells of the scene's raster that samples of the core lie in, and their spacing there."""
+    half_m = 0.5 * task.core_cells * task.cell_m
+    own = ((points >= -half_m) & (points < half_m)).all(axis=1)
+    # A raster of the core's own cells, at their place in the scene's.
+    low = np.array(task.raster_low)
+    corner = (task.centre_m[[0, 2]] - half_m - low) // task.raster_cell_m
+    width = int(2 * half_m / task.raster_cell_m) + 3
+    part = Occupancy(
+        (
+            float(low[0] + corner[0] * task.raster_cell_m - task.centre_m[0]),
+            float(low[1] + corner[1] * task.raster_cell_m - task.centre_m[2]),
+        ),
+        task.raster_cell_m,
+        task.spacing_m,
+        np.zeros((width, width), dtype=np.float32),
+    )
+    part.add(points[own], local_m[own])
+    i, j = np.nonzero(part.spacing_m)
+    row, column = i + int(corner[0]), j + int(corner[1])
+    rows, columns = task.raster_shape
+    inside = (row >= 0) & (column >= 0) & (row < rows) & (column < columns)
+    return (row * columns + column)[inside].astype(np.int64), part.spacing_m[i, j][inside]
+
+
 def _solve(
     task: TileTask, points: Float32, normals: Float32, context: Context
 ) -> tuple[Float32, Int32]:
@@ -313,7 +347,9 @@ def _nothing(task: TileTask, counts: dict[str, Json]) -> Stored:
         "faces": np.zeros((0, 3), np.int32),
         "colours": np.zeros((0, 3), np.uint8),
         "ratio": np.zeros(0, np.float32),
-        "histogram": np.zeros(0),
+        "histogram": np.zeros(BINS),
+        "raster-cells": np.zeros(0, np.int64),
+        "raster-spacing": np.zeros(0, np.float32),
         "border-rows": np.zeros(0, np.int32),
         "border-cells": np.zeros((0, 3)),
         "border-ratio": np.zeros(0, np.float32),
