@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from terraport.landing import Landing, LandingStats
     from terraport.live import Session, SessionStats
     from terraport.mesh import mixed_model, to_trimesh, write_glb
+    from terraport.obj import write_obj
     from terraport.segment import Segment
+    from terraport.textures import decode_texture, vertex_colours
     from terraport.timeouts import Timeouts
     from terraport.version import __version__
 
@@ -44,11 +46,14 @@ __all__ = [
     "Timeouts",
     "__version__",
     "connect",
+    "decode_texture",
     "errors",
     "mixed_model",
     "sync",
     "to_trimesh",
+    "vertex_colours",
     "write_glb",
+    "write_obj",
 ]
 
 _HOMES: Final = {
@@ -63,9 +68,12 @@ _HOMES: Final = {
     "Timeouts": "timeouts",
     "__version__": "version",
     "connect": "client",
+    "decode_texture": "textures",
     "mixed_model": "mesh",
     "to_trimesh": "mesh",
+    "vertex_colours": "textures",
     "write_glb": "mesh",
+    "write_obj": "obj",
 }
 """Module of each name; modules themselves stand for themselves."""
 

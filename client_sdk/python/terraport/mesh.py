@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from terraport.errors import MissingExtraError, UsageError
 from terraport.rim import rim_heights
+from terraport.textures import merge_textures, open_texture, vertex_colours
 from terraport_payload import (
     AttributeScale,
     SegmentMesh,
@@ -37,12 +39,15 @@ _GREY: Final = 160
 def to_trimesh(mesh: SegmentMesh) -> trimesh.Trimesh:
     """Return a mesh as a ``trimesh.Trimesh``; nothing is merged, reordered or repaired.
 
-    Attributes go to ``vertex_attributes`` by their survey names, region ids as ``region_id``.
+    Attributes go to ``vertex_attributes`` by their survey names, region ids as ``region_id``; a
+    texture becomes a ``TextureVisuals`` (whose v points up).
 
     Raises
     ------
     MissingExtraError
-        trimesh is not installed.
+        trimesh is not installed, or for a textured mesh Pillow.
+    UsageError
+        The texture is of a kind that Pillow cannot read.
     """
     try:
         import trimesh
@@ -56,9 +61,27 @@ def to_trimesh(mesh: SegmentMesh) -> trimesh.Trimesh:
         faces=mesh.faces,
         vertex_normals=mesh.normals,
         vertex_colors=mesh.colours,
+        visual=_visual(mesh),
         vertex_attributes=extra,
         process=False,
     )
+
+
+def _visual(mesh: SegmentMesh) -> Any:
+    """Image and coordinates as trimesh holds them; None without."""
+    if mesh.uvs is None or mesh.texture is None:
+        return None
+    from trimesh import visual
+
+    untyped: Any = visual
+    material = untyped.material.PBRMaterial(
+        baseColorTexture=open_texture(mesh.texture),
+        metallicFactor=0.0,
+        roughnessFactor=1.0,
+        doubleSided=True,
+    )
+    upwards = np.column_stack([mesh.uvs[:, 0], 1.0 - mesh.uvs[:, 1]])
+    return untyped.TextureVisuals(uv=upwards, material=material)
 
 
 def mixed_model(
@@ -89,12 +112,15 @@ def mixed_model(
     Returns
     -------
     SegmentMesh
-        Attributes and colours are kept where any part has them; NaN and grey fill the others.
+        Attributes and colours are kept where any part has them; NaN and grey fill the others. Of
+        textures see :func:`concatenate`.
 
     Raises
     ------
     UsageError
         A distance is negative or not finite, or `push_back_m` comes without `eye`.
+    MissingExtraError
+        Parts have textures, and Pillow is not installed.
 
     References
     ----------
@@ -121,18 +147,37 @@ def mixed_model(
             colours=base.mesh.colours,
             region_ids=base.mesh.region_ids,
             attributes=base.mesh.attributes,
+            uvs=base.mesh.uvs,
+            texture=base.mesh.texture,
         )
     )
-    return concatenate([drawn, *segments.values()])
+    # Without a face left it would bring its whole image for nothing.
+    return concatenate([drawn, *segments.values()] if len(drawn.faces) else segments.values())
 
 
 def concatenate(meshes: Iterable[SegmentMesh]) -> SegmentMesh:
     """Return several meshes as one; vertices are not merged.
 
     Where some have colours, region ids or an attribute and others do not, the others get grey,
-    0 and NaN. No mesh at all gives an empty one.
+    0 and NaN. Where all have textures, their images become one of at most 4096 x 4096, halved
+    until they fit; where only some have, every vertex gets the colour of its texel. No mesh at all
+    gives an empty one.
+
+    Raises
+    ------
+    MissingExtraError
+        Several meshes, some with textures, and Pillow is not installed.
+    UsageError
+        A texture is of a kind that Pillow cannot read, or there are too many.
     """
     parts = list(meshes)
+    uvs = texture = None
+    if parts and all(part.texture is not None for part in parts):
+        uvs, texture = merge_textures(parts)
+    elif any(part.texture is not None for part in parts):
+        parts = [
+            replace(part, colours=vertex_colours(part), uvs=None, texture=None) for part in parts
+        ]
     if not parts:
         nothing = np.zeros((0, 3), dtype=np.float32)
         return SegmentMesh(nothing, np.zeros((0, 3), dtype=np.uint32), nothing)
@@ -175,6 +220,8 @@ def concatenate(meshes: Iterable[SegmentMesh]) -> SegmentMesh:
             )
             for name in names
         },
+        uvs=uvs,
+        texture=texture,
     )
 
 
@@ -214,14 +261,7 @@ def write_glb(
     for name, values in mesh.attributes.items():
         if name not in scales:
             scales[name] = choose_attribute_scale(values)
-    on_grid = SegmentMesh(
-        positions=snap(mesh.positions, step_m),
-        faces=mesh.faces,
-        normals=mesh.normals,
-        colours=mesh.colours,
-        region_ids=mesh.region_ids,
-        attributes=mesh.attributes,
-    )
+    on_grid = replace(mesh, positions=snap(mesh.positions, step_m))
     data = encode_glb(on_grid, step_m=step_m, attribute_scales=scales)
     target = Path(path)
     beside = target.with_name(f".{target.name}.tmp")
@@ -257,4 +297,6 @@ def _without_unused(mesh: SegmentMesh) -> SegmentMesh:
         colours=None if mesh.colours is None else mesh.colours[used],
         region_ids=None if mesh.region_ids is None else mesh.region_ids[used],
         attributes={name: values[used] for name, values in mesh.attributes.items()},
+        uvs=None if mesh.uvs is None else mesh.uvs[used],
+        texture=mesh.texture,
     )

@@ -20,6 +20,8 @@ from terraport.errors import LandingTimeoutError, MissingExtraError, UsageError
 from terraport.frames import to_crs, to_scene
 from terraport.landing import Landing
 from terraport.mesh import mixed_model, write_glb
+from terraport.obj import write_obj
+from terraport.textures import vertex_colours
 from terraport.timeouts import Timeouts
 from terraport_payload import AttributeScale, SegmentMesh
 
@@ -69,7 +71,8 @@ def land(
     ] = None,
     timeout: Annotated[float, typer.Option(help="Seconds for each landing.")] = 300.0,
     glb: Annotated[
-        Path | None, typer.Option(help="Write base and detail at that landing as GLB.")
+        Path | None,
+        typer.Option(help="Write base and detail at that landing as GLB, or FILE.obj as OBJ."),
     ] = None,
     png: Annotated[
         Path | None, typer.Option(help='Write a picture of it (needs "terraport[pipeline]").')
@@ -225,7 +228,10 @@ def _write(
             attribute["name"]: AttributeScale(attribute["offset"], attribute["step"])
             for attribute in manifest["attributes"]
         }
-        size = write_glb(model, glb, step_m=manifest["step_m"], attribute_scales=scales)
+        if glb.suffix.lower() == ".obj":
+            size = write_obj(model, glb)
+        else:
+            size = write_glb(model, glb, step_m=manifest["step_m"], attribute_scales=scales)
         written.append({"file": str(glb), "bytes": size, "triangles": len(model.faces)})
     if png is not None:
         _write_picture(base, segments, landing, deviation_m, png)
@@ -266,7 +272,7 @@ def _write_picture(
         model.faces.astype(np.int32),
         camera,
         _PICTURE,
-        colours=model.colours,
+        colours=vertex_colours(model),
         normals=model.normals,
         relief=_PHOTO_RELIEF,
         shadows=False,
