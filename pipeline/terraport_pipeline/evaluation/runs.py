@@ -103,8 +103,7 @@ def run(
         facts_path = place / "facts.json"
         facts = json.loads(facts_path.read_text()) if facts_path.is_file() else {}
         if child.exitcode:
-            said = (place / "said.txt").read_bytes()[-400:].decode("utf-8", "replace").strip()
-            told = facts.get("error") or f"ended with exit code {child.exitcode}: {said}"
+            told = facts.get("error") or f"ended with exit code {child.exitcode}: {_said(place)}"
             return Run(algorithm, None, None, error=told)
         with np.load(place / "surface.npz") as stored:
             arrays = dict(stored)
@@ -125,6 +124,13 @@ def run(
         facts["wall_s"],
         facts["added_bytes"],
     )
+
+
+def _said(place: Path) -> str:
+    """Return the end of what a child printed."""
+    path = place / "said.txt"
+    said = path.read_bytes() if path.is_file() else b""
+    return said[-400:].decode("utf-8", "replace").strip() or "it printed nothing"
 
 
 def _kill(pid: int | None) -> None:

@@ -175,9 +175,9 @@ def _empty(  # type: ignore[no-untyped-def]
         point = near[place]
         if point in (a, b, c):
             continue
-        dx, dy, dz = (
-            points[point, 0] - centre[0], points[point, 1] - centre[1], points[point, 2] - centre[2],
-        )  # fmt: skip
+        dx = points[point, 0] - centre[0]
+        dy = points[point, 1] - centre[1]
+        dz = points[point, 2] - centre[2]
         if dx * dx + dy * dy + dz * dz < limit:
             return False
     return True
@@ -238,7 +238,9 @@ def _pivot(  # type: ignore[no-untyped-def]
         (points[a, 1] + points[b, 1]) / 2,
         (points[a, 2] + points[b, 2]) / 2,
     )
-    ax, ay, az = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]  # fmt: skip
+    ax, ay, az = (
+        points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2],
+    )  # fmt: skip
     length = np.sqrt(ax * ax + ay * ay + az * az)
     ax, ay, az = ax / length, ay / length, az / length
     ox, oy, oz = centres[edge, 0] - mx, centres[edge, 1] - my, centres[edge, 2] - mz
