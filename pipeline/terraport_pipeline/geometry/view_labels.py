@@ -38,7 +38,15 @@ from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS, Candidates
 from terraport_pipeline.model import Float32, Int32
 
-__all__ = ["FaceNeighbours", "Labelled", "energy", "face_neighbours", "label_faces", "view_costs"]
+__all__ = [
+    "FaceNeighbours",
+    "Labelled",
+    "chosen_views",
+    "energy",
+    "face_neighbours",
+    "label_faces",
+    "view_costs",
+]
 
 _PIECE: Final = 2**18
 """Faces solved as one: its border, where faces rest, is under 1 % of them, and its messages take
@@ -150,6 +158,18 @@ def label_faces(
         if energies[-2] - energies[-1] < min_gain * energies[-2]:
             break
     return Labelled(slot, tuple(energies))
+
+
+def chosen_views(candidates: Candidates, slot: _Int8, *, threads: int = 1) -> Int32:
+    """View in every face's chosen place, (F,) int32; -1 where the place is."""
+    chosen = np.full(len(slot), -1, np.int32)
+
+    def work(begin: int, end: int) -> None:
+        rows = begin + np.flatnonzero(slot[begin:end] >= 0)
+        chosen[rows] = candidates.view[rows, slot[rows]]
+
+    in_chunks(work, len(slot), threads=threads)
+    return chosen
 
 
 def energy(

@@ -20,10 +20,14 @@ import numpy.typing as npt
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
 from terraport_pipeline.geometry.occlusion import Occluder, visible_faces
-from terraport_pipeline.geometry.photo_samples import sample_faces, sharpness_map
+from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, sample_faces, sharpness_map
+from terraport_pipeline.geometry.seam_blend import Blend, blend_seams, no_blend, seam_steps
+from terraport_pipeline.geometry.seam_levels import level_field, node_levels
+from terraport_pipeline.geometry.seams import find_seams, label_nodes
 from terraport_pipeline.geometry.view_candidates import (
     Candidates,
     insert,
@@ -35,11 +39,17 @@ from terraport_pipeline.geometry.view_candidates import (
     visible_blocks,
 )
 from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.geometry.view_labels import face_neighbours, label_faces, view_costs
+from terraport_pipeline.geometry.view_labels import (
+    chosen_views,
+    face_neighbours,
+    label_faces,
+    view_costs,
+)
+from terraport_pipeline.geometry.view_outliers import drop_outliers
 from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
 
-__all__ = ["NAME", "Options", "Photos", "choose_views"]
+__all__ = ["NAME", "Options", "Photos", "choose_views", "collect"]
 
 NAME: Final = "choose views"
 
@@ -67,6 +77,13 @@ class Options:
     smoothness: float = 1.0
     """What a seam costs beside quality; see :mod:`terraport_pipeline.geometry.view_labels`. Higher
     makes larger charts of less sharp photos."""
+    reject_outliers: bool = True
+    """Whether photos that show something else than the others are dropped, face by face."""
+    level_seams: bool = True
+    """Whether steps between photos are levelled and blended; without, every face is its photo."""
+    blend_rings: int = 4
+    """Width of the band along seams in which both photos are blended, in rings of vertices on each
+    side. Wider hides more, and shows things double where the cameras are a little off."""
     occluder_offset_m: float = 0.0
     """How far the occluder may lie in front of the mesh where it is not the mesh itself."""
 
@@ -77,6 +94,8 @@ class Options:
             )
         if not 0.0 <= self.smoothness <= 1000.0:
             raise OptionError(f"smoothness {self.smoothness}; expected 0 to 1000")
+        if not 1 <= self.blend_rings <= 16:
+            raise OptionError(f"blend rings {self.blend_rings}; expected 1 to 16")
         if not self.occluder_offset_m >= 0.0:
             raise OptionError(f"occluder offset {self.occluder_offset_m} m; expected at least 0")
 
@@ -93,6 +112,8 @@ def choose_views(
     options: Options | None = None,
     threads: int = 1,
     progress: Progress | None = None,
+    *,
+    pinned: npt.NDArray[np.bool_] | None = None,
 ) -> ViewChoice:
     """Choose a photo for every face of a mesh.
 
@@ -118,6 +139,8 @@ def choose_views(
     threads : int
         The result does not depend on it.
     progress : Progress, optional
+    pinned : ndarray of shape (V,), bool, optional
+        Vertices that are not levelled: the borders of tiles, so that both sides agree there.
 
     Returns
     -------
@@ -134,36 +157,83 @@ def choose_views(
         raise ValueError(f"{len(views)} views, expected at most {MAX_VIEWS}")
     if len(gains) != len(views) + 1:
         raise ValueError(f"{len(gains)} rows of gains for {len(views)} views, expected one more")
-    del normals, colours  # not used yet
+    del normals  # faces' own are what a photo sees
     blocks = mesh_blocks(mesh_vertices, faces)
+    own = _own_colours(blocks, colours, gains[-1], threads)
     # (1) candidates
-    candidates, facts = _collect(blocks, views, photos, occluder, gains, options, threads, progress)
-    # (3) labels
+    candidates, facts = collect(blocks, views, photos, occluder, gains, options, threads, progress)
+    # (2) photos that show something else
+    progress.start("texture: moving things", None, "faces")
+    coloured = len(colours) > 0 and int(np.ptp(colours, axis=0).max()) > 0
+    facts["faces_seen"] = int((candidates.view[:, 0] >= 0).sum())
+    if options.reject_outliers:
+        facts["outliers"] = drop_outliers(
+            candidates, blocks.vertices, blocks.faces, own if coloured else None, threads=threads
+        )
+    progress.done({"outliers": facts.get("outliers", 0)})
+    # (3) one photo for neighbours
     progress.start("texture: one photo for neighbours", None, "faces")
     pairs, edges = face_pairs(blocks.faces, len(blocks.vertices), threads=threads)
     neighbours = face_neighbours(blocks.vertices, blocks.faces, pairs, edges)
     view_costs(candidates, threads=threads)
     labelled = label_faces(candidates, neighbours, smoothness=options.smoothness, threads=threads)
-    slot = labelled.slot
-    chosen = np.where(
-        slot >= 0, np.take_along_axis(candidates.view, np.maximum(slot, 0)[:, None], 1)[:, 0], -1
-    ).astype(np.int32)
-    facts["energy_before"], facts["energy_after"] = labelled.energies[0], labelled.energies[-1]
-    facts["faces_unseen"] = int((slot < 0).sum())
+    del neighbours
+    chosen = chosen_views(candidates, labelled.slot, threads=threads)
+    facts |= {
+        "energy_before": labelled.energies[0],
+        "energy_after": labelled.energies[-1],
+        "faces_unseen": int((chosen < 0).sum()),
+    }
     progress.done({"faces unseen": facts["faces_unseen"]})
-    view = np.empty(len(faces), np.int32)
-    view[blocks.face_order] = chosen
+    # (4) seams
+    if options.level_seams:
+        progress.start("texture: seams", None, "faces")
+        held = None if pinned is None else pinned[blocks.vertex_order]
+        blend, steps = _level(
+            blocks, chosen, candidates, own, gains, pairs, edges, held, options, threads
+        )
+        facts |= steps
+        progress.done({name: steps[name] for name in steps if name.startswith("seam_step_l")})
+    else:
+        blend = no_blend(len(faces))
+    back = np.empty_like(blocks.face_order)
+    back[blocks.face_order] = np.arange(len(back), dtype=np.int32)
     return ViewChoice(
-        view=view,
-        blend_view=np.full(len(faces), -1, np.int32),
-        blend_weight=np.zeros((len(faces), 3), np.float32),
-        correction=np.zeros((len(faces), 3, 3), np.float16),
+        view=chosen[back],
+        blend_view=blend.view[back],
+        blend_weight=blend.weight[back],
+        correction=blend.correction[back],
         gains=gains,
         facts=facts,
     )
 
 
-def _collect(
+def _level(
+    blocks: MeshBlocks,
+    chosen: Int32,
+    candidates: Candidates,
+    own: UInt8,
+    gains: Float32,
+    pairs: Int32,
+    edges: Int32,
+    held: npt.NDArray[np.bool_] | None,
+    options: Options,
+    threads: int,
+) -> tuple[Blend, dict[str, float]]:
+    """Level the seams: smoothly everywhere, the rest within a band."""
+    nodes = label_nodes(blocks.faces, chosen, len(blocks.vertices))
+    seams = find_seams(
+        nodes, blocks.faces, chosen, candidates, own, gains, pairs, edges, blocks.vertices
+    )
+    field, cell = level_field(blocks.vertices, nodes, seams)
+    levels = node_levels(field, blocks.vertices, nodes, cell, threads=threads)
+    blend = blend_seams(
+        nodes, seams, levels, candidates, rings=options.blend_rings, pinned=held, threads=threads
+    )
+    return blend, seam_steps(seams, levels, blend)
+
+
+def collect(
     blocks: MeshBlocks,
     views: Sequence[View],
     photos: Photos,
@@ -173,7 +243,7 @@ def _collect(
     threads: int,
     progress: Progress,
 ) -> tuple[Candidates, dict[str, Any]]:
-    """Find the best views of every face, photo by photo."""
+    """Find the best views of every face, photo by photo; also what was counted on the way."""
     candidates = new_candidates(len(blocks.faces))
     uv = np.empty((len(blocks.vertices), 2), np.float32)
     rays, rated_faces, blank = 0, 0, 0
@@ -206,6 +276,19 @@ def _collect(
     progress.done({"rays": rays})
     facts = {"views": len(views), "views_blank": blank, "rays": rays, "faces_rated": rated_faces}
     return candidates, facts
+
+
+def _own_colours(blocks: MeshBlocks, colours: UInt8, gain: Float32, threads: int) -> UInt8:
+    """Vertex colours of every face after their gain, (F, 3) uint8."""
+    own = np.empty((len(blocks.faces), 3), np.uint8)
+    sorted_colours = colours[blocks.vertex_order]
+
+    def work(begin: int, end: int) -> None:
+        mean = sorted_colours[blocks.faces[begin:end]].mean(axis=1, dtype=np.float32)
+        own[begin:end] = np.clip(np.rint((mean + SRGB_OFFSET) * gain[:3] - SRGB_OFFSET), 0, 255)
+
+    in_chunks(work, len(own), threads=threads)
+    return own
 
 
 def _photo_scale(
