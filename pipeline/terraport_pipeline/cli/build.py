@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, cast
@@ -16,11 +16,14 @@ from terraport_pipeline.build import build as run_build
 from terraport_pipeline.build_report import BuildReport
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.synth import parse_count
+from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.input_cloud import find_input_cloud
 from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.progress import NullProgress, Progress, RichProgress
 from terraport_pipeline.report import REPORT_NAME, write_report
+from terraport_pipeline.report_textures import open_scene_photos
+from terraport_pipeline.scene_model import SceneModel
 from terraport_pipeline.stages import clean, reconstruct, segment, texture
 from terraport_pipeline.stages.region_engine import ENGINES, Engine
 from terraport_pipeline.tiled_reconstruct import TileOptions
@@ -50,8 +53,12 @@ def build(
     name: Annotated[
         str | None, typer.Option(help="Name for people.  [the scene directory's name]")
     ] = None,
+    base_from: Annotated[
+        str,
+        typer.Option(help="detail (thinned from it), or poisson (solved apart, as the thesis)."),
+    ] = _RECONSTRUCT.base_from,
     base_depth: Annotated[
-        int, typer.Option(help="Octree depth of the base mesh.")
+        int, typer.Option(help="Octree depth of a base by poisson.")
     ] = _RECONSTRUCT.base_depth,
     detail_depth: Annotated[
         int,
@@ -200,6 +207,7 @@ def build(
             max_points=None if max_points is None else parse_count(max_points),
             clean=clean.Options(outlier_ratio=outlier_ratio),
             reconstruct=reconstruct.Options(
+                base_from=cast(Literal["detail", "poisson"], base_from),  # checked by Options
                 base_depth=base_depth,
                 detail_depth=detail_depth,
                 base_faces=parse_count(base_faces),
@@ -317,6 +325,14 @@ def _watching(console: Console, *, quiet: bool) -> Iterator[Progress]:
         yield progress
 
 
+def _photos_beside(texturing: Texturing | None) -> Callable[[SceneModel], OpenPhotos] | None:
+    """Open the build's photos again, for the report's pictures."""
+    if texturing is None or texturing.photos is None:
+        return None
+    photos, cameras, offset = texturing.photos, texturing.cameras, texturing.camera_offset
+    return lambda model: open_scene_photos(model, photos, cameras, offset)
+
+
 def _build(
     options: BuildOptions, console: Console, progress: Progress, *, with_report: bool
 ) -> BuildReport:
@@ -326,6 +342,8 @@ def _build(
             write_report(
                 built.scene,
                 cloud=lambda scene: find_input_cloud(scene, options.work),
+                photos=_photos_beside(options.texture),
+                work=options.work,
                 progress=progress,
             )
     except KeyboardInterrupt:

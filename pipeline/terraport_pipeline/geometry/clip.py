@@ -74,7 +74,7 @@ class Clip:
 
 
 def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
-    """As :func:`clip_by_field`, for meshes whose vertices carry values: they can be interpolated."""
+    """As :func:`clip_by_field`, and tell where every vertex comes from: values can follow."""
     points = as_kernel_input(vertices, np.float32)
     triangles = as_kernel_input(faces, np.int32)
     values = np.where(np.isnan(field), -1.0, field).astype(np.float32)

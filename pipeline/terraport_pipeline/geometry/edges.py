@@ -49,6 +49,10 @@ class EdgeRule:
     """The cloud's areal spacing."""
     footprint: Footprint | None
     """None leaves rule 2 out."""
+    outward_m: float = 0.0
+    """The surface ends this much farther out than both rules say. For the base, which is thinned
+    afterwards: without it the straight pieces of its border would cut off what the detail's border
+    rounds, and there would be no base below that."""
 
 
 def edge_field(vertices: Float32, faces: Int32, ratio: Float32, rule: EdgeRule) -> Float32:
@@ -74,6 +78,7 @@ def edge_field(vertices: Float32, faces: Int32, ratio: Float32, rule: EdgeRule) 
     field_m = ((limit - ratio) * np.float32(rule.spacing_m)).astype(np.float32)
     if rule.footprint is not None:
         np.minimum(field_m, rule.footprint.margin_m(vertices), out=field_m)
+    field_m += np.float32(rule.outward_m)
     return field_m
 
 

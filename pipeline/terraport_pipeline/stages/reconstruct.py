@@ -153,7 +153,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         }
         base = decimate(*base, max_faces=options.base_faces)
     else:
-        base = thin_detail(*detail, max_faces=options.base_faces, threads=context.threads)
+        base = thin_detail(*trimmed.wide, max_faces=options.base_faces, threads=context.threads)
     del surfaces
     if len(base[1]) > 1.1 * options.base_faces:
         warnings.append(

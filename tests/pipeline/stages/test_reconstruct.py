@@ -45,6 +45,12 @@ def result(cleaned: clean.Cleaned, scratch: Path) -> Reconstructed:
     return reconstruct.run(cleaned, reconstruct.Options(base_faces=600), Context(scratch))
 
 
+@pytest.fixture(scope="module")
+def solved_base(cleaned: clean.Cleaned, scratch: Path) -> Reconstructed:
+    options = reconstruct.Options(base_faces=600, base_from="poisson")
+    return reconstruct.run(cleaned, options, Context(scratch))
+
+
 def test_detail_passes_through_the_samples(cleaned: clean.Cleaned, result: Reconstructed) -> None:
     mesh = result.detail
     inside = np.abs(cleaned.cloud.points[:, ::2]).max(axis=1) < 14
@@ -62,7 +68,9 @@ def test_detail_ends_where_samples_end(cleaned: clean.Cleaned, result: Reconstru
 
 def test_faces_look_up(result: Reconstructed) -> None:
     for mesh in (result.base, result.detail):
-        assert (face_normals(mesh.vertices, mesh.faces)[0][:, 1] >= 0).mean() > 0.999
+        normals, areas_m2 = face_normals(mesh.vertices, mesh.faces)
+        # By area: thinning may leave slivers on the base's border that stand on edge.
+        assert areas_m2[normals[:, 1] >= 0].sum() > 0.999 * areas_m2.sum()
         assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
 
 
@@ -82,9 +90,24 @@ def test_the_base_lies_under_all_of_the_detail(result: Reconstructed) -> None:
         assert (inside == 3 - zeros).any(), f"no base at {point}"
 
 
-def test_the_base_keeps_its_budget(result: Reconstructed) -> None:
-    assert result.facts.counts["base_faces_trimmed"] > 600
-    assert len(result.base.faces) <= 660
+def test_the_base_keeps_its_budget(result: Reconstructed, solved_base: Reconstructed) -> None:
+    assert solved_base.facts.counts["base_faces_trimmed"] > 600
+    for found in (result, solved_base):
+        assert 400 < len(found.base.faces) <= 660
+
+
+def test_a_base_from_the_detail_is_nearer_to_it(
+    result: Reconstructed, solved_base: Reconstructed
+) -> None:
+    assert len(result.detail.faces) == len(solved_base.detail.faces)
+    assert result.deviation_m[2] < solved_base.deviation_m[2]
+
+
+def test_edges_are_cleaner_than_whole_faces_leave_them(result: Reconstructed) -> None:
+    counts = result.facts.counts
+    assert counts["outside_footprint_m2_after"] < 0.05 * counts["outside_footprint_m2_before"]
+    assert counts["border_reach_p95_after"] < counts["border_reach_p95_before"]
+    assert counts["border_teeth_p50_after"] < 0.5 * counts["border_teeth_p50_before"]
 
 
 def test_colours_attributes_and_codes_are_carried(result: Reconstructed) -> None:
@@ -96,11 +119,11 @@ def test_colours_attributes_and_codes_are_carried(result: Reconstructed) -> None
         assert np.isin(mesh.attributes["code"], (0.0, 1.0)).all()
 
 
-def test_the_depths_follow_the_density_and_it_says_so(result: Reconstructed) -> None:
-    counts = result.facts.counts
+def test_the_depths_follow_the_density_and_it_says_so(solved_base: Reconstructed) -> None:
+    counts = solved_base.facts.counts
     assert counts["detail_depth"] < 13
     assert counts["base_depth"] == counts["detail_depth"] - 1
-    told = " ".join(result.facts.warnings)
+    told = " ".join(solved_base.facts.warnings)
     assert f"detail depth {counts['detail_depth']} instead of 13" in told
     assert f"base depth {counts['base_depth']} instead of 9" in told
 
@@ -143,6 +166,7 @@ def test_nothing_stays_in_scratch(result: Reconstructed, scratch: Path) -> None:
 @pytest.mark.parametrize(
     "options",
     [
+        {"base_from": "nothing"},
         {"base_depth": 2},
         {"detail_depth": 17},
         {"base_faces": 5},
@@ -151,6 +175,6 @@ def test_nothing_stays_in_scratch(result: Reconstructed, scratch: Path) -> None:
         {"point_weight": -1.0},
     ],
 )
-def test_options_out_of_range(options: dict[str, float]) -> None:
+def test_options_out_of_range(options: dict[str, float | str]) -> None:
     with pytest.raises(OptionError, match="expected"):
         reconstruct.Options(**options)  # type: ignore[arg-type]
