@@ -29,9 +29,6 @@ __all__ = ["AtlasMaker", "MadeAtlas"]
 
 UInt16 = npt.NDArray[np.uint16]
 
-_CODE: Final = 65535
-"""Texture coordinates are 16-bit codes, as payloads hold them."""
-
 _MAX_PHOTO_SCALE: Final = 8
 """Photos are decoded at down to this part of their size, as JPEG decoders do at once."""
 
@@ -41,7 +38,7 @@ class MadeAtlas:
     """The texture of one mesh of F faces."""
 
     wedges: UInt16
-    """(F, 3, 2) coordinates of the corners, 65535 = 1, from the image's upper left."""
+    """(F, 3, 2) corners in the image, half texels from its upper left."""
     image: bytes
     """The file."""
     width: int
@@ -94,14 +91,15 @@ class AtlasMaker:
         packed = np.array([view.packed() for view in self.views])
         charts = make_charts(points, corners, colours.view, packed, texel_m=self.texel_m)
         atlas = pack_charts(charts.sizes, max_side=max_side)
-        texels = atlas.place(charts.uvs, charts.chart)
+        # Whole half texels, as payloads hold them, before anything is drawn: nothing shifts later.
+        wedges = np.rint(atlas.place(charts.uvs, charts.chart) * 2.0)
+        texels = wedges * 0.5
         image = np.zeros((atlas.height, atlas.width, 3), np.uint8)
         covered = np.zeros((atlas.height, atlas.width), np.uint8)
         self._bake(image, covered, texels, points[corners], charts, atlas, colours, packed)
         fill_cells(image, covered, atlas.cells)
-        size = np.array([atlas.width, atlas.height], dtype=np.float64)
         return MadeAtlas(
-            wedges=np.rint(texels / size * _CODE).astype(np.uint16),
+            wedges=wedges.astype(np.uint16),
             image=encode_image(image, self.kind, self.quality),
             width=atlas.width,
             height=atlas.height,

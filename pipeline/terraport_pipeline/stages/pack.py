@@ -94,6 +94,8 @@ class About:
     """Points that were used."""
     has_colour: bool
     build: BuildInfo
+    spacing_m: float = 0.0
+    """Typical distance between the points, which decides how fine the grid is; 0: as fine as fits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +151,7 @@ def run(
     """
     detail, progress = reconstructed.detail, context.progress
     base = kept_faces(reconstructed.base, segmented.base_kept)
-    step_m = choose_step_m(_widest_m(segmented.bounds), _farthest_m(detail, base))
+    step_m = choose_step_m(_widest_m(segmented.bounds), _farthest_m(detail, base), about.spacing_m)
     scales = {
         name: choose_attribute_scale(np.concatenate([values, base.attributes[name]]))
         for name, values in detail.attributes.items()
@@ -256,7 +258,7 @@ def split_segments(
         vertex, region = np.divmod(unique, region_count)
         uvs = None
         if textures is not None:
-            split = split_wedges(faces, textures.uvs(chosen), len(unique))
+            split = split_wedges(faces, textures.uvs(chosen, segment), len(unique))
             vertex, region, faces = vertex[split.vertex], region[split.vertex], split.faces
             uvs = split.uvs
         yield SegmentMesh(
@@ -295,7 +297,7 @@ def whole_payload(mesh: Mesh, textures: TextureSet | None = None) -> SegmentMesh
     )
     if textures is None:
         return plain
-    split = split_wedges(mesh.faces, textures.uvs(slice(None)), len(mesh.vertices))
+    split = split_wedges(mesh.faces, textures.uvs(slice(None), 0), len(mesh.vertices))
     return replace(
         plain,
         positions=mesh.vertices[split.vertex],

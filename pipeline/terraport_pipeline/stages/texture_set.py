@@ -26,7 +26,7 @@ class TextureSet:
     """Atlases of the pieces of one mesh."""
 
     wedges: UInt16
-    """(F, 3, 2) coordinates of every face's corners in its piece's image; 65535 = 1."""
+    """(F, 3, 2) every face's corners in its piece's image, half texels from the upper left."""
     images: UInt8
     """(N,) image files, one behind the other."""
     offsets: Int64
@@ -38,9 +38,10 @@ class TextureSet:
         """Take one piece's image."""
         return Texture.of(self.images[self.offsets[piece] : self.offsets[piece + 1]].tobytes())
 
-    def uvs(self, faces: npt.NDArray[np.integer] | slice) -> Float32:
-        """Coordinates of some faces' corners, (K, 3, 2) in 0..1."""
-        return self.wedges[faces].astype(np.float32) / np.float32(65535)
+    def uvs(self, faces: npt.NDArray[np.integer] | slice, piece: int) -> Float32:
+        """Coordinates of the corners of some faces of one piece, (K, 3, 2) in 0..1, exact."""
+        sides: Float32 = self.sides[piece].astype(np.float32)
+        return self.wedges[faces].astype(np.float32) / (np.float32(2.0) * sides)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
