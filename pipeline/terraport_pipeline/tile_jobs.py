@@ -43,17 +43,17 @@ _VALUES: Final = "values.json"
 
 
 def solve_name(tile: int) -> str:
-    """Result of a tile as solved."""
+    """Name the result of a tile as solved."""
     return f"solve-{tile:05d}"
 
 
 def tile_name(tile: int) -> str:
-    """Result of a tile as later stages read it."""
+    """Name the result of a tile as later stages read it."""
     return f"tile-{tile:05d}"
 
 
 def join_name() -> str:
-    """Result of the join."""
+    """Name the result of the join."""
     return join_tiles.NAME
 
 

@@ -207,7 +207,7 @@ def build(
             max_points=None if max_points is None else parse_count(max_points),
             clean=clean.Options(outlier_ratio=outlier_ratio),
             reconstruct=reconstruct.Options(
-                base_from=cast(Literal["detail", "poisson"], base_from),  # checked by Options
+                base_from=cast("Literal['detail', 'poisson']", base_from),  # checked by Options
                 base_depth=base_depth,
                 detail_depth=detail_depth,
                 base_faces=parse_count(base_faces),

@@ -8,133 +8,181 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import secrets
+import signal
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from typing import Any, Final, TypeVar
+from types import TracebackType
+from typing import Any, Final, Self, TypeVar
 
+from terraport_pipeline.engines.poisson_child import die_with_parent
 from terraport_pipeline.errors import EngineError, OptionError
 
-__all__ = ["run_jobs"]
+__all__ = ["TilePool"]
 
 J = TypeVar("J")
 R = TypeVar("R")
 
 _ATTEMPTS: Final = 2
 
+_CONNECT_TIMEOUT: Final = "20s"
 
-def run_jobs(
-    function: Callable[[J], R],
-    jobs: Sequence[J],
-    *,
-    workers: int,
-    cluster: str | None = None,
-    done: Callable[[int, R], None] = lambda _number, _result: None,
-) -> None:
-    """Run `function` on every job.
+
+class TilePool:
+    """Processes that stay for many calls; a context manager, which leaves none behind.
 
     Parameters
     ----------
-    function : callable
-        At the top of a module, so that other processes find it.
-    jobs : sequence
-        Picklable. Started in this order.
     workers : int
-        Processes; 0 runs everything in this one.
+        Processes; 0 runs everything in this one. Started when they are needed.
     cluster : str, optional
         Address of a Dask scheduler instead, ``tcp://host:8786``. Its workers need the same release
         of terraport and the same paths.
-    done : callable
-        Told (number of the job, result) as jobs finish, in any order.
-
-    Raises
-    ------
-    PipelineError
-        Whatever a job raised; jobs that wait are given up, those that run are ended.
-    EngineError
-        A job's worker was lost twice, or the cluster cannot be reached.
-    OptionError
-        `cluster` is given and Dask is not installed.
     """
-    if not jobs:
-        return
-    if cluster is not None:
-        _run_on_cluster(function, jobs, cluster, done)
-    elif workers < 1:
-        for number, job in enumerate(jobs):
-            done(number, function(job))
-    else:
-        _run_here(function, jobs, workers, done)
 
+    def __init__(self, workers: int, cluster: str | None = None) -> None:
+        self._workers = workers
+        self._cluster = cluster
+        self._pool: ProcessPoolExecutor | None = None
+        self._client: Any = None
 
-def _run_here(
-    function: Callable[[J], R], jobs: Sequence[J], workers: int, done: Callable[[int, R], None]
-) -> None:
-    waiting = list(range(len(jobs)))
-    lost = [0] * len(jobs)
-    while waiting:
-        pool = ProcessPoolExecutor(
-            min(workers, len(waiting)),
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_start_worker,
-            initargs=(os.getpid(),),
-        )
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._end_pool()
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def run(
+        self,
+        function: Callable[[J], R],
+        jobs: Sequence[J],
+        done: Callable[[int, R], None] = lambda _number, _result: None,
+    ) -> None:
+        """Run `function` on every job.
+
+        Parameters
+        ----------
+        function : callable
+            At the top of a module, so that other processes find it.
+        jobs : sequence
+            Picklable. Started in this order.
+        done : callable
+            Told (number of the job, result) as jobs finish, in any order.
+
+        Raises
+        ------
+        PipelineError
+            Whatever a job raised; jobs that wait are given up, those that run are ended.
+        EngineError
+            A job's worker was lost twice, or the cluster cannot be reached.
+        OptionError
+            A cluster is wanted and Dask is not installed.
+        """
+        if not jobs:
+            return
+        if self._cluster is not None:
+            self._run_on_cluster(function, jobs, done)
+        elif self._workers < 1:
+            for number, job in enumerate(jobs):
+                done(number, function(job))
+        else:
+            self._run_here(function, jobs, done)
+
+    def _run_here(
+        self, function: Callable[[J], R], jobs: Sequence[J], done: Callable[[int, R], None]
+    ) -> None:
+        waiting = deque(range(len(jobs)))
+        lost = [0] * len(jobs)
         running: dict[Future[R], int] = {}
-        try:
-            while waiting or running:
-                while waiting and len(running) < workers:
-                    number = waiting.pop(0)
-                    running[pool.submit(function, jobs[number])] = number
+        while waiting or running:
+            try:
+                while waiting and len(running) < self._workers:
+                    number = waiting[0]
+                    running[self._processes().submit(function, jobs[number])] = number
+                    waiting.popleft()
                 finished, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in finished:
-                    number = running[future]
                     result = future.result()
-                    del running[future]
-                    done(number, result)
-        except BrokenProcessPool:
-            # Which worker died cannot be told: all that ran are run again.
-            for number in running.values():
-                lost[number] += 1
-            _refuse_twice_lost(lost)
-            waiting = sorted(running.values()) + waiting
-        finally:
-            _end(pool)
+                    done(running.pop(future), result)
+            except BrokenProcessPool:
+                # Which worker died cannot be told: all that ran are run again.
+                for number in running.values():
+                    lost[number] += 1
+                    _refuse_twice_lost(number, lost[number])
+                waiting.extendleft(sorted(running.values(), reverse=True))
+                running.clear()
+                self._end_pool()
 
-
-def _refuse_twice_lost(lost: Sequence[int]) -> None:
-    for number, times in enumerate(lost):
-        if times >= _ATTEMPTS:
-            raise EngineError(
-                f"the process that worked on tile {number} was ended from outside, {times} times "
-                "(out of memory?); lower --max-memory or --tile-depth so that tiles are smaller, "
-                "and give the same command again: finished tiles are kept"
+    def _processes(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(
+                self._workers,
+                mp_context=multiprocessing.get_context("spawn"),
+                initializer=_start_worker,
+                initargs=(os.getpid(),),
             )
+        return self._pool
+
+    def _end_pool(self) -> None:
+        """Leave no process behind, also when jobs still run."""
+        if self._pool is None:
+            return
+        processes = list((getattr(self._pool, "_processes", None) or {}).values())
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            if process.is_alive():
+                process.terminate()
+        for process in processes:
+            process.join()
+        self._pool = None
+
+    def _run_on_cluster(
+        self, function: Callable[[J], R], jobs: Sequence[J], done: Callable[[int, R], None]
+    ) -> None:
+        distributed = _import_dask()
+        if self._client is None:
+            self._client = _connect(distributed, str(self._cluster))
+        # Keys are new each time: the scheduler would hand out an older result of an equal key.
+        # A job runs again only when the worker that had it was lost.
+        token = secrets.token_hex(4)
+        futures = {
+            self._client.submit(function, job, key=f"terraport-{token}-{number}"): number
+            for number, job in enumerate(jobs)
+        }
+        try:
+            for future in distributed.as_completed(list(futures)):
+                done(futures[future], _result_of(future, futures[future], distributed))
+        except BaseException:
+            self._client.cancel(list(futures))
+            raise
 
 
-def _end(pool: ProcessPoolExecutor) -> None:
-    """Leave no process behind, also when jobs still run."""
-    processes = list((getattr(pool, "_processes", None) or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        if process.is_alive():
-            process.terminate()
-    for process in processes:
-        process.join()
+def _refuse_twice_lost(number: int, times: int) -> None:
+    if times >= _ATTEMPTS:
+        raise EngineError(
+            f"the process that worked on job {number} of the tiles was ended from outside, "
+            f"{times} times (out of memory?); lower --max-memory or --tile-depth so that tiles "
+            "are smaller, and give the same command again: finished tiles are kept"
+        )
 
 
 def _start_worker(parent: int) -> None:
-    """Prepare a worker: one thread, and gone with its parent."""
-    import signal
-
-    from terraport_pipeline.engines.poisson_child import die_with_parent
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends us
+    """Prepare a worker: it ends with its parent, and leaves Ctrl-C to it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent(parent)
 
 
-def _run_on_cluster(
-    function: Callable[[J], R], jobs: Sequence[J], address: str, done: Callable[[int, R], None]
-) -> None:
+def _import_dask() -> Any:
     try:
         import distributed
     except ImportError as error:
@@ -142,23 +190,23 @@ def _run_on_cluster(
             "--cluster needs Dask, which is not installed; install it with "
             "pip install 'terraport[cluster]'"
         ) from error
+    return distributed
+
+
+def _connect(distributed: Any, address: str) -> Any:
     try:
-        client: Any = distributed.Client(address, timeout="30s", set_as_default=False)
+        client = distributed.Client(address, timeout=_CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise EngineError(
             f"no Dask scheduler answers at {address} ({error}); start one (dask scheduler) and "
-            "workers, or leave out --cluster"
+            "workers (dask worker), or leave out --cluster"
         ) from error
-    try:
-        # A worker that is lost takes its job to another one, once.
-        futures = {
-            client.submit(function, job, key=f"terraport-{os.getpid()}-{number}", retries=0): number
-            for number, job in enumerate(jobs)
-        }
-        for future in distributed.as_completed(list(futures)):
-            done(futures[future], _result_of(future, futures[future], distributed))
-    finally:
+    if not client.scheduler_info(n_workers=-1)["workers"]:
         client.close()
+        raise EngineError(
+            f"the Dask scheduler at {address} has no workers; start some: dask worker {address}"
+        )
+    return client
 
 
 def _result_of(future: Any, number: int, distributed: Any) -> Any:

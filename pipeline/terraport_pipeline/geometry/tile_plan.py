@@ -299,7 +299,7 @@ def _cores_touched(
 
 
 def _between(first: Int64, last: Int64) -> Iterator[tuple[Int64, Int64]]:
-    """Yield all indices from first to last of every row: (index (K, 3), row (K,)) piece by piece."""
+    """Yield all indices from first to last of every row, in pieces: (index (K, 3), row (K,))."""
     if not len(first):
         return
     spans = (last - first).max(axis=0)

@@ -27,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_pipeline.geometry.loop_fill import directed_loops, fill_loop
 from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Seams", "TileBorder", "weld_tiles"]
@@ -44,7 +45,7 @@ _MAX_LOOP: Final = 200
 """Vertices of a loop that is filled; the triangulation takes their cube."""
 
 _MAX_CAP_CELLS: Final = 8.0
-"""A loop of one side alone (a bubble that the other side does not have) is capped up to this wide."""
+"""A loop of one side alone (a bubble that the other side lacks) is capped up to this wide."""
 
 _FAR: Final = 1e7
 """Parts lattice lines in a search by distance: more than any cell index."""
@@ -253,7 +254,7 @@ def _uncancelled(walls: Sequence[_Wall], root: Int64) -> list[npt.NDArray[np.boo
 
 
 def _missing_loops(edges: Int64, side: UInt8, cells: Float64) -> tuple[list[Int64], int]:
-    """Closed loops that bound what is missing between both sides, and how many edges are in none.
+    """Find closed loops that bound what is missing between both sides; count edges in none.
 
     Parameters
     ----------
@@ -276,7 +277,7 @@ def _missing_loops(edges: Int64, side: UInt8, cells: Float64) -> tuple[list[Int6
     place = {
         tuple(sorted(edge)): int(s) for edge, s in zip(edges.tolist(), side.tolist(), strict=True)
     }
-    loops, open_edges = _walk(repeated)
+    loops, open_edges = directed_loops(repeated)
     kept = []
     for loop in loops:
         around = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
@@ -287,37 +288,6 @@ def _missing_loops(edges: Int64, side: UInt8, cells: Float64) -> tuple[list[Int6
         else:
             kept.append(loop)
     return kept, open_edges
-
-
-def _walk(edges: Int64) -> tuple[list[Int64], int]:
-    """Take directed edges apart into simple loops; a seam has a few hundred of them."""
-    following: dict[int, list[int]] = {}
-    for u, v in sorted(map(tuple, edges.tolist()), reverse=True):
-        following.setdefault(u, []).append(v)
-    loops, lost = [], 0
-    for start in sorted(following):
-        while following[start]:
-            path, place = [start], {start: 0}
-            while path:
-                ahead = following.get(path[-1])
-                if not ahead:  # a dead end: this edge bounds nothing
-                    dead = path.pop()
-                    del place[dead]
-                    lost += bool(path)
-                    continue
-                reached = ahead.pop()
-                if reached not in place:
-                    place[reached] = len(path)
-                    path.append(reached)
-                    continue
-                loop = path[place[reached] :]
-                for vertex in loop[1:]:
-                    del place[vertex]
-                del path[place[reached] + 1 :]
-                loops.append(np.array(loop, dtype=np.int64))
-                if len(path) == 1 and not following.get(path[0]):
-                    break
-    return [loop for loop in loops if len(loop) > 2], lost
 
 
 def _assemble(
@@ -331,7 +301,7 @@ def _assemble(
     unmatched: int,
     open_edges: int,
 ) -> Seams:
-    """Number the shared vertices and hand everything to the tiles."""
+    """Give shared vertices their ids and hand everything to the tiles."""
     count = len(root)
     members = np.bincount(root, minlength=count)
     used = members > 1
@@ -359,7 +329,7 @@ def _assemble(
     rows = np.concatenate([np.zeros(0, np.int32), *(border.rows for border in borders)])
     triangles: list[list[Int64]] = [[] for _ in borders]
     for tile, loop in loops:
-        faces = _least_area(middle[ids[loop]])
+        faces = fill_loop(middle[ids[loop]])
         triangles[tile].append(ids[loop][faces])
     tile_rows, tile_ids, fillers = [], [], []
     for tile in range(len(borders)):
@@ -382,44 +352,3 @@ def _assemble(
         unmatched,
         open_edges,
     )
-
-
-@numba.njit(cache=True)
-def _least_area(loop: Float64) -> Int64:  # pragma: no cover - compiled
-    """Triangulate a closed loop of n places by dynamic programming: (n - 2, 3) places in it."""
-    n = len(loop)
-    cost = np.zeros((n, n))
-    split = np.zeros((n, n), dtype=np.int64)
-    for width in range(2, n):
-        for i in range(n - width):
-            k = i + width
-            best = np.inf
-            for j in range(i + 1, k):
-                u = loop[j] - loop[i]
-                v = loop[k] - loop[i]
-                x = u[1] * v[2] - u[2] * v[1]
-                y = u[2] * v[0] - u[0] * v[2]
-                z = u[0] * v[1] - u[1] * v[0]
-                # A little for the length, so that flat loops are cut into short triangles.
-                w = loop[k] - loop[j]
-                size = np.sqrt(x * x + y * y + z * z) + 1e-3 * np.sqrt(
-                    (u * u).sum() + (w * w).sum()
-                )
-                found = cost[i, j] + cost[j, k] + size
-                if found < best:
-                    best = found
-                    split[i, k] = j
-            cost[i, k] = best
-    faces = np.empty((n - 2, 3), dtype=np.int64)
-    stack = [(0, n - 1)]
-    made = 0
-    while len(stack) > 0:
-        i, k = stack.pop()
-        if k - i < 2:
-            continue
-        j = split[i, k]
-        faces[made, 0], faces[made, 1], faces[made, 2] = i, j, k
-        made += 1
-        stack.append((i, j))
-        stack.append((j, k))
-    return faces

@@ -177,7 +177,7 @@ def _cut(welded: _Welded, tile: int, join: Join) -> Clip:
 
 
 def _pieces(faces: Int32, vertex_count: int) -> tuple[Int64, Int64]:
-    """Connected piece of every face, numbered from 0 in order of their first face, and sizes."""
+    """Find the connected piece of every face, numbered by their first face, and pieces' sizes."""
     if not len(faces):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     start = np.concatenate([faces[:, 0], faces[:, 1]])
@@ -191,7 +191,7 @@ def _pieces(faces: Int32, vertex_count: int) -> tuple[Int64, Int64]:
 
 
 def _renumbered(labels: npt.NDArray[np.integer]) -> Int64:
-    """Number labels in order of their first occurrence: SciPy promises no order."""
+    """Make labels 0, 1, 2, ... in order of their first occurrence: SciPy promises no order."""
     _, first, which = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
     found: Int64 = rank[which.ravel()].astype(np.int64)

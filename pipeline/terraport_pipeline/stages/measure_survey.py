@@ -1,9 +1,9 @@
 """What the whole survey is like, measured on windows of it: spacing, and what is usual.
 
-A tile must not judge by itself what an outlier is or how dense samples lie, or two tiles would judge
-the same samples differently. So 64 windows are taken round samples of the thinned survey (which are
-spread evenly over the samples), each read in full density, and the medians over them stand for the
-medians over all. Memory: one block of the survey and the windows, about 200 MB.
+A tile must not judge by itself what an outlier is or how dense samples lie, or two tiles would
+judge the same samples differently. So 64 windows are taken round samples of the thinned survey
+(which are spread evenly over the samples), each read in full density, and the medians over them
+stand for the medians over all. Memory: one block of the survey and the windows, about 200 MB.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Read a survey that does not fit into memory: file to columns on disk, a part at a time.
 
-The result is what :mod:`~terraport_pipeline.stages.read` makes of the same file, bit for bit: points
-without finite coordinates are dropped and counted, feet become metres, unset fields are left out.
-What only the whole survey decides is found on the way and applied in a second pass over the columns
-that need it. Memory: one part (about 100 MB), whatever the survey.
+The result is what :mod:`~terraport_pipeline.stages.read` makes of the same file, bit for bit:
+points without finite coordinates are dropped and counted, feet become metres, unset fields are left
+out. What only the whole survey decides is found on the way and applied in a second pass over the
+columns that need it. Memory: one part (about 100 MB), whatever the survey.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.geometry.carry import carry_values
+from terraport_pipeline.geometry.footprint import Occupancy
 from terraport_pipeline.geometry.normals import estimate_normals, orient_normals
 from terraport_pipeline.geometry.outliers import duplicate_mask, outlier_mask
 from terraport_pipeline.geometry.spacing import (
@@ -24,7 +25,6 @@ from terraport_pipeline.geometry.spacing import (
     nearest_neighbours,
     remaining_neighbours,
 )
-from terraport_pipeline.geometry.footprint import Occupancy
 from terraport_pipeline.geometry.support import BINS, support_histogram, support_ratio
 from terraport_pipeline.geometry.tile_plan import REACH_CELLS
 from terraport_pipeline.geometry.tile_weld import TileBorder
@@ -341,7 +341,7 @@ def _carry(
 
 
 def _nothing(task: TileTask, counts: dict[str, Json]) -> Stored:
-    """A tile without surface."""
+    """Make the result of a tile without surface."""
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "vertices": np.zeros((0, 3), np.float32),
         "faces": np.zeros((0, 3), np.int32),

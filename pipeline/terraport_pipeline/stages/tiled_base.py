@@ -103,16 +103,16 @@ def run(cleaned: Cleaned, tiles: DetailTiles, options: Options, context: Context
     distances_m = distances_to_mesh(picked, thin, triangles, workers=context.threads)
     found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
     context.progress.done({"p99_m": found[2]})
-    warnings = ()
+    warnings: list[str] = []
     if len(triangles) > 1.1 * options.base_faces:
-        warnings = (
+        warnings.append(
             f"the base keeps {len(triangles)} faces, {options.base_faces} were asked: its border "
-            "alone needs more; raise --base-faces",
+            "alone needs more; raise --base-faces"
         )
     counts: dict[str, Json] = {"base_faces": len(triangles), "base_faces_before": len(joined)}
     for percentile, value in zip(_PERCENTILES, found, strict=True):
         counts[f"deviation_p{percentile:g}_m"] = value
-    return TiledBase(base, found, Facts(counts, warnings))
+    return TiledBase(base, found, Facts(counts, tuple(warnings)))
 
 
 def store(result: TiledBase) -> Stored:

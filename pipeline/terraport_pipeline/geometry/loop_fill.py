@@ -1,0 +1,131 @@
+"""Closed loops out of loose edges, and triangles into them.
+
+Method of filling: G. Barequet and M. Sharir, "Filling gaps in the boundary of a polyhedron",
+Computer Aided Geometric Design 12(2), 1995: of all triangulations the one of least area, by dynamic
+programming.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.model import Float64
+
+__all__ = ["directed_loops", "fill_loop"]
+
+Int64 = npt.NDArray[np.int64]
+
+
+def directed_loops(edges: Int64) -> tuple[list[Int64], int]:
+    """Take directed edges apart into simple loops.
+
+    Parameters
+    ----------
+    edges : ndarray of shape (E, 2), int64
+        A few hundred: it is done in Python.
+
+    Returns
+    -------
+    loops : list of ndarray of shape (n,), int64
+        Vertices of each loop of three or more, in order; no vertex twice in one.
+    lost : int
+        Edges on the way to a dead end.
+
+    Examples
+    --------
+    >>> directed_loops(np.array([[0, 1], [1, 2], [2, 0], [2, 5]]))
+    ([array([0, 1, 2])], 1)
+    """
+    following: dict[int, list[int]] = {}
+    for u, v in sorted(map(tuple, edges.tolist()), reverse=True):
+        following.setdefault(u, []).append(v)
+    loops, lost = [], 0
+    for start in sorted(following):
+        while following[start]:
+            path, place = [start], {start: 0}
+            while path:
+                ahead = following.get(path[-1])
+                if not ahead:  # a dead end: this edge bounds nothing
+                    dead = path.pop()
+                    del place[dead]
+                    lost += bool(path)
+                    continue
+                reached = ahead.pop()
+                if reached not in place:
+                    place[reached] = len(path)
+                    path.append(reached)
+                    continue
+                loop = path[place[reached] :]
+                for vertex in loop[1:]:
+                    del place[vertex]
+                del path[place[reached] + 1 :]
+                loops.append(np.array(loop, dtype=np.int64))
+                if len(path) == 1 and not following.get(path[0]):
+                    break
+    return [loop for loop in loops if len(loop) > 2], lost
+
+
+def fill_loop(loop: Float64) -> Int64:
+    """Triangulate a closed loop so that the area is least.
+
+    Parameters
+    ----------
+    loop : ndarray of shape (n, 3), float64
+        Places in order, n >= 3. The time grows with the cube of n.
+
+    Returns
+    -------
+    ndarray of shape (n - 2, 3), int64
+        Places in the loop; every triangle runs the way the loop does.
+
+    Examples
+    --------
+    >>> fill_loop(np.array([[0.0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0]])).tolist()
+    [[0, 2, 3], [0, 1, 2]]
+    """
+    return _least_area(np.ascontiguousarray(loop, dtype=np.float64))
+
+
+@numba.njit(cache=True)
+def _least_area(loop: Float64) -> Int64:
+    """Triangulate a closed loop of n places by dynamic programming: (n - 2, 3) places in it."""
+    n = len(loop)
+    cost = np.zeros((n, n))
+    split = np.zeros((n, n), dtype=np.int64)
+    for width in range(2, n):
+        for i in range(n - width):
+            k = i + width
+            best = np.inf
+            for j in range(i + 1, k):
+                u = loop[j] - loop[i]
+                v = loop[k] - loop[i]
+                x = u[1] * v[2] - u[2] * v[1]
+                y = u[2] * v[0] - u[0] * v[2]
+                z = u[0] * v[1] - u[1] * v[0]
+                # A little for the length, so that flat loops are cut into short triangles.
+                w = loop[k] - loop[j]
+                size = np.sqrt(x * x + y * y + z * z) + 1e-3 * np.sqrt(
+                    (u * u).sum() + (w * w).sum()
+                )
+                found = cost[i, j] + cost[j, k] + size
+                if found < best:
+                    best = found
+                    split[i, k] = j
+            cost[i, k] = best
+    faces = np.empty((n - 2, 3), dtype=np.int64)
+    stack = [(0, n - 1)]
+    made = 0
+    while len(stack) > 0:
+        i, k = stack.pop()
+        if k - i < 2:
+            continue
+        j = split[i, k]
+        faces[made, 0], faces[made, 1], faces[made, 2] = i, j, k
+        made += 1
+        stack.append((i, j))
+        stack.append((j, k))
+    return faces
