@@ -7,6 +7,9 @@ the scanner are left out.
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,14 +22,15 @@ from pyproj.exceptions import CRSError
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    check_precision,
+    StreamPart,
+    tell_precision,
     thinning_rows,
     to_eight_bits,
 )
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.model import Float64
 
-__all__ = ["read_e57"]
+__all__ = ["E57Stream", "open_e57", "read_e57"]
 
 _CHUNK_POINTS: Final = 500_000
 
@@ -70,8 +74,124 @@ def read_e57(path: Path, *, advance: Advance, max_points: int | None = None) -> 
         image.close()
 
 
-def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None) -> RawSurvey:
+@dataclass(frozen=True, slots=True, eq=False)
+class E57Stream:
+    """An open file; its points come in parts, scan by scan."""
+
+    count: int
+    crs: Any | None
+    warnings: tuple[str, ...]
+    late_warnings: Callable[[], tuple[str, ...]]
+    """Known when all parts were read."""
+    colours: tuple[str, ...]
+    parts: Callable[[], Iterator[StreamPart]]
+    """Makes the iterator; once."""
+
+
+@contextlib.contextmanager
+def open_e57(path: Path, *, max_points: int | None = None) -> Iterator[E57Stream]:
+    """Open a file for reading in parts of half a million points.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    max_points : int, optional
+        Thin to this many points, counted over all scans before invalid ones are left out.
+
+    Raises
+    ------
+    ReadError
+        As :func:`read_e57`; what is damaged in the points is found while the parts are read.
+    """
+    try:
+        image = libe57.ImageFile(str(path), "r")
+    except (libe57.E57Exception, RuntimeError) as error:
+        raise ReadError(path, f"the E57 file cannot be opened ({_brief(error)})", _AGAIN) from error
+    try:
+        yield _stream_image(path, image, max_points)
+    except (libe57.E57Exception, RuntimeError) as error:
+        raise ReadError(path, f"the E57 file cannot be read ({_brief(error)})", _AGAIN) from error
+    finally:
+        image.close()
+
+
+def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
     root = image.root()
+    headers, counts = _scans(path, root)
+    total = sum(counts)
+    rows = thinning_rows(total, max_points)
+    fields = [
+        [name for name in header.point_fields if name not in (*_shape(path, header, n), *_INVALID)]
+        for n, (header, count) in enumerate(zip(headers, counts, strict=True))
+        if count
+    ]
+    if len(headers) > 1:
+        fields = [[*names, "scan"] for names in fields]
+    names = list(dict.fromkeys(name for scan in fields for name in scan))
+    partial = [name for name in names if any(name not in scan for scan in fields)]
+    late: list[str] = []
+    invalid = 0
+
+    def parts() -> Iterator[StreamPart]:
+        nonlocal invalid
+        start = 0
+        for number, (header, count) in enumerate(zip(headers, counts, strict=True)):
+            if count == 0:
+                continue
+            own = None
+            if rows is not None:
+                low, high = np.searchsorted(rows, (start, start + count))
+                own = rows[low:high] - start
+            precision = _Precision()
+            for points, table, got in _scan_parts(path, image, header, number, own, precision):
+                bad = next((table.pop(name) for name in _INVALID if name in table), None)
+                for name in _INVALID:
+                    table.pop(name, None)
+                good = np.ones(len(points), dtype=bool) if bad is None else bad == 0
+                invalid += int(np.count_nonzero(~good))
+                table["scan"] = np.full(len(points), number, dtype=np.float64)
+                nothing = np.full(len(points), np.nan)
+                columns = {name: table.get(name, nothing)[good] for name in names}
+                yield StreamPart(points[good], columns, got)
+            late[:] = late or precision.told()
+            start += count
+
+    def late_warnings() -> tuple[str, ...]:
+        if not invalid:
+            return tuple(late)
+        return (*late, f"{invalid:,} points that the scanner marked invalid were left out.")
+
+    has_colour = all(name in names for name in _COLOURS)
+    warnings: tuple[str, ...] = ()
+    if has_colour and any(name in partial for name in _COLOURS):
+        warnings += ("Some scans have no colour; their points are black.",)
+    partial = [name for name in partial if not (has_colour and name in _COLOURS)]
+    if partial:
+        warnings += (f"Not every scan has {', '.join(partial)}; it is NaN in the others.",)
+    return E57Stream(
+        total, _find_crs(root), warnings, late_warnings, _COLOURS if has_colour else (), parts
+    )
+
+
+class _Precision:
+    """Whether a scan's coordinates, as stored, went through 32-bit floats."""
+
+    def __init__(self) -> None:
+        self._single = np.ones(3, dtype=bool)
+        self._top = np.zeros(3)
+
+    def look(self, points: Float64) -> None:
+        points = points[np.isfinite(points).all(axis=1)]
+        if len(points):
+            self._single &= np.array([(p.astype(np.float32) == p).all() for p in points.T])
+            self._top = np.maximum(self._top, np.abs(points).max(axis=0))
+
+    def told(self) -> list[str]:
+        return list(tell_precision(self._single, self._top))
+
+
+def _scans(path: Path, root: Any) -> tuple[list[Any], list[int]]:
+    """Headers of all scans and their numbers of points; refuses absurd ones."""
     scans = root["data3D"] if root.isDefined("data3D") else []
     headers = [ScanHeader(scans[index]) for index in range(len(scans))]
     counts = [int(header.point_count) for header in headers]
@@ -80,6 +200,71 @@ def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None
         raise ReadError(path, f"{len(headers)} scans with 0 points", "export the survey again")
     if total > _MAX_POINTS_PER_BYTE * path.stat().st_size:
         raise ReadError(path, f"{total:,} points in {path.stat().st_size:,} bytes", _AGAIN)
+    return headers, counts
+
+
+def _shape(path: Path, header: Any, number: int) -> tuple[str, str, str]:
+    """Fields that hold a scan's coordinates."""
+    fields = list(header.point_fields)
+    shape = next((s for s in (_CARTESIAN, _SPHERICAL) if all(n in fields for n in s)), None)
+    if shape is None:
+        raise ReadError(
+            path,
+            f"scan {number} has neither cartesian nor spherical coordinates; its fields are "
+            f"{', '.join(fields)}",
+            "export the survey again",
+        )
+    return shape
+
+
+def _scan_parts(
+    path: Path,
+    image: Any,
+    header: Any,
+    number: int,
+    rows: npt.NDArray[np.int64] | None,
+    precision: _Precision,
+) -> Iterator[tuple[Float64, dict[str, npt.NDArray[Any]], int]]:
+    """Yield (points with the pose applied, every other field, points read) of one scan."""
+    fields = list(header.point_fields)
+    shape = _shape(path, header, number)
+    count = int(header.point_count)
+    size = min(_CHUNK_POINTS, count)
+    buffers = libe57.VectorSourceDestBuffer()
+    chunk = {name: np.empty(size, dtype=np.float64) for name in fields}
+    for name in fields:
+        buffers.append(libe57.SourceDestBuffer(image, name, chunk[name], size, True, True))
+    reader = header.points.reader(buffers)
+    first = 0
+    while first < count:
+        got = int(reader.read())
+        if got == 0:
+            raise ReadError(
+                path,
+                f"scan {number} ends after {first:,} of {count:,} points",
+                _AGAIN,
+                f"point {first:,}",
+            )
+        wanted: Any = slice(0, got)
+        if rows is not None:
+            low, high = np.searchsorted(rows, (first, first + got))
+            wanted = rows[low:high] - first
+        table = {name: chunk[name][wanted].copy() for name in fields}
+        points = np.stack([table.pop(name) for name in shape], axis=1)
+        if shape is _SPHERICAL:
+            points = _from_spherical(points)
+        precision.look(points)
+        if header.has_pose():
+            points = points @ np.asarray(header.rotation_matrix).T + np.asarray(header.translation)
+        yield points, table, got
+        first += got
+    reader.close()
+
+
+def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None) -> RawSurvey:
+    root = image.root()
+    headers, counts = _scans(path, root)
+    total = sum(counts)
     rows = thinning_rows(total, max_points)
     tables, invalid, start = [], 0, 0
     coarse: tuple[str, ...] = ()
@@ -117,53 +302,14 @@ def _read_scan(
     advance: Any,
 ) -> tuple[dict[str, npt.NDArray[Any]], tuple[str, ...]]:
     """Read one scan: x, y, z in the file's frame and every other field; and warnings."""
-    fields = list(header.point_fields)
-    shape = next((s for s in (_CARTESIAN, _SPHERICAL) if all(n in fields for n in s)), None)
-    if shape is None:
-        raise ReadError(
-            path,
-            f"scan {number} has neither cartesian nor spherical coordinates; its fields are "
-            f"{', '.join(fields)}",
-            "export the survey again",
-        )
-    count = int(header.point_count)
-    size = min(_CHUNK_POINTS, count)
-    buffers = libe57.VectorSourceDestBuffer()
-    chunk = {name: np.empty(size, dtype=np.float64) for name in fields}
-    for name in fields:
-        buffers.append(libe57.SourceDestBuffer(image, name, chunk[name], size, True, True))
-    reader = header.points.reader(buffers)
-    kept = count if rows is None else len(rows)
-    table = {name: np.empty(kept, dtype=np.float64) for name in fields}
-    first, done = 0, 0
-    while first < count:
-        got = int(reader.read())
-        if got == 0:
-            raise ReadError(
-                path,
-                f"scan {number} ends after {first:,} of {count:,} points",
-                _AGAIN,
-                f"point {first:,}",
-            )
-        wanted: Any = slice(0, got)
-        if rows is not None:
-            low, high = np.searchsorted(rows, (first, first + got))
-            wanted = rows[low:high] - first
-        part = len(chunk[fields[0]][wanted])
-        for name in fields:
-            table[name][done : done + part] = chunk[name][wanted]
-        done += part
-        first += got
+    precision = _Precision()
+    parts = []
+    for points, table, got in _scan_parts(path, image, header, number, rows, precision):
+        table["x"], table["y"], table["z"] = points.T
+        parts.append(table)
         advance(got)
-    reader.close()
-    points = np.stack([table.pop(name) for name in shape], axis=1)
-    if shape is _SPHERICAL:
-        points = _from_spherical(points)
-    warnings = check_precision(points[np.isfinite(points).all(axis=1)])
-    if header.has_pose():
-        points = points @ np.asarray(header.rotation_matrix).T + np.asarray(header.translation)
-    table["x"], table["y"], table["z"] = points.T
-    return table, warnings
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return whole, tuple(precision.told())
 
 
 def _from_spherical(values: Float64) -> Float64:

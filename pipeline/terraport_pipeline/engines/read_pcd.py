@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +22,7 @@ from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
+    StreamPart,
     find_colours,
     thinning_rows,
     to_eight_bits,
@@ -27,9 +30,11 @@ from terraport_pipeline.engines.raw_survey import (
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.model import UInt8
 
-__all__ = ["read_pcd"]
+__all__ = ["PcdStream", "read_pcd", "stream_pcd"]
 
 _MAX_HEADER_BYTES: Final = 1 << 14
+
+_CHUNK_POINTS: Final = 1_000_000
 
 _PADDING: Final = "#$%&~~"
 """pypcd4's own name for fields that the file calls ``_``."""
@@ -56,19 +61,7 @@ def read_pcd(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     ReadError
         When the header is wrong, x, y or z is missing, or the data is cut off; names the byte.
     """
-    meta, start = _read_header(path)
-    if meta.points == 0:
-        raise ReadError(path, "the header says 0 points", "export the survey again")
-    single = {name for name, count in zip(meta.fields, meta.count, strict=True) if count == 1}
-    missing = [axis for axis in "xyz" if axis not in single]
-    if missing:
-        fields = ", ".join(name for name in meta.fields if not name.startswith(_PADDING))
-        raise ReadError(
-            path,
-            f"there is no field {', '.join(missing)}; the fields are {fields}",
-            "export the survey with coordinates named x, y, z",
-        )
-    _check_size(path, meta, start)
+    meta, start = _check_header(path)
     try:
         table = PointCloud.from_path(path).pc_data
     except (ValueError, TypeError, LookupError, RuntimeError, OSError, struct.error) as error:
@@ -84,6 +77,80 @@ def read_pcd(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     rows = thinning_rows(len(table), max_points)
     advance(len(table), len(table))
     return _assemble(table if rows is None else table[rows])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PcdStream:
+    """An open file; its points come in parts."""
+
+    count: int
+    colours: tuple[str, ...]
+    """Names of red, green, blue; of one column of three values; or none."""
+    parts: Callable[[], Iterator[StreamPart]]
+    """Makes the iterator; once."""
+
+
+def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
+    """Check a binary file as :func:`read_pcd` does, and read its points in parts of a million.
+
+    Raises
+    ------
+    ReadError
+        Also when the points are text or compressed: pypcd4 reads those only whole.
+    """
+    meta, start = _check_header(path)
+    if meta.data != Encoding.BINARY:
+        raise ReadError(
+            path,
+            f"a PCD file with DATA {meta.data.value} cannot be read in parts",
+            "convert it to DATA binary (pcl_convert_pcd_ascii_binary in.pcd out.pcd 1) or to LAZ, "
+            "or give --max-memory more",
+        )
+    dtype = meta.build_dtype()
+    rows = thinning_rows(meta.points, max_points)
+    names = [name for name in dtype.names or () if not name.startswith(_PADDING)]
+    packed = next((n for n in names if n.lower() in _PACKED and dtype[n].itemsize == 4), None)
+    colours = (packed,) if packed is not None else (find_colours(names) or ())
+
+    def parts() -> Iterator[StreamPart]:
+        for first in range(0, meta.points, _CHUNK_POINTS):
+            want = min(_CHUNK_POINTS, meta.points - first)
+            offset = start + first * dtype.itemsize
+            table = np.fromfile(path, dtype=dtype, count=want, offset=offset)
+            if rows is not None:
+                low, high = np.searchsorted(rows, (first, first + want))
+                table = table[rows[low:high] - first]
+            points = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
+            columns = {n: np.ascontiguousarray(table[n]) for n in names if n not in ("x", "y", "z")}
+            if packed is not None:
+                columns[packed] = _unpacked(columns[packed])
+            yield StreamPart(points, columns, want)
+
+    return PcdStream(meta.points, colours, parts)
+
+
+def _unpacked(values: npt.NDArray[Any]) -> UInt8:
+    """Red, green, blue (n, 3) of 0x00RRGGBB."""
+    bits = np.ascontiguousarray(values).view(np.uint32)
+    return (np.stack([bits >> 16, bits >> 8, bits], axis=1) & 0xFF).astype(np.uint8)
+
+
+def _check_header(path: Path) -> tuple[Any, int]:
+    """Read the header and check all that it says; with where the points begin."""
+    meta, start = _read_header(path)
+    if meta.points == 0:
+        raise ReadError(path, "the header says 0 points", "export the survey again")
+    single = {name for name, count in zip(meta.fields, meta.count, strict=True) if count == 1}
+    missing = [axis for axis in "xyz" if axis not in single]
+    if missing:
+        fields = ", ".join(name for name in meta.fields if not name.startswith(_PADDING))
+        raise ReadError(
+            path,
+            f"there is no field {', '.join(missing)}; the fields are {fields}",
+            "export the survey with coordinates named x, y, z",
+        )
+    _check_size(path, meta, start)
+    return meta, start
 
 
 def _read_header(path: Path) -> tuple[Any, int]:
@@ -154,9 +221,7 @@ def _assemble(table: npt.NDArray[Any]) -> RawSurvey:
     colours: UInt8 | None = None
     warnings: tuple[str, ...] = ()
     if packed is not None and table.dtype[packed].itemsize == 4:
-        bits = np.ascontiguousarray(table[packed]).view(np.uint32)
-        parts = np.stack([bits >> 16, bits >> 8, bits], axis=1) & 0xFF
-        colours, warnings = to_eight_bits(parts.astype(np.uint8), where=packed)
+        colours, warnings = to_eight_bits(_unpacked(table[packed]), where=packed)
         used.add(packed)
     elif triple is not None:
         parts = np.stack([table[name] for name in triple], axis=1)

@@ -8,6 +8,7 @@ GPL-3.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -18,13 +19,14 @@ import numpy.typing as npt
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
+    StreamPart,
     find_colours,
     thinning_rows,
     to_eight_bits,
 )
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["read_ply"]
+__all__ = ["PlyStream", "read_ply", "stream_ply"]
 
 _MAX_HEADER_BYTES: Final = 1 << 16
 """A header of 64 KiB has a thousand properties; more is no PLY."""
@@ -95,15 +97,60 @@ def read_ply(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     vertex, before, others = _find_vertex(path, header)
     _check_names(path, vertex)
     rows = thinning_rows(vertex.count, max_points)
-    if header.format == "ascii":
-        table = _read_ascii(path, header, vertex, before, rows, advance)
-    else:
-        table = _read_binary(path, header, vertex, before, rows, advance)
-    warnings = []
-    if others:
-        told = " and ".join(f"{element.count:,} {element.name}" for element in others)
-        warnings.append(f"Only the vertices are read; the file's {told} elements are ignored.")
-    return _assemble(table, tuple(warnings))
+    kept = vertex.count if rows is None else len(rows)
+    tables = _ascii_tables if header.format == "ascii" else _binary_tables
+    whole: npt.NDArray[Any] | None = None
+    done = 0
+    for table, read in tables(path, header, vertex, before, rows):
+        if whole is None:
+            whole = np.empty(kept, dtype=table.dtype)
+        whole[done : done + len(table)] = table
+        done += len(table)
+        advance(read, vertex.count)
+    assert whole is not None  # there is at least one vertex
+    return _assemble(whole, _ignored(others))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlyStream:
+    """An open file; its vertices come in parts."""
+
+    count: int
+    warnings: tuple[str, ...]
+    colours: tuple[str, ...]
+    """Names of red, green, blue, or none."""
+    parts: Callable[[], Iterator[StreamPart]]
+    """Makes the iterator; once."""
+
+
+def stream_ply(path: Path, *, max_points: int | None = None) -> PlyStream:
+    """Check a file as :func:`read_ply` does, and read its vertices in parts of a million."""
+    with path.open("rb") as file:
+        header = _read_header(path, file)
+    vertex, before, others = _find_vertex(path, header)
+    _check_names(path, vertex)
+    rows = thinning_rows(vertex.count, max_points)
+    tables = _ascii_tables if header.format == "ascii" else _binary_tables
+    names = [name for name, _ in vertex.properties]
+    lower = {name.lower(): name for name in reversed(names)}
+    axes = [lower[axis] for axis in "xyz"]
+
+    def parts() -> Iterator[StreamPart]:
+        for table, read in tables(path, header, vertex, before, rows):
+            points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
+            columns = {
+                name: np.ascontiguousarray(table[name]) for name in names if name not in axes
+            }
+            yield StreamPart(points, columns, read)
+
+    return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), parts)
+
+
+def _ignored(others: list[_Element]) -> tuple[str, ...]:
+    if not others:
+        return ()
+    told = " and ".join(f"{element.count:,} {element.name}" for element in others)
+    return (f"Only the vertices are read; the file's {told} elements are ignored.",)
 
 
 def _read_header(path: Path, file: BinaryIO) -> _Header:
@@ -184,14 +231,14 @@ def _row_type(element: _Element, file_format: str) -> np.dtype[Any]:
     return np.dtype([(name, endian + code) for name, code in element.properties])
 
 
-def _read_binary(
+def _binary_tables(
     path: Path,
     header: _Header,
     vertex: _Element,
     before: list[_Element],
     rows: npt.NDArray[np.int64] | None,
-    advance: Advance,
-) -> npt.NDArray[Any]:
+) -> Iterator[tuple[npt.NDArray[Any], int]]:
+    """Yield (vertices that are kept, vertices read)."""
     dtype = _row_type(vertex, header.format)
     start = header.length
     for element in before:
@@ -205,24 +252,24 @@ def _read_binary(
             "it is cut off: copy or export it again",
             f"byte {size:,}",
         )
-    stored = np.memmap(path, dtype=dtype, mode="r", offset=start, shape=(vertex.count,))
-    kept = vertex.count if rows is None else len(rows)
-    table = np.empty(kept, dtype=dtype.newbyteorder("="))
-    for first in range(0, kept, _CHUNK_POINTS):
-        part = slice(first, min(first + _CHUNK_POINTS, kept))
-        table[part] = stored[part if rows is None else rows[part]]
-        advance((part.stop - first) * vertex.count // kept, vertex.count)
-    return table
+    for first in range(0, vertex.count, _CHUNK_POINTS):
+        want = min(_CHUNK_POINTS, vertex.count - first)
+        # Not mapped: mapped pages count as this process's memory until something else needs it.
+        table = np.fromfile(path, dtype=dtype, count=want, offset=start + first * dtype.itemsize)
+        if rows is not None:
+            low, high = np.searchsorted(rows, (first, first + want))
+            table = table[rows[low:high] - first]
+        yield table.astype(dtype.newbyteorder("="), copy=False), want
 
 
-def _read_ascii(
+def _ascii_tables(
     path: Path,
     header: _Header,
     vertex: _Element,
     before: list[_Element],
     rows: npt.NDArray[np.int64] | None,
-    advance: Advance,
-) -> npt.NDArray[Any]:
+) -> Iterator[tuple[npt.NDArray[Any], int]]:
+    """Yield (vertices that are kept, vertices read)."""
     dtype = _row_type(vertex, "ascii")
     columns = len(vertex.properties)
     size = path.stat().st_size
@@ -233,9 +280,6 @@ def _read_ascii(
             f"{size:,} bytes",
             "it is cut off: copy or export it again",
         )
-    kept = vertex.count if rows is None else len(rows)
-    table = np.empty(kept, dtype=dtype)
-    done = 0
     with path.open("rb") as file:
         file.seek(header.length)
         for _ in range(sum(element.count for element in before)):
@@ -253,11 +297,10 @@ def _read_ascii(
             if rows is not None:
                 low, high = np.searchsorted(rows, (first, first + want))
                 values = values[rows[low:high] - first]
+            table = np.zeros(len(values), dtype=dtype)
             for column, (name, _) in enumerate(vertex.properties):
-                table[name][done : done + len(values)] = values[:, column]
-            done += len(values)
-            advance(want, vertex.count)
-    return table
+                table[name] = values[:, column]
+            yield table, want
 
 
 def _parse_lines(

@@ -11,6 +11,7 @@ from __future__ import annotations
 import io
 import re
 from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -23,6 +24,7 @@ from pyarrow import csv
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
+    StreamPart,
     thinning_rows,
     to_eight_bits,
 )
@@ -36,7 +38,7 @@ from terraport_pipeline.errors import ReadError
 if TYPE_CHECKING:
     from typing_extensions import Buffer  # in collections.abc from Python 3.12
 
-__all__ = ["read_xyz"]
+__all__ = ["XyzStream", "read_xyz", "stream_xyz"]
 
 _SAMPLE_BYTES: Final = 1 << 16
 _SAMPLE_ROWS: Final = 200
@@ -45,6 +47,7 @@ _BLOCK_BYTES: Final = 1 << 22
 """Text that is normalised and parsed at once."""
 
 _COLOURS: Final = ("red", "green", "blue")
+_AXES: Final = ("x", "y", "z")
 
 _COMMENT: Final = re.compile(rb"^[ \t]*(?:#|//)[^\n]*\n?", re.MULTILINE)
 _BLANKS: Final = re.compile(rb"[ \t]+")
@@ -100,6 +103,147 @@ def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> 
         else:
             text.append(name)
     return _assemble(columns, layout, text)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class XyzStream:
+    """An open file; its points come in parts."""
+
+    size: int
+    """Bytes of the file."""
+    warnings: tuple[str, ...]
+    colours: tuple[str, ...]
+    parts: Callable[[], Iterator[StreamPart]]
+    """Makes the iterator; once."""
+
+
+def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
+    """Read a text in parts; a first pass finds the columns' types and counts the rows.
+
+    Raises
+    ------
+    ReadError
+        As :func:`read_xyz`.
+    """
+    layout = _find_layout(path)
+    types, count = _find_types(path, layout)
+    if count == 0:
+        raise ReadError(path, "there is not one row of numbers", "export the survey again")
+    rows = thinning_rows(count, max_points)
+    names = [n for n in layout.names if types[n] in (pa.int64(), pa.float64())]
+    text = [n for n in layout.names if types[n] == pa.string()]
+    warnings = []
+    if text:
+        warnings.append(_left_out(text))
+    if layout.bare:
+        warnings.append(_bare(layout))
+    has_colour = all(name in names for name in _COLOURS)
+
+    def parts() -> Iterator[StreamPart]:
+        first = 0
+        for batch, read in _batches(path, layout, types):
+            wanted: Any = slice(None)
+            if rows is not None:
+                low, high = np.searchsorted(rows, (first, first + batch.num_rows))
+                wanted = rows[low:high] - first
+            columns = {
+                name: batch.column(name).to_numpy(zero_copy_only=False)[wanted] for name in names
+            }
+            points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
+            yield StreamPart(points, columns, read)
+            first += batch.num_rows
+
+    return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), parts)
+
+
+def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], int]:
+    """Find the narrowest type that every row of each column has, and count the rows."""
+    types = {axis: pa.float64() for axis in "xyz"}
+    while True:
+        seen: dict[str, pa.DataType] = {}
+        nulls: set[str] = set()
+        count = 0
+        try:
+            for batch, _ in _batches(path, layout, types):
+                seen = {name: batch.schema.field(name).type for name in layout.names}
+                nulls |= {n for n in layout.names if batch.column(n).null_count}
+                count += batch.num_rows
+        except pa.ArrowInvalid as error:
+            # A later row does not fit what the first block looked like: wider, and again.
+            place = re.search(r"column #(\d+)", str(error))
+            name = layout.names[int(place[1])] if place else ""
+            if not place or "conversion error" not in str(error) or name in _AXES:
+                raise _no_table(path, layout, error) from error
+            known = types.get(name)
+            types[name] = pa.string() if known == pa.float64() else pa.float64()
+            continue
+        for name, found in seen.items():
+            whole = pa.types.is_integer(found)
+            if whole or pa.types.is_floating(found):
+                # A gap in whole numbers makes them floats, as in a whole table.
+                types[name] = pa.int64() if whole and name not in nulls else pa.float64()
+            else:
+                types[name] = pa.null() if pa.types.is_null(found) else pa.string()
+        return types, count
+
+
+def _batches(
+    path: Path, layout: _Layout, types: dict[str, pa.DataType]
+) -> Iterator[tuple[Any, int]]:
+    """Yield (record batch, bytes of the file read since the last one)."""
+    read = 0
+
+    def count(size: int, _total: int) -> None:
+        nonlocal read
+        read += size
+
+    with path.open("rb") as file:
+        source = _Normalised(file, layout, path.stat().st_size, count)
+        try:
+            reader = csv.open_csv(pa.PythonFile(source, mode="r"), *_csv_options(layout, types))
+        except pa.ArrowInvalid as error:
+            if "Empty CSV" in str(error):
+                return
+            raise
+        for batch in reader:
+            yield batch, read
+            read = 0
+
+
+def _csv_options(layout: _Layout, types: dict[str, pa.DataType]) -> tuple[Any, Any, Any]:
+    return (
+        # One thread: only then does pyarrow know the line of an error.
+        csv.ReadOptions(use_threads=False, block_size=_BLOCK_BYTES, column_names=layout.names),
+        csv.ParseOptions(delimiter=layout.delimiter),
+        csv.ConvertOptions(
+            column_types=types,
+            null_values=_NULLS,
+            decimal_point=layout.decimal,
+            strings_can_be_null=True,
+        ),
+    )
+
+
+def _no_table(path: Path, layout: _Layout, error: pa.ArrowInvalid) -> ReadError:
+    reason = " ".join(str(error).split())[:200]
+    row = re.search(r"Row #(\d+)", reason)
+    place = None
+    if row is not None:
+        place = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
+    return ReadError(
+        path,
+        f"the text is no table of {len(layout.names)} columns ({reason})",
+        "repair the line or export the survey again",
+        place,
+    )
+
+
+def _left_out(text: list[str]) -> str:
+    return f"The columns {', '.join(text)} hold text and were left out."
+
+
+def _bare(layout: _Layout) -> str:
+    return f"The file has no header; its columns were taken as {', '.join(layout.names)}."
 
 
 def _find_layout(path: Path) -> _Layout:
@@ -220,32 +364,9 @@ def _parse(path: Path, layout: _Layout, advance: Advance) -> pa.Table:
     with path.open("rb") as file:
         source = _Normalised(file, layout, path.stat().st_size, advance)
         try:
-            return csv.read_csv(
-                pa.PythonFile(source, mode="r"),
-                # One thread: only then does pyarrow know the line of an error.
-                csv.ReadOptions(
-                    use_threads=False, block_size=_BLOCK_BYTES, column_names=layout.names
-                ),
-                csv.ParseOptions(delimiter=layout.delimiter),
-                csv.ConvertOptions(
-                    column_types=types,
-                    null_values=_NULLS,
-                    decimal_point=layout.decimal,
-                    strings_can_be_null=True,
-                ),
-            )
+            return csv.read_csv(pa.PythonFile(source, mode="r"), *_csv_options(layout, types))
         except pa.ArrowInvalid as error:
-            reason = " ".join(str(error).split())[:200]
-            row = re.search(r"Row #(\d+)", reason)
-            place = None
-            if row is not None:
-                place = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
-            raise ReadError(
-                path,
-                f"the text is no table of {len(layout.names)} columns ({reason})",
-                "repair the line or export the survey again",
-                place,
-            ) from error
+            raise _no_table(path, layout, error) from error
 
 
 class _Normalised(io.RawIOBase):
@@ -297,14 +418,12 @@ def _assemble(columns: dict[str, npt.NDArray[Any]], layout: _Layout, text: list[
     points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
     warnings: list[str] = []
     if text:
-        warnings.append(f"The columns {', '.join(text)} hold text and were left out.")
+        warnings.append(_left_out(text))
     colours = None
     if all(name in columns for name in _COLOURS):
         parts = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
         colours, notes = to_eight_bits(parts, where="red, green, blue")
         warnings += notes
     if layout.bare:
-        warnings.append(
-            f"The file has no header; its columns were taken as {', '.join(layout.names)}."
-        )
+        warnings.append(_bare(layout))
     return RawSurvey(points, colours, columns, None, tuple(warnings))

@@ -14,8 +14,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from terraport_pipeline.engines.raw_survey import StreamPart
+from terraport_pipeline.engines.read_e57 import open_e57
 from terraport_pipeline.engines.read_las import UNSET, open_las
-from terraport_pipeline.errors import ReadError
+from terraport_pipeline.engines.read_pcd import stream_pcd
+from terraport_pipeline.engines.read_ply import stream_ply
+from terraport_pipeline.engines.read_xyz import stream_xyz
 
 __all__ = ["SurveySize", "SurveyStream", "open_stream", "survey_size"]
 
@@ -50,7 +53,10 @@ class SurveyStream:
     narrow: bool = False
     """Columns of whole numbers get an integer type."""
     stated_step: bool = False
-    """The format states how fine its coordinates are: nothing to suspect of 32-bit floats."""
+    """Nothing is to suspect of 32-bit floats: the format says how fine its coordinates are, or the
+    opener looks itself."""
+    late_warnings: Callable[[], tuple[str, ...]] = tuple
+    """What is known when all parts were read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,14 +115,7 @@ def open_stream(path: Path, name: str, *, max_points: int | None = None) -> Iter
     ReadError
         The file is damaged, or of a kind that cannot be read in parts; says how to convert it.
     """
-    opener = _OPENERS.get(name)
-    if opener is None:
-        raise ReadError(
-            path,
-            f"a survey of the format {name} cannot be read in parts",
-            "convert it to LAZ (for example with CloudCompare), or give --max-memory more",
-        )
-    with opener(path, max_points) as stream:
+    with _OPENERS[name](path, max_points) as stream:
         yield stream
 
 
@@ -137,4 +136,49 @@ def _open_las(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
         )
 
 
-_OPENERS: Final[dict[str, Callable[[Path, int | None], Any]]] = {"las": _open_las}
+@contextlib.contextmanager
+def _open_ply(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
+    ply = stream_ply(path, max_points=max_points)
+    yield SurveyStream(
+        "ply", ply.count, "points", ply.parts, warnings=ply.warnings, colours=ply.colours
+    )
+
+
+@contextlib.contextmanager
+def _open_pcd(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
+    pcd = stream_pcd(path, max_points=max_points)
+    yield SurveyStream("pcd", pcd.count, "points", pcd.parts, colours=pcd.colours)
+
+
+@contextlib.contextmanager
+def _open_xyz(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
+    text = stream_xyz(path, max_points=max_points)
+    yield SurveyStream(
+        "xyz", text.size, "bytes", text.parts, warnings=text.warnings, colours=text.colours
+    )
+
+
+@contextlib.contextmanager
+def _open_e57(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
+    with open_e57(path, max_points=max_points) as stream:
+        yield SurveyStream(
+            "e57",
+            stream.count,
+            "points",
+            stream.parts,
+            stream.crs,
+            stream.warnings,
+            stream.colours,
+            narrow=True,
+            stated_step=True,
+            late_warnings=stream.late_warnings,
+        )
+
+
+_OPENERS: Final[dict[str, Callable[[Path, int | None], Any]]] = {
+    "las": _open_las,
+    "ply": _open_ply,
+    "pcd": _open_pcd,
+    "xyz": _open_xyz,
+    "e57": _open_e57,
+}

@@ -26,9 +26,7 @@ def some_cells(count: int = 3000) -> np.ndarray:
 
 
 def plan_for(cells: np.ndarray, depth: int = 8, block: int = 8) -> TilePlan:
-    blocks, counts = np.unique(
-        np.floor(cells / block).astype(np.int64), axis=0, return_counts=True
-    )
+    blocks, counts = np.unique(np.floor(cells / block).astype(np.int64), axis=0, return_counts=True)
     return plan_tiles(LATTICE, tile_shape(depth), blocks, counts, block)
 
 
