@@ -94,6 +94,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--points", type=int, default=200_000)
     parser.add_argument("--depths", default="8,9")
+    parser.add_argument("--noise", type=float, default=0.015, help="of the samples, metres")
     parser.add_argument("--weights", default="2")
     parser.add_argument("--threads", default="1,2")
     parser.add_argument("--repeat", type=int, default=2, help="runs, to see whether bytes differ")
@@ -101,7 +102,7 @@ def main() -> int:
     parser.add_argument("--pcl", action="store_true")
     parser.add_argument("--json", type=Path)
     asked = parser.parse_args()
-    quarry = synthesise(QuarryOptions(points=asked.points, holes=0))
+    quarry = synthesise(QuarryOptions(points=asked.points, holes=0, noise_m=asked.noise))
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         (place / "scratch").mkdir()
