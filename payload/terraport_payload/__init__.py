@@ -16,6 +16,7 @@ from terraport_payload.arrays import decode_arrays, encode_arrays
 from terraport_payload.cover import Cover
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb import decode_glb, encode_glb, gltf_attribute_name
+from terraport_payload.glb_texture import snap_uvs
 from terraport_payload.grid import AttributeScale, choose_attribute_scale, choose_step_m, snap
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.order import order_for_cache
@@ -36,4 +37,5 @@ __all__ = [
     "gltf_attribute_name",
     "order_for_cache",
     "snap",
+    "snap_uvs",
 ]

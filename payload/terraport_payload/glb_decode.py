@@ -26,8 +26,14 @@ from terraport_payload.glb_encode import (
     UNSIGNED_SHORT,
 )
 from terraport_payload.glb_json import only, pick, typed
-from terraport_payload.glb_texture import IMAGE_EXTENSIONS, find_image
-from terraport_payload.grid import MAX_CODE, NULL_CODE, AttributeScale, decode_attribute
+from terraport_payload.glb_texture import (
+    IMAGE_EXTENSIONS,
+    UV_TRANSFORM,
+    decode_uvs,
+    find_image,
+    find_uv_scale,
+)
+from terraport_payload.grid import NULL_CODE, AttributeScale, decode_attribute
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
 from terraport_payload.texture import MAX_IMAGE_BYTES, Texture
@@ -39,6 +45,7 @@ _KNOWN: Final = frozenset(
         "KHR_mesh_quantization",
         "EXT_meshopt_compression",
         "EXT_mesh_features",
+        UV_TRANSFORM,
         *IMAGE_EXTENSIONS.values(),
     }
 )
@@ -107,7 +114,12 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
         codes = reader.accessor(
             attributes.get("TEXCOORD_0"), (UNSIGNED_SHORT,), "VEC2", "TEXCOORD_0"
         )
-        uvs = codes.astype(np.float32) / np.float32(MAX_CODE)
+        uv_scale = find_uv_scale(document, primitive)
+        if (uv_scale is None) != reader.normalised(attributes["TEXCOORD_0"]):
+            raise PayloadError(
+                "TEXCOORD_0 must be normalised without a transform, and not with one"
+            )
+        uvs = decode_uvs(codes, uv_scale)
     with np.errstate(over="ignore"):  # a hostile transform gives infinity, which check_mesh names
         placed = (translation + scale * positions.astype(np.float64)).astype(np.float32)
     result = SegmentMesh(
@@ -185,6 +197,10 @@ class _Reader:
             return np.frombuffer(raw, dtype=item)
         table = np.frombuffer(raw, dtype=item).reshape(count, stride // item.itemsize)
         return table[:, 0] if width == 1 else table[:, :width]
+
+    def normalised(self, number: int) -> bool:
+        """Tell whether an accessor that was read states that its integers are fractions."""
+        return self._accessors[number].get("normalized", False) is True
 
     def image(self, number: object, media_type: str) -> Texture:
         """Read a bufferView that holds an image file as it is."""

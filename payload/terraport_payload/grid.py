@@ -45,6 +45,12 @@ MIN_STEP_M: Final = 2.0**-12
 NULL_CODE: Final = 65535
 """Attribute code that stands for "no value here" (NaN)."""
 
+MAX_ERROR_M: Final = 0.0025
+"""A default grid moves no vertex by more than this along an axis, however coarse the survey."""
+
+ERROR_PER_SPACING: Final = 0.01
+"""Nor by more than this part of the point spacing: far below the noise of any survey."""
+
 _FLOAT32_MAX: Final = float(np.finfo(np.float32).max)
 
 _ATTRIBUTE_LEVELS: Final = 65534
@@ -81,8 +87,12 @@ class AttributeScale:
             )
 
 
-def choose_step_m(widest_segment_m: float, farthest_m: float = 0.0) -> float:
-    """Choose the finest grid step that carries a scene.
+def choose_step_m(
+    widest_segment_m: float, farthest_m: float = 0.0, spacing_m: float = 0.0
+) -> float:
+    """Choose the grid step of a scene: as fine as its survey deserves, as coarse as it needs.
+
+    Finer steps cost bytes and show nothing: what is below the survey's noise does not compress.
 
     Parameters
     ----------
@@ -90,12 +100,16 @@ def choose_step_m(widest_segment_m: float, farthest_m: float = 0.0) -> float:
         Longest side of any segment's axis-aligned box, metres.
     farthest_m : float, optional
         Largest absolute scene coordinate, metres.
+    spacing_m : float, optional
+        Typical distance between the survey's points, metres; 0 when it is not known.
 
     Returns
     -------
     float
-        Smallest power of two >= 2^-12 m for which every segment spans at most 65534 steps (one is
-        left for the rounding of either end) and no coordinate reaches 2^24 steps.
+        A power of two of at least 2^-12 m: the largest whose error (half a step along each axis) is
+        at most :data:`ERROR_PER_SPACING` of the spacing and :data:`MAX_ERROR_M`, or the smallest
+        for which every segment spans at most 65534 steps (one is left for the rounding of either
+        end) and no coordinate reaches 2^24 steps, whichever is larger.
 
     Raises
     ------
@@ -108,11 +122,20 @@ def choose_step_m(widest_segment_m: float, farthest_m: float = 0.0) -> float:
     True
     >>> choose_step_m(40.0, 300.0) == 2.0**-10
     True
+    >>> choose_step_m(15.0, spacing_m=0.12) == 2.0**-9
+    True
     """
-    for name, value in (("widest_segment_m", widest_segment_m), ("farthest_m", farthest_m)):
+    lengths = {
+        "widest_segment_m": widest_segment_m,
+        "farthest_m": farthest_m,
+        "spacing_m": spacing_m,
+    }
+    for name, value in lengths.items():
         if not (math.isfinite(value) and value >= 0):
             raise PayloadError(f"{name} is {value!r}, expected a finite length >= 0")
     step = MIN_STEP_M
+    while step <= min(ERROR_PER_SPACING * spacing_m, MAX_ERROR_M):  # 2 * step has an error of step
+        step *= 2.0
     while widest_segment_m > (MAX_CODE - 1) * step or farthest_m >= (MAX_STEPS - 1) * step:
         step *= 2.0
     return step

@@ -63,7 +63,7 @@ def test_keep_face_order_keeps_it(patch: SegmentMesh) -> None:
 @given(st.integers(0, 2**32 - 1), st.integers(-12, -4), st.booleans())
 @settings(max_examples=40, deadline=None)
 def test_errors_are_within_their_bounds(seed: int, exponent: int, compress: bool) -> None:
-    """Position and attribute within half a step, normals within 1.2 degrees, colours exact."""
+    """Position and attribute within half a step, normals within 2.2 degrees, colours exact."""
     rng = np.random.default_rng(seed)
     count, step = 50, 2.0**exponent
     centre = rng.uniform(-2000, 2000, 3)
@@ -90,7 +90,7 @@ def test_errors_are_within_their_bounds(seed: int, exponent: int, compress: bool
         <= scale.step / 2 + 5e-7
     )
     cosine = (back.normals.astype(float) * normals).sum(axis=1)
-    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 1.2
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 2.2
     assert np.allclose(np.linalg.norm(back.normals, axis=1), 1.0, atol=1e-6)
 
 

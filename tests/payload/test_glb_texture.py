@@ -20,6 +20,7 @@ from terraport_payload import (
     decode_glb,
     encode_arrays,
     encode_glb,
+    snap_uvs,
 )
 from terraport_payload.glb_container import join_glb, split_glb
 
@@ -55,11 +56,42 @@ def test_texture_comes_back_as_it_went(image: bytes, extension: str | None, comp
     # Faces keep their order, corners may be rotated: compare corner sets by sorting.
     before = np.sort(mesh.uvs[mesh.faces].reshape(-1, 6), axis=1)
     after = np.sort(found.uvs[found.faces].reshape(-1, 6), axis=1)
-    np.testing.assert_allclose(after, before, atol=0.51 / 65535)
+    texture = mesh.texture
+    assert texture is not None
+    np.testing.assert_allclose(after, before, atol=0.251 / min(texture.width, texture.height))
     document, _, _ = split_glb(glb)
     assert ("COLOR_0" in json.dumps(document)) is False
     required = set(document["extensionsRequired"]) & {"EXT_texture_webp", "KHR_texture_basisu"}
     assert required == ({extension} if extension else set())
+
+
+def test_texture_coordinates_are_half_texels() -> None:
+    texture = MESH.texture
+    assert texture is not None
+    assert MESH.uvs is not None
+    snapped = snap_uvs(MESH.uvs, texture.width, texture.height)
+    texels = snapped * (texture.width, texture.height)
+    assert (texels * 2 == np.rint(texels * 2)).all()
+    again = decode_glb(encoded(replace(MESH, uvs=snapped), keep_face_order=True))
+    assert again.uvs is not None
+    assert {tuple(row) for row in again.uvs.tolist()} == {tuple(row) for row in snapped.tolist()}
+
+
+def test_normalised_coordinates_of_other_writers_are_read() -> None:
+    document, binary, _ = split_glb(encoded(compress=False))
+    document = json.loads(json.dumps(document))
+    place = document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    (across, down) = place.pop("extensions")["KHR_texture_transform"]["scale"]
+    for key in ("extensionsUsed", "extensionsRequired"):
+        document[key].remove("KHR_texture_transform")
+    number = document["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]
+    document["accessors"][number]["normalized"] = True
+    found = decode_glb(join_glb(document, bytes(binary)))
+    expected = decode_glb(encoded(compress=False))
+    assert found.uvs is not None
+    assert expected.uvs is not None
+    codes = np.rint(expected.uvs / (across, down))
+    np.testing.assert_allclose(found.uvs, codes / 65535, rtol=1e-6)
 
 
 def test_image_lies_at_a_multiple_of_four_as_it_is() -> None:
@@ -109,6 +141,7 @@ def set_at(*path: Any) -> Callable[[dict[str, Any]], None]:
 
 VIEW = DOCUMENT["images"][0]["bufferView"]
 SURFACE = ("materials", 0, "pbrMetallicRoughness")
+TRANSFORM = (*SURFACE, "baseColorTexture", "extensions", "KHR_texture_transform")
 
 
 @pytest.mark.parametrize(
@@ -126,7 +159,17 @@ SURFACE = ("materials", 0, "pbrMetallicRoughness")
         (set_at("textures", []), "texture is 0"),
         (set_at(*SURFACE, "baseColorTexture", {"index": 0, "texCoord": 1}), "another set"),
         (set_at(*SURFACE, "baseColorTexture", 5), "baseColorTexture is int"),
-        (set_at(*SURFACE, "baseColorTexture", {"index": 0, "extensions": {}}), "transform"),
+        (set_at(*SURFACE, "baseColorTexture", {"index": 0}), "TEXCOORD_0 must be normalised"),
+        (set_at(*SURFACE, "baseColorTexture", "extensions", []), "expected dict"),
+        (set_at(*SURFACE, "baseColorTexture", "extensions", {"A": 1}), "KHR_texture_transform is"),
+        (set_at(*TRANSFORM, {"scale": [0.5, 0.5], "rotation": 1}), "expected a scale"),
+        (set_at(*TRANSFORM, {"offset": [0, 0]}), "scale of KHR_texture_transform is NoneType"),
+        (set_at(*TRANSFORM, "scale", [0.5]), "two numbers alone"),
+        (set_at(*TRANSFORM, "scale", [0.5, "a"]), "two numbers alone"),
+        (set_at(*TRANSFORM, "scale", [0.5, 0.3]), "powers of two up to 1"),
+        (set_at(*TRANSFORM, "scale", [0.5, 2]), "powers of two up to 1"),
+        (set_at(*TRANSFORM, "scale", [0.5, 1e-320]), "powers of two up to 1"),
+        (set_at(*TRANSFORM, "scale", [0.5, 0.5]), "expected 0 to 1"),
         (set_at("materials", 0, "pbrMetallicRoughness", []), "is list, expected dict"),
         (set_at("bufferViews", VIEW, "byteLength", 1 << 27), "expected at most"),
         (set_at("bufferViews", VIEW, "byteLength", 1 << 25), "expected within"),
@@ -161,7 +204,7 @@ def test_colour_beside_a_texture_is_refused() -> None:
     attributes = document["meshes"][0]["primitives"][0]["attributes"]
     document["accessors"].append(dict(document["accessors"][attributes["_FEATURE_ID_0"]]))
     attributes["TEXCOORD_0"] = len(document["accessors"]) - 1
-    document["accessors"][-1]["type"] = "VEC2"
+    document["accessors"][-1] |= {"type": "VEC2", "normalized": True}
     with pytest.raises(PayloadError, match="glTF multiplies"):
         decode_glb(join_glb(document, bytes(binary) + data))
 

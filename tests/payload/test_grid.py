@@ -33,6 +33,24 @@ def test_step_is_the_smallest_that_fits(widest: float, farthest: float, step: fl
     assert choose_step_m(widest, farthest) == step
 
 
+@pytest.mark.parametrize(
+    ("spacing_m", "widest_m", "step"),
+    [
+        (0.0, 10.0, 2.0**-12),
+        (0.02, 10.0, 2.0**-12),
+        (0.05, 10.0, 2.0**-10),  # error 0.49 mm of at most 0.5 mm
+        (0.12, 10.0, 2.0**-9),
+        (0.25, 10.0, 2.0**-8),
+        (50.0, 10.0, 2.0**-8),  # never beyond 2.5 mm of error
+        (0.05, 100.0, 2.0**-9),  # the widest segment decides
+    ],
+)
+def test_step_follows_the_spacing(spacing_m: float, widest_m: float, step: float) -> None:
+    found = choose_step_m(widest_m, 0.0, spacing_m)
+    assert found == step
+    assert found / 2 <= max(0.0025, 2.0**-13)
+
+
 @pytest.mark.parametrize("bad", [-1.0, math.nan, math.inf])
 def test_step_refuses_senseless_lengths(bad: float) -> None:
     with pytest.raises(PayloadError, match="expected a finite length >= 0"):

@@ -95,7 +95,7 @@ class About:
     has_colour: bool
     build: BuildInfo
     spacing_m: float = 0.0
-    """Typical distance between the points, which decides how fine the grid is; 0: as fine as fits."""
+    """Typical distance between the points: decides how fine the grid is; 0 is as fine as fits."""
 
 
 @dataclass(frozen=True, slots=True)
