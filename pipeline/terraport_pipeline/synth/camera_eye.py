@@ -209,7 +209,7 @@ class CameraEye:
             what[met] = points.material
             free: float | Float64 = 1.0
             if truck is not None:
-                free = _sun_past(truck, points.positions)
+                free = _sun_past(truck, points.positions * self.options.scale)
                 what[met[free < 1.0]] = TRUCK_SHADOW
             colours[met] = lit_colours(
                 points,
@@ -269,9 +269,9 @@ _TO_DESIGN: Final = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], dtype=np.float3
 
 
 def _sun_past(truck: Truck, positions: Float64) -> Float64:
-    """0 where the truck stands between a place (design frame) and the sun, (N,)."""
+    """0 where the truck stands between a place (metres, x east, y north) and the sun, (N,)."""
     free = np.ones(len(positions))
-    scene = np.stack([positions[:, 0], positions[:, 2], -positions[:, 1]], axis=1) * truck.scale
+    scene = np.stack([positions[:, 0], positions[:, 2], -positions[:, 1]], axis=1)
     reach = REACH * truck.scale
     near = np.flatnonzero((np.abs(scene - truck.position) < reach).all(axis=1))
     if len(near):

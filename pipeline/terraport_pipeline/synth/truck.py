@@ -33,6 +33,10 @@ _BOXES: Final = np.array(
 _PAINT: Final = np.array([[52, 50, 48], [236, 172, 36], [244, 226, 206]], dtype=np.float64)
 """sRGB in full sun: running gear, tray, cab."""
 
+_LEAST_SCALE: Final = 0.7
+"""A truck on a small site shrinks to this and no further: it is no toy, and covers as many points
+of the cloud as a real one does."""
+
 _TRIES: Final = 3_000
 _MARGIN: Final = 0.12
 """Share of the photo's sides where no truck is put: it should be whole."""
@@ -137,9 +141,10 @@ def parking_places(surface: Surface, seed: int, scale: float) -> Float32:
     parameters = np.concatenate([tries, np.zeros((_TRIES, 1))], axis=1)
     points = surface.evaluate_at(np.full(_TRIES, GROUND), parameters)
     good = np.isin(points.material, (Material.ROAD, Material.BENCH)) & ~points.hidden
-    for du, dv in ((4.5, 0.0), (-4.5, 0.0), (0.0, 4.5), (0.0, -4.5)):
+    reach = 4.5 * max(1.0, _LEAST_SCALE / scale)
+    for du, dv in ((reach, 0.0), (-reach, 0.0), (0.0, reach), (0.0, -reach)):
         z = surface.terrain.positions(tries[:, 0] + du, tries[:, 1] + dv)[:, 2]
-        good &= np.abs(z - points.positions[:, 2]) < 0.7
+        good &= np.abs(z - points.positions[:, 2]) < 0.16 * reach
     x, y, z = points.positions[good].T * scale
     return np.stack([x, z, -y], axis=1).astype(np.float32)
 
@@ -172,6 +177,6 @@ def place_truck(view: View, number: int, places: Float32, seed: int, scale: floa
     rows = rows[rng.permutation(len(rows))][:8]
     turns = rng.uniform(0.0, 2 * np.pi, len(rows))
     return [
-        Truck(places[row].astype(np.float64), float(turn), scale)
+        Truck(places[row].astype(np.float64), float(turn), max(scale, _LEAST_SCALE))
         for row, turn in zip(rows, turns, strict=True)
     ]
