@@ -310,7 +310,7 @@ def _run_tiled(
             build=build_info(recorded, input_info, runner.reports),
         )
 
-    surface = TiledSurface(made.base, made.tiles, made.deviation_m, made.digest)
+    surface = TiledSurface(made.base, made.tiles, made.deviation_m, made.digest, made.spacing_m)
     return segment_and_pack(runner, scene, surface, options.segment, options.pack_options(), about)
 
 

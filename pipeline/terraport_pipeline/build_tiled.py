@@ -47,6 +47,8 @@ class TiledSurface:
     """50th, 95th, 99th and 99.9th percentile of the distance of detail to base."""
     digest: str
     """Of base and tiles."""
+    spacing_m: float = 0.0
+    """Typical distance between the points; see :class:`pack.About`."""
 
 
 def check_tiled(options: segment.Options) -> None:
@@ -94,7 +96,7 @@ def segment_and_pack(
     """
     check_tiled(options)
     known, segmented, labels, cuts = _Work(runner, surface, options).segmented()
-    scales = tiled_pack.scales_of(known, segmented, surface.base, pack_options)
+    scales = tiled_pack.scales_of(known, segmented, surface.base, pack_options, surface.spacing_m)
     said = about()
     encoded = TilePass(
         "pack-tile",

@@ -79,7 +79,13 @@ class PayloadFiles(Protocol):
         ...
 
 
-def scales_of(scene: TiledScene, segmented: TiledSegmented, base: Mesh, options: Options) -> Scales:
+def scales_of(
+    scene: TiledScene,
+    segmented: TiledSegmented,
+    base: Mesh,
+    options: Options,
+    spacing_m: float = 0.0,
+) -> Scales:
     """Choose the rounding for a scene."""
     sides = segmented.bounds[:, 3:].astype(np.float64) - segmented.bounds[:, :3]
     farthest = max(
@@ -92,7 +98,9 @@ def scales_of(scene: TiledScene, segmented: TiledSegmented, base: Mesh, options:
         for name, found in scene.attributes.items()
     }
     return Scales(
-        choose_step_m(float(sides.max()), farthest), ranges, "arrays" in options.encodings
+        choose_step_m(float(sides.max()), farthest, spacing_m),
+        ranges,
+        "arrays" in options.encodings,
     )
 
 
