@@ -24,6 +24,7 @@ _SHOWN: Final = {
     "clean": ("points", "duplicates", "outliers", "spacing_m"),
     "reconstruct": ("base_from", "detail_depth", "base_faces", "detail_faces", "deviation_p99_m"),
     "segment": ("regions", "segments", "max_extent_m", "base_faces_beyond"),
+    "texture": ("image_bytes", "texel_m", "gsd_m", "longest_side", "charts", "unseen_share"),
     "pack": ("payload_bytes", "bytes_per_face", "base_bytes", "step_m"),
 }
 """Counts of each stage that the table shows."""
@@ -123,6 +124,8 @@ def _known(stage: str, counts: dict[str, Any]) -> Iterable[str]:
 
 def _fact(name: str, value: Any) -> str:
     words = name.replace("_", " ")
+    if isinstance(value, str):
+        return f"{words} {value}"
     if name.endswith("_m"):
         return f"{words[:-2]} {value:.3g} m"
     if name == "bytes_per_face" or not name.endswith("bytes"):

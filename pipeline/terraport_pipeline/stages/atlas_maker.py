@@ -19,7 +19,7 @@ from terraport_pipeline.geometry.bake import (
     fill_cells,
 )
 from terraport_pipeline.geometry.charts import Charts, make_charts
-from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.lens import PACKED, View
 from terraport_pipeline.geometry.photo_samples import neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
 from terraport_pipeline.model import Float64, Int32, Mesh, UInt8
@@ -88,7 +88,7 @@ class AtlasMaker:
         corners = local.reshape(-1, 3).astype(np.int32)
         points = self.mesh.vertices[used].astype(np.float64)
         colours = self._colours(faces, corners, used)
-        packed = np.array([view.packed() for view in self.views])
+        packed = np.array([view.packed() for view in self.views]).reshape(-1, PACKED)
         charts = make_charts(points, corners, colours.view, packed, texel_m=self.texel_m)
         atlas = pack_charts(charts.sizes, max_side=max_side)
         # Whole half texels, as payloads hold them, before anything is drawn: nothing shifts later.
