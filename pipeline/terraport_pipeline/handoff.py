@@ -11,6 +11,8 @@ The definition of a hole and its reasons: ``docs/topics/hand-off.md``.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -45,10 +47,13 @@ from terraport_pipeline.mixed_model import (
 from terraport_pipeline.model import Float32, Float64
 from terraport_pipeline.progress import NullProgress, Progress
 
-__all__ = ["check_hand_off"]
+__all__ = ["check_hand_off", "check_hand_off_in_windows"]
 
 MAX_EXACT_SUBSETS: Final = 16
 """Mixed models that are really built; failing rays of further subsets count as holes unverified."""
+
+_LEAST_SUBSETS: Final = 6
+"""Of a window: none, all, and one of each random sort but one."""
 
 Bool = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.signedinteger]
@@ -87,18 +92,129 @@ def check_hand_off(
     """
     chosen = options or HandOffOptions()
     watcher = progress or NullProgress()
+    tally = _Tally()
+    watcher.start("hand-off: rays", chosen.rays, "rays")
+    _look_at(model, chosen, tally, watcher, detail_rays, base_rays)
+    report = tally.report(model.tolerance_m, chosen.seed)
+    watcher.done({"holes": report.holes, "p99.9 m": report.distance_m["p99.9"]})
+    return report
+
+
+def check_hand_off_in_windows(
+    windows: Sequence[npt.NDArray[np.int64]],
+    open_window: Callable[[npt.NDArray[np.int64]], HandOffModel],
+    faces: Sequence[int],
+    options: HandOffOptions | None = None,
+    *,
+    progress: Progress | None = None,
+) -> HandOffReport:
+    """Look for holes window by window, in a scene too large to be held.
+
+    Parameters
+    ----------
+    windows : sequence of ndarray of int64
+        Segments of every window: :func:`~.scene_windows.scene_windows`.
+    open_window : callable
+        Gives the model of some segments, which are numbered 0.. in it.
+    faces : sequence of int
+        Faces of every window: rays and subsets are shared out by them.
+    options, progress
+        As for :func:`check_hand_off`; every window gets at least a few subsets.
+
+    Returns
+    -------
+    HandOffReport
+        Of all windows together; segments are named by the scene's numbers.
+    """
+    chosen = options or HandOffOptions()
+    watcher = progress or NullProgress()
+    tally = _Tally()
+    share = np.array(faces, np.float64) / max(1, sum(faces))
+    tolerance_m = 0.0
+    for number, segments in enumerate(windows):
+        subsets = max(_LEAST_SUBSETS, round(chosen.subsets * float(share[number])))
+        rays = max(subsets, round(chosen.rays * float(share[number])))
+        model = open_window(segments)
+        tolerance_m = model.tolerance_m
+        watcher.start(f"hand-off: rays, window {number + 1} of {len(windows)}", float(rays), "rays")
+        part = HandOffOptions(rays, min(subsets, rays), chosen.seed + number)
+        tally.segments = segments
+        _look_at(model, part, tally, watcher)
+        del model
+        watcher.done({"holes": int(tally.counts[:, 3].sum())})
+    return tally.report(tolerance_m, chosen.seed, len(windows))
+
+
+def _look_at(
+    model: HandOffModel,
+    options: HandOffOptions,
+    tally: _Tally,
+    watcher: Progress,
+    detail_rays: RayScene | None = None,
+    base_rays: RayScene | None = None,
+) -> None:
     if model.segment_count < 1 or len(model.detail_faces) < 1:
         raise OptionError(
             f"received {model.segment_count} segments with {len(model.detail_faces)} faces; "
             "expected at least one of each to prove a hand-off"
         )
-    watcher.start("hand-off: rays", chosen.rays, "rays")
-    prover = _Prover(model, chosen, detail_rays, base_rays)
-    for index in range(chosen.subsets):
+    prover = _Prover(model, options, tally, detail_rays, base_rays)
+    for index in range(options.subsets):
         watcher.advance(prover.look(index))
-    report = prover.report()
-    watcher.done({"holes": report.holes, "p99.9 m": report.distance_m["p99.9"]})
-    return report
+    tally.subsets += options.subsets
+
+
+@dataclass(slots=True)
+class _Tally:
+    """What is found, added up over subsets and windows."""
+
+    counts: npt.NDArray[np.int64] = field(
+        default_factory=lambda: np.zeros((len(RayKind), 4), dtype=np.int64)
+    )
+    subsets: int = 0
+    holes_hidden: int = 0
+    holes_uncovered: int = 0
+    unverified: int = 0
+    base_misses: int = 0
+    smoothed: int = 0
+    under_base: int = 0
+    overlaps: int = 0
+    distances: list[Float32] = field(default_factory=list)
+    down: list[Float32] = field(default_factory=list)
+    worst: WorstRay | None = None
+    worst_score: float = -1.0
+    segments: npt.NDArray[np.int64] | None = None
+    """The scene's numbers of the model's segments; None: the same."""
+
+    def named(self, segments: Rows) -> Rows:
+        """Give segments of the model the scene's numbers."""
+        return segments if self.segments is None else self.segments[segments]
+
+    def report(self, tolerance_m: float, seed: int, windows: int = 1) -> HandOffReport:
+        """Sum up."""
+        kinds = tuple(
+            KindReport(kind.name.lower(), *(int(n) for n in self.counts[kind])) for kind in RayKind
+        )
+        return HandOffReport(
+            rays=sum(kind.rays for kind in kinds),
+            subsets=self.subsets,
+            seed=seed,
+            tolerance_m=tolerance_m,
+            hits=sum(kind.hits for kind in kinds),
+            strict_misses=sum(kind.strict_misses for kind in kinds),
+            base_misses=self.base_misses,
+            under_base=self.under_base,
+            smoothed=self.smoothed,
+            holes_hidden=self.holes_hidden,
+            holes_uncovered=self.holes_uncovered,
+            unverified=self.unverified,
+            distance_m=_percentiles(self.distances),
+            down_distance_m=_percentiles(self.down),
+            overlap=self.overlaps / max(1, sum(kind.hits for kind in kinds)),
+            kinds=kinds,
+            worst=self.worst,
+            windows=windows,
+        )
 
 
 class _Prover:
@@ -108,11 +224,13 @@ class _Prover:
         self,
         model: HandOffModel,
         options: HandOffOptions,
+        tally: _Tally,
         detail_rays: RayScene | None,
         base_rays: RayScene | None,
     ) -> None:
         self._model = model
         self._options = options
+        self._tally = tally
         self._detail = detail_rays or RayScene(model.detail_vertices, model.detail_faces)
         self._base = base_rays or RayScene(model.base_vertices, model.base_faces)
         self._rng = np.random.default_rng(options.seed)
@@ -120,14 +238,7 @@ class _Prover:
         self._subsets = random_subsets(_segment_centres(model), options.subsets, self._rng)
         self._area = cumulative_face_area(model.detail_vertices, model.detail_faces)
         self._top_m = float(model.detail_vertices[:, 1].max())
-        self._counts = np.zeros((len(RayKind), 4), dtype=np.int64)
-        self._holes_hidden = self._holes_uncovered = self._unverified = 0
-        self._base_misses = self._smoothed = self._under_base = 0
-        self._overlaps = self._built = 0
-        self._distances: list[Float32] = []
-        self._down: list[Float32] = []
-        self._worst: WorstRay | None = None
-        self._worst_score = -1.0
+        self._built = 0
 
     def look(self, index: int) -> int:
         """Cast one subset's rays; returns how many."""
@@ -148,51 +259,26 @@ class _Prover:
         places = self._judge.places(met, rows)
         distance = places.distance(mixed, mixed_t[rows], MEASURE_REACH * tolerance)
         suspects, smoothed = self._judge.holes(met, mixed, mixed_t, rows[distance > tolerance])
-        self._smoothed += len(smoothed)
+        self._tally.smoothed += len(smoothed)
         if len(suspects):
             suspects = self._verify(met, suspects, loaded, hidden)
         holes = np.zeros(len(hit), dtype=np.bool_)
         holes[suspects] = True
         bare = int(self._judge.without_base(met, suspects).sum())
-        self._holes_uncovered += bare
-        self._holes_hidden += len(suspects) - bare
+        self._tally.holes_uncovered += bare
+        self._tally.holes_hidden += len(suspects) - bare
         self._count(rays, hit, missed, holes)
         strict = np.flatnonzero(missed)
-        self._base_misses += int((~np.isfinite(met.base_first[0][strict])).sum())
-        self._under_base += int(self._judge.under_base(met, mixed, strict).sum())
+        self._tally.base_misses += int((~np.isfinite(met.base_first[0][strict])).sum())
+        self._tally.under_base += int(self._judge.under_base(met, mixed, strict).sum())
         whole = loaded[model.segment_of_face[met.detail[1][rows]]]
-        self._overlaps += int((whole & (base_t[rows] < first_t[rows])).sum())
-        self._distances.append(distance)
+        self._tally.overlaps += int((whole & (base_t[rows] < first_t[rows])).sum())
+        self._tally.distances.append(distance)
         down = rays.kind[rows] == RayKind.DOWN
-        self._down.append(np.abs(mixed_t[rows] - first_t[rows])[down])
+        self._tally.down.append(np.abs(mixed_t[rows] - first_t[rows])[down])
         lost = missed & np.isfinite(met.base_first[0])
         self._keep_worst(rays, first_t, rows, distance, (holes, lost), loaded)
         return len(rays.kind)
-
-    def report(self) -> HandOffReport:
-        """Sum up."""
-        kinds = tuple(
-            KindReport(kind.name.lower(), *(int(n) for n in self._counts[kind])) for kind in RayKind
-        )
-        return HandOffReport(
-            rays=sum(kind.rays for kind in kinds),
-            subsets=self._options.subsets,
-            seed=self._options.seed,
-            tolerance_m=self._model.tolerance_m,
-            hits=sum(kind.hits for kind in kinds),
-            strict_misses=sum(kind.strict_misses for kind in kinds),
-            base_misses=self._base_misses,
-            under_base=self._under_base,
-            smoothed=self._smoothed,
-            holes_hidden=self._holes_hidden,
-            holes_uncovered=self._holes_uncovered,
-            unverified=self._unverified,
-            distance_m=_percentiles(self._distances),
-            down_distance_m=_percentiles(self._down),
-            overlap=self._overlaps / max(1, sum(kind.hits for kind in kinds)),
-            kinds=kinds,
-            worst=self._worst,
-        )
 
     def _choose_rays(self, index: int, loaded: Bool) -> Rays:
         """Half of the rays at places anywhere, half at the rim of what is loaded."""
@@ -226,7 +312,7 @@ class _Prover:
     def _verify(self, met: Meetings, suspects: Rows, loaded: Bool, hidden: Bool) -> Rows:
         """Judge suspects again against the mixed model itself; returns those that stay holes."""
         if self._built >= MAX_EXACT_SUBSETS:
-            self._unverified += len(suspects)
+            self._tally.unverified += len(suspects)
             return suspects
         self._built += 1
         built = BuiltModel(self._model, loaded, hidden)
@@ -237,7 +323,7 @@ class _Prover:
     def _count(self, rays: Rays, hit: Bool, missed: Bool, holes: Bool) -> None:
         for kind in RayKind:
             of_kind = rays.kind == kind
-            self._counts[kind] += [
+            self._tally.counts[kind] += [
                 int(of_kind.sum()),
                 int((of_kind & hit).sum()),
                 int((of_kind & missed).sum()),
@@ -263,12 +349,12 @@ class _Prover:
         )
         at = int(np.argmax(rank))
         row, score = int(rows[at]), float(rank[at])
-        if score <= self._worst_score:
+        if score <= self._tally.worst_score:
             return
-        self._worst_score = score
+        self._tally.worst_score = score
         is_hole, length = bool(marks[0][row]), float(distance[at])
         origin, heading = rays.origins[row], rays.directions[row]
-        self._worst = WorstRay(
+        self._tally.worst = WorstRay(
             origin=_triple(origin),
             direction=_triple(heading),
             target=_triple(origin + heading * detail_t[row]),
@@ -276,7 +362,7 @@ class _Prover:
             hole=is_hole,
             verdict="hole" if is_hole else "excused" if marks[1][row] else "distance",
             kind=RayKind(int(rays.kind[row])).name.lower(),
-            loaded=tuple(int(i) for i in np.flatnonzero(loaded)),
+            loaded=tuple(self._tally.named(np.flatnonzero(loaded)).tolist()),
         )
 
 

@@ -95,6 +95,8 @@ class HandOffReport:
     """Share of hits on loaded detail that a base face still shown lies before (the rim)."""
     kinds: tuple[KindReport, ...]
     worst: WorstRay | None
+    windows: int = 1
+    """Parts that the scene was looked at in; 1 where it was held whole."""
 
     @property
     def holes(self) -> int:

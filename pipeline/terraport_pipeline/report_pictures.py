@@ -142,7 +142,7 @@ class PictureTaker:
             "Full detail",
             "The full detail of the scene, seen obliquely from above",
             f"{counts.detail_faces:,} triangles in {counts.segments:,} segments; a client never "
-            "holds all of them.",
+            f"holds all of them.{self._thinned()}",
             colours=detail.colours,
             texturing=None if textures is None else textures.detail,
             relief=PHOTO_RELIEF,
@@ -275,6 +275,11 @@ class PictureTaker:
             f"{counts.base_faces:,} triangles ({share:.1%} of the detail), always there.",
             image,
         )
+
+    def _thinned(self) -> str:
+        """Say how much of a scene larger than memory the overview is drawn with."""
+        drawn, total = len(self._model.detail.faces), self._model.manifest.counts.detail_faces
+        return "" if drawn >= total else f" Drawn here, and below, with {drawn:,} triangles."
 
     def _labels(self) -> Iterator[Picture]:
         model, counts = self._model, self._model.manifest.counts

@@ -6,24 +6,38 @@ Textures stay in the scene: see :mod:`.scene_textures`.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from terraport_payload import Cover, PayloadError, SegmentMesh, decode_glb
 from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.errors import ResourceError
+from terraport_pipeline.geometry.thin_cells import thin_by_cells
 from terraport_pipeline.mixed_model import HandOffModel
 from terraport_pipeline.model import Float32, Int32, Mesh
 from terraport_pipeline.progress import NullProgress, Progress
-from terraport_pipeline.scene_textures import SceneTextures, TextureParts, open_images
+from terraport_pipeline.scene_textures import (
+    SceneTextures,
+    TextureParts,
+    colours_from_texture,
+    open_images,
+)
 from terraport_store import DamagedSceneError, Manifest, Scene
 
-__all__ = ["MAX_DETAIL_FACES", "SceneModel", "load_scene_model"]
+__all__ = ["WHOLE_FACES", "SceneModel", "load_scene_model"]
 
-MAX_DETAIL_FACES: Final = 60_000_000
-"""Largest scene held in memory at once (about 5 GB)."""
+Int64 = npt.NDArray[np.int64]
+
+WHOLE_FACES: Final = 16_000_000
+"""Largest scene that is looked at whole (some 5 GB with the trees that rays need); larger ones are
+drawn thinned, and proven in windows."""
+
+_FACES_PER_CELL: Final = 2.0
+"""Faces that are left of a cell of flat ground."""
 
 GREY: Final = 150
 """Drawn where a scene has no colour."""
@@ -47,72 +61,105 @@ class SceneModel:
     textures: SceneTextures | None = None
     """None when no payload has one; vertices then have their own colours, else the textures'."""
 
-    def hand_off_model(self) -> HandOffModel:
-        """Take what the proof of the hand-off looks at."""
+    def hand_off_model(self, segments: Int64 | None = None) -> HandOffModel:
+        """Take what the proof of the hand-off looks at.
+
+        Parameters
+        ----------
+        segments : ndarray of int64, optional
+            Ascending: the only ones there are, numbered 0.. in this order; the model holds no
+            others' faces (see :mod:`.scene_windows`). None: all.
+        """
+        cover, base_faces = self.cover, self.base.faces
+        offsets, listed = cover.offsets.astype(np.int64), cover.segments.astype(np.int64)
+        segment_of_face, count = self.segment_of_face, self.manifest.counts.segments
+        if segments is not None:
+            number = np.full(count, -1, np.int32)
+            number[segments] = np.arange(len(segments), dtype=np.int32)
+            here = number[listed]
+            kept = here >= 0
+            lengths = np.diff(np.concatenate([[0], np.cumsum(kept)])[offsets])
+            base_faces, lengths = base_faces[lengths > 0], lengths[lengths > 0]
+            offsets, listed = np.concatenate([[0], np.cumsum(lengths)]), here[kept].astype(np.int64)
+            segment_of_face, count = number[segment_of_face], len(segments)
         return HandOffModel(
             self.detail.vertices,
             self.detail.faces,
-            self.segment_of_face,
-            self.manifest.counts.segments,
+            segment_of_face,
+            count,
             self.base.vertices,
-            self.base.faces,
-            self.cover.offsets,
-            self.cover.segments,
+            base_faces,
+            offsets,
+            listed,
             self.manifest.hand_off.tolerance_m,
         )
 
 
-def load_scene_model(scene: Scene, *, progress: Progress | None = None) -> SceneModel:
-    """Read and decode a whole scene.
+def load_scene_model(
+    scene: Scene,
+    *,
+    segments: Int64 | None = None,
+    max_faces: int | None = None,
+    whole: npt.NDArray[np.bool_] | None = None,
+    progress: Progress | None = None,
+) -> SceneModel:
+    """Read and decode a scene, or part of it.
 
     Parameters
     ----------
     scene : Scene
         Open.
+    segments : ndarray of int64, optional
+        Read only these; the others have no faces in the model. None: all.
+    max_faces : int, optional
+        Thin the segments, for pictures from afar, so that about this many faces are left. None:
+        they come as they are.
+    whole : ndarray of shape (S,), bool, optional
+        Segments that are never thinned.
     progress : Progress, optional
         Advances by segments.
 
     Returns
     -------
     SceneModel
-        Arrays of its own: the scene may be closed.
+        Arrays of its own: the scene may be closed. Numbers of segments are the scene's.
 
     Raises
     ------
     ResourceError
-        When the scene has more than :data:`MAX_DETAIL_FACES` faces.
+        When the segments to read whole have more than 2^31 corners.
     DamagedSceneError
         When a payload fails its hash, does not decode, or has other counts than the index says.
     """
     watcher = progress or NullProgress()
     index, manifest = scene.index, scene.manifest
-    total_faces = int(index.face_count.sum(dtype=np.int64))
-    if total_faces > MAX_DETAIL_FACES:
+    chosen = np.arange(len(index)) if segments is None else segments
+    total_faces = int(index.face_count[chosen].sum(dtype=np.int64))
+    cell_m = None if max_faces is None else _cell_m(scene, chosen, max_faces, whole)
+    if cell_m is None and total_faces > np.iinfo(np.int32).max // 3:
         raise ResourceError(
-            f"the scene has {total_faces} detail faces, expected at most {MAX_DETAIL_FACES} to "
-            "look at in memory; inspect still works, and so does validate --rays 0"
+            f"{total_faces} detail faces, expected at most {np.iinfo(np.int32).max // 3} to look "
+            "at in one piece"
         )
-    watcher.start("read segments", len(index), "segments")
-    parts = _Parts(
-        int(index.vertex_count.sum(dtype=np.int64)),
-        total_faces,
-        tuple(attribute.name for attribute in manifest.attributes),
-    )
-    for segment in range(len(index)):
-        mesh = _decoded(scene, segment)
-        counts = (len(mesh.positions), len(mesh.faces))
-        expected = (int(index.vertex_count[segment]), int(index.face_count[segment]))
-        if counts != expected:
-            raise DamagedSceneError(
-                manifest.files["segments.pack"].path,
-                f"segment {segment} has {counts[0]} vertices and {counts[1]} faces, "
-                f"expected {expected[0]} and {expected[1]} by the index",
-                offset=int(index.offset[segment]),
-            )
-        parts.add(segment, mesh)
-        watcher.advance(1)
+    watcher.start("read segments", len(chosen), "segments")
+    meshes: Iterable[tuple[int, SegmentMesh]] = _read(scene, chosen, watcher)
+    if cell_m is None:
+        size = int(index.vertex_count[chosen].sum(dtype=np.int64)), total_faces
+    else:
+        thinned = [
+            (number, mesh if whole is not None and whole[number] else _thinned(mesh, cell_m))
+            for number, mesh in meshes
+        ]
+        size = (
+            sum(len(mesh.positions) for _, mesh in thinned),
+            sum(len(mesh.faces) for _, mesh in thinned),
+        )
+        meshes = thinned
+    parts = _Parts(*size, tuple(attribute.name for attribute in manifest.attributes))
+    for number, mesh in meshes:
+        parts.add(number, mesh)
     base, base_parts = _decoded_base(scene, len(index))
-    watcher.done({"faces": total_faces})
+    watcher.done({"faces": size[1]})
     return SceneModel(
         manifest,
         parts.mesh(),
@@ -122,6 +169,55 @@ def load_scene_model(scene: Scene, *, progress: Progress | None = None) -> Scene
         base,
         scene.cover,
         _textures(scene, parts.textures, base_parts),
+    )
+
+
+def _read(scene: Scene, chosen: Int64, watcher: Progress) -> Iterator[tuple[int, SegmentMesh]]:
+    index = scene.index
+    for segment in chosen.tolist():
+        mesh = _decoded(scene, segment)
+        counts = (len(mesh.positions), len(mesh.faces))
+        expected = (int(index.vertex_count[segment]), int(index.face_count[segment]))
+        if counts != expected:
+            raise DamagedSceneError(
+                scene.manifest.files["segments.pack"].path,
+                f"segment {segment} has {counts[0]} vertices and {counts[1]} faces, "
+                f"expected {expected[0]} and {expected[1]} by the index",
+                offset=int(index.offset[segment]),
+            )
+        yield segment, mesh
+        watcher.advance(1)
+
+
+def _cell_m(
+    scene: Scene, chosen: Int64, max_faces: int, whole: npt.NDArray[np.bool_] | None
+) -> float | None:
+    """Side of the cubes that thin a scene to so many faces; None when it has no more."""
+    faces = scene.index.face_count.astype(np.int64)
+    full = np.zeros(len(faces), np.bool_) if whole is None else whole
+    kept = int(faces[chosen][full[chosen]].sum())
+    if int(faces[chosen].sum()) <= max_faces:
+        return None
+    # A box seen from above is about the ground in it, or more: rather too few faces.
+    thin = chosen[~full[chosen]]
+    sides = scene.index.bounds[thin, 3:].astype(np.float64) - scene.index.bounds[thin, :3]
+    area_m2 = float((sides[:, 0] * sides[:, 2]).sum())
+    left = max(max_faces - kept, max_faces // 8, 1)
+    return max(float(np.sqrt(_FACES_PER_CELL * area_m2 / left)), 1e-6)
+
+
+def _thinned(mesh: SegmentMesh, cell_m: float) -> SegmentMesh:
+    """Unite the vertices of every cube; textures become the colours of vertices."""
+    kept, faces, _ = thin_by_cells(mesh.positions, mesh.faces, cell_m)
+    textured = colours_from_texture(mesh)
+    colours = mesh.colours if textured is None else textured
+    return SegmentMesh(
+        positions=mesh.positions[kept],
+        faces=faces.astype(np.uint32),
+        normals=mesh.normals[kept],
+        colours=None if colours is None else colours[kept],
+        region_ids=None if mesh.region_ids is None else mesh.region_ids[kept],
+        attributes={name: values[kept] for name, values in mesh.attributes.items()},
     )
 
 

@@ -21,7 +21,8 @@ from terraport_pipeline.errors import OptionError, PipelineError
 from terraport_pipeline.handoff import check_hand_off
 from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import NullProgress, Progress
-from terraport_pipeline.scene_model import load_scene_model
+from terraport_pipeline.scene_model import WHOLE_FACES, load_scene_model
+from terraport_pipeline.scene_windows import prove_in_windows, segments_around
 from terraport_pipeline.worst_place import compare_at
 from terraport_store import Manifest, Scene, StoreError, read_manifest
 from terraport_store.validate import Finding, validate_scene
@@ -159,6 +160,8 @@ def _look(
     """Cast the rays; a scene too damaged for it is a reason, not an error."""
     try:
         with Scene.open(scene_path) as scene:
+            if int(scene.index.face_count.sum(dtype=np.int64)) > WHOLE_FACES:
+                return _look_in_windows(scene, options, picture, watcher)
             model = load_scene_model(scene, progress=watcher)
         levels = model.hand_off_model()
         detail = RayScene(levels.detail_vertices, levels.detail_faces)
@@ -173,6 +176,21 @@ def _look(
     if picture is None or report.worst is None:
         return _Looked(report, "", seconds)
     save_png(compare_at(model, report.worst, detail_rays=detail, base_rays=base), picture)
+    return _Looked(report, "", seconds, picture)
+
+
+def _look_in_windows(
+    scene: Scene, options: HandOffOptions, picture: Path | None, watcher: Progress
+) -> _Looked:
+    """Cast the rays at a scene larger than memory."""
+    start = time.perf_counter()
+    report = prove_in_windows(scene, options, watcher)
+    seconds = time.perf_counter() - start
+    if picture is None or report.worst is None:
+        return _Looked(report, "", seconds)
+    near = segments_around(scene, report.worst.target)
+    model = load_scene_model(scene, segments=near, progress=watcher)
+    save_png(compare_at(model, report.worst), picture)
     return _Looked(report, "", seconds, picture)
 
 

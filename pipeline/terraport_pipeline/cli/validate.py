@@ -129,8 +129,9 @@ def _hand_off_line(report: HandOffReport) -> str:
     holes = f"{report.holes:,} holes ({report.holes_per_million:,.1f} per million rays)"
     if report.holes:
         holes += f": {report.holes_hidden:,} hidden too early, {report.holes_uncovered:,} no base"
+    windows = f" in {report.windows} windows" if report.windows > 1 else ""
     return (
-        f"{holes} in {report.hits:,} rays over {report.subsets} subsets; "
+        f"{holes} in {report.hits:,} rays over {report.subsets} subsets{windows}; "
         f"distance p50 {distance['p50']:.3g} m, p99 {distance['p99']:.3g} m, "
         f"p99.9 {distance['p99.9']:.3g} m, tolerance {report.tolerance_m:.3g} m"
     )

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from terraport_pipeline import scene_model
-from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.scene_model import load_scene_model
 from terraport_store import DamagedSceneError, Scene
 
@@ -40,10 +38,38 @@ def test_a_flipped_byte_is_named(scene_path, tmp_path) -> None:
         load_scene_model(scene)
 
 
-def test_a_scene_beyond_memory_is_refused_before_reading(scene_path, monkeypatch) -> None:
-    monkeypatch.setattr(scene_model, "MAX_DETAIL_FACES", 1_000)
-    with (
-        Scene.open(scene_path) as scene,
-        pytest.raises(ResourceError, match="80000 detail faces, expected at most 1000"),
-    ):
-        load_scene_model(scene)
+def test_some_segments_alone_keep_the_scenes_numbers(scene_path) -> None:
+    some = np.array([3, 11, 12])
+    with Scene.open(scene_path) as scene:
+        model = load_scene_model(scene, segments=some)
+    assert_array_equal(np.unique(model.segment_of_face), some)
+    assert len(model.detail.faces) == 3 * 80_000 // 64
+    window = model.hand_off_model(some)
+    assert window.segment_count == 3
+    assert_array_equal(np.unique(window.segment_of_face), [0, 1, 2])
+    assert_array_equal(np.unique(window.cover_segments), [0, 1, 2])
+    # Base faces that none of them lies over are not there.
+    assert (np.diff(window.cover_offsets) > 0).all()
+    assert len(window.base_faces) == len(window.cover_offsets) - 1 < len(model.base.faces) // 4
+
+
+def test_a_thinned_scene_keeps_its_shape_and_what_is_asked_for(scene_path) -> None:
+    whole = np.zeros(64, np.bool_)
+    whole[9] = True
+    with Scene.open(scene_path) as scene:
+        full = load_scene_model(scene)
+        thin = load_scene_model(scene, max_faces=30_000, whole=whole)
+    assert 10_000 < len(thin.detail.faces) < 45_000
+    assert (thin.segment_of_face == 9).sum() == 80_000 // 64
+    assert_array_equal(np.unique(thin.segment_of_face), np.arange(64))
+    assert_allclose(thin.detail.vertices.min(axis=0), full.detail.vertices.min(axis=0), atol=0.3)
+    # No cracks: seen from above, the triangles fill the square.
+    corner = thin.detail.vertices[thin.detail.faces][:, :, [0, 2]].astype(float)
+    side, other = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    area = 0.5 * (side[:, 1] * other[:, 0] - side[:, 0] * other[:, 1])
+    assert area.sum() == pytest.approx(100.0**2, rel=1e-3)
+
+
+def test_a_small_scene_is_not_thinned(scene_path) -> None:
+    with Scene.open(scene_path) as scene:
+        assert len(load_scene_model(scene, max_faces=80_000).detail.faces) == 80_000
