@@ -92,6 +92,14 @@ class BuildReport:
                     "taken_up": stage.taken_up,
                     "seconds": round(stage.cost.seconds, 3),
                     "peak_bytes": stage.cost.peak_bytes,
+                    "steps": [
+                        {
+                            "name": step.name,
+                            "seconds": round(step.seconds, 3),
+                            "cpu_seconds": round(step.cpu_seconds, 3),
+                        }
+                        for step in stage.cost.steps
+                    ],
                     "counts": stage.facts.counts,
                     "warnings": list(stage.facts.warnings),
                 }

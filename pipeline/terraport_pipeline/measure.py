@@ -1,16 +1,21 @@
-"""How long a block takes and how much memory it holds, children included."""
+"""How long a block takes, and each step of it, and how much memory it holds, children included."""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
 import psutil
 
-__all__ = ["Measure"]
+from terraport_pipeline.progress import Progress
+
+__all__ = ["Measure", "StepClock", "StepCost"]
 
 _INTERVAL_S = 0.05
 """Between two looks; shorter peaks can be missed."""
@@ -58,3 +63,57 @@ class Measure:
                 with contextlib.suppress(psutil.Error):  # it may end while we look
                     total += int(child.memory_info().rss)
         self.peak_bytes = max(self.peak_bytes, total)
+
+
+@dataclass(frozen=True, slots=True)
+class StepCost:
+    """What one step took."""
+
+    name: str
+    """As the progress bar shows it."""
+    seconds: float
+    cpu_seconds: float
+    """Of this process, all threads, and of the children that ended during the step."""
+
+
+class StepClock:
+    """A progress that passes everything on and notes what each step took.
+
+    Parameters
+    ----------
+    progress : Progress
+        Who is told.
+    """
+
+    def __init__(self, progress: Progress) -> None:
+        self.steps: list[StepCost] = []
+        self._progress = progress
+        self._name: str | None = None
+        self._begun = (0.0, 0.0)
+
+    def start(self, stage: str, total: float | None, unit: str) -> None:
+        """Begin a step; one that forgot ``done`` ends here."""
+        self._end()
+        self._name, self._begun = stage, (time.monotonic(), _cpu_seconds())
+        self._progress.start(stage, total, unit)
+
+    def advance(self, n: float) -> None:
+        """Pass on."""
+        self._progress.advance(n)
+
+    def done(self, facts: Mapping[str, object]) -> None:
+        """End the step."""
+        self._end()
+        self._progress.done(facts)
+
+    def _end(self) -> None:
+        if self._name is None:
+            return
+        seconds, cpu = self._begun
+        self.steps.append(StepCost(self._name, time.monotonic() - seconds, _cpu_seconds() - cpu))
+        self._name = None
+
+
+def _cpu_seconds() -> float:
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system

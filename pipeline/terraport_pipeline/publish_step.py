@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from terraport_pipeline.build_report import StageReport
-from terraport_pipeline.measure import Measure
+from terraport_pipeline.measure import Measure, StepClock
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import pack
 from terraport_pipeline.stages.contract import Context, Stored
@@ -46,9 +47,10 @@ def pack_once(
     if record is not None and _is_published(scene, record.values):
         runner.reports.append(StageReport(pack.NAME, True, record.cost, record.facts))
         return str(record.values["version"]), False
+    clock = StepClock(runner.progress)
     with Measure() as measure, runner.work.scratch() as scratch:
-        packed = publish(runner.context(scratch))
-    cost = Cost(measure.seconds, measure.peak_bytes)
+        packed = publish(replace(runner.context(scratch), progress=clock))
+    cost = Cost(measure.seconds, measure.peak_bytes, tuple(clock.steps))
     values = {"version": packed.manifest.version}
     record = runner.work.save(pack.NAME, key, Stored({}, values), packed.facts, cost)
     runner.reports.append(StageReport(pack.NAME, False, cost, record.facts))

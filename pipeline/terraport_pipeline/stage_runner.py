@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from terraport_pipeline import stages
 from terraport_pipeline.build_report import StageReport
 from terraport_pipeline.code_digest import code_digest
-from terraport_pipeline.measure import Measure
+from terraport_pipeline.measure import Measure, StepClock
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, stage_key
@@ -75,10 +75,11 @@ class StageRunner:
         result = None
         taken_up = record is not None
         if record is None:
+            clock = StepClock(self.progress)
             with Measure() as measure, self.work.scratch() as scratch:
-                result = compute(self.context(scratch))
+                result = compute(replace(self.context(scratch), progress=clock))
                 stored = store(result)
-            cost = Cost(measure.seconds, measure.peak_bytes)
+            cost = Cost(measure.seconds, measure.peak_bytes, tuple(clock.steps))
             record = self.work.save(name, key, stored, facts_of(result), cost)
         self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
         found = record

@@ -21,7 +21,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -31,6 +31,7 @@ import xxhash
 
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.errors import ResourceError, WorkDirectoryError
+from terraport_pipeline.measure import StepCost
 from terraport_pipeline.stages.contract import Facts, Json, Stored
 
 __all__ = ["Cost", "StageRecord", "WorkDirectory", "file_digest", "stage_key"]
@@ -54,6 +55,8 @@ class Cost:
     seconds: float
     peak_bytes: int
     """Resident memory of this process and its children, at most."""
+    steps: tuple[StepCost, ...] = ()
+    """In their order; empty where nobody noted them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +298,7 @@ def _write_record(
         "key": key,
         "digest": digest,
         "facts": told,
-        "cost": {"seconds": cost.seconds, "peak_bytes": cost.peak_bytes},
+        "cost": asdict(cost),
         "values": values,
         "files": dict(files),
     }
@@ -313,7 +316,11 @@ def _parse(document: Any) -> StageRecord:
         key=document["key"],
         digest=document["digest"],
         facts=Facts(facts["counts"], tuple(facts["warnings"])),
-        cost=Cost(float(cost["seconds"]), int(cost["peak_bytes"])),
+        cost=Cost(
+            float(cost["seconds"]),
+            int(cost["peak_bytes"]),
+            tuple(StepCost(**step) for step in cost.get("steps", ())),
+        ),
         values=document["values"],
         files=document["files"],
     )

@@ -6,7 +6,8 @@ import time
 
 import numpy as np
 
-from terraport_pipeline.measure import Measure
+from terraport_pipeline.measure import Measure, StepClock
+from terraport_pipeline.progress import NullProgress
 
 
 def test_time_and_memory_of_a_block() -> None:
@@ -33,3 +34,19 @@ def test_children_count() -> None:
         time.sleep(0.3)
         child.kill()
     assert measure.peak_bytes - alone.peak_bytes > 70 * 2**20
+
+
+def test_steps_are_noted_with_their_time() -> None:
+    clock = StepClock(NullProgress())
+    clock.start("one", None, "points")
+    time.sleep(0.05)
+    clock.advance(3.0)
+    clock.start("two", 5.0, "faces")  # ends the first, which forgot
+    deadline = time.process_time() + 0.05
+    while time.process_time() < deadline:
+        pass
+    clock.done({})
+    clock.done({})
+    assert [step.name for step in clock.steps] == ["one", "two"]
+    assert clock.steps[0].seconds >= 0.05
+    assert clock.steps[1].cpu_seconds >= 0.04

@@ -146,5 +146,5 @@ def test_file_digest_is_of_the_bytes(tmp_path: Path) -> None:
 def test_records_are_readable(work: WorkDirectory) -> None:
     work.save("clean", "k1", STORED, FACTS, COST)
     record = json.loads((work.path / "clean" / "stage.json").read_text())
-    assert record["cost"] == {"seconds": 1.5, "peak_bytes": 2**20}
+    assert record["cost"] == {"seconds": 1.5, "peak_bytes": 2**20, "steps": []}
     assert record["facts"]["warnings"] == ["Something to know."]
