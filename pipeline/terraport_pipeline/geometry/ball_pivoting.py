@@ -279,19 +279,19 @@ def _roll(  # type: ignore[no-untyped-def]
     reach = 2 * radius
     queue = [np.int64(0)]
     queue.pop()
-    for edge in range(counts[1]):
-        if edges[edge, 3] != _BORDER:
+    for old in range(counts[1]):
+        if edges[old, 3] != _BORDER:
             continue
-        a, b, c = edges[edge, 0], edges[edge, 1], edges[edge, 2]
+        a, b, c = edges[old, 0], edges[old, 1], edges[old, 2]
         if not _ball(points, a, b, c, radius, centre):
             continue
         count = _around(
             centre[0], centre[1], centre[2], reach, points, cells, starts, order, shape, low, near
         )
         if _empty(points, centre, radius, near, count, a, b, c):
-            edges[edge, 3] = _FRONT
-            centres[edge, 0], centres[edge, 1], centres[edge, 2] = centre[0], centre[1], centre[2]
-            queue.append(np.int64(edge))
+            edges[old, 3] = _FRONT
+            centres[old, 0], centres[old, 1], centres[old, 2] = centre[0], centre[1], centre[2]
+            queue.append(np.int64(old))
     seed = 0
     while True:
         head = 0

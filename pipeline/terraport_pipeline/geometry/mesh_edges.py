@@ -134,7 +134,7 @@ def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoo
         np.maximum.at(high, group, place)
     return OpenLoops(
         group.astype(np.int32),
-        np.bincount(group, np.linalg.norm(end - start, axis=1), count),
-        np.bincount(group, np.linalg.norm(cone, axis=1) / 2, count),
+        np.bincount(group, np.linalg.norm(end - start, axis=1), count).astype(np.float64),
+        np.bincount(group, np.linalg.norm(cone, axis=1) / 2, count).astype(np.float64),
         (high - low).max(axis=1),
     )

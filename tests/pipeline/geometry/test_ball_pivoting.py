@@ -52,7 +52,7 @@ def test_a_small_ball_leaves_holes_and_a_larger_one_closes_them() -> None:
     points, normals = ball()
     small = edge_facts(pivot_balls(points, normals, [SPACING]))
     assert len(small.open_edges) > 100
-    assert len(pivot_balls(points, normals, [SPACING / 10])) == 0
+    assert len(pivot_balls(points, normals, [SPACING / 100])) == 0
 
 
 def test_equal_input_gives_equal_bytes() -> None:

