@@ -48,8 +48,9 @@ _DEPTH_JUMP: Final = 0.02
 _AROUND: Final = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
 """Rays of a pixel on an outline, pixels off its middle: the rotated grid."""
 
-_BEYOND: Final = np.array([168.0, 172.0, 164.0])
-"""What lies beyond the site: haze."""
+_HAZE: Final = np.array([168.0, 172.0, 164.0])
+_HAZE_DISTANCE: Final = 900.0
+"""Colour of the distance, and design metres in which two thirds of the light come from it."""
 
 _SUN_SCENE: Final = np.array([SUN[0], SUN[2], -SUN[1]])
 _MAX_THREADS: Final = 8
@@ -195,7 +196,8 @@ class CameraEye:
         origin = view.position.astype(np.float32)
         hits = self.rays.intersect(np.broadcast_to(origin, headings.shape), headings)
         colours = np.empty((count, 3), dtype=np.float32)
-        colours[:] = _BEYOND
+        missed = np.flatnonzero(hits.face < 0)
+        colours[missed] = self._beyond(view, headings[missed])
         what = np.full(count, NOTHING, dtype=np.uint8)
         body = np.full(count, -2, dtype=np.int32)
         distance = hits.t.copy()
@@ -234,6 +236,36 @@ class CameraEye:
         return SurfacePoints(
             positions, normals, material, lane, inside, np.zeros(len(face), dtype=bool)
         )
+
+    def _beyond(self, view: View, headings: Float32) -> Float64:
+        """Colours where the site ends: level grassland without end, then haze, (R, 3).
+
+        What is not surveyed is in the photos all the same.
+        """
+        colours = np.tile(_HAZE, (len(headings), 1))
+        down = np.flatnonzero(headings[:, 1] < -0.02)
+        t = view.position[1] / -headings[down, 1].astype(np.float64)
+        places = (view.position + headings[down] * t[:, None]) / self.options.scale
+        count, zero = len(down), np.zeros(len(down))
+        points = SurfacePoints(
+            np.stack([places[:, 0], -places[:, 2], zero], axis=1),
+            np.tile([0.0, 0.0, 1.0], (count, 1)),
+            np.full(count, Material.GRASSLAND, dtype=np.uint8),
+            zero,
+            np.full(count, -50.0),
+            np.zeros(count, dtype=bool),
+        )
+        wide = t / view.lens.fx / np.sqrt(np.maximum(-headings[down, 1], 0.1))
+        seen = lit_colours(
+            points,
+            self.surface,
+            self._sunlight,
+            self.options,
+            footprint=wide / self.options.scale,
+        )
+        clear = np.exp(-t / (_HAZE_DISTANCE * self.options.scale))[:, None]
+        colours[down] += clear * (seen - colours[down])
+        return colours
 
     def _draw_truck(
         self,
