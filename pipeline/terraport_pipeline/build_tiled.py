@@ -188,8 +188,9 @@ class _Labels:
 
     def digest(self, tile: int) -> str:
         """Of the tile's units and their regions."""
-        region = xxhash.xxh3_128_hexdigest(np.ascontiguousarray(self.joined.region[tile]).data)
-        return f"{self.units.records[tile].digest}-{region}"
+        digest = xxhash.xxh3_128(np.ascontiguousarray(self.joined.region[tile]).data)
+        digest.update(np.ascontiguousarray(self.joined.fine[tile]).data)
+        return f"{self.units.records[tile].digest}-{digest.hexdigest()}"
 
 
 class _Work:
@@ -254,7 +255,7 @@ class _Work:
             lambda tile, context: tiled_segment.cut(
                 tiles.load(tile),
                 labels.unit(tile),
-                joined.region[tile],
+                (joined.fine[tile], joined.region[tile]),
                 base,
                 known,
                 options,

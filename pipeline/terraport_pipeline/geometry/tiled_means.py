@@ -2,18 +2,19 @@
 
 1. Every tile's colours are added up: the limits, which
    ``mean_colour.py`` takes from the scene's colours, are the whole scene's (:class:`MeansScale`).
-2. In every tile faces are united up to the level of fine pools (:func:`tile_units`). Borders with
-   other tiles count in a unit's perimeter, but nothing is united across them.
+2. In every tile faces are united up to the level of fine pools (:func:`tile_units`), but for those
+   within a few faces of another tile, which are left single: a unit that has stopped at a tile's
+   border would draw that border.
 3. The units of all tiles, with their borders inside and across tiles, are united on
-   (:func:`join_tiles`), from the first level again: what stopped only at a tile's border goes on
-   there. Then small ones join, as in ``mean_colour.py``.
+   (:func:`join_tiles`), from the first level again: what was held back near the tiles' borders
+   goes on there as if there were none. Then small ones join, as in ``mean_colour.py``.
 
-With one tile the result is that of :class:`~.mean_colour.MeanColourSegmenter` to the last bit.
-With more, the order of unions within the two lowest levels differs near tile borders; regions run
-across them, because most unions happen in step 3.
+With one tile the result is that of :class:`~.mean_colour.MeanColourSegmenter` to the last bit. With
+more, the order of unions within the two lowest levels differs somewhat near tile borders.
 
 PURE: no I/O, no clock. Step 2 takes about 350 bytes per face of one tile; step 3 some 150 bytes per
-unit, of which there are a few hundred per million faces.
+unit: a few hundred per million faces, and the faces near tile borders (about 40 per edge of the
+border).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numba
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
@@ -60,6 +62,12 @@ _SAMPLE_EVERY: Final = 64
 first face of every unit does too. At 100 M faces 40 MB."""
 
 
+_RING: Final = 12
+"""Steps from face to face within which faces at another tile are left single. On a quarry of 10 M
+faces in 16 tiles, 0 drew regions along 0.32 % of the tiles' borders, against 0.06 % of the same
+edges in the whole (``benchmarks/tiled_regions.py``)."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MeansScale:
     """What every tile must know of the whole scene."""
@@ -85,7 +93,7 @@ class TileUnits:
     """One tile, united up to the fine pools."""
 
     labels: _Int32
-    """(F,) unit of every face, numbered by first face: the fine pools."""
+    """(F,) unit of every face, numbered by first face."""
     offsets: _Int64
     """(U + 1,) row starts of the units' neighbours within the tile."""
     neighbours: _Int32
@@ -112,7 +120,12 @@ class JoinedRegions:
 
     region: tuple[_Int32, ...]
     """For every tile (U,) the region of its units; numbered by first face in order of the tiles."""
+    fine: tuple[_Int32, ...]
+    """For every tile (U,) the fine pool of its units, numbered over all tiles."""
     count: int
+    """Number of regions."""
+    fine_count: int
+    """Number of fine pools."""
     pools: int
     """Units left when no colours were alike any more."""
     islands: int
@@ -155,23 +168,29 @@ def tile_units(
     n_faces = len(faces)
     neighbours, edges = pairs
     steps = edge_steps(vertices, edges, longest=scale.longest_m)
+    near = _near_seams(n_faces, neighbours, seams[0], _RING)
     outer = np.zeros(n_faces, np.int64)
     np.add.at(outer, seams[0], steps_of_lengths(seams[1], scale.longest_m))
+    held = near[neighbours].any(axis=1)
+    for side in (0, 1):
+        np.add.at(outer, neighbours[held, side], steps[held])
     units = MeanUnits(
         np.arange(n_faces, dtype=np.int32),
-        rows_of_pairs(n_faces, neighbours, steps),
+        rows_of_pairs(n_faces, neighbours[~held], steps[~held]),
         colours_of_faces(colours, faces).astype(np.int64),
         np.ones(n_faces, np.int64),
         np.arange(n_faces, dtype=np.int32),
         outer,
     )
+    del held, outer, near
     weight, segmenter = scale.segmenter.weights(), scale.segmenter
     for level in range(1, FINE_LEVEL + 1):
         limit = scale.limit * level / LEVELS
         units = unite(units, weight, limit, scale.least, segmenter.leak, 0)
+    rows = combine_rows(*rows_of_labels(units.labels, len(units.faces), neighbours, steps))
     shown = np.unique(np.concatenate([units.name, np.arange(0, n_faces, _SAMPLE_EVERY)]))
     return TileUnits(
-        units.labels, *units.rows, units.sums, units.faces, units.name,
+        units.labels, *rows, units.sums, units.faces, units.name,
         (int(steps.sum()), len(steps)),
         face_centres(vertices, faces[shown]).astype(np.float32), units.labels[shown],
     )  # fmt: skip
@@ -218,10 +237,12 @@ def join_tiles(
             [tile.first + np.int32(at) for tile, at in zip(tiles, first_face, strict=True)]
         ),
     )
-    names = units.name
+    names, fine, fine_count = units.name, units.labels, 0
     for level in range(1, LEVELS + 1):
         limit = scale.limit * level / LEVELS
         units = unite(units, weight, limit, scale.least, segmenter.leak, 0)
+        if level == FINE_LEVEL:
+            fine, fine_count = units.labels, len(units.faces)
     pools = len(units.faces)
     length = int(seam_steps.sum()) + sum(tile.edge_steps[0] for tile in tiles)
     mean_step = length // max(len(seam_steps) + sum(tile.edge_steps[1] for tile in tiles), 1)
@@ -235,7 +256,14 @@ def join_tiles(
     numbered, count = number_by_first(labels[order])
     region = np.empty(len(labels), np.int32)
     region[order] = numbered
-    return JoinedRegions(tuple(np.split(region, starts[1:-1])), count, pools, islands)
+    return JoinedRegions(
+        tuple(np.split(region, starts[1:-1])),
+        tuple(np.split(fine, starts[1:-1])),
+        count,
+        fine_count,
+        pools,
+        islands,
+    )
 
 
 def _all_rows(
@@ -260,7 +288,7 @@ def _all_rows(
     at_across = np.repeat(offsets[:-1] + lengths - np.cumsum(more) + more, more)
     at_across += np.arange(len(across[1]))
     neighbours[at_across], weight[at_across] = across[1], across[2]
-    return combine_rows(offsets, neighbours, weight)  # type: ignore[no-any-return]
+    return combine_rows(offsets, neighbours, weight)
 
 
 def _join_nearest(
@@ -289,3 +317,20 @@ def _join_nearest(
     mapping[union[lost_places[chosen]]] = union[kept[nearest[chosen]]]
     joined: _Int32 = mapping[labels]
     return joined
+
+
+@numba.njit(cache=True, nogil=True)
+def _near_seams(n_faces: int, pairs: _Int32, at_seam: _Int32, steps: int) -> npt.NDArray[np.bool_]:
+    """Whether a face is within so many steps of one at a seam (those are within 1 step), (F,)."""
+    reached = np.zeros(n_faces, np.int32)
+    if steps > 0:
+        for f in at_seam:
+            reached[f] = 1
+    for step in range(1, steps):
+        for i in range(len(pairs)):
+            a, b = pairs[i, 0], pairs[i, 1]
+            if reached[a] == step and reached[b] == 0:
+                reached[b] = step + 1
+            elif reached[b] == step and reached[a] == 0:
+                reached[a] = step + 1
+    return reached > 0

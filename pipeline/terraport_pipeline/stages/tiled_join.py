@@ -141,10 +141,9 @@ def join(
         "segment_extent_m": _quantiles(sides.max(axis=1), 3),
         "segment_raggedness": _quantiles(told["ragged"], 2),
     }
-    pools = sum(len(of_tile) for of_tile in joined.region)
     outcome: dict[str, Json] = {
         "regions": joined.count,
-        "pools": pools,
+        "pools": joined.fine_count,
         "segments": len(order),
         "tiles": len(parts),
         "seam_edges": len(seam_regions),

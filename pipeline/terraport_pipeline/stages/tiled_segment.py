@@ -291,7 +291,7 @@ def regions(
 def cut(
     mesh: Mesh,
     labels: Int32,
-    region_of_unit: Int32,
+    of_unit: tuple[Int32, Int32],
     base: Mesh,
     scene: TiledScene,
     options: Options,
@@ -308,7 +308,8 @@ def cut(
         The tile.
     labels : ndarray of shape (F,), int32
         Unit of every face.
-    region_of_unit : ndarray of shape (U,), int32
+    of_unit : pair of ndarray of shape (U,), int32
+        Fine pool and region of every unit.
     base : Mesh
         The whole base.
     scene, options, context
@@ -323,12 +324,13 @@ def cut(
         For ``tiled_join.py``.
     """
     threads = context.threads
-    faces_region: Int32 = region_of_unit[labels]
+    fine, region = of_unit
+    faces_region: Int32 = region[labels]
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=threads)
     found = build_segments(
         mesh.vertices,
         mesh.faces,
-        labels,
+        fine[labels],
         _index_of_faces(mesh, scene, options),
         faces_region,
         SegmentOptions(
