@@ -121,10 +121,10 @@ def score_surface(
 
 def ghost_share(
     mesh: ColouredMesh,
+    eye: CameraEye,
     views: Sequence[View],
     photos: Sequence[UInt8],
     masks: Sequence[UInt8],
-    truths: Sequence[Float32],
 ) -> float:
     """Share of the trucks' pixels that a texture kept.
 
@@ -134,17 +134,18 @@ def ghost_share(
     """
     scene = RayScene(mesh.vertices, mesh.faces)
     ghosts = judged = 0
-    for view, photo, mask, true in zip(views, photos, masks, truths, strict=True):
+    for view, photo, mask in zip(views, photos, masks, strict=True):
         row, column = np.nonzero(mask == 255)
         if len(row) == 0:
             continue
-        rays = view.rays(np.stack([column + 0.5, row + 0.5], axis=1)).astype(np.float32)
+        pixels = np.stack([column + 0.5, row + 0.5], axis=1)
+        rays = view.rays(pixels).astype(np.float32)
         hits = scene.intersect(np.broadcast_to(view.position, rays.shape), rays)
         met = np.flatnonzero(hits.face >= 0)
         found = Hits(hits.t[met], hits.face[met], hits.u[met], hits.v[met])
         made = _colours(mesh, found, found.t / np.float32(view.lens.fx))
         truck = photo[row[met], column[met]].astype(np.float32)
-        ground = true[row[met], column[met]]
+        ground = eye.colours_along(view, pixels[met])
         apart = np.abs(truck - ground).sum(axis=1) > APART
         nearer = np.abs(made - truck).sum(axis=1) < np.abs(made - ground).sum(axis=1)
         ghosts += int((apart & nearer).sum())

@@ -124,7 +124,6 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         np.asarray(Image.open(folder / "photos/truth/masks" / f"{Path(view.name).stem}.png"))
         for view in site.views
     ]
-    grounds = [site.eye.look(view).colours for view in site.views]
     print(
         f"{len(site.mesh.faces):,} faces, {len(site.views)} photos of {photos[0].shape[1]} x "
         f"{photos[0].shape[0]}, {site.gsd_m * 100:.1f} cm a pixel; {len(site.held_out)} cameras "
@@ -143,7 +142,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
             continue
         far, pictures = score_views(made, site.held_out, site.truths)
         near = score_surface(made, site.eye, count=PLACES, texel_m=site.gsd_m)
-        ghosts = ghost_share(made, site.views, photos, masks, grounds)
+        ghosts = ghost_share(made, site.eye, site.views, photos, masks)
         print(
             f"| {name} | {far.psnr_db:.2f} | {far.matched_db:.2f} | {far.median_db:.2f} | "
             f"{near.matched_db:.2f} | {near.median_db:.2f} | {ghosts:.1%} | {texels / 1e6:.1f} | "

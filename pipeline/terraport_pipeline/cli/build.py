@@ -16,6 +16,7 @@ from terraport_pipeline.build import build as run_build
 from terraport_pipeline.build_report import BuildReport
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.synth import parse_count
+from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.input_cloud import find_input_cloud
@@ -147,7 +148,10 @@ def build(
         typer.Option(help="Metres a texel; never finer than the photos.  [as fine as the photos]"),
     ] = None,
     texture_format: Annotated[
-        str, typer.Option(help="jpeg (every loader), webp (smaller), png.")
+        str,
+        typer.Option(
+            help="jpeg (every loader), webp (smaller), png, ktx2 (needs the program basisu)."
+        ),
     ] = _TEXTURE.kind,
     texture_quality: Annotated[
         int, typer.Option(help="1 to 100, of jpeg and webp.")
@@ -289,6 +293,8 @@ def _texturing(
         raise OptionError(f"textures from {source!r}; expected photos or vertex")
     if photos is None and cameras is None and source is None:
         return None
+    if options.kind == "ktx2":
+        require_encoder()  # told of now, not after the reconstruction
     return Texturing(options, photos, cameras, None if offset is None else _parse_offset(offset))
 
 

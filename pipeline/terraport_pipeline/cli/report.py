@@ -15,6 +15,7 @@ from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report import ReportOptions, write_report
 from terraport_pipeline.report_facts import format_bytes
 from terraport_pipeline.report_pictures import PictureOptions
+from terraport_pipeline.report_textures import open_scene_photos
 
 __all__ = ["register", "report"]
 
@@ -40,6 +41,18 @@ def report(
             "the scene by default."
         ),
     ] = None,
+    photos: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder of a textured scene's photos, to show them beside it.", show_default=False
+        ),
+    ] = None,
+    cameras: Annotated[
+        Path | None,
+        typer.Option(
+            help="Their cameras; looked for beside the photos by default.", show_default=False
+        ),
+    ] = None,
     rays: Annotated[
         int, typer.Option(help="Rays of the hand-off's proof; 0 leaves it out.", min=0)
     ] = 200_000,
@@ -55,6 +68,8 @@ def report(
         terraport report scenes/quarry
 
         terraport report scenes/quarry -o quarry.html --width 1920
+
+        terraport report scenes/quarry --photos survey/images
     """
     errors = Console(stderr=True)
     start = time.perf_counter()
@@ -66,6 +81,12 @@ def report(
                 output,
                 options,
                 cloud=lambda opened: find_input_cloud(opened, work),
+                photos=(
+                    None
+                    if photos is None
+                    else lambda model: open_scene_photos(model, photos, cameras)
+                ),
+                work=work,
                 progress=progress,
             )
     seconds = time.perf_counter() - start

@@ -158,6 +158,10 @@ class CameraEye:
             distance.reshape(height, width),
         )
 
+    def colours_along(self, view: View, pixels: Float64) -> Float32:
+        """Return what single pixels (R, 2) of a view see, (R, 3) sRGB; one ray each, no truck."""
+        return self._trace(view, view.rays(pixels).astype(np.float32), None)[0]
+
     def colours_at(self, hits: Hits, footprint_m: float) -> Float64:
         """Return the true colours of places on the truth mesh.
 

@@ -83,3 +83,13 @@ def test_colours_at_hits_are_those_of_the_surface(eye: CameraEye) -> None:
     assert colours.shape == (2, 3)
     assert (colours > 5).all()
     assert (colours < 250).all()
+
+
+def test_single_pixels_see_what_the_picture_shows(eye: CameraEye) -> None:
+    view = view_of(eye, 1)
+    seen = eye.look(view)
+    row, column = np.array([50, 90]), np.array([70, 120])
+    colours = eye.colours_along(view, np.stack([column + 0.5, row + 0.5], axis=1))
+    # The picture's outlines have four rays more.
+    assert np.abs(colours - seen.colours[row, column]).max() < 40
+    assert colours.shape == (2, 3)
