@@ -43,6 +43,7 @@ from terraport_pipeline.geometry.tile_seams import Seams
 from terraport_pipeline.geometry.unit_rows import combine_rows, rows_of_labels, rows_of_pairs
 
 __all__ = [
+    "RING",
     "JoinedRegions",
     "MeansScale",
     "TileUnits",
@@ -62,7 +63,7 @@ _SAMPLE_EVERY: Final = 64
 first face of every unit does too. At 100 M faces 40 MB."""
 
 
-_RING: Final = 12
+RING: Final = 12
 """Steps from face to face within which faces at another tile are left single. On a quarry of 10 M
 faces in 16 tiles, 0 drew regions along 0.32 % of the tiles' borders, against 0.06 % of the same
 edges in the whole (``benchmarks/tiled_regions.py``)."""
@@ -76,6 +77,8 @@ class MeansScale:
     totals: ColourTotals
     longest_m: float
     """Longest edge between two faces: lengths are whole steps of it."""
+    ring: int = RING
+    """Steps from face to face within which faces at another tile are left single."""
 
     @property
     def limit(self) -> float:
@@ -168,7 +171,7 @@ def tile_units(
     n_faces = len(faces)
     neighbours, edges = pairs
     steps = edge_steps(vertices, edges, longest=scale.longest_m)
-    near = _near_seams(n_faces, neighbours, seams[0], _RING)
+    near = _near_seams(n_faces, neighbours, seams[0], scale.ring)
     outer = np.zeros(n_faces, np.int64)
     np.add.at(outer, seams[0], steps_of_lengths(seams[1], scale.longest_m))
     held = near[neighbours].any(axis=1)

@@ -1,0 +1,138 @@
+"""Do regions end at the borders of tiles? A reconstructed surface, whole and cut into tiles.
+
+Takes the detail of a finished build, finds its regions whole and in tiles, and says how often an
+edge between two faces parts two regions: at the tiles' borders, at the same edges of the whole,
+and elsewhere; and 1 - RI of the two partitions.
+
+    python benchmarks/tiled_regions.py SCENES/.quarry5m.work --tiles 4 --rings 0 8 12
+
+Prints one JSON object.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_pipeline.geometry import tiled_means
+from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.face_measures import longest_edge
+from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
+from terraport_pipeline.geometry.mean_scale import ColourTotals
+from terraport_pipeline.geometry.segmenter import SegmenterMesh
+from terraport_pipeline.geometry.tile_seams import match_seams, open_edges
+
+Part = tuple[npt.NDArray[np.float32], npt.NDArray[np.int32], npt.NDArray[np.uint8]]
+
+
+def cut(mesh: Part, along: int) -> tuple[list[Part], npt.NDArray[np.int64]]:
+    """Cut a mesh into along x along tiles by the middles of its faces."""
+    vertices, faces, colours = mesh
+    middle = vertices[faces][:, :, [0, 2]].mean(axis=1)
+    low, high = middle.min(axis=0), middle.max(axis=0)
+    cell = np.minimum(((middle - low) / (high - low) * along).astype(np.int64), along - 1)
+    _, tile = np.unique(cell[:, 0] * along + cell[:, 1], return_inverse=True)
+    parts = []
+    for number in range(int(tile.max()) + 1):
+        used, corner = np.unique(faces[tile == number], return_inverse=True)
+        parts.append((vertices[used], corner.reshape(-1, 3).astype(np.int32), colours[used]))
+    return parts, tile.astype(np.int64)
+
+
+def regions_by_tiles(
+    parts: list[Part], tile: npt.NDArray[np.int64], ring: int
+) -> npt.NDArray[np.int32]:
+    """Find regions tile by tile, as a tiled build does."""
+    pairs = [face_pairs(faces, len(vertices)) for vertices, faces, _ in parts]
+    seams = match_seams([open_edges(p[0], p[1], q) for p, q in zip(parts, pairs, strict=True)])
+    totals, longest = None, float(seams.length_m.max(initial=0.0))
+    for (vertices, faces, colours), (_, edges) in zip(parts, pairs, strict=True):
+        part = ColourTotals.of(tiled_means.colours_of_faces(colours, faces))
+        totals = part if totals is None else totals.plus(part)
+        longest = max(longest, longest_edge(vertices, edges))
+    assert totals is not None
+    scale = tiled_means.MeansScale(MeanColourSegmenter(), totals, longest, ring)
+    made = [
+        tiled_means.tile_units(*part, near, seams.of(number), scale)
+        for number, (part, near) in enumerate(zip(parts, pairs, strict=True))
+    ]
+    sides = np.zeros(seams.faces.shape, np.int32)
+    for number, units in enumerate(made):
+        for side in (0, 1):
+            rows = seams.tiles[:, side] == number
+            sides[rows, side] = units.labels[seams.faces[rows, side]]
+    joined = tiled_means.join_tiles(made, sides, seams, scale)
+    found = np.empty(len(tile), np.int32)
+    for number, (units, region) in enumerate(zip(made, joined.region, strict=True)):
+        found[tile == number] = region[units.labels]
+    return found
+
+
+def rand_distance(one: npt.NDArray[np.int32], other: npt.NDArray[np.int32]) -> float:
+    """1 - RI, each face counting once."""
+
+    def pairs(labels: npt.NDArray[Any]) -> float:
+        count = np.unique(labels, return_counts=True)[1].astype(float)
+        return float((count * (count - 1) / 2).sum())
+
+    both = pairs(one.astype(np.int64) * (int(other.max()) + 1) + other)
+    return (pairs(one) + pairs(other) - 2 * both) / (len(one) * (len(one) - 1) / 2)
+
+
+def main(arguments: list[str]) -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("work", type=Path, help="work directory of a finished build")
+    parser.add_argument("--tiles", type=int, default=4, help="tiles along each side")
+    parser.add_argument("--rings", type=int, nargs="*", default=[tiled_means.RING])
+    options = parser.parse_args(arguments)
+    folder = options.work / "reconstruct"
+    vertices, faces, colours = (
+        np.load(folder / f"detail-{name}.npy") for name in ("vertices", "faces", "colours")
+    )
+    pairs = face_pairs(faces, len(vertices))
+    whole = MeanColourSegmenter().segment(SegmenterMesh(vertices, faces, colours, pairs=pairs))
+    parts, tile = cut((vertices, faces, colours), options.tiles)
+    at_border = tile[pairs[0][:, 0]] != tile[pairs[0][:, 1]]
+
+    def rates(labels: npt.NDArray[np.int32]) -> tuple[float, float]:
+        parted = labels[pairs[0][:, 0]] != labels[pairs[0][:, 1]]
+        return float(parted[at_border].mean()), float(parted[~at_border].mean())
+
+    rows = []
+    for ring in options.rings:
+        begin = time.process_time()
+        found = regions_by_tiles(parts, tile, ring)
+        rows.append(
+            {
+                "ring": ring,
+                "cpu_s": round(time.process_time() - begin, 2),
+                "regions": int(found.max()) + 1,
+                "parted_at_borders": rates(found)[0],
+                "parted_elsewhere": rates(found)[1],
+                "one_minus_rand_index": rand_distance(whole.regions, found),
+            }
+        )
+    told = {
+        "faces": len(faces),
+        "tiles": len(parts),
+        "border_edges": int(at_border.sum()),
+        "whole": {
+            "regions": whole.region_count,
+            "parted_at_borders": rates(whole.regions)[0],
+            "parted_elsewhere": rates(whole.regions)[1],
+        },
+        "tiled": rows,
+    }
+    print(json.dumps(told, indent=1))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
