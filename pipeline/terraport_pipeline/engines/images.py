@@ -1,4 +1,4 @@
-"""Image files of textures, by Pillow."""
+"""Image files of textures: JPEG, WebP and PNG by Pillow, KTX2 by a program of its own."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ import PIL.Image
 
 from terraport_payload import PayloadError
 from terraport_payload.texture import read_image_header
+from terraport_pipeline.engines.ktx2 import encode_ktx2
 from terraport_pipeline.errors import EngineError
 from terraport_pipeline.model import UInt8
 
 __all__ = ["MEDIA_TYPES", "ImageFormat", "decode_image", "encode_image"]
 
-ImageFormat = Literal["jpeg", "webp", "png"]
+ImageFormat = Literal["jpeg", "webp", "png", "ktx2"]
 
 MEDIA_TYPES: Final[dict[str, str]] = {
     "jpeg": "image/jpeg",
     "webp": "image/webp",
     "png": "image/png",
+    "ktx2": "image/ktx2",
 }
 """Media type by the name of a format."""
 
@@ -38,7 +40,7 @@ def encode_image(pixels: UInt8, kind: ImageFormat, quality: int) -> bytes:
     ----------
     pixels : ndarray of shape (H, W, 3), uint8
         sRGB.
-    kind : {"jpeg", "webp", "png"}
+    kind : {"jpeg", "webp", "png", "ktx2"}
     quality : int
         1 to 100; PNG has none.
 
@@ -48,6 +50,8 @@ def encode_image(pixels: UInt8, kind: ImageFormat, quality: int) -> bytes:
         Same input, same bytes (of one release of Pillow's codecs). JPEG has its colour at half the
         resolution (4:2:0); releases the interpreter's lock.
     """
+    if kind == "ktx2":
+        return encode_ktx2(pixels, quality)
     out = io.BytesIO()
     options: dict[str, dict[str, Any]] = {
         "jpeg": {"quality": quality, "subsampling": "4:2:0", "optimize": True},
@@ -78,7 +82,7 @@ def decode_image(data: bytes) -> UInt8:
     """
     try:
         media_type, width, height = read_image_header(data)
-        if media_type not in MEDIA_TYPES.values() or width * height > _MAX_PIXELS:
+        if media_type == MEDIA_TYPES["ktx2"] or width * height > _MAX_PIXELS:
             raise EngineError(
                 f"{media_type} of {width} x {height} pixels; expected JPEG, WebP or PNG of at most "
                 f"{_MAX_PIXELS} pixels"
