@@ -48,7 +48,7 @@ NULL_CODE: Final = 65535
 MAX_ERROR_M: Final = 0.0025
 """A default grid moves no vertex by more than this along an axis, however coarse the survey."""
 
-ERROR_PER_SPACING: Final = 0.01
+ERROR_PER_SPACING: Final = 1.0 / 64.0
 """Nor by more than this part of the point spacing: far below the noise of any survey."""
 
 _FLOAT32_MAX: Final = float(np.finfo(np.float32).max)
