@@ -160,7 +160,7 @@ class TilePool:
             for number, job in enumerate(jobs)
         }
         try:
-            for future in distributed.as_completed(list(futures)):
+            for future in distributed.as_completed(list(futures), loop=self._client.loop):
                 done(futures[future], _result_of(future, futures[future], distributed))
         except BaseException:
             self._client.cancel(list(futures))

@@ -5,8 +5,9 @@ vertices lie on lattice lines. Where both saw the same samples, they cut the sam
 of a cell apart; such vertices are made one. Where they did not, the two polylines part for a cell
 or two and meet again: the sliver between them, which lies in the wall, is filled with triangles.
 
-1. Vertices of both sides are matched per lattice line, each other's nearest and at most a cell
-apart; then what is left, in the plane, at most a quarter of a cell apart.
+1. Vertices of both sides are matched per lattice edge, each other's nearest; then what is left, in
+the plane, at most a quarter of a cell apart. (Matched per lattice line, crossings on both sides of
+a lattice corner were exchanged: four faces at one edge.)
 2. Matches become classes in order of distance; a class never holds two vertices of one tile. On
 the line where four cores meet a class has up to four members.
 3. Edges that run along the wall in opposite directions on both sides cancel. The rest, reversed, is
@@ -35,11 +36,11 @@ __all__ = ["Seams", "TileBorder", "weld_tiles"]
 Int64 = npt.NDArray[np.int64]
 UInt8 = npt.NDArray[np.uint8]
 
-LINE_REACH_CELLS: Final = 1.0
-"""On one lattice line the same crossing is within the same cell edge."""
+EDGE_REACH_CELLS: Final = 1.0
+"""The same crossing lies on the same edge of a cell."""
 
 PLANE_REACH_CELLS: Final = 0.25
-"""Vertices that took different lines round one lattice corner."""
+"""Vertices that took different edges at one lattice corner."""
 
 _MAX_LOOP: Final = 200
 """Vertices of a loop that is filled; the triangulation takes their cube."""
@@ -165,7 +166,7 @@ def _match(cells: Float64, wall: _Wall) -> tuple[Int64, Float64]:
     """Pairs of vertices (below, above) that are the same, and their distances."""
     plane = [axis for axis in range(3) if axis != wall.axis]
     low, high = cells[wall.low][:, plane], cells[wall.high][:, plane]
-    pairs = _mutual(_on_lines(low), _on_lines(high), LINE_REACH_CELLS)
+    pairs = _mutual(_on_edges(low), _on_edges(high), EDGE_REACH_CELLS)
     rest_low = np.setdiff1d(np.arange(len(low)), pairs[:, 0])
     rest_high = np.setdiff1d(np.arange(len(high)), pairs[:, 1])
     more = _mutual(low[rest_low], high[rest_high], PLANE_REACH_CELLS)
@@ -174,13 +175,15 @@ def _match(cells: Float64, wall: _Wall) -> tuple[Int64, Float64]:
     return np.stack([wall.low[pairs[:, 0]], wall.high[pairs[:, 1]]], axis=1), gaps
 
 
-def _on_lines(places: Float64) -> Float64:
-    """Spread places (N, 2) so that only those on one lattice line are near each other."""
+def _on_edges(places: Float64) -> Float64:
+    """Spread places (N, 2) so that only those on one edge of a lattice cell are near each other."""
     off = np.abs(places - np.round(places))
     axis = off.argmin(axis=1)
     rows = np.arange(len(places))
     line = np.round(places[rows, axis])
-    return np.stack([axis * _FAR, line * 4.0 * LINE_REACH_CELLS, places[rows, 1 - axis]], axis=1)
+    along = places[rows, 1 - axis]
+    apart = 4.0 * EDGE_REACH_CELLS
+    return np.stack([axis * _FAR, line * apart, np.floor(along) * apart, along], axis=1)
 
 
 def _mutual(low: Float64, high: Float64, reach: float) -> Int64:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,27 @@ def test_a_crossing_may_be_nearly_a_cell_off_on_its_own_line() -> None:
     seams = weld([(y + 0.35, z) for y, z in PLACES])
     assert len(seams.cells) == 5
     assert seams.unmatched == 0
+
+
+def test_crossings_on_both_sides_of_a_lattice_corner_keep_their_order() -> None:
+    """The corner (139, 59) lies above the surface below the wall, and under it beyond."""
+    below = [(139.05, 58.0), (139.01, 59.0), (139.0, 59.14), (138.95, 60.0)]
+    beyond = [(139.05, 58.0), (139.0, 58.87), (138.99, 59.0), (138.95, 60.0)]
+    seams = weld_tiles(
+        [
+            polyline(below, wall=LOW, backwards=False),
+            polyline(beyond, wall=HIGH, backwards=True),
+        ],
+        PAIR,
+    )
+    first, second = (ids.tolist() for ids in seams.tile_ids)
+    edges = list(itertools.pairwise(first[:4])) + list(itertools.pairwise(second[3::-1]))
+    for a, b, c in seams.fillers[0].tolist():
+        edges += [(a, b), (b, c), (c, a)]
+    # Every edge once, and once the other way: no crack, no edge of four faces.
+    assert len(set(edges)) == len(edges)
+    assert {(b, a) for a, b in edges} == set(edges)
+    assert seams.open_edges == 0
 
 
 def test_the_least_support_ratio_of_a_class_counts() -> None:
