@@ -104,7 +104,7 @@ def blend_seams(
         raise ValueError(f"{rings} rings, expected 1 to 16")
     n_faces, n_nodes = len(nodes.corner), len(nodes.vertex)
     left, partner, twin = _left_at_seams(
-        seams.node, seams.step, seams.weight * seams.trust, levels, nodes.view, n_nodes
+        seams.node, seams.step, seams.weight, seams.trust, levels, nodes.view, n_nodes
     )
     if pinned is not None:
         held = np.flatnonzero(pinned[nodes.vertex])
@@ -186,7 +186,13 @@ def _sources(node: Int32, pinned: _Bools | None, nodes: Nodes) -> Int32:
 
 @numba.njit(cache=True, nogil=True)
 def _left_at_seams(
-    node: Int32, step: Float32, weight: Float32, levels: Float32, view: Int32, n_nodes: int
+    node: Int32,
+    step: Float32,
+    weight: Float32,
+    trust: Float32,
+    levels: Float32,
+    view: Int32,
+    n_nodes: int,
 ) -> tuple[Float32, Int32, Int32]:
     """Find what each seam node should add, the view beyond the seam, and the node of that view."""
     left = np.zeros((n_nodes, 3), np.float32)
@@ -202,7 +208,8 @@ def _left_at_seams(
                 mass[mine] += weight[p]
                 for k in range(3):
                     rest = sign * step[p, k] + levels[mine, k] - levels[other, k]
-                    left[mine, k] -= 0.5 * weight[p] * min(max(rest, -_MAX_LEFT), _MAX_LEFT)
+                    rest = min(max(rest, -_MAX_LEFT), _MAX_LEFT)
+                    left[mine, k] -= 0.5 * trust[p] * weight[p] * rest
                 if twin[mine] < 0:
                     twin[mine], partner[mine] = other, view[other]
                 elif twin[mine] != other:

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.geometry.chunks import in_chunks
-from terraport_pipeline.geometry.view_candidates import SLOTS, Candidates
+from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS, Candidates
 from terraport_pipeline.model import Float32, Int32, UInt8
 
 __all__ = ["drop_outliers"]
@@ -39,6 +39,9 @@ gains leave."""
 _FAR: Final = 30.0
 """Views farther from the mode than this are dropped, levels: a car or a shadow differs by 40 to
 100."""
+
+_HALVED: Final = 15.0
+"""Levels from the mode at which a view that stays counts half its quality."""
 
 _FAR_ALONE: Final = 60.0
 """The same where a single view stands against the cloud."""
@@ -158,6 +161,7 @@ def _judge_cells(
     mean = np.empty((_MAX_VIEWS + 1, 3))
     vote = np.empty(_MAX_VIEWS + 1)
     far = np.empty(_MAX_VIEWS, np.bool_)
+    less = np.empty(_MAX_VIEWS, np.int64)
     mode = np.empty(3)
     for cell in range(begin, end):
         first, last = starts[cell], starts[cell + 1]
@@ -217,30 +221,28 @@ def _judge_cells(
                 total2 += w * mean[b, 2]
                 mass += w
             mode[0], mode[1], mode[2] = total0 / mass, total1 / mass, total2 / mass
-        # (3) drop what is far from it
+        # (3) drop what is far from it, and like the less what is less near
         limit = _FAR_ALONE if n == 1 else _FAR
-        any_far = False
         for place in range(n):
-            far[place] = _square_distance(mode, mean[place]) > limit * limit
-            any_far = any_far or far[place]
-        if not any_far:
-            continue
+            square = _square_distance(mode, mean[place])
+            far[place] = square > limit * limit
+            less[place] = int(QUALITY_STEPS * square / (_HALVED * _HALVED))
         for i in range(first, last):
             f = order[i]
             kept = 0
             for s in range(SLOTS):
                 if views[f, s] < 0:
                     break
-                out = False
+                out, minus = False, 0
                 for place in range(n):
                     if seen[place] == views[f, s]:
-                        out = far[place]
+                        out, minus = far[place], less[place]
                 if out:
                     dropped += 1
                     continue
+                qualities[f, kept] = max(int(qualities[f, s]) - minus, 1)
                 if kept != s:
                     views[f, kept] = views[f, s]
-                    qualities[f, kept] = qualities[f, s]
                     for k in range(3):
                         colours[f, kept, k] = colours[f, s, k]
                 kept += 1

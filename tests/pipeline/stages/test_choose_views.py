@@ -1,0 +1,280 @@
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from photo_scene import BLOCK, CRATE_M, EXPOSURES, PhotoScene, crate_place, paint, photo_scene
+
+from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, neutral_gains
+from terraport_pipeline.geometry.view_choice import ViewChoice
+from terraport_pipeline.stages.choose_views import Options, choose_views
+from terraport_pipeline.stages.view_gains import view_gains
+
+
+@cache
+def scene(*, crate: bool = True) -> PhotoScene:
+    return photo_scene(crate=crate)
+
+
+@cache
+def rays() -> RayScene:
+    return RayScene(scene().mesh.vertices, scene().mesh.faces, threads=1)
+
+
+def choose(
+    place: PhotoScene, options: Options | None = None, *, gained: bool = True, **more: object
+) -> ViewChoice:
+    mesh = place.mesh
+    gains = neutral_gains(len(place.views))
+    if gained:
+        gains = view_gains(mesh, place.views, place, rays())
+    return choose_views(
+        mesh.vertices, mesh.faces, mesh.normals, mesh.colours, place.views, place, rays(), gains,
+        options, **more,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def hidden(place: PhotoScene, number: int) -> np.ndarray:
+    """Faces that something hides from a camera, asked from the camera; not those at a shadow's rim."""
+    view, normals = place.views[number], place.mesh.normals[place.mesh.faces].mean(axis=1)
+    out_of_sight = np.ones(len(normals), bool)
+    for lift_m in (0.0, 0.2):
+        towards = place.centres + lift_m * normals - view.position
+        distance, face = rays().closest_hit(np.broadcast_to(view.position, towards.shape), towards)
+        out_of_sight &= (distance < 0.98) & (face != np.arange(len(towards)))
+    return out_of_sight
+
+
+def coloured(place: PhotoScene, choice: ViewChoice) -> np.ndarray:
+    """Levels at the faces' middles as the module view_choice says."""
+    mesh = place.mesh
+    levels = mesh.colours[mesh.faces].mean(axis=1, dtype=np.float64)
+
+    def seen(view: np.ndarray) -> np.ndarray:
+        found = levels.copy()
+        for number, one in enumerate(place.views):
+            rows = np.flatnonzero(view == number)
+            pixels, _ = one.project(place.centres[rows])
+            gain = choice.gains[number].astype(np.float64)
+            size = np.array([one.lens.width, one.lens.height])
+            square = 4.0 * ((pixels - size / 2) ** 2).sum(axis=1) / (size**2).sum()
+            h = gain[:3] * (1.0 + square * (gain[3] + square * gain[4]))[:, None]
+            photo = place.get(number)
+            column, row = np.floor(pixels).astype(int).T
+            found[rows] = (photo[row, column] + SRGB_OFFSET) * h - SRGB_OFFSET
+        return found
+
+    weight = choice.blend_weight.mean(axis=1)[:, None]
+    mixed = (1 - weight) * seen(choice.view) + weight * seen(choice.blend_view)
+    return np.where(weight > 0, mixed, seen(choice.view)) + choice.correction.astype(
+        np.float64
+    ).mean(axis=1)
+
+
+def test_a_face_gets_the_photo_that_shows_it_largest() -> None:
+    place = scene(crate=False)
+    options = Options(smoothness=0.0, reject_outliers=False, level_seams=False)
+    choice = choose(place, options, gained=False)
+    # flat ground far from the block, seen by two cameras or more
+    near_first = np.linalg.norm(place.centres[:, [0, 2]] - (13.0, 15.0), axis=1) < 1.5
+    near_last = np.linalg.norm(place.centres[:, [0, 2]] - (27.0, 25.0), axis=1) < 1.5
+    assert (choice.view[near_first] >= 0).all()
+    assert (choice.view[near_last] >= 0).all()
+    # what it got is as large as in any other photo that may be used
+    area = np.stack([projected_area(place, number) for number in range(len(place.views))])
+    usable = np.stack([~hidden(place, number) for number in range(len(place.views))])
+    best = np.where(usable, area, 0.0).max(axis=0)
+    rows = np.flatnonzero(near_first | near_last)
+    assert (area[choice.view[rows], rows] > 0.6 * best[rows]).all()
+
+
+def projected_area(place: PhotoScene, number: int) -> np.ndarray:
+    view, mesh = place.views[number], place.mesh
+    pixels, _ = view.project(mesh.vertices.astype(np.float64))
+    corners = pixels[mesh.faces]
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * (b[:, 0] * a[:, 1] - a[:, 0] * b[:, 1])
+    size = np.array([view.lens.width, view.lens.height])
+    inside = ((corners >= 2) & (corners <= size - 2)).all(axis=(1, 2))
+    return np.where(inside, area, 0.0)
+
+
+@pytest.mark.parametrize("smoothness", [0.0, 1.0, 30.0])
+def test_hidden_faces_are_never_coloured_by_what_hides_them(smoothness: float) -> None:
+    place = scene()
+    choice = choose(place, Options(smoothness=smoothness))
+    behind = 0
+    for number in range(len(place.views)):
+        out_of_sight = hidden(place, number)
+        behind += int(out_of_sight.sum())
+        assert not (choice.view[out_of_sight] == number).any()
+        assert not (choice.blend_view[out_of_sight] == number).any()
+    assert behind > 500  # the block does hide something
+
+
+def test_a_crate_that_stands_elsewhere_in_every_photo_is_voted_out() -> None:
+    place = scene()
+    kept, rejected = (choose(place, Options(reject_outliers=on)) for on in (False, True))
+    wrong = []
+    for choice in (kept, rejected):
+        shown = np.zeros(len(place.centres), bool)
+        for number in range(len(place.views)):
+            x, z = crate_place(number)
+            off = np.abs(place.centres[:, [0, 2]] - (x, z)).max(axis=1)
+            shown |= (off < 0.5 * CRATE_M - 0.4) & (choice.view == number)
+        wrong.append(int(shown.sum()))
+    assert wrong[0] > 50
+    assert wrong[1] == 0
+    assert rejected.facts["outliers"] > 0
+
+
+def test_gains_and_levelling_bring_the_colours_near_the_truth() -> None:
+    place = scene()
+    truth = paint(place.centres)
+    seen = choose(place).view >= 0
+    x, z = place.centres[:, 0], place.centres[:, 2]
+    seen &= ~((x > BLOCK[0] - 1) & (x < BLOCK[1] + 1) & (z > BLOCK[2] - 1) & (z < BLOCK[3] + 1))
+    error = []
+    for options, gained in (
+        (Options(level_seams=False, reject_outliers=False), False),
+        (Options(level_seams=False), True),
+        (Options(), True),
+    ):
+        choice = choose(place, options, gained=gained)
+        error.append(np.abs(coloured(place, choice) - truth)[seen].mean())
+    assert error[0] > 6.0
+    assert error[1] < 4.0
+    assert error[2] < error[1] + 0.3
+
+
+def test_each_step_lowers_the_seams() -> None:
+    facts = choose(scene()).facts
+    photos, gains, smooth, local = (
+        facts[f"seam_step_{name}"] for name in ("photos", "gains", "smooth", "local")
+    )
+    assert photos > 2 * gains
+    assert smooth < 1.1 * gains
+    assert local < 0.5 * gains
+
+
+def test_the_result_is_the_same_with_two_threads() -> None:
+    one, two = (choose(scene(), threads=threads) for threads in (1, 2))
+    for name in ("view", "blend_view", "blend_weight", "correction", "gains"):
+        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
+    assert one.facts == two.facts
+
+
+def test_inputs_may_be_read_only() -> None:
+    place = scene()
+    mesh = place.mesh
+    before = mesh.faces.copy()
+    for array in (mesh.vertices, mesh.faces, mesh.colours):
+        array.setflags(write=False)
+    choose(place)
+    assert (mesh.faces == before).all()
+
+
+def test_the_order_of_faces_does_not_matter() -> None:
+    place = scene()
+    mesh = place.mesh
+    turned = mesh.faces[::-1].copy()
+    gains = view_gains(mesh, place.views, place, rays())
+    options = Options(smoothness=0.0, level_seams=False, reject_outliers=False)
+    one, two = (
+        choose_views(
+            mesh.vertices, faces, mesh.normals, mesh.colours, place.views, place, rays(), gains,
+            options,
+        )
+        for faces in (mesh.faces, turned)
+    )  # fmt: skip
+    assert (one.view == two.view[::-1]).all()
+
+
+def test_with_no_view_everything_keeps_its_vertex_colours() -> None:
+    place = PhotoScene(scene().mesh, [], [])
+    choice = choose(place)
+    assert (choice.view == -1).all()
+    assert (choice.blend_view == -1).all()
+    assert not choice.correction.any()
+
+
+def test_one_view_colours_what_it_sees() -> None:
+    place = PhotoScene(scene().mesh, scene().views[:1], scene().photos[:1])
+    choice = choose(place)
+    assert set(np.unique(choice.view)) == {-1, 0}
+    assert not (choice.view[hidden(place, 0)] == 0).any()
+    # at the border of what it sees the vertex colours meet it
+    assert choice.facts["seam_step_local"] < choice.facts["seam_step_photos"]
+
+
+def test_a_photo_that_sees_nothing_is_not_even_read() -> None:
+    place = scene()
+    blind = place.views[0]
+    away = type(blind)(blind.name, blind.lens, -blind.rotation * [[1], [-1], [1]], blind.position)
+
+    class Store:
+        def get(self, view_index: int, scale: int = 1) -> np.ndarray:
+            assert view_index != 6
+            return place.get(view_index, scale)
+
+    mesh = place.mesh
+    choice = choose_views(
+        mesh.vertices, mesh.faces, mesh.normals, mesh.colours, [*place.views, away], Store(),
+        rays(), neutral_gains(7),
+    )  # fmt: skip
+    assert choice.facts["views_blank"] == 1
+    assert not (choice.view == 6).any()
+
+
+def test_an_empty_mesh() -> None:
+    place = scene()
+    none = np.zeros((0, 3))
+    choice = choose_views(
+        none.astype(np.float32), none.astype(np.int32), none.astype(np.float32),
+        none.astype(np.uint8), place.views, place, rays(), neutral_gains(6),
+    )  # fmt: skip
+    assert choice.view.shape == (0,)
+    assert choice.correction.shape == (0, 3, 3)
+
+
+def test_pinned_vertices_are_not_corrected() -> None:
+    place = scene()
+    mesh = place.mesh
+    pinned = mesh.vertices[:, 0] == 20.0
+    choice = choose(place, pinned=pinned)
+    at = pinned[mesh.faces]
+    assert np.abs(choice.correction[at].astype(np.float32)).max() < 1e-2
+    assert (choice.blend_weight[at] == 0.0).all()
+    assert choice.correction.any()
+
+
+def test_gains_of_another_length_are_refused() -> None:
+    place = scene()
+    mesh = place.mesh
+    with pytest.raises(ValueError, match="3 rows of gains for 6 views, expected one more"):
+        choose_views(
+            mesh.vertices, mesh.faces, mesh.normals, mesh.colours, place.views, place, rays(),
+            neutral_gains(2),
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"max_angle_degrees": 90.0}, "max angle 90.0 degrees"),
+        ({"smoothness": -1.0}, "smoothness -1.0"),
+        ({"smoothness": float("nan")}, "smoothness nan"),
+        ({"blend_rings": 0}, "blend rings 0"),
+        ({"occluder_offset_m": -0.1}, "occluder offset -0.1 m"),
+    ],
+)
+def test_options_are_checked(wrong: dict[str, float], text: str) -> None:
+    with pytest.raises(OptionError, match=text):
+        Options(**wrong)  # type: ignore[arg-type]
+
+
+def test_exposures_differ_in_the_scene() -> None:
+    assert max(EXPOSURES) / min(EXPOSURES) > 1.5
