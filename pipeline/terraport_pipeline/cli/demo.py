@@ -17,7 +17,7 @@ from rich.table import Table
 import terraport.sync
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.synth import parse_count
-from terraport_pipeline.demo import SCENE_ID, DemoScene, prepare_demo
+from terraport_pipeline.demo import FLIGHT, SCENE_ID, DemoScene, prepare_demo
 from terraport_pipeline.errors import PipelineError
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
@@ -40,6 +40,12 @@ def register(app: typer.Typer) -> None:
 def demo(
     points: Annotated[str, typer.Option(help="Points of the sample cloud: 250k, 1M.")] = "250k",
     port: Annotated[int, typer.Option(help="Port to serve on; 0: a free one.", min=0)] = 0,
+    photos: Annotated[
+        bool,
+        typer.Option(
+            "--photos/--no-photos", help="Photograph the quarry too, and texture the scene."
+        ),
+    ] = True,
     serve: Annotated[
         bool, typer.Option("--serve/--no-serve", help="Go on serving until Ctrl-C.")
     ] = True,
@@ -67,7 +73,9 @@ def demo(
     with reporting_errors(errors), _directory(keep) as directory:
         count = parse_count(points)
         with RichProgress(errors) as progress:
-            made = prepare_demo(directory, points=count, progress=progress)
+            made = prepare_demo(
+                directory, points=count, flight=FLIGHT if photos else None, progress=progress
+            )
         _tell_scene(console, made)
         with BackgroundServer(made.scenes_dir, port=port) as server:
             _land(console, server.scene_url(SCENE_ID))
@@ -110,6 +118,11 @@ def _tell_scene(console: Console, made: DemoScene) -> None:
         "write the report": f"{len(report.pictures)} pictures, {format_bytes(report.bytes)}, "
         f"hand-off: {holes}",
     }
+    if made.photos is not None:
+        results["photograph it"] = (
+            f"{made.photos.photos} photos, {format_bytes(made.photos.bytes)}, "
+            f"{made.photos.gsd_m * 100:.0f} cm a pixel"
+        )
     for step, seconds in made.seconds:
         table.add_row(step, f"{seconds:,.1f} s", results[step])
     console.print(table)

@@ -14,6 +14,7 @@ from terraport_pipeline.demo import prepare_demo
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.report import ReportOptions
 from terraport_pipeline.report_pictures import PictureOptions
+from terraport_pipeline.synth.flight import FlightOptions
 from terraport_store import Scene
 
 
@@ -27,6 +28,7 @@ def run(*arguments):
 def test_demo_goes_from_nothing_to_three_landings(tmp_path, monkeypatch) -> None:
     small = ReportOptions(PictureOptions(160, 90, 1), rays=5_000, subsets=5)
     monkeypatch.setattr(demo, "REPORT", small)
+    monkeypatch.setattr(command, "FLIGHT", FlightOptions(count=5, width=160, height=120))
     shown = run("--points", "20k", "--no-serve", "--keep", str(tmp_path / "demo"))
     assert shown.exit_code == 0, shown.output
     rows = {
@@ -45,8 +47,11 @@ def test_demo_goes_from_nothing_to_three_landings(tmp_path, monkeypatch) -> None
     page = (scene / "report.html").read_text(encoding="utf-8")
     assert 'id="picture-input"' in page
     assert "No hole" in page
+    assert 'id="picture-photo-from-above"' in page
+    assert "surface that no photo sees" in page
     with Scene.open(scene) as opened:
         assert opened.manifest.counts.points <= 20_000
+        assert opened.manifest.textures is not None
 
 
 @pytest.mark.parametrize("points", [10, 10**9])
