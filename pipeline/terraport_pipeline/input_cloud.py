@@ -1,8 +1,9 @@
 """The points of the input for the report's picture, from the build's work directory.
 
 A scene does not hold the survey's points. The build's clean stage leaves them, already in the scene
-frame, as plain NumPy files; where they are still there and belong to the published scene they are
-taken from there. Nothing is written, and nothing is unpickled.
+frame, as plain NumPy files (of a build by tiles, a thinned copy); where they are still there and
+belong to the published scene they are taken from there. Nothing is written, and nothing is
+unpickled.
 """
 
 from __future__ import annotations
@@ -54,9 +55,11 @@ def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | Non
     except (OSError, ValueError, KeyError, TypeError, EOFError):
         return None
     points, colours = arrays["points"], arrays["colours"]
-    total = len(points)
+    kept = total = len(points)
+    if kept != scene.manifest.counts.points:
+        total = _points_of_tiles(folder.parent)
     fits = (
-        points.shape == colours.shape == (total, 3)
+        points.shape == colours.shape == (kept, 3)
         and total == scene.manifest.counts.points
         and np.array_equal(arrays["origin"], scene.manifest.origin)
         and np.isfinite(spacing_m)
@@ -64,7 +67,7 @@ def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | Non
     )
     if not fits:
         return None
-    step = max(1, -(-total // MAX_POINTS))
+    step = max(1, -(-kept // MAX_POINTS))
     # Copied: the picture outlives the mapping. Fewer points stand further apart.
     return InputCloud(
         np.array(points[::step], dtype=np.float32),
@@ -72,3 +75,12 @@ def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | Non
         spacing_m * step**0.5,
         total,
     )
+
+
+def _points_of_tiles(work: Path) -> int:
+    """Points of a build by tiles, whose clean stage holds a thinned copy; 0 when it was none."""
+    try:
+        with (work / "measure_survey" / "stage.json").open("rb") as file:
+            return int(json.loads(file.read(MAX_RECORD_BYTES))["values"]["points"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0

@@ -38,7 +38,7 @@ def thin_by_cells(
     kept : ndarray of shape (W,), int64
         Vertices that stand for their cubes.
     faces : ndarray of shape (G, 3), int32
-        Faces between three different ones of ``kept``, one of each corner set.
+        Faces between three different ones of ``kept``.
     origin : ndarray of shape (G,), int64
         The face that each of them was.
 
@@ -71,9 +71,6 @@ def thin_by_cells(
         & (corners[:, 2] != corners[:, 0])
     )
     origin = np.flatnonzero(real)
-    a, b, c = np.sort(corners[origin], axis=1).T
-    _, one = np.unique((a * len(kept) + b) * len(kept) + c, return_index=True)
-    origin = origin[np.sort(one)]
     return kept, corners[origin].astype(np.int32), origin
 
 
