@@ -52,8 +52,8 @@ _CELL_RIM: Final = 12.0
 """Texels that a cell has on top of its chart along each axis: gutters, and rounding up."""
 
 _SAVED: Final = 0.93
-"""Share of its cells' area that a cut may leave: less is not worth a seam. On the quarry 0.93 and six
-rounds saved 18 % of all texels; 0.8 and four rounds 2 %."""
+"""Share of its cells' area that a cut may leave: less is not worth a seam. On the quarry 0.93 and
+six rounds saved 18 % of all texels; 0.8 and four rounds 2 %."""
 
 _CUTS: Final = 6
 
