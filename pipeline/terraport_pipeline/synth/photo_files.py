@@ -22,18 +22,14 @@ from typing import Any, Final
 import numpy as np
 from PIL import Image
 
+from terraport_pipeline.engines.camera_files.write_colmap import write_colmap
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.model import Float32, Float64, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth._photo_kernels import develop_rows
 from terraport_pipeline.synth.camera_eye import TRUCK, TRUCK_SHADOW, CameraEye, Seen
-from terraport_pipeline.synth.colmap_text import (
-    cameras_text,
-    images_text,
-    offset_text,
-    points_text,
-)
+from terraport_pipeline.synth.colmap_text import offset_text, points_text
 from terraport_pipeline.synth.flight import Flight, FlightOptions, plan_flight
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truck import Truck, parking_places, place_truck
@@ -247,18 +243,18 @@ def _write_images(
             }
         )
         watcher.advance(1)
-    shift = origin - offset
     colmap = draft / "colmap"
-    for name, text in (
-        ("cameras.txt", cameras_text(flight.views)),
-        ("images.txt", images_text(flight.views, shift)),
-        (
-            "points3D.txt",
-            points_text(_to_world(np.concatenate(points)) + shift, np.concatenate(colours)),
-        ),
-        ("OFFSET.txt", offset_text(offset, quarry.epsg, survey)),
-    ):
-        (colmap / name).write_text(text, encoding="utf-8")
+    write_colmap(
+        colmap,
+        flight.views,
+        origin=origin,
+        offset=(float(offset[0]), float(offset[1]), float(offset[2])),
+    )
+    world = _to_world(np.concatenate(points)) + origin - offset
+    text = points_text(world, np.concatenate(colours))
+    (colmap / "points3D.txt").write_text(text, encoding="utf-8")
+    text = offset_text(offset, quarry.epsg, survey)
+    (colmap / "OFFSET.txt").write_text(text, encoding="utf-8")
     truth = {
         "quarry": quarry.to_dict(),
         "flight": asdict(options),
