@@ -1,7 +1,4 @@
-"""How good a reconstruction is: colour, holes, distances, soundness.
-
-PURE: no I/O, no clock.
-"""
+"""How good a reconstruction is: colour, holes, distances, soundness."""
 
 from __future__ import annotations
 
