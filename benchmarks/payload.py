@@ -47,6 +47,7 @@ from terraport_payload import (
     order_for_cache,
 )
 from terraport_payload.glb_container import split_glb
+from terraport_payload.glb_encode import NORMAL_BITS, TEXTURED_NORMAL_BITS
 
 ROUNDS = 3
 SMALLEST_JPEG_SIDE = 64
@@ -318,7 +319,8 @@ def add_before(row: Row, mesh: SegmentMesh, step_m: float) -> None:
     """Today's GLB with yesterday's buffers in place of its own: sizes only."""
     data = without_image(encode_glb(mesh, step_m=step_m, attribute_scales={}), mesh)
     remap = fetch_order(mesh)
-    extra = -len(oct_normals(mesh, remap, 7)) + len(oct_normals(mesh, remap, 8))
+    bits = NORMAL_BITS if mesh.texture is None else TEXTURED_NORMAL_BITS
+    extra = len(oct_normals(mesh, remap, 8)) - len(oct_normals(mesh, remap, bits))
     if mesh.uvs is not None and mesh.texture is not None:
         sides = np.array([mesh.texture.width, mesh.texture.height])
         now = np.rint(mesh.uvs[remap] * (2 * sides)).astype("<u2")
