@@ -1,7 +1,7 @@
 """A small place and photos of it, rendered by ray casting: what the tests of texturing look at.
 
-Bumpy ground of 40 x 40 m with a block 6 m high on it, seen by six cameras. Each photo has an exposure
-of its own, and in each a crate that is not in the mesh stands elsewhere.
+Bumpy ground of 40 x 40 m with a block 6 m high on it, seen by six cameras. Each photo has its own
+exposure, and in each a crate that is not in the mesh stands elsewhere.
 """
 
 from __future__ import annotations

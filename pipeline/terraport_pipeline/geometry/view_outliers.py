@@ -21,6 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.geometry.chunks import in_chunks
+from terraport_pipeline.geometry.face_cells import face_cells
 from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS, Candidates
 from terraport_pipeline.model import Float32, Int32, UInt8
 
@@ -28,9 +29,6 @@ __all__ = ["drop_outliers"]
 
 _CELL_EDGES: Final = 4.0
 """Side of a cell in mean edges."""
-
-_MAX_SIDE: Final = 2**21 - 1
-"""Cells along one axis at most: three axes fit a 63-bit key."""
 
 _SIGMA: Final = 10.0
 """Spread of views that agree, levels (root mean square over the channels): noise, angles, what the
@@ -89,10 +87,7 @@ def drop_outliers(
     """
     if not len(faces):
         return 0
-    keys = _face_cells(vertices, faces)
-    order = np.argsort(keys, kind="stable").astype(np.int32)
-    starts = np.flatnonzero(np.diff(keys[order], prepend=-1)).astype(np.int64)
-    starts = np.append(starts, len(faces))
+    order, starts = face_cells(vertices, faces, _CELL_EDGES)
     own = np.zeros((0, 3), np.uint8) if own_colour is None else own_colour
 
     def work(begin: int, end: int) -> int:
@@ -110,33 +105,6 @@ def drop_outliers(
         )
 
     return sum(in_chunks(work, len(starts) - 1, threads=threads, chunk=_CHUNK_CELLS))
-
-
-@numba.njit(cache=True, nogil=True)
-def _face_cells(vertices: Float32, faces: Int32) -> _Int64:
-    """Key of the cell of every face's first corner."""
-    low = np.full(3, np.inf)
-    extent = 0.0
-    total, count = 0.0, 0
-    for k in range(3):
-        high = -np.inf
-        for v in range(len(vertices)):
-            low[k], high = min(low[k], vertices[v, k]), max(high, vertices[v, k])
-        extent = max(extent, high - low[k])
-    for f in range(0, len(faces), 7):
-        square = 0.0
-        for k in range(3):
-            square += (np.float64(vertices[faces[f, 0], k]) - vertices[faces[f, 1], k]) ** 2
-        total += np.sqrt(square)
-        count += 1
-    size = max(_CELL_EDGES * total / count, extent / _MAX_SIDE, 1e-9)
-    keys = np.empty(len(faces), np.int64)
-    for f in range(len(faces)):
-        key = 0
-        for k in range(3):
-            key = (key << 21) | int((vertices[faces[f, 0], k] - low[k]) / size)
-        keys[f] = key
-    return keys
 
 
 @numba.njit(cache=True, nogil=True)

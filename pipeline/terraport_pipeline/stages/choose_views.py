@@ -21,6 +21,7 @@ import numpy.typing as npt
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.chunks import in_chunks
+from terraport_pipeline.geometry.face_cells import face_cells
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
 from terraport_pipeline.geometry.occlusion import Occluder, visible_faces
@@ -60,6 +61,10 @@ _MAX_SCALE: Final = 8
 """Photos are read at down to one eighth of their size, which JPEG decoders do at once."""
 
 
+_CELL_EDGES: Final = 16.0
+"""Side of the cells whose faces begin with one photo, in mean edges; see label_faces."""
+
+
 class Photos(Protocol):
     """Where photos come from: :class:`terraport_pipeline.engines.photos.PhotoStore`."""
 
@@ -74,7 +79,7 @@ class Options:
 
     max_angle_degrees: float = 80.0
     """Faces seen at flatter angles than this from their normal are not coloured by that photo."""
-    smoothness: float = 1.0
+    smoothness: float = 4.0
     """What a seam costs beside quality; see :mod:`terraport_pipeline.geometry.view_labels`. Higher
     makes larger charts of less sharp photos."""
     reject_outliers: bool = True
@@ -176,7 +181,10 @@ def choose_views(
     pairs, edges = face_pairs(blocks.faces, len(blocks.vertices), threads=threads)
     neighbours = face_neighbours(blocks.vertices, blocks.faces, pairs, edges)
     view_costs(candidates, threads=threads)
-    labelled = label_faces(candidates, neighbours, smoothness=options.smoothness, threads=threads)
+    cells = face_cells(blocks.vertices, blocks.faces, _CELL_EDGES)
+    labelled = label_faces(
+        candidates, neighbours, cells, smoothness=options.smoothness, threads=threads
+    )
     del neighbours
     chosen = chosen_views(candidates, labelled.slot, threads=threads)
     facts |= {

@@ -38,7 +38,7 @@ def choose(
 
 
 def hidden(place: PhotoScene, number: int) -> np.ndarray:
-    """Faces that something hides from a camera, asked from the camera; not those at a shadow's rim."""
+    """Faces that something hides from a camera, asked from the camera; not those at a rim."""
     view, normals = place.views[number], place.mesh.normals[place.mesh.faces].mean(axis=1)
     out_of_sight = np.ones(len(normals), bool)
     for lift_m in (0.0, 0.2):
