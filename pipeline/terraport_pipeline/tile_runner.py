@@ -88,6 +88,8 @@ def run_pass(
         for tile, (name, key) in enumerate(zip(names, keys, strict=True))
         if runner.resume and (record := runner.work.find(name, key)) is not None
     }
+    for stale in set(runner.work.names(f"{chosen.name}-")) - set(names):
+        runner.work.forget(stale)  # of a build with more tiles
     left = [tile for tile in range(len(keys)) if tile not in records]
     if not left:
         kept = [records[tile] for tile in range(len(keys))]

@@ -194,6 +194,26 @@ def test_a_second_version_keeps_the_regions_numbers(scene, detail, tmp_path) -> 
         assert set(opened.manifest.encodings) == {"glb", "arrays"}
 
 
+def test_crumbs_of_tiles_do_no_harm(detail, tmp_path) -> None:
+    part = cut_mesh(detail, 2)[0][0]
+    one, rest = part.faces[:1], part.faces[1:]
+    crumb = Mesh(
+        part.vertices[one[0]], np.array([[0, 1, 2]], np.int32), part.normals[one[0]],
+        part.colours[one[0]], {"height": np.full(3, np.nan, np.float32)},
+    )  # fmt: skip
+    others = tuple(tile for tile, _ in cut_mesh(detail, 2)[1:])
+    whole = Mesh(part.vertices, rest, part.normals, part.colours, part.attributes)
+    surface = surface_of(detail, 2)
+    crumbs = TiledSurface(
+        surface.base, Tiles((crumb, whole, *others)), surface.deviation_m, "crumbs"
+    )
+    build(tmp_path, crumbs)
+    assert list(validate_scene(tmp_path / "scene")) == []
+    with Scene.open(tmp_path / "scene") as opened:
+        assert int(opened.index.face_count.sum()) == len(detail.faces)
+        assert len(opened.regions["regions"]) == 3
+
+
 @pytest.mark.parametrize(
     ("options", "text"),
     [

@@ -66,6 +66,12 @@ def test_only_what_is_missing_is_done_again(runner) -> None:
     assert runner.progress.done_so_far == 150.0 + 30.0
 
 
+def test_what_a_build_with_more_tiles_left_goes(runner) -> None:
+    run_pass(runner, PASS, squares)
+    run_pass(runner, replace(PASS, inputs=PASS.inputs[:3], faces=PASS.faces[:3]), _never)
+    assert runner.work.names("square-") == ["square-0000", "square-0001", "square-0002"]
+
+
 def test_an_error_stops_the_pass_and_keeps_what_was_done(runner) -> None:
     def breaks(tile: int, context: Context) -> Stored:
         if tile == 2:
