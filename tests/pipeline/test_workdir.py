@@ -148,3 +148,20 @@ def test_records_are_readable(work: WorkDirectory) -> None:
     record = json.loads((work.path / "clean" / "stage.json").read_text())
     assert record["cost"] == {"seconds": 1.5, "peak_bytes": 2**20, "steps": []}
     assert record["facts"]["warnings"] == ["Something to know."]
+
+
+def test_a_folder_sealed_is_the_result_saved(tmp_path: Path) -> None:
+    arrays = {"a": np.arange(12.0).reshape(4, 3), "b": np.arange(5, dtype=np.uint8)}
+    facts, cost = Facts({"n": 1}), Cost(1.0, 2)
+    saved = WorkDirectory(tmp_path / "one").save("s", "k", Stored(arrays, {"v": 1}), facts, cost)
+    work = WorkDirectory(tmp_path / "two")
+    with work.beside("s") as folder:
+        for name, array in arrays.items():
+            np.save(folder / f"{name}.npy", array)
+        sealed = work.seal(folder, "s", "k", {"v": 1}, facts, cost)
+    assert sealed.digest == saved.digest
+    assert sealed.files == saved.files
+    assert work.find("s", "k") == sealed
+    assert work.names("s") == ["s"]
+    work.forget("s")
+    assert work.find("s", "k") is None
