@@ -20,16 +20,15 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry import view_kernels as kernels
 from terraport_pipeline.geometry.chunks import CHUNK, in_chunks
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.geometry.lens_kernels import HEIGHT, POSITION, WIDTH, project_packed
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks
+from terraport_pipeline.geometry.view_kernels import QUALITY_STEPS, SLOTS, face_radii
 from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = [
@@ -46,21 +45,6 @@ __all__ = [
     "sorted_by_view",
     "visible_blocks",
 ]
-
-SLOTS: Final = 8
-"""Views kept per face, the best by quality. A drone survey shows a point in 5 to 50 photos; the
-eighth best is rarely within half the quality of the best."""
-
-QUALITY_STEPS: Final = 2048
-"""Steps of quality per factor of two: qualities are kept as logarithms in 16 bits, 0.034 %
-apart."""
-
-_QUALITY_SHIFT: Final = 12.0
-"""Qualities below 2^-12 square pixels are kept as that."""
-
-_MARGIN: Final = 0.004
-"""Strip along a photo's edge that is not used, as a part of its width: undistorted photos are black
-there, and resampling needs neighbours."""
 
 _Int16 = npt.NDArray[np.int16]
 _UInt16 = npt.NDArray[np.uint16]
@@ -144,7 +128,7 @@ def project_blocks(
 
     def work(begin: int, end: int) -> None:
         for first, last in pieces[begin:end]:
-            _project(packed, vertices, uv, first, last)
+            kernels.project(packed, vertices, uv, first, last)
 
     in_chunks(work, len(pieces), threads=threads, chunk=8)
 
@@ -154,7 +138,7 @@ def median_area(
 ) -> float:
     """Median projected area of faces inside a photo, square pixels, from a sample; 0: none."""
     found = [
-        _sample_areas(packed, blocks.faces, uv, first, last)
+        kernels.sample_areas(packed, blocks.faces, uv, first, last)
         for first, last in _pieces(blocks.face_starts, seen)
     ]
     areas = np.concatenate(found) if found else np.zeros(0)
@@ -200,7 +184,7 @@ def rate_faces(
 
     def work(begin: int, end: int) -> list[tuple[Int32, Float32, Float32]]:
         return [
-            _rate(
+            kernels.rate(
                 packed, blocks.vertices, blocks.faces, uv, sharpness, worst, min_cosine, first, last
             )
             for first, last in pieces[begin:end]
@@ -239,7 +223,7 @@ def insert(
     """
 
     def work(begin: int, end: int) -> None:
-        _insert(
+        kernels.insert(
             candidates.view, candidates.quality, candidates.colour,
             view, rated.face, rated.quality, visible, colours, begin, end,
         )  # fmt: skip
@@ -252,7 +236,7 @@ def sorted_by_view(candidates: Candidates, *, threads: int = 1) -> None:
     """Sort the places of every face by view, the empty ones last; in place."""
 
     def work(begin: int, end: int) -> None:
-        _sort_slots(candidates.view, candidates.quality, candidates.colour, begin, end)
+        kernels.sort_slots(candidates.view, candidates.quality, candidates.colour, begin, end)
 
     in_chunks(work, len(candidates.view), threads=threads)
 
@@ -269,187 +253,3 @@ def _pieces(starts: npt.NDArray[np.int64], seen: npt.NDArray[np.intp]) -> list[t
         else:
             pieces.append((first, last))
     return pieces
-
-
-@numba.njit(cache=True, nogil=True)
-def _project(packed: Float64, vertices: Float32, uv: Float32, begin: int, end: int) -> None:
-    for i in range(begin, end):
-        u, v, _ = project_packed(
-            packed,
-            np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2]),
-        )  # fmt: skip
-        uv[i, 0], uv[i, 1] = u, v
-
-
-@numba.njit(cache=True, nogil=True)
-def face_radii(
-    packed: Float64,
-    vertices: Float32,
-    faces: Int32,
-    views: _Int16,
-    radius: Float32,
-    begin: int,
-    end: int,
-) -> None:
-    """Write how far from the photos' middle faces lie, 1 in the corners; one packed row a view."""
-    for f in range(begin, end):
-        x, y, z = 0.0, 0.0, 0.0
-        for c in range(3):
-            x += vertices[faces[f, c], 0] / 3.0
-            y += vertices[faces[f, c], 1] / 3.0
-            z += vertices[faces[f, c], 2] / 3.0
-        for s in range(views.shape[1]):
-            v = views[f, s]
-            if 0 <= v < len(packed):
-                width, height = packed[v, WIDTH], packed[v, HEIGHT]
-                a, b, _ = project_packed(packed[v], x, y, z)
-                radius[f, s] = (
-                    2.0 * np.hypot(a - 0.5 * width, b - 0.5 * height) / np.hypot(width, height)
-                )
-
-
-@numba.njit(cache=True, nogil=True)
-def _sample_areas(packed: Float64, faces: Int32, uv: Float32, begin: int, end: int) -> Float64:
-    """Projected areas of every 61st face that lies inside the picture."""
-    found = np.empty((end - begin) // 61 + 1)
-    n = 0
-    for f in range(begin, end, 61):
-        inside = True
-        for c in range(3):
-            u, v = uv[faces[f, c], 0], uv[faces[f, c], 1]
-            if not (u >= 0.0 and u <= packed[WIDTH] and v >= 0.0 and v <= packed[HEIGHT]):
-                inside = False
-        if inside:
-            found[n] = abs(_picture_area(faces, uv, f))
-            n += 1
-    return found[:n]
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def _picture_area(faces: Int32, uv: Float32, f: int) -> float:
-    """Projected area; negative for faces that look away from the camera.
-
-    v points down, so a face that is counter-clockwise seen from outside has a negative determinant.
-    """
-    i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-    return 0.5 * (  # type: ignore[no-any-return]
-        (np.float64(uv[k, 0]) - uv[i, 0]) * (np.float64(uv[j, 1]) - uv[i, 1])
-        - (np.float64(uv[j, 0]) - uv[i, 0]) * (np.float64(uv[k, 1]) - uv[i, 1])
-    )
-
-
-@numba.njit(cache=True, nogil=True)
-def quality_level(quality: float) -> int:
-    """Logarithm of a quality in steps, 1..65535."""
-    level = np.log2(max(quality, 2.0**-_QUALITY_SHIFT)) + _QUALITY_SHIFT
-    return min(max(int(level * QUALITY_STEPS), 1), 65535)
-
-
-@numba.njit(cache=True, nogil=True)
-def _rate(
-    packed: Float64,
-    vertices: Float32,
-    faces: Int32,
-    uv: Float32,
-    sharpness: Float32,
-    quality: _UInt16,
-    min_cosine: float,
-    begin: int,
-    end: int,
-) -> tuple[Int32, Float32, Float32]:
-    """Rate faces begin..end; the three columns of :class:`Rated`."""
-    width, height = packed[WIDTH], packed[HEIGHT]
-    margin = _MARGIN * max(width, height)
-    px, py, pz = packed[POSITION], packed[POSITION + 1], packed[POSITION + 2]
-    found_face = np.empty(end - begin, np.int32)
-    found_quality = np.empty(end - begin, np.float32)
-    found_area = np.empty(end - begin, np.float32)
-    rows, columns = sharpness.shape
-    n = 0
-    for f in range(begin, end):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        inside = True  # NaN (not in the picture) fails the comparisons
-        for c in range(3):
-            u, v = uv[faces[f, c], 0], uv[faces[f, c], 1]
-            if not (u >= margin and u <= width - margin and v >= margin and v <= height - margin):
-                inside = False
-        if not inside:
-            continue
-        area = _picture_area(faces, uv, f)
-        if not area > 0.0:
-            continue
-        ax, ay, az = (
-            np.float64(vertices[j, 0]) - vertices[i, 0],
-            np.float64(vertices[j, 1]) - vertices[i, 1],
-            np.float64(vertices[j, 2]) - vertices[i, 2],
-        )
-        bx, by, bz = (
-            np.float64(vertices[k, 0]) - vertices[i, 0],
-            np.float64(vertices[k, 1]) - vertices[i, 1],
-            np.float64(vertices[k, 2]) - vertices[i, 2],
-        )
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        tx, ty, tz = px - vertices[i, 0], py - vertices[i, 1], pz - vertices[i, 2]
-        size = np.sqrt((nx * nx + ny * ny + nz * nz) * (tx * tx + ty * ty + tz * tz))
-        facing = nx * tx + ny * ty + nz * tz
-        if not facing >= min_cosine * size:
-            continue
-        u = (np.float64(uv[i, 0]) + uv[j, 0] + uv[k, 0]) / 3.0
-        v = (np.float64(uv[i, 1]) + uv[j, 1] + uv[k, 1]) / 3.0
-        sharp = sharpness[
-            min(int(v * rows / height), rows - 1), min(int(u * columns / width), columns - 1)
-        ]
-        value = area * (facing / size) * sharp
-        least = 65535
-        for s in range(SLOTS):
-            least = min(least, int(quality[f, s]))
-        if quality_level(value) <= least:
-            continue
-        found_face[n], found_quality[n], found_area[n] = f, value, area
-        n += 1
-    return found_face[:n], found_quality[:n], found_area[:n]
-
-
-@numba.njit(cache=True, nogil=True)
-def _insert(
-    views: _Int16,
-    qualities: _UInt16,
-    slot_colours: UInt8,
-    view: int,
-    face: Int32,
-    quality: Float32,
-    visible: npt.NDArray[np.bool_],
-    colours: UInt8,
-    begin: int,
-    end: int,
-) -> None:
-    for c in range(begin, end):
-        if not visible[c]:
-            continue
-        f = face[c]
-        worst = 0
-        for s in range(1, SLOTS):
-            if qualities[f, s] < qualities[f, worst]:
-                worst = s
-        level = quality_level(np.float64(quality[c]))
-        if level > qualities[f, worst]:
-            views[f, worst] = view
-            qualities[f, worst] = level
-            for k in range(3):
-                slot_colours[f, worst, k] = colours[c, k]
-
-
-@numba.njit(cache=True, nogil=True)
-def _sort_slots(views: _Int16, qualities: _UInt16, colours: UInt8, begin: int, end: int) -> None:
-    for f in range(begin, end):
-        for s in range(1, SLOTS):
-            t = s
-            # as unsigned numbers the empty places (-1) come last
-            while t > 0 and np.uint16(views[f, t]) < np.uint16(views[f, t - 1]):
-                views[f, t], views[f, t - 1] = views[f, t - 1], views[f, t]
-                qualities[f, t], qualities[f, t - 1] = qualities[f, t - 1], qualities[f, t]
-                for k in range(3):
-                    spare = colours[f, t, k]
-                    colours[f, t, k] = colours[f, t - 1, k]
-                    colours[f, t - 1, k] = spare
-                t -= 1

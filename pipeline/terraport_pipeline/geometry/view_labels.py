@@ -37,12 +37,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry import label_kernels as kernels
 from terraport_pipeline.geometry.chunks import in_chunks
-from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS, Candidates
+from terraport_pipeline.geometry.view_candidates import Candidates
 from terraport_pipeline.model import Float32, Int32
 
 __all__ = [
@@ -65,12 +65,6 @@ place)."""
 
 _CHUNK_CELLS: Final = 2**11
 """Cells in a piece of work."""
-
-_MAX_CELL_VIEWS: Final = 64
-"""Views weighed per cell; further ones cannot become the cell's."""
-
-_UNIT: Final = 65535.0
-"""Costs are kept as 16-bit parts of this."""
 
 _UInt16 = npt.NDArray[np.uint16]
 _Int8 = npt.NDArray[np.int8]
@@ -114,14 +108,14 @@ def face_neighbours(vertices: Float32, faces: Int32, pairs: Int32, edges: Int32)
     -------
     FaceNeighbours
     """
-    return FaceNeighbours(*_neighbour_rows(vertices, faces, pairs, edges))
+    return FaceNeighbours(*kernels.neighbour_rows(vertices, faces, pairs, edges))
 
 
 def view_costs(candidates: Candidates, *, threads: int = 1) -> None:
     """Turn qualities into costs c_f(v), in place: 0 for a face's best view, below 65535."""
 
     def work(begin: int, end: int) -> None:
-        _costs(candidates.view, candidates.quality, begin, end)
+        kernels.costs(candidates.view, candidates.quality, begin, end)
 
     in_chunks(work, len(candidates.view), threads=threads)
 
@@ -162,12 +156,14 @@ def label_faces(
     n_faces = len(candidates.view)
     slot = np.full(n_faces, -1, np.int8)
     in_chunks(
-        lambda begin, end: _best_slots(candidates.view, candidates.quality, slot, begin, end),
+        lambda begin, end: kernels.best_slots(
+            candidates.view, candidates.quality, slot, begin, end
+        ),
         n_faces, threads=threads,
     )  # fmt: skip
     if smoothness > 0.0:
         in_chunks(
-            lambda begin, end: _common_slots(
+            lambda begin, end: kernels.common_slots(
                 candidates.view, candidates.quality, neighbours.area, *cells, slot, begin, end
             ),
             len(cells[1]) - 1, threads=threads, chunk=_CHUNK_CELLS,
@@ -205,7 +201,7 @@ def energy(
 ) -> float:
     """E of a choice; see the module. Edges to faces without any view cost nothing."""
     parts = in_chunks(
-        lambda begin, end: _energy(
+        lambda begin, end: kernels.energy(
             candidates.view, candidates.quality, neighbours.face, neighbours.length,
             neighbours.area, slot, smoothness, begin, end,
         ),
@@ -230,289 +226,9 @@ def _solve_round(
     def work(begin: int, end: int) -> None:
         for first, last in zip(cuts[begin:end], cuts[begin + 1 : end + 1], strict=True):
             if first < last:
-                _solve_piece(
+                kernels.solve_piece(
                     candidates.view, candidates.quality, neighbours.face, neighbours.length,
                     neighbours.area, before, slot, smoothness, round_number, first, last,
                 )  # fmt: skip
 
     in_chunks(work, len(cuts) - 1, threads=threads, chunk=1)
-
-
-@numba.njit(cache=True, nogil=True)
-def _neighbour_rows(
-    vertices: Float32, faces: Int32, pairs: Int32, edges: Int32
-) -> tuple[Int32, Float32, Float32]:
-    n_faces = len(faces)
-    rows = np.full((n_faces, 3), -1, np.int32)
-    length = np.zeros((n_faces, 3), np.float32)
-    area = np.empty(n_faces, np.float32)
-    total = 0.0
-    for p in range(len(pairs)):
-        a, b = edges[p, 0], edges[p, 1]
-        square = 0.0
-        for k in range(3):
-            square += (np.float64(vertices[a, k]) - vertices[b, k]) ** 2
-        edge = np.sqrt(square)
-        total += edge
-        f, g = pairs[p, 0], pairs[p, 1]
-        if rows[f, 2] >= 0 or rows[g, 2] >= 0:
-            continue  # both must know of each other, or neither
-        for s in range(3):
-            if rows[f, s] < 0:
-                rows[f, s], length[f, s] = g, edge
-                break
-        for s in range(3):
-            if rows[g, s] < 0:
-                rows[g, s], length[g, s] = f, edge
-                break
-    scale = len(pairs) / total if total > 0.0 else 1.0
-    whole = 0.0
-    for f in range(n_faces):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, az = (
-            np.float64(vertices[j, 0]) - vertices[i, 0],
-            np.float64(vertices[j, 1]) - vertices[i, 1],
-            np.float64(vertices[j, 2]) - vertices[i, 2],
-        )
-        bx, by, bz = (
-            np.float64(vertices[k, 0]) - vertices[i, 0],
-            np.float64(vertices[k, 1]) - vertices[i, 1],
-            np.float64(vertices[k, 2]) - vertices[i, 2],
-        )
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        area[f] = np.sqrt(nx * nx + ny * ny + nz * nz)
-        whole += area[f]
-        for s in range(3):
-            length[f, s] *= scale
-    scale = n_faces / whole if whole > 0.0 else 1.0
-    for f in range(n_faces):
-        area[f] *= scale
-    return rows, length, area
-
-
-@numba.njit(cache=True, nogil=True)
-def _costs(views: _Int16, values: _UInt16, begin: int, end: int) -> None:
-    for f in range(begin, end):
-        best = 0
-        for s in range(SLOTS):
-            if views[f, s] >= 0:
-                best = max(best, int(values[f, s]))
-        for s in range(SLOTS):
-            if views[f, s] < 0:
-                values[f, s] = 65535
-            else:
-                below = best - int(values[f, s])
-                values[f, s] = int(_UNIT * (1.0 - np.exp2(-below / QUALITY_STEPS)) + 0.5)
-
-
-@numba.njit(cache=True, nogil=True)
-def _best_slots(views: _Int16, costs: _UInt16, slot: _Int8, begin: int, end: int) -> None:
-    for f in range(begin, end):
-        best = -1
-        for s in range(SLOTS):
-            if views[f, s] >= 0 and (best < 0 or costs[f, s] < costs[f, best]):
-                best = s
-        slot[f] = best
-
-
-@numba.njit(cache=True, nogil=True)
-def _common_slots(
-    views: _Int16,
-    costs: _UInt16,
-    area: Float32,
-    order: Int32,
-    starts: npt.NDArray[np.int64],
-    slot: _Int8,
-    begin: int,
-    end: int,
-) -> None:
-    """Give the faces of every cell the view that saves most, where they have it."""
-    seen = np.empty(_MAX_CELL_VIEWS, np.int64)
-    saved = np.empty(_MAX_CELL_VIEWS)
-    for cell in range(begin, end):
-        n = 0
-        for i in range(starts[cell], starts[cell + 1]):
-            f = order[i]
-            for s in range(SLOTS):
-                if views[f, s] < 0:
-                    break
-                place = 0
-                while place < n and seen[place] != views[f, s]:
-                    place += 1
-                if place == n:
-                    if n == _MAX_CELL_VIEWS:
-                        continue
-                    seen[n], saved[n] = views[f, s], 0.0
-                    n += 1
-                saved[place] += area[f] * (1.0 - costs[f, s] / _UNIT)
-        if n == 0:
-            continue
-        best = np.argmax(saved[:n])
-        for i in range(starts[cell], starts[cell + 1]):
-            f = order[i]
-            for s in range(SLOTS):
-                if views[f, s] == seen[best]:
-                    slot[f] = s
-
-
-@numba.njit(cache=True, nogil=True)
-def _energy(
-    views: _Int16,
-    costs: _UInt16,
-    neighbour: Int32,
-    length: Float32,
-    area: Float32,
-    slot: _Int8,
-    smoothness: float,
-    begin: int,
-    end: int,
-) -> float:
-    total = 0.0
-    for f in range(begin, end):
-        if slot[f] < 0:
-            continue
-        total += area[f] * (costs[f, slot[f]] / _UNIT)
-        mine = views[f, slot[f]]
-        for s in range(3):
-            g = neighbour[f, s]
-            if g > f and slot[g] >= 0 and views[g, slot[g]] != mine:
-                total += smoothness * length[f, s]
-    return total
-
-
-@numba.njit(cache=True, nogil=True)
-def _grow_forest(
-    slot: _Int8, neighbour: Int32, round_number: int, first: int, last: int
-) -> tuple[Int32, Int32]:
-    """Pick faces of a piece that form a forest: parents before children, and each one's parent.
-
-    A face is taken when exactly one of its neighbours is (its parent), or none and it begins a
-    tree; a face that meets two would close a ring, and rests.
-    """
-    count = last - first
-    state = np.zeros(count, np.uint8)  # 0 not seen, 1 taken, 2 rests
-    for i in range(count):
-        if slot[first + i] < 0:
-            state[i] = 2
-            continue
-        for s in range(3):
-            g = neighbour[first + i, s]
-            if g >= 0 and not first <= g < last and slot[g] >= 0:
-                state[i] = 2
-    order = np.empty(count, np.int32)
-    parent = np.empty(count, np.int32)
-    queue = np.empty(3 * count + 1, np.int32)
-    n = 0
-    # each round begins elsewhere and turns the other way, so that other faces rest
-    begin = (round_number * 7919) % count
-    for k in range(count):
-        seed = (begin + k) % count if round_number % 2 == 0 else (begin - k) % count
-        if state[seed] != 0:
-            continue
-        head, tail = 0, 1
-        queue[0] = seed
-        while head < tail:
-            i = queue[head]
-            head += 1
-            if state[i] != 0:
-                continue
-            above, met = -1, 0
-            for s in range(3):
-                g = neighbour[first + i, s] - first
-                if 0 <= g < count and state[g] == 1:
-                    above = g
-                    met += 1
-            if met > 1:
-                state[i] = 2
-                continue
-            state[i] = 1
-            order[n], parent[n] = i, above
-            n += 1
-            for t in range(3):
-                s = (t + round_number) % 3
-                g = neighbour[first + i, s] - first
-                if 0 <= g < count and state[g] == 0:
-                    queue[tail] = g
-                    tail += 1
-    return order[:n], parent[:n]
-
-
-@numba.njit(cache=True, nogil=True)
-def _edge_between(neighbour: Int32, length: Float32, f: int, g: int) -> float:
-    total = 0.0
-    for s in range(3):
-        if neighbour[f, s] == g:
-            total += length[f, s]
-    return total
-
-
-@numba.njit(cache=True, nogil=True)
-def _solve_piece(
-    views: _Int16,
-    costs: _UInt16,
-    neighbour: Int32,
-    length: Float32,
-    area: Float32,
-    old: _Int8,
-    slot: _Int8,
-    smoothness: float,
-    round_number: int,
-    first: int,
-    last: int,
-) -> None:
-    """Best labels of a forest in faces first..last, the labels of all other faces given."""
-    order, parent = _grow_forest(old, neighbour, round_number, first, last)
-    taken = np.zeros(last - first, np.bool_)
-    for n in range(len(order)):
-        taken[order[n]] = True
-    total = np.zeros((last - first, SLOTS), np.float32)
-    # (1) upwards: each face's costs, its resting neighbours' and its subtrees'
-    for n in range(len(order) - 1, -1, -1):
-        i = order[n]
-        f = first + i
-        for s in range(SLOTS):
-            if views[f, s] < 0:
-                total[i, s] = np.inf
-            else:
-                total[i, s] += area[f] * (costs[f, s] / _UNIT)
-        for e in range(3):
-            g = neighbour[f, e]
-            if g < 0 or old[g] < 0 or (first <= g < last and taken[g - first]):
-                continue
-            theirs = views[g, old[g]]
-            for s in range(SLOTS):
-                if views[f, s] != theirs:
-                    total[i, s] += smoothness * length[f, e]
-        if parent[n] < 0:
-            continue
-        p = first + parent[n]
-        least = total[i].min()
-        seam = smoothness * _edge_between(neighbour, length, f, p)
-        t = 0
-        for s in range(SLOTS):  # both rows are sorted by view: one pass finds the common ones
-            view = views[p, s]
-            if view < 0:
-                break
-            message = seam
-            while t < SLOTS and 0 <= views[f, t] < view:
-                t += 1
-            if t < SLOTS and views[f, t] == view:
-                message = min(message, total[i, t] - least)
-            total[parent[n], s] += message
-    # (2) downwards: each face's best label given its parent's
-    for n in range(len(order)):
-        i = order[n]
-        f = first + i
-        best = old[f]  # stays where another is only as good
-        for s in range(SLOTS):
-            if views[f, s] >= 0 and total[i, s] < total[i, best]:
-                best = s
-        if parent[n] >= 0:
-            p = first + parent[n]
-            seam = smoothness * _edge_between(neighbour, length, f, p)
-            theirs = views[p, slot[p]]
-            for s in range(SLOTS):
-                if views[f, s] == theirs and total[i, s] <= total[i, best] + seam:
-                    best = s
-                    break
-        slot[f] = best
