@@ -81,4 +81,5 @@ def axis_index(colour: _Int32, totals: ColourTotals, weight: _Float64) -> _Float
     index = centred[:, 0] * axis[0]
     for channel in range(1, len(axis)):
         index = index + centred[:, channel] * axis[channel]
-    return (index / 100.0).astype(np.float32)
+    hundreds: _Float32 = (index / 100.0).astype(np.float32)
+    return hundreds

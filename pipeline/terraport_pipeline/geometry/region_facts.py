@@ -283,7 +283,8 @@ def add_borders(pairs: _Int32, length: _Float64) -> tuple[_Int32, _Float64]:
         pairs.min(axis=1).astype(np.int64) * span + pairs.max(axis=1), return_inverse=True
     )
     both = np.stack(np.divmod(keys, span), axis=1).astype(np.int32)
-    return both, np.bincount(index, weights=length)
+    added: _Float64 = np.bincount(index, weights=length).astype(np.float64)
+    return both, added
 
 
 def rows_of_borders(pairs: _Int32, length: _Float64) -> _Neighbours:

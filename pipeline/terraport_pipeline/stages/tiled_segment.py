@@ -158,12 +158,13 @@ def check_options(options: Options) -> None:
         "tiles are segmented by --engine means and colour alone; thin the survey with "
         "--max-points, or raise --max-memory, to build it whole"
     )
-    if options.engine != "means":
-        raise OptionError(f"engine {options.engine!r} in a tiled build; {way_out}")
-    if options.segment_by != "colour":
-        raise OptionError(f"segments by {options.segment_by!r} in a tiled build; {way_out}")
-    if options.units != "segments":
-        raise OptionError(f"units {options.units!r} in a tiled build; {way_out}")
+    for what, value, possible in (
+        ("engine", options.engine, "means"),
+        ("segments by", options.segment_by, "colour"),
+        ("units", options.units, "segments"),
+    ):
+        if value != possible:
+            raise OptionError(f"{what} {value!r} in a tiled build; {way_out}")
 
 
 def measure(mesh: Mesh, context: Context) -> Stored:
