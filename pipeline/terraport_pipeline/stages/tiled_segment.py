@@ -9,8 +9,7 @@ Five steps, of which the second and the fourth are the long ones:
 5. ``tiled_join.py``: segments numbered along one curve, covers and sums united.
 
 Nothing here holds more than one tile. Memory: about 350 bytes per face of a tile in steps 2 and 4;
-100 in step 1; in steps 3 and 5 what grows with the scene is small (a few hundred units and segments
-per million faces).
+100 in step 1; what steps 3 and 5 hold of the whole scene is small.
 """
 
 from __future__ import annotations
@@ -152,7 +151,6 @@ def check_options(options: Options) -> None:
     Raises
     ------
     OptionError
-        Another engine than "means", by something else than colour, or pools as segments.
     """
     way_out = (
         "tiles are segmented by --engine means and colour alone; thin the survey with "
@@ -313,7 +311,6 @@ def cut(
         Fine pool and region of every unit.
     base : Mesh
         The whole base.
-    scene, options, context
     region_count : int
         Regions of the scene.
     tolerance_m : float
