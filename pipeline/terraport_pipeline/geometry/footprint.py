@@ -120,7 +120,11 @@ class Footprint:
 
 
 def footprint_of(
-    points: npt.NDArray[np.floating], local_spacing_m: Float32, spacing_m: float
+    points: npt.NDArray[np.floating],
+    local_spacing_m: Float32,
+    spacing_m: float,
+    *,
+    closing_spacings: float = CLOSING_SPACINGS,
 ) -> Footprint:
     """Draw the outline of a whole cloud.
 
@@ -132,19 +136,26 @@ def footprint_of(
         Areal spacing around each.
     spacing_m : float
         The cloud's.
+    closing_spacings : float
+        Gaps up to twice this many local spacings wide close.
 
     Returns
     -------
     Footprint
     """
     occupancy = plan_occupancy(
-        points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64), spacing_m
+        points.min(axis=0).astype(np.float64),
+        points.max(axis=0).astype(np.float64),
+        spacing_m,
+        closing_spacings=closing_spacings,
     )
     occupancy.add(points, local_spacing_m)
-    return make_footprint(occupancy)
+    return make_footprint(occupancy, closing_spacings=closing_spacings)
 
 
-def plan_occupancy(low: Float64, high: Float64, spacing_m: float) -> Occupancy:
+def plan_occupancy(
+    low: Float64, high: Float64, spacing_m: float, *, closing_spacings: float = CLOSING_SPACINGS
+) -> Occupancy:
     """Lay out an empty raster.
 
     Parameters
@@ -160,7 +171,7 @@ def plan_occupancy(low: Float64, high: Float64, spacing_m: float) -> Occupancy:
         Cells of one spacing, wider where that would pass :data:`MAX_CELLS`, with room for the
         closing on every side.
     """
-    room_m = (CLOSING_SPACINGS + 2) * DENSITY_SPAN * spacing_m
+    room_m = (closing_spacings + 2) * DENSITY_SPAN * spacing_m
     width = float(high[0] - low[0]) + 2 * room_m
     depth = float(high[2] - low[2]) + 2 * room_m
     cell_m = max(spacing_m / _CELLS_PER_SPACING, float(np.sqrt(width * depth / MAX_CELLS)))
@@ -169,13 +180,17 @@ def plan_occupancy(low: Float64, high: Float64, spacing_m: float) -> Occupancy:
     return Occupancy(corner, cell_m, spacing_m, np.zeros(shape, dtype=np.float32))
 
 
-def make_footprint(occupancy: Occupancy) -> Footprint:
+def make_footprint(
+    occupancy: Occupancy, *, closing_spacings: float = CLOSING_SPACINGS
+) -> Footprint:
     """Draw the outline of what was counted.
 
     Parameters
     ----------
     occupancy : Occupancy
-        Of the whole cloud; not modified. At least one sample.
+        Of the whole cloud; not modified. At least one sample, and planned for this closing.
+    closing_spacings : float
+        Gaps up to twice this many local spacings wide close.
 
     Returns
     -------
@@ -190,12 +205,12 @@ def make_footprint(occupancy: Occupancy) -> Footprint:
     taken = spacing_m > 0
     # (1) Disks about the samples. A cell wider than the spacing holds several.
     distance_m, (i, j) = distance_transform_edt(~taken, sampling=cell_m, return_indices=True)
-    reach_m = np.maximum(CLOSING_SPACINGS * spacing_m[i, j], 1.5 * cell_m).astype(np.float32)
+    reach_m = np.maximum(closing_spacings * spacing_m[i, j], 1.5 * cell_m).astype(np.float32)
     del i, j
     union = distance_m <= reach_m
     # (2) drawn in again: distance to what no disk covers
     within_m = distance_transform_edt(union, sampling=cell_m).astype(np.float32)
-    outward_m = OUTWARD_SPACINGS / CLOSING_SPACINGS * reach_m
+    outward_m = OUTWARD_SPACINGS / closing_spacings * reach_m
     margin_m = within_m - reach_m + outward_m
     # Outside the union the transform is 0 everywhere; the way back to it counts.
     margin_m[~union] -= (distance_m[~union] - reach_m[~union]).astype(np.float32)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.errors import SurveyError
@@ -25,12 +26,25 @@ from terraport_pipeline.model import Float32, Int32
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Json
 
-__all__ = ["HEM_SPACINGS", "TrimmedDetail", "border_counts", "make_edge_rule", "trim_detail"]
+__all__ = [
+    "BASE_GAP_SPACINGS",
+    "HEM_SPACINGS",
+    "TrimmedDetail",
+    "border_counts",
+    "make_edge_rule",
+    "trim_detail",
+]
 
 
 HEM_SPACINGS: Final = 1.5
 """How far the base reaches beyond the detail, in the cloud's spacings: thinning moves a border by
 less than one (99.9th percentile), and the hem is hidden where detail is shown."""
+
+
+BASE_GAP_SPACINGS: Final = 12.0
+"""Gaps that nowhere lie farther than this from a sample stay closed in the base: the detail shows
+the holes of a thinly sampled wall when one stands before it, but from afar nobody should look
+through the wall. (Without this the base of a quarry's highwall had holes of several metres.)"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +144,17 @@ def trim_detail(
             f"no surface lies within {largest} spacings of the {tree.n} samples; are they "
             "scattered in space rather than on a surface? raise --trim-spacings to see"
         )
-    hem = replace(rule, outward_m=HEM_SPACINGS * spacing_m)
+    # One radius for all: disks this wide that grow with the local spacing would be drawn in by
+    # another length than they reach out by, several spacings too far where thin meets dense.
+    even_m = np.full(len(local_m), spacing_m, dtype=np.float32)
+    hem = replace(
+        rule,
+        largest=max(largest, BASE_GAP_SPACINGS),
+        footprint=footprint_of(
+            cleaned.cloud.points, even_m, spacing_m, closing_spacings=BASE_GAP_SPACINGS
+        ),
+        outward_m=HEM_SPACINGS * spacing_m,
+    )
     wide_vertices, wide_faces = trim_edges(vertices, faces, ratio, hem)
     keep, _ = island_mask(wide_faces, len(wide_vertices), min_faces=island_faces)
     wide = compact(wide_vertices, wide_faces, keep)
