@@ -8,19 +8,19 @@ one directly above the first row that names as many columns as the row has is th
 
 from __future__ import annotations
 
-import io
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 from pyarrow import csv
 
+from terraport_pipeline.engines.clean_text import CleanText
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
@@ -35,9 +35,6 @@ from terraport_pipeline.engines.text_columns import (
 )
 from terraport_pipeline.errors import ReadError
 
-if TYPE_CHECKING:
-    from typing_extensions import Buffer  # in collections.abc from Python 3.12
-
 __all__ = ["XyzStream", "read_xyz", "stream_xyz"]
 
 _SAMPLE_BYTES: Final = 1 << 16
@@ -48,10 +45,6 @@ _BLOCK_BYTES: Final = 1 << 22
 
 _COLOURS: Final = ("red", "green", "blue")
 _AXES: Final = ("x", "y", "z")
-
-_COMMENT: Final = re.compile(rb"^[ \t]*(?:#|//)[^\n]*\n?", re.MULTILINE)
-_BLANKS: Final = re.compile(rb"[ \t]+")
-_EDGES: Final = re.compile(rb"^[ \t\r]+|[ \t\r]+$", re.MULTILINE)
 
 _NULLS: Final = ["", "nan", "NaN", "NAN", "null", "NULL", "-", "*", "inf", "-inf"]
 
@@ -198,7 +191,13 @@ def _batches(
         read += size
 
     with path.open("rb") as file:
-        source = _Normalised(file, layout, path.stat().st_size, count)
+        source = CleanText(
+            file,
+            blanks=layout.delimiter == " ",
+            skip_lines=layout.skip_lines,
+            size=path.stat().st_size,
+            advance=count,
+        )
         try:
             reader = csv.open_csv(pa.PythonFile(source, mode="r"), *_csv_options(layout, types))
         except pa.ArrowInvalid as error:
@@ -362,56 +361,17 @@ def _is_number(cell: str, decimal: str) -> bool:
 def _parse(path: Path, layout: _Layout, advance: Advance) -> pa.Table:
     types = {axis: pa.float64() for axis in "xyz"}
     with path.open("rb") as file:
-        source = _Normalised(file, layout, path.stat().st_size, advance)
+        source = CleanText(
+            file,
+            blanks=layout.delimiter == " ",
+            skip_lines=layout.skip_lines,
+            size=path.stat().st_size,
+            advance=advance,
+        )
         try:
             return csv.read_csv(pa.PythonFile(source, mode="r"), *_csv_options(layout, types))
         except pa.ArrowInvalid as error:
             raise _no_table(path, layout, error) from error
-
-
-class _Normalised(io.RawIOBase):
-    """The file without comments, head lines and surplus blanks, as a stream for pyarrow."""
-
-    def __init__(self, file: io.BufferedReader, layout: _Layout, size: int, advance: Advance):
-        super().__init__()
-        self._file = file
-        self._layout = layout
-        self._size = size
-        self._advance = advance
-        self._skip = layout.skip_lines
-        self._first = True
-        self._ready = b""
-        self._at = 0
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Buffer, /) -> int:
-        view = memoryview(buffer).cast("B")
-        while self._at == len(self._ready):
-            block = self._file.read(_BLOCK_BYTES)
-            if not block:
-                return 0
-            block += self._file.readline()
-            self._advance(len(block), self._size)
-            self._ready, self._at = self._clean(block), 0
-        part = self._ready[self._at : self._at + len(view)]
-        view[: len(part)] = part
-        self._at += len(part)
-        return len(part)
-
-    def _clean(self, block: bytes) -> bytes:
-        if self._first:
-            block, self._first = block.removeprefix(b"\xef\xbb\xbf"), False
-        if b"#" in block or b"//" in block:
-            block = _COMMENT.sub(b"", block)
-        if self._layout.delimiter == " ":
-            block = _BLANKS.sub(b" ", block)
-        block = _EDGES.sub(b"", block)
-        while self._skip and block:
-            line, _, block = block.partition(b"\n")
-            self._skip -= bool(line.strip())
-        return block
 
 
 def _assemble(columns: dict[str, npt.NDArray[Any]], layout: _Layout, text: list[str]) -> RawSurvey:
