@@ -168,7 +168,8 @@ def prepare(folder: Path, arguments: argparse.Namespace) -> Site:
         write_photos(quarry, flight, folder / "photos", threads=THREADS)
         write_quarry(quarry, folder / "quarry.laz", overwrite=True)
     work = folder / "work"
-    build(BuildOptions(folder / "quarry.laz", folder / "scene", work=work, threads=THREADS))
+    if not (folder / "scene" / "scene.json").is_file():  # else of an earlier run: --keep
+        build(BuildOptions(folder / "quarry.laz", folder / "scene", work=work, threads=THREADS))
     origin = np.load(work / "clean" / "origin.npy")
     cameras = read_cameras(folder / "photos" / "colmap", origin=origin, crs=None)
     opened = open_photos(cameras.views, folder / "photos" / "images", max_bytes=1 << 30)
@@ -196,8 +197,18 @@ def prepare(folder: Path, arguments: argparse.Namespace) -> Site:
         plan.gsd_m,
         eye,
         held_out,
-        truth_of(eye, held_out),
+        _truths(folder, eye, held_out),
     )
+
+
+def _truths(folder: Path, eye: CameraEye, views: tuple[View, ...]) -> list[Any]:
+    """Look through the held-out cameras; kept in the folder, since every run asks again."""
+    path = folder / "truths.npz"
+    if not path.is_file():
+        made = truth_of(eye, views)
+        np.savez(path, colours=[one[0] for one in made], what=[one[1] for one in made])
+    with np.load(path) as kept:
+        return list(zip(kept["colours"], kept["what"], strict=True))
 
 
 def _level(work: Path, level: str, shift: Float64) -> Mesh:
@@ -275,7 +286,9 @@ def from_textures(mesh: Mesh, segments: np.ndarray, textures: TextureSet) -> Col
         np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
         mesh.colours[mesh.faces].reshape(-1, 3),
         Texturing(
-            textures.uvs(slice(None)).reshape(-1, 2),
+            (textures.wedges / (2.0 * textures.sides[segments][:, None]))
+            .astype(np.float32)
+            .reshape(-1, 2),
             segments.astype(np.int32),
             ImageCache(files.__getitem__, sizes),
         ),
