@@ -1,4 +1,4 @@
-"""Colours of an atlas: every texel of every chart from photo or vertex colours, and the gutters.
+"""Colours of an atlas: every texel of every chart from photo or vertex colours.
 
 A texel's place in its photo is interpolated between the face's corners, whose pixels were projected
 exactly. Within a face of the detail that differs from projecting the texel's own point by less than
@@ -22,7 +22,7 @@ from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH, project_pack
 from terraport_pipeline.geometry.photo_samples import apply_gain, gain_at, sample
 from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
-__all__ = ["NO_PHOTO", "FaceColours", "bake_photo_faces", "bake_plain_faces", "fill_cells"]
+__all__ = ["NO_PHOTO", "FaceColours", "bake_photo_faces", "bake_plain_faces"]
 
 NO_PHOTO: Final = np.zeros((1, 1, 3), np.uint8)
 """Stands for the second photo where there is none."""
@@ -59,6 +59,7 @@ def bake_photo_faces(
     packed: Float64,
     gain: Float32,
     other: tuple[UInt8, Float64, Float32, Float64] | None = None,
+    margin: float = 0.0,
 ) -> None:
     """Draw faces of one photo, and of one second photo where they blend.
 
@@ -84,18 +85,21 @@ def bake_photo_faces(
         The photo's exposure.
     other : (photo, packed, gain, points), optional
         The second photo, and the corners (F, 3, 3) in metres.
+    margin : float
+        Texels beyond its edges that each face is drawn on, where nothing is drawn yet: the photo
+        goes on there, so a sample on a chart's rim reads what the neighbouring chart shows.
     """
     if other is None:
         none = np.zeros((0, 3, 3))
         _bake_photo(
             image, covered, texels, pixels, which, colours.blend_weight, colours.correction,
-            photo, packed, gain, NO_PHOTO, packed, gain, none, blends=False,
+            photo, packed, gain, NO_PHOTO, packed, gain, none, margin, blends=False,
         )  # fmt: skip
         return
     second, second_packed, second_gain, points = other
     _bake_photo(
         image, covered, texels, pixels, which, colours.blend_weight, colours.correction,
-        photo, packed, gain, second, second_packed, second_gain, points, blends=True,
+        photo, packed, gain, second, second_packed, second_gain, points, margin, blends=True,
     )  # fmt: skip
 
 
@@ -115,6 +119,7 @@ def _bake_photo(
     second_packed: Float64,
     second_gain: Float32,
     points: Float64,
+    margin: float,
     blends: bool,
 ) -> None:
     scale_x, scale_y = photo.shape[1] / packed[WIDTH], photo.shape[0] / packed[HEIGHT]
@@ -137,27 +142,35 @@ def _bake_photo(
                 at[c, 3], at[c, 4] = u * second_x, v * second_y
                 at[c, 5] = gain_at(second_gain, second_packed, u, v)
                 at[c, 6] = blend_weight[f, c]
-        box = _texel_box(texels[f], image.shape[1], image.shape[0])
+        box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
         ax, ay = texels[f, 0, 0], texels[f, 0, 1]
         bx, by = texels[f, 1, 0] - ax, texels[f, 1, 1] - ay
         cx, cy = texels[f, 2, 0] - ax, texels[f, 2, 1] - ay
         area = bx * cy - by * cx
         if abs(area) > 1e-12:
+            # Weights that a margin away from each edge stands for: distance over height.
+            m0 = _INSIDE - margin * np.hypot(cx - bx, cy - by) / abs(area)
+            m1 = _INSIDE - margin * np.hypot(cx, cy) / abs(area)
+            m2 = _INSIDE - margin * np.hypot(bx, by) / abs(area)
             for j in range(box[1], box[3]):
                 for i in range(box[0], box[2]):
                     px, py = i + 0.5 - ax, j + 0.5 - ay
                     l1 = (px * cy - py * cx) / area
                     l2 = (bx * py - by * px) / area
                     l0 = 1.0 - l1 - l2
-                    if l0 < _INSIDE or l1 < _INSIDE or l2 < _INSIDE:
+                    if l0 < m0 or l1 < m1 or l2 < m2:
+                        continue
+                    if margin > 0.0 and covered[j, i]:
                         continue
                     drawn = True
                     _write_photo(
                         image, covered, i, j, l0, l1, l2, at, correction[f],
                         photo, gain, second, second_gain, mixing,
                     )  # fmt: skip
-        if not drawn:  # smaller than a texel: its middle takes the texel that nobody has
+        if (
+            not drawn and margin == 0.0
+        ):  # smaller than a texel: its middle takes the texel that nobody has
             third = 1.0 / 3.0
             i = int(ax + (bx + cx) * third)
             j = int(ay + (by + cy) * third)
@@ -190,7 +203,7 @@ def _write_photo(
     h = l0 * at[0, 2] + l1 * at[1, 2] + l2 * at[2, 2]
     weight = x2 = y2 = h2 = 0.0
     if mixing:
-        weight = l0 * at[0, 6] + l1 * at[1, 6] + l2 * at[2, 6]
+        weight = min(l0 * at[0, 6] + l1 * at[1, 6] + l2 * at[2, 6], 1.0)
         x2 = l0 * at[0, 3] + l1 * at[1, 3] + l2 * at[2, 3]
         y2 = l0 * at[0, 4] + l1 * at[1, 4] + l2 * at[2, 4]
         h2 = l0 * at[0, 5] + l1 * at[1, 5] + l2 * at[2, 5]
@@ -211,6 +224,7 @@ def bake_plain_faces(
     which: Int32,
     colours: FaceColours,
     gain: Float32,
+    margin: float = 0.0,
 ) -> None:
     """Draw faces by their vertex colours.
 
@@ -220,8 +234,10 @@ def bake_plain_faces(
         As in :func:`bake_photo_faces`.
     gain : ndarray of shape (GAIN_COLUMNS,), float32
         That of the vertex colours.
+    margin : float
+        As there.
     """
-    _bake_plain(image, covered, texels, which, colours.colours, colours.correction, gain)
+    _bake_plain(image, covered, texels, which, colours.colours, colours.correction, gain, margin)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -233,6 +249,7 @@ def _bake_plain(
     colours: UInt8,
     correction: Float32,
     gain: Float32,
+    margin: float,
 ) -> None:
     level = np.zeros((3, 3))
     for index in range(len(which)):
@@ -241,24 +258,30 @@ def _bake_plain(
             for k in range(3):
                 level[c, k] = apply_gain(np.float64(colours[f, c, k]), gain[k])
                 level[c, k] += correction[f, c, k]
-        box = _texel_box(texels[f], image.shape[1], image.shape[0])
+        box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
         ax, ay = texels[f, 0, 0], texels[f, 0, 1]
         bx, by = texels[f, 1, 0] - ax, texels[f, 1, 1] - ay
         cx, cy = texels[f, 2, 0] - ax, texels[f, 2, 1] - ay
         area = bx * cy - by * cx
         if abs(area) > 1e-12:
+            # Weights that a margin away from each edge stands for: distance over height.
+            m0 = _INSIDE - margin * np.hypot(cx - bx, cy - by) / abs(area)
+            m1 = _INSIDE - margin * np.hypot(cx, cy) / abs(area)
+            m2 = _INSIDE - margin * np.hypot(bx, by) / abs(area)
             for j in range(box[1], box[3]):
                 for i in range(box[0], box[2]):
                     px, py = i + 0.5 - ax, j + 0.5 - ay
                     l1 = (px * cy - py * cx) / area
                     l2 = (bx * py - by * px) / area
                     l0 = 1.0 - l1 - l2
-                    if l0 < _INSIDE or l1 < _INSIDE or l2 < _INSIDE:
+                    if l0 < m0 or l1 < m1 or l2 < m2:
+                        continue
+                    if margin > 0.0 and covered[j, i]:
                         continue
                     drawn = True
                     _write_plain(image, covered, i, j, l0, l1, l2, level)
-        if not drawn:
+        if not drawn and margin == 0.0:
             third = 1.0 / 3.0
             i = int(ax + (bx + cx) * third)
             j = int(ay + (by + cy) * third)
@@ -284,106 +307,17 @@ def _write_plain(
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def _texel_box(corners: Float64, width: int, height: int) -> tuple[int, int, int, int]:
+def _texel_box(
+    corners: Float64, width: int, height: int, margin: float
+) -> tuple[int, int, int, int]:
     """Texels whose centres may lie in a face: first and behind the last, across and down."""
     left = min(corners[0, 0], corners[1, 0], corners[2, 0])
     right = max(corners[0, 0], corners[1, 0], corners[2, 0])
     upper = min(corners[0, 1], corners[1, 1], corners[2, 1])
     lower = max(corners[0, 1], corners[1, 1], corners[2, 1])
     return (
-        max(int(np.floor(left - 0.5)), 0),
-        max(int(np.floor(upper - 0.5)), 0),
-        min(int(np.floor(right + 0.5)) + 1, width),
-        min(int(np.floor(lower + 0.5)) + 1, height),
+        max(int(np.floor(left - margin - 0.5)), 0),
+        max(int(np.floor(upper - margin - 0.5)), 0),
+        min(int(np.floor(right + margin + 0.5)) + 1, width),
+        min(int(np.floor(lower + margin + 0.5)) + 1, height),
     )
-
-
-def fill_cells(image: UInt8, covered: UInt8, cells: Int32) -> None:
-    """Fill what no face covers: gutters from their own charts, the rest with the mean colour.
-
-    Parameters
-    ----------
-    image : ndarray of shape (H, W, 3), uint8
-        Written to.
-    covered : ndarray of shape (H, W), uint8
-        1 where a face was drawn; 1 in all cells afterwards.
-    cells : ndarray of shape (C, 4), int32
-        x, y, width, height of each chart's cell.
-
-    Notes
-    -----
-    Pull-push (S. J. Gortler et al., "The Lumigraph", 1996, section 3.4) within each cell: averages
-    of 2 x 2 covered texels, again and again, until everything has one; then downwards into the
-    gaps. Smooth, so it compresses to nothing, and a mip's texel in the gutter is the average that
-    the mip would make of its chart alone.
-    """
-    for x, y, width, height in cells.tolist():
-        _fill_cell(image, covered, x, y, width, height)
-    inside = covered.astype(bool)
-    if not inside.all():
-        image[~inside] = np.rint(image[inside].mean(axis=0)) if inside.any() else 128
-
-
-@numba.njit(cache=True, nogil=True)
-def _fill_cell(
-    image: UInt8, covered: UInt8, left: int, upper: int, width: int, height: int
-) -> None:
-    levels = 1
-    side = max(width, height)
-    while side > 1:
-        side = (side + 1) // 2
-        levels += 1
-    if levels == 1:
-        return
-    # All levels in one array; level 0 is the image itself.
-    starts = np.zeros(levels + 1, np.int64)
-    sides = np.zeros((levels, 2), np.int64)
-    w, h = width, height
-    for level in range(levels):
-        sides[level, 0], sides[level, 1] = w, h
-        starts[level + 1] = starts[level] + (w * h if level else 0)
-        w, h = (w + 1) // 2, (h + 1) // 2
-    value = np.zeros((starts[levels], 3), np.float32)
-    known = np.zeros(starts[levels], np.uint8)
-    for level in range(1, levels):
-        fine_w, fine_h = sides[level - 1]
-        for j in range(sides[level, 1]):
-            for i in range(sides[level, 0]):
-                r = g = b = np.float32(0.0)
-                n = np.float32(0.0)
-                for jj in range(2 * j, min(2 * j + 2, fine_h)):
-                    for ii in range(2 * i, min(2 * i + 2, fine_w)):
-                        if level == 1:
-                            if covered[upper + jj, left + ii]:
-                                r += image[upper + jj, left + ii, 0]
-                                g += image[upper + jj, left + ii, 1]
-                                b += image[upper + jj, left + ii, 2]
-                                n += np.float32(1.0)
-                        else:
-                            fine = starts[level - 1] + jj * fine_w + ii
-                            if known[fine]:
-                                r += value[fine, 0]
-                                g += value[fine, 1]
-                                b += value[fine, 2]
-                                n += np.float32(1.0)
-                if n > 0:
-                    place = starts[level] + j * sides[level, 0] + i
-                    value[place, 0], value[place, 1], value[place, 2] = r / n, g / n, b / n
-                    known[place] = 1
-    if not known[starts[levels - 1]]:
-        return  # nothing at all in this cell
-    for level in range(levels - 2, 0, -1):
-        for j in range(sides[level, 1]):
-            for i in range(sides[level, 0]):
-                place = starts[level] + j * sides[level, 0] + i
-                if not known[place]:
-                    parent = starts[level + 1] + (j // 2) * sides[level + 1, 0] + i // 2
-                    for k in range(3):
-                        value[place, k] = value[parent, k]
-    for j in range(height):
-        for i in range(width):
-            if not covered[upper + j, left + i]:
-                parent = starts[1] + (j // 2) * sides[1, 0] + i // 2
-                for k in range(3):
-                    image[upper + j, left + i, k] = np.uint8(value[parent, k] + np.float32(0.5))
-                covered[upper + j, left + i] = 1

@@ -78,6 +78,8 @@ class Charts:
     """(F,) area of each face in the chart, texels at full density."""
     gsd_m: Float64
     """(F,) length of a photo's pixel on the face; NaN without a photo."""
+    rim: npt.NDArray[np.bool_]
+    """(F,) faces with an edge where the chart ends."""
 
     @property
     def count(self) -> int:
@@ -145,7 +147,9 @@ def make_charts(
     area = _plan_area(uvs)
     chart, low, high = _cut_sparse(chart, count, uvs, area)
     uvs -= low[chart][:, None, :]
-    return Charts(seen, chart, pixels, uvs, high - low, surface, area, gsd)
+    within = pairs[chart[pairs[:, 0]] == chart[pairs[:, 1]]]
+    rim = np.bincount(within.ravel(), minlength=len(corners)) < 3
+    return Charts(seen, chart, pixels, uvs, high - low, surface, area, gsd, rim)
 
 
 def _cut_sparse(

@@ -16,9 +16,9 @@ from terraport_pipeline.geometry.bake import (
     FaceColours,
     bake_photo_faces,
     bake_plain_faces,
-    fill_cells,
 )
 from terraport_pipeline.geometry.charts import Charts, make_charts
+from terraport_pipeline.geometry.gutters import fill_cells
 from terraport_pipeline.geometry.lens import PACKED, View
 from terraport_pipeline.geometry.photo_samples import neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
@@ -28,6 +28,10 @@ from terraport_pipeline.stages.choose_views import Photos
 __all__ = ["AtlasMaker", "MadeAtlas"]
 
 UInt16 = npt.NDArray[np.uint16]
+
+_RIM_TEXELS: Final = 1.5
+"""Beyond its rim a chart goes on as its photo does for as far as a sample at the rim reads; further
+out the gutter is filled with averages."""
 
 _MAX_PHOTO_SCALE: Final = 8
 """Photos are decoded at down to this part of their size, as JPEG decoders do at once."""
@@ -96,7 +100,10 @@ class AtlasMaker:
         texels = wedges * 0.5
         image = np.zeros((atlas.height, atlas.width, 3), np.uint8)
         covered = np.zeros((atlas.height, atlas.width), np.uint8)
-        self._bake(image, covered, texels, points[corners], charts, atlas, colours, packed)
+        self._bake(image, covered, texels, points[corners], charts, atlas, colours, packed, None)
+        self._bake(
+            image, covered, texels, points[corners], charts, atlas, colours, packed, charts.rim
+        )
         fill_cells(image, covered, atlas.cells)
         return MadeAtlas(
             wedges=wedges.astype(np.uint16),
@@ -141,17 +148,23 @@ class AtlasMaker:
         atlas: Atlas,
         colours: FaceColours,
         packed: Float64,
+        rim: npt.NDArray[np.bool_] | None,
     ) -> None:
-        """Draw all faces, photo by photo and within a photo by the second one."""
+        """Draw all faces, photo by photo and within a photo by the second one.
+
+        With *rim* those faces alone, and only beyond their edges.
+        """
+        margin = 0.0 if rim is None else _RIM_TEXELS
+        drawn = np.ones(len(charts.view), np.bool_) if rim is None else rim
         gains = neutral_gains(0) if self.choice is None else self.choice.gains
-        plain = np.flatnonzero(charts.view < 0).astype(np.int32)
+        plain = np.flatnonzero(drawn & (charts.view < 0)).astype(np.int32)
         if len(plain):
-            bake_plain_faces(image, covered, texels, plain, colours, gains[-1])
+            bake_plain_faces(image, covered, texels, plain, colours, gains[-1], margin)
         if self.photos is None:
             return
         blend = np.where(charts.view >= 0, colours.blend_view, -1)
         order = np.lexsort((np.arange(len(blend)), blend, charts.view))
-        order = order[charts.view[order] >= 0]
+        order = order[(charts.view[order] >= 0) & drawn[order]]
         pairs = np.column_stack([charts.view[order], blend[order]])
         starts = np.flatnonzero(np.any(pairs[1:] != pairs[:-1], axis=1)) + 1
         for which in np.split(order.astype(np.int32), starts):
@@ -164,7 +177,7 @@ class AtlasMaker:
                 other = (self.photos.get(second, scale), packed[second], gains[second], points)
             bake_photo_faces(
                 image, covered, texels, charts.pixels, which, colours,
-                self.photos.get(view, scale), packed[view], gains[view], other,
+                self.photos.get(view, scale), packed[view], gains[view], other, margin,
             )  # fmt: skip
 
 

@@ -3,12 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.atlas_pack import ALIGN, pack_charts
 from terraport_pipeline.geometry.bake import (
     FaceColours,
     bake_photo_faces,
     bake_plain_faces,
-    fill_cells,
 )
 from terraport_pipeline.geometry.lens import Lens, View
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, neutral_gains
@@ -118,41 +116,18 @@ def test_no_texel_on_a_common_edge_is_left_out() -> None:
         assert covered.all()
 
 
-def test_gutters_take_their_own_chart_s_colour_and_mips_mix_nothing() -> None:
-    """Two charts, black and white: no texel of the first four mips is grey within a cell."""
-    rng = np.random.default_rng(7)
-    sizes = rng.uniform(3, 40, (12, 2))
-    atlas = pack_charts(sizes, max_side=512)
-    image = np.full((atlas.height, atlas.width, 3), 77, np.uint8)
-    covered = np.zeros((atlas.height, atlas.width), np.uint8)
-    level = np.where(np.arange(12) % 2, 255, 0).astype(np.uint8)
-    uvs = np.array([[[0, 0], [w, 0], [0, h]] for w, h in sizes])
-    texels = atlas.place(uvs, np.arange(12, dtype=np.int32))
-    given = colours(12, colours=np.repeat(level, 9).reshape(12, 3, 3))
-    which = np.arange(12, dtype=np.int32)
-    bake_plain_faces(image, covered, texels, which, given, neutral_gains(0)[0])
-    fill_cells(image, covered, atlas.cells)
-    mip = image[..., 0].astype(float)
-    step = 1
-    while True:
-        for chart, (x, y, width, height) in enumerate(atlas.cells // step):
-            assert (mip[y : y + height, x : x + width] == level[chart]).all()
-        if step == ALIGN:
-            break
-        mip = mip.reshape(mip.shape[0] // 2, 2, mip.shape[1] // 2, 2).mean(axis=(1, 3))
-        step *= 2
-    # What a sampler reads anywhere in a chart lies within its cell, in all of these mips.
-    reach = 0.5 * ALIGN
-    for chart in range(12):
-        x, y, width, height = atlas.cells[chart]
-        low, high = texels[chart].min(axis=0), texels[chart].max(axis=0)
-        assert (low - reach >= [x, y]).all()
-        assert (high + reach <= [x + width, y + height]).all()
-
-
-def test_what_belongs_to_no_chart_gets_the_mean() -> None:
+def test_beyond_the_rim_the_photo_goes_on() -> None:
     image, covered = empty()
-    covered[:8, :8] = 1
-    image[:8, :8] = 60
-    fill_cells(image, covered, np.array([[0, 0, 8, 8]], np.int32))
-    assert (image == 60).all()
+    inner = TWO * 0.5 + 8.0  # 16 texels, texel (i, j) is pixel (i, j)
+    gain = neutral_gains(1)[0]
+    for margin in (0.0, 1.4):
+        bake_photo_faces(
+            image, covered, inner, inner.astype(np.float32), BOTH, colours(2), ramp(),
+            VIEW.packed(), gain, margin=margin,
+        )  # fmt: skip
+    drawn = np.argwhere(covered)
+    # A texel on every side, and up to two more where two edges meet at a sharp corner.
+    assert 5 <= drawn.min() <= 7
+    assert 24 <= drawn.max() <= 26
+    assert covered[7:25, 9:23].all()
+    assert (image[covered > 0] == ramp()[:32, :32][covered > 0]).all()
