@@ -13,7 +13,7 @@ own view only. What so coarse a field leaves at the seams is closed locally
 (:mod:`terraport_pipeline.geometry.seam_blend`).
 
 A weak pull to zero (:data:`_PULL`) makes the solution unique and lets corrections fade over some
-hundred edges; the photos' gains have done what goes farther.
+thirty edges; the photos' gains have done what goes farther.
 
 PURE: no I/O, no clock.
 """
@@ -46,8 +46,9 @@ A cell boundary of eight edges gives 2, which is 1 / lambda = 2 for a field that
 the eight edges between the centres. Waechter's lambda = 0.1 is stiffer, for charts with nothing
 else to hold them."""
 
-_PULL: Final = 2e-4
-"""Weight of a node's own correction: it fades to 1 / e over sqrt(2 / 2e-4) = 100 edges."""
+_PULL: Final = 2e-3
+"""Weight of a node's own correction: it fades to 1 / e over sqrt(2 / 2e-3) = 32 edges. With 2e-4
+rendered photos came out 0.4 dB worse in the median than with gains alone."""
 
 _TOLERANCE: Final = 1e-4
 _MAX_STEPS: Final = 500
