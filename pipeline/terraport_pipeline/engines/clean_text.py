@@ -58,7 +58,7 @@ class CleanText(io.RawIOBase):
         self._at = 0
 
     def readable(self) -> bool:
-        """It is."""
+        """Say that it is."""
         return True
 
     def readinto(self, buffer: Buffer, /) -> int:

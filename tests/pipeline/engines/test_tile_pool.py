@@ -56,7 +56,9 @@ def test_a_lost_worker_s_job_is_run_again_once(tmp_path: Path) -> None:
         pool.run(work, jobs, found.__setitem__)
         assert {number: result[0] for number, result in found.items()} == {0: 0, 1: 1, 2: 4}
         assert os.getpid() not in {pid for _, pid in found.values()}
-        with pytest.raises(EngineError, match=r"job 0 of the tiles was ended from outside, 2 times"):
+        with pytest.raises(
+            EngineError, match=r"job 0 of the tiles was ended from outside, 2 times"
+        ):
             pool.run(work, [Job(7, tmp_path, deaths=2)])
 
 
