@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from terraport_pipeline.cli.synth import parse_count
+from terraport_pipeline.engines import poisson
 from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.stages import clean, reconstruct
 from terraport_pipeline.stages.contract import Context
@@ -84,9 +85,7 @@ def main() -> int:
         context = Context(Path(scratch), threads=2)
         cleaned = clean.run(quarry.survey, clean.Options(), context)
         cloud = cleaned.cloud
-        rule = reconstruct.poisson.depth_for(
-            13, float(np.ptp(cloud.points, axis=0).max()), cloud.spacing_m
-        )
+        rule = poisson.depth_for(13, float(np.ptp(cloud.points, axis=0).max()), cloud.spacing_m)
         for less in map(int, arguments.less.split(",")):
             for weight in map(float, weights.split(",")):
                 options = reconstruct.Options(
