@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -159,7 +159,8 @@ class StoredTiles:
 
     def box(self, i: int) -> Float64:
         """Box of its vertices."""
-        return self.boxes[i]
+        found: Float64 = self.boxes[i]
+        return found
 
     def border(self, i: int) -> Border:
         """Vertices that it shares."""
@@ -173,11 +174,11 @@ class StoredTiles:
         """Vertices."""
         return self.vertices[i]
 
-    def _read(self, i: int, field: str) -> npt.NDArray[np.generic]:
+    def _read(self, i: int, field: str) -> npt.NDArray[Any]:
         _check(i, self.count)
         path = self.folder / self.names[i] / f"{field}.npy"
         try:
-            found: npt.NDArray[np.generic] = np.load(path, allow_pickle=False)
+            found: npt.NDArray[Any] = np.load(path, allow_pickle=False)
         except (OSError, ValueError, EOFError) as error:
             raise WorkDirectoryError(
                 f"{path} cannot be read ({error}); build again with --no-resume"

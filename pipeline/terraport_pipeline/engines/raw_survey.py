@@ -170,7 +170,8 @@ def choose_depth(
 def apply_depth(colours: npt.NDArray[Any], rule: Depth) -> UInt8:
     """Bring finite colours to 0..255 by the rule that the whole survey asks for."""
     if rule == "unit":
-        return np.rint(colours * _MAX_EIGHT_BIT).astype(np.uint8)
+        unit: UInt8 = np.rint(colours * _MAX_EIGHT_BIT).astype(np.uint8)
+        return unit
     if rule == "eight":
         return colours.astype(np.uint8)
     return (colours.astype(np.uint16) >> 8).astype(np.uint8)

@@ -134,7 +134,9 @@ class TilePlan:
     def data(self, tile: int) -> tuple[Float64, Float64]:
         """Low and high corner of the data box, (3,) cells."""
         low, high = self.core(tile)
-        return low - self.shape.margin, high + self.shape.margin
+        inner: Float64 = low.astype(np.float64) - self.shape.margin
+        outer: Float64 = high.astype(np.float64) + self.shape.margin
+        return inner, outer
 
     def members(self, cells: Float64) -> Iterator[tuple[int, Int64]]:
         """Find which samples belong to which tile's data.

@@ -193,7 +193,8 @@ def edge_rule(
     for arrays in tiles:
         cells = arrays["raster-cells"]
         np.maximum.at(raster.spacing_m.reshape(-1), cells, arrays["raster-spacing"])
-    threshold = support_threshold(sum(arrays["histogram"] for arrays in tiles), largest=largest)
+    histogram = np.sum([arrays["histogram"] for arrays in tiles], axis=0)
+    threshold = support_threshold(histogram, largest=largest)
     outline = make_footprint(raster) if raster.spacing_m.any() else None
     return EdgeRule(threshold, largest, spacing_m, outline)
 
@@ -305,6 +306,7 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
     if values["footprint"] is not None:
         x, z, cell_m = values["footprint"]
         outline = Footprint((x, z), cell_m, np.asarray(arrays["footprint"], np.float32))
+    threshold, largest, spacing_m = values["rule"]
     join = Join(
         np.asarray(arrays["cells"], np.float64),
         np.asarray(arrays["ratio"], np.float32),
@@ -316,7 +318,7 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
         parts("rows"),
         parts("ids"),
         parts("fillers"),
-        EdgeRule(*values["rule"], outline),
+        EdgeRule(threshold, largest, spacing_m, outline),
         parts("forgiven"),
     )
     settled = Settled(

@@ -204,21 +204,23 @@ def _open_wall_edges(task: TileTask, cut: Clip, welded: _Welded) -> tuple[Int64,
     A vertex is named by the ids of its two ends (twice the same for one that was not made by the
     cut), or by ``-1 - row`` where it is not shared.
     """
-    in_wall = welded.in_wall[cut.ends].all(axis=1)
+    in_wall = np.asarray(welded.in_wall[cut.ends].all(axis=1), dtype=np.bool_)
     some = cut.faces[in_wall[cut.faces].sum(axis=1) >= 2]
     edges = np.concatenate([some[:, [0, 1]], some[:, [1, 2]], some[:, [2, 0]]]).astype(np.int64)
     edges = edges[in_wall[edges].all(axis=1)]
     cells = Lattice(task.anchor_m, task.cell_m).cells(cut.vertices)
     low = np.array(task.centre_cells) - 0.5 * task.core_cells
     off = np.abs(cells - low) < _WALL_CELLS, np.abs(cells - low - task.core_cells) < _WALL_CELLS
-    along = [side[edges].all(axis=1).any(axis=1) for side in off]
-    edges = edges[along[0] | along[1]]
+    # Both ends of the edge on the same wall: low or high, along x, y or z.
+    along = np.concatenate([np.asarray(side)[edges].all(axis=1) for side in off], axis=1)
+    edges = edges[along.any(axis=1)]
     forward = edges[:, 0] * len(cut.vertices) + edges[:, 1]
     backward = edges[:, 1] * len(cut.vertices) + edges[:, 0]
     edges = edges[~np.isin(backward, forward)]
     ends = np.sort(welded.ids[cut.ends], axis=1)
     own = -1 - np.arange(len(cut.vertices))
-    named = np.where((ends >= 0).all(axis=1)[:, None], ends, own[:, None])
+    shared = np.all(ends >= 0, axis=1, keepdims=True)
+    named = np.where(shared, ends, own[:, None])
     return named[edges].reshape(-1, 4), cells[edges].mean(axis=1)
 
 

@@ -196,7 +196,7 @@ def _finish(
     has_colour = False
     if colours is not None:
         has_colour = _finish_colours(stream, colours, folder, warnings)
-    names = []
+    names: list[str] = []
     for name, column in columns.items():
         unset = name in stream.unset and column.first in stream.unset[name]
         if not (unset and column.constant):
@@ -225,9 +225,9 @@ def _finish(
         points.writer.path.rename(folder / "points.npy")
     else:
         low, high = low * factors, high * factors
-        with NpyWriter(folder / "points.npy", np.float64, (3,)) as target:
+        with NpyWriter(folder / "points.npy", np.float64, (3,)) as scaled:
             for _, block in NpyReader(points.writer.path).blocks(_BLOCK_ROWS):
-                target.append(block * factors)
+                scaled.append(block * factors)
         points.writer.path.unlink()
     if not has_colour:
         warnings.append("The survey has no colour (RGB): the scene will be grey.")
@@ -260,9 +260,9 @@ def _finish_colours(
         )
     warnings += notes
     if rule is not None:
-        with NpyWriter(folder / "colours.npy", np.uint8, (3,)) as target:
+        with NpyWriter(folder / "colours.npy", np.uint8, (3,)) as scaled:
             for _, block in NpyReader(column.writer.path).blocks(_BLOCK_ROWS):
-                target.append(apply_depth(block, rule))
+                scaled.append(apply_depth(block, rule))
     column.writer.path.unlink()
     return rule is not None
 

@@ -146,7 +146,7 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     tree = cKDTree(points, balanced_tree=False)
     ratio = support_ratio(vertices, tree, local_m, task.spacing_m, workers=context.threads)
     histogram = support_histogram(vertices, faces, ratio)
-    keep = (ratio[faces] <= task.kept_ratio).all(axis=1)
+    keep = np.asarray((ratio[faces] <= task.kept_ratio).all(axis=1), dtype=np.bool_)
     used = np.zeros(len(vertices), dtype=bool)
     used[faces[keep].ravel()] = True
     vertices, faces = compact(vertices, faces, keep)
