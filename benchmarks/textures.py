@@ -7,7 +7,7 @@ reconstructed once; then every method colours the same mesh:
 * textures of this project; without levelling; without rejection of outliers;
 * the vertices' colours, and the same drawn into textures (the thesis's comparison);
 * PyMeshLab and Open3D, where a Python that has them is given (``--other-python``; see
-  texture_engines.py). They know no distortion: they are given photos without it.
+  parts/texture_engines.py). They know no distortion: they are given photos without it.
 
 Measured: *held out*, pictures from cameras that took no photo, against the truth there (day's
 light, no truck, no errors of a camera); *surface*, places spread evenly over the mesh against the
@@ -37,8 +37,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from PIL import Image
-from texture_scores import (
+from parts.texture_scores import (
     ColouredMesh,
     ghost_share,
     score_surface,
@@ -46,6 +45,7 @@ from texture_scores import (
     truth_of,
     undistort,
 )
+from PIL import Image
 
 from terraport_pipeline.build import BuildOptions, build
 from terraport_pipeline.engines.camera_files import read_cameras
@@ -308,7 +308,12 @@ def other(site: Site, name: str, python: Path | None) -> tuple[ColouredMesh | No
     folder = site.folder / "others"
     if not (folder / "views.npz").is_file():
         hand_over(site, folder)
-    command = [str(python), str(Path(__file__).with_name("texture_engines.py")), name, str(folder)]
+    command = [
+        str(python),
+        str(Path(__file__).parent / "parts" / "texture_engines.py"),
+        name,
+        str(folder),
+    ]
     environment = dict(os.environ)
     if name == "pymeshlab":
         if shutil.which("xvfb-run") is None:
