@@ -101,7 +101,10 @@ def main() -> int:
     parser.add_argument("--open3d", help="a Python that has open3d")
     parser.add_argument("--pcl", action="store_true")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--smoke", action="store_true", help="few points, once: does it run?")
     asked = parser.parse_args()
+    if asked.smoke:
+        asked.points, asked.depths, asked.threads, asked.repeat = 10_000, "6", "1", 1
     quarry = synthesise(QuarryOptions(points=asked.points, holes=0, noise_m=asked.noise))
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)

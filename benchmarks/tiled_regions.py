@@ -6,6 +6,8 @@ and elsewhere; and 1 - RI of the two partitions.
 
     python benchmarks/tiled_regions.py SCENES/.quarry5m.work --tiles 4 --rings 0 8 12
 
+``--smoke`` takes a small quarry that the project makes instead of a build.
+
 Prints one JSON object.
 """
 
@@ -28,6 +30,8 @@ from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
 from terraport_pipeline.geometry.mean_scale import ColourTotals
 from terraport_pipeline.geometry.segmenter import SegmenterMesh
 from terraport_pipeline.geometry.tile_seams import match_seams, open_edges
+from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.truth_mesh import truth_mesh
 
 Part = tuple[npt.NDArray[np.float32], npt.NDArray[np.int32], npt.NDArray[np.uint8]]
 
@@ -89,14 +93,21 @@ def rand_distance(one: npt.NDArray[np.int32], other: npt.NDArray[np.int32]) -> f
 def main(arguments: list[str]) -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("work", type=Path, help="work directory of a finished build")
+    parser.add_argument("work", type=Path, nargs="?", help="work directory of a finished build")
+    parser.add_argument("--smoke", action="store_true", help="a small quarry: does it run?")
     parser.add_argument("--tiles", type=int, default=4, help="tiles along each side")
     parser.add_argument("--rings", type=int, nargs="*", default=[tiled_means.RING])
     options = parser.parse_args(arguments)
-    folder = options.work / "reconstruct"
-    vertices, faces, colours = (
-        np.load(folder / f"detail-{name}.npy") for name in ("vertices", "faces", "colours")
-    )
+    if options.smoke:
+        made = truth_mesh(QuarryOptions(seed=1, size_m=60.0), 1.0)
+        vertices, faces, colours = made.vertices, made.faces, made.colours
+    elif options.work is None:
+        parser.error("expected a work directory, or --smoke")
+    else:
+        folder = options.work / "reconstruct"
+        vertices, faces, colours = (
+            np.load(folder / f"detail-{name}.npy") for name in ("vertices", "faces", "colours")
+        )
     pairs = face_pairs(faces, len(vertices))
     whole = MeanColourSegmenter().segment(SegmenterMesh(vertices, faces, colours, pairs=pairs))
     parts, tile = cut((vertices, faces, colours), options.tiles)
