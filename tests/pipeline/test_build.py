@@ -161,7 +161,7 @@ def test_a_scene_that_is_gone_is_published_from_the_work_directory(copy: Path) -
 
 
 @pytest.mark.parametrize(
-    "step", ["reconstruct: depth 5 and 6", "segment: cover", "pack: segments", "pack: base"]
+    "step", ["reconstruct: Poisson, depth 6", "segment: cover", "pack: segments", "pack: base"]
 )
 def test_ctrl_c_then_the_same_command(copy: Path, step: str) -> None:
     """The old scene stands until the new one is whole; what was done is not done again."""

@@ -134,7 +134,7 @@ def support_threshold(histogram: Float64, *, largest: float = 4.0) -> float:
 
     >>> histogram = np.full(BINS, 1.0) + 1e6 * 0.5 ** np.arange(BINS)
     >>> round(support_threshold(histogram), 3)
-    2.0
+    2.1
     """
     width = LARGEST_RATIO / BINS
     total = float(histogram.sum())
