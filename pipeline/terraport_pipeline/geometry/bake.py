@@ -31,6 +31,11 @@ _INSIDE: Final = -1e-9
 """Barycentric weight from which a texel's centre counts as inside: centres on a shared edge belong
 to both faces, so none is left out."""
 
+_NO_AREA: Final = 1e-12
+"""Doubled area, square texels, below which a face holds no texel's centre."""
+
+_Sides = tuple[float, float, float, float, float]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceColours:
@@ -144,22 +149,12 @@ def _bake_photo(
                 at[c, 6] = blend_weight[f, c]
         box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
-        ax, ay = texels[f, 0, 0], texels[f, 0, 1]
-        bx, by = texels[f, 1, 0] - ax, texels[f, 1, 1] - ay
-        cx, cy = texels[f, 2, 0] - ax, texels[f, 2, 1] - ay
-        area = bx * cy - by * cx
-        if abs(area) > 1e-12:
-            # Weights that a margin away from each edge stands for: distance over height.
-            m0 = _INSIDE - margin * np.hypot(cx - bx, cy - by) / abs(area)
-            m1 = _INSIDE - margin * np.hypot(cx, cy) / abs(area)
-            m2 = _INSIDE - margin * np.hypot(bx, by) / abs(area)
+        sides, least = _frame(texels[f], margin)
+        if abs(sides[4]) > _NO_AREA:
             for j in range(box[1], box[3]):
                 for i in range(box[0], box[2]):
-                    px, py = i + 0.5 - ax, j + 0.5 - ay
-                    l1 = (px * cy - py * cx) / area
-                    l2 = (bx * py - by * px) / area
-                    l0 = 1.0 - l1 - l2
-                    if l0 < m0 or l1 < m1 or l2 < m2:
+                    l0, l1, l2 = _weights(texels[f], sides, i, j)
+                    if l0 < least[0] or l1 < least[1] or l2 < least[2]:
                         continue
                     if margin > 0.0 and covered[j, i]:
                         continue
@@ -172,8 +167,7 @@ def _bake_photo(
             not drawn and margin == 0.0
         ):  # smaller than a texel: its middle takes the texel that nobody has
             third = 1.0 / 3.0
-            i = int(ax + (bx + cx) * third)
-            j = int(ay + (by + cy) * third)
+            i, j = _middle(texels[f], sides)
             if not covered[j, i]:
                 _write_photo(
                     image, covered, i, j, third, third, third, at, correction[f],
@@ -260,22 +254,12 @@ def _bake_plain(
                 level[c, k] += correction[f, c, k]
         box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
-        ax, ay = texels[f, 0, 0], texels[f, 0, 1]
-        bx, by = texels[f, 1, 0] - ax, texels[f, 1, 1] - ay
-        cx, cy = texels[f, 2, 0] - ax, texels[f, 2, 1] - ay
-        area = bx * cy - by * cx
-        if abs(area) > 1e-12:
-            # Weights that a margin away from each edge stands for: distance over height.
-            m0 = _INSIDE - margin * np.hypot(cx - bx, cy - by) / abs(area)
-            m1 = _INSIDE - margin * np.hypot(cx, cy) / abs(area)
-            m2 = _INSIDE - margin * np.hypot(bx, by) / abs(area)
+        sides, least = _frame(texels[f], margin)
+        if abs(sides[4]) > _NO_AREA:
             for j in range(box[1], box[3]):
                 for i in range(box[0], box[2]):
-                    px, py = i + 0.5 - ax, j + 0.5 - ay
-                    l1 = (px * cy - py * cx) / area
-                    l2 = (bx * py - by * px) / area
-                    l0 = 1.0 - l1 - l2
-                    if l0 < m0 or l1 < m1 or l2 < m2:
+                    l0, l1, l2 = _weights(texels[f], sides, i, j)
+                    if l0 < least[0] or l1 < least[1] or l2 < least[2]:
                         continue
                     if margin > 0.0 and covered[j, i]:
                         continue
@@ -283,8 +267,7 @@ def _bake_plain(
                     _write_plain(image, covered, i, j, l0, l1, l2, level)
         if not drawn and margin == 0.0:
             third = 1.0 / 3.0
-            i = int(ax + (bx + cx) * third)
-            j = int(ay + (by + cy) * third)
+            i, j = _middle(texels[f], sides)
             if not covered[j, i]:
                 _write_plain(image, covered, i, j, third, third, third, level)
 
@@ -304,6 +287,40 @@ def _write_plain(
         value = l0 * level[0, k] + l1 * level[1, k] + l2 * level[2, k]
         image[j, i, k] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
     covered[j, i] = 1
+
+
+@numba.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _frame(corners: Float64, margin: float) -> tuple[_Sides, tuple[float, float, float]]:
+    """Sides from the first corner and twice the area between them; the least weights to draw."""
+    bx, by = corners[1, 0] - corners[0, 0], corners[1, 1] - corners[0, 1]
+    cx, cy = corners[2, 0] - corners[0, 0], corners[2, 1] - corners[0, 1]
+    area = bx * cy - by * cx
+    # Weights that a margin away from each edge stands for: distance over height.
+    return (bx, by, cx, cy, area), (
+        _INSIDE - margin * np.hypot(cx - bx, cy - by) / abs(area),
+        _INSIDE - margin * np.hypot(cx, cy) / abs(area),
+        _INSIDE - margin * np.hypot(bx, by) / abs(area),
+    )
+
+
+@numba.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+def _weights(corners: Float64, sides: _Sides, i: int, j: int) -> tuple[float, float, float]:
+    """Barycentric weights of a texel's centre."""
+    bx, by, cx, cy, area = sides
+    px, py = i + 0.5 - corners[0, 0], j + 0.5 - corners[0, 1]
+    l1 = (px * cy - py * cx) / area
+    l2 = (bx * py - by * px) / area
+    return 1.0 - l1 - l2, l1, l2
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def _middle(corners: Float64, sides: _Sides) -> tuple[int, int]:
+    """Texel that a face's middle lies in."""
+    third = 1.0 / 3.0
+    return (
+        int(corners[0, 0] + (sides[0] + sides[2]) * third),
+        int(corners[0, 1] + (sides[1] + sides[3]) * third),
+    )
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

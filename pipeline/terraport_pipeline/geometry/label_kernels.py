@@ -11,7 +11,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry.face_vector import face_vector
 from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS
+from terraport_pipeline.geometry.view_kernels import place_of_view
 from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["best_slots", "common_slots", "costs", "energy", "neighbour_rows", "solve_piece"]
@@ -58,18 +60,7 @@ def neighbour_rows(
     scale = len(pairs) / total if total > 0.0 else 1.0
     whole = 0.0
     for f in range(n_faces):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, az = (
-            np.float64(vertices[j, 0]) - vertices[i, 0],
-            np.float64(vertices[j, 1]) - vertices[i, 1],
-            np.float64(vertices[j, 2]) - vertices[i, 2],
-        )
-        bx, by, bz = (
-            np.float64(vertices[k, 0]) - vertices[i, 0],
-            np.float64(vertices[k, 1]) - vertices[i, 1],
-            np.float64(vertices[k, 2]) - vertices[i, 2],
-        )
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        nx, ny, nz = face_vector(vertices, faces, f)
         area[f] = np.sqrt(nx * nx + ny * ny + nz * nz)
         whole += area[f]
         for s in range(3):
@@ -128,9 +119,7 @@ def common_slots(
             for s in range(SLOTS):
                 if views[f, s] < 0:
                     break
-                place = 0
-                while place < n and seen[place] != views[f, s]:
-                    place += 1
+                place = place_of_view(seen, n, views[f, s])
                 if place == n:
                     if n == _MAX_CELL_VIEWS:
                         continue

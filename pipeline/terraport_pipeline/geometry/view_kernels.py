@@ -11,6 +11,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry.face_vector import face_vector
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, POSITION, WIDTH, project_packed
 from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
@@ -19,6 +20,7 @@ __all__ = [
     "SLOTS",
     "face_radii",
     "insert",
+    "place_of_view",
     "project",
     "rate",
     "sample_areas",
@@ -152,17 +154,7 @@ def rate(
         area = _picture_area(faces, uv, f)
         if not area > 0.0:
             continue
-        ax, ay, az = (
-            np.float64(vertices[j, 0]) - vertices[i, 0],
-            np.float64(vertices[j, 1]) - vertices[i, 1],
-            np.float64(vertices[j, 2]) - vertices[i, 2],
-        )
-        bx, by, bz = (
-            np.float64(vertices[k, 0]) - vertices[i, 0],
-            np.float64(vertices[k, 1]) - vertices[i, 1],
-            np.float64(vertices[k, 2]) - vertices[i, 2],
-        )
-        nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        nx, ny, nz = face_vector(vertices, faces, f)
         tx, ty, tz = px - vertices[i, 0], py - vertices[i, 1], pz - vertices[i, 2]
         size = np.sqrt((nx * nx + ny * ny + nz * nz) * (tx * tx + ty * ty + tz * tz))
         facing = nx * tx + ny * ty + nz * tz
@@ -212,6 +204,15 @@ def insert(
             qualities[f, worst] = level
             for k in range(3):
                 slot_colours[f, worst, k] = colours[c, k]
+
+
+@numba.njit(cache=True, nogil=True, inline="always")
+def place_of_view(seen: npt.NDArray[np.int64], n: int, view: int) -> int:
+    """Find a view among the first `n` of a cell's list; `n` where it is new."""
+    place = 0
+    while place < n and seen[place] != view:
+        place += 1
+    return place
 
 
 @numba.njit(cache=True, nogil=True)

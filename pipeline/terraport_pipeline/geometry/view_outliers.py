@@ -23,6 +23,7 @@ import numpy.typing as npt
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.face_cells import face_cells
 from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS, Candidates
+from terraport_pipeline.geometry.view_kernels import place_of_view
 from terraport_pipeline.model import Float32, Int32, UInt8
 
 __all__ = ["drop_outliers"]
@@ -142,9 +143,7 @@ def _judge_cells(
             for s in range(SLOTS):
                 if views[f, s] < 0:
                     break
-                place = 0
-                while place < n and seen[place] != views[f, s]:
-                    place += 1
+                place = place_of_view(seen, n, views[f, s])
                 if place == n:
                     if n == _MAX_VIEWS:
                         continue
