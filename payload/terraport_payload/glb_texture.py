@@ -139,10 +139,8 @@ def snap_uvs(uvs: npt.NDArray[np.float32], width: int, height: int) -> npt.NDArr
 
     Parameters
     ----------
-    uvs : ndarray of shape (V, 2), float32
-        0..1, from the image's upper left.
-    width, height : int
-        Texels of the image, powers of two.
+    uvs, width, height
+        As in :func:`encode_uvs`.
 
     Returns
     -------

@@ -6,22 +6,20 @@ reader's choice of light or dark.
 
 from __future__ import annotations
 
-import base64
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.handoff import check_hand_off
 from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
+from terraport_pipeline.html_page import page_templates, replace_page
 from terraport_pipeline.progress import NullProgress, Progress
-from terraport_pipeline.report_facts import collect_facts, format_bytes, read_build_record
+from terraport_pipeline.report_facts import collect_facts, read_build_record
 from terraport_pipeline.report_pictures import (
     InputCloud,
     Picture,
@@ -132,7 +130,7 @@ def write_report(
                 beside = _Beside(photos, find_vertex_colours(scene, work), compared)
             overview, landing, proof = _look_at(scene, points, chosen, watcher, beside)
     page = (
-        _environment()
+        page_templates()
         .get_template("report.html.j2")
         .render(
             facts=facts,
@@ -143,10 +141,9 @@ def write_report(
             proof=proof,
         )
     )
-    data = page.encode("utf-8")
-    _replace(target, data)
+    size = replace_page(target, page)
     keys = tuple(picture.key for picture in (*overview, *compared, *landing))
-    return ReportResult(target, len(data), keys, proof)
+    return ReportResult(target, size, keys, proof)
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,27 +243,3 @@ def _taken(
         landing.append(picture)
         watcher.advance(1)
     return overview, landing
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("terraport_pipeline"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["base64"] = lambda data: base64.b64encode(data).decode("ascii")
-    environment.filters["bytes"] = format_bytes
-    environment.filters["amount"] = lambda value: f"{value:,.0f}"
-    return environment
-
-
-def _replace(target: Path, data: bytes) -> None:
-    """Write beside the target and rename: a reader sees the old page or the new one."""
-    draft = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        draft.write_bytes(data)
-        draft.replace(target)
-    finally:
-        draft.unlink(missing_ok=True)

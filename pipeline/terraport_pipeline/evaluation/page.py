@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-import os
 from collections.abc import Callable
 from pathlib import Path
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from terraport_pipeline.engines.reconstructors import RECONSTRUCTORS
 from terraport_pipeline.evaluation.depth_sweep import DepthRow, DepthScene
 from terraport_pipeline.evaluation.line_chart import Line, line_chart
 from terraport_pipeline.evaluation.reconstruction import Evaluation
 from terraport_pipeline.evaluation.verdicts import RULES, THESIS_COLOUR, THESIS_SHAPE
-from terraport_pipeline.report_facts import format_bytes
+from terraport_pipeline.html_page import page_templates, replace_page
 
 __all__ = ["page_of", "write_page"]
 
@@ -31,17 +27,7 @@ def page_of(evaluation: Evaluation) -> str:
     str
         HTML that asks for nothing else.
     """
-    environment = Environment(
-        loader=PackageLoader("terraport_pipeline"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["base64"] = lambda data: base64.b64encode(data).decode("ascii")
-    environment.filters["bytes"] = format_bytes
-    environment.filters["amount"] = lambda value: f"{value:,.0f}"
-    return environment.get_template("evaluate_reconstruction.html.j2").render(
+    return page_templates().get_template("evaluate_reconstruction.html.j2").render(
         e=evaluation,
         names={key: one.title for key, one in RECONSTRUCTORS.items()},
         rules=RULES,
@@ -54,12 +40,7 @@ def page_of(evaluation: Evaluation) -> str:
 
 def write_page(evaluation: Evaluation, path: Path) -> None:
     """Write the page; a reader sees the old one or the new one."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        draft.write_text(page_of(evaluation), encoding="utf-8")
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
+    replace_page(path, page_of(evaluation))
 
 
 def _charts(scenes: tuple[DepthScene, ...]) -> list[tuple[str, str]]:
