@@ -40,9 +40,10 @@ margin."""
 _CELLS_PER_POINT: Final = 0.8
 """Cells per sample where nothing is known of the survey: the depth rule gives 0.5 to 2."""
 
-_SIDE_BY_SIDE: Final = 3
+_SIDE_BY_SIDE: Final = 2
 """Tiles that should fit the memory together, whatever the number of cores (the plan must not depend
-on it)."""
+on it). A quarry of 50 M points within 8 GiB: tiles of which three fit (depth 9) hold every sample
+2.4 times and solve for 2,950 CPU seconds; tiles of which two fit (depth 10) 1.5 times and 1,650."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +133,7 @@ def choose_depth(
     max_memory_bytes: int,
     asked: int | None = None,
 ) -> TilePlan | None:
-    """Choose the largest tiles of which three fit the memory allowed, else of which one does.
+    """Choose the largest tiles of which two fit the memory allowed, else of which one does.
 
     Returns
     -------
