@@ -90,10 +90,12 @@ def _write_project(folder: Path, cameras) -> None:
         away = " ".join(f"{-value:.9f}" for value in place)
         lines += [
             f'  <MLRaster label="{number:04d}.png">',
-            f'   <VCGCamera RotationMatrix="{turn} " TranslationVector="{away} 1" '  # noqa: ISC004
-            f'FocalMm="{focal}" PixelSizeMm="1 1" ViewportPx="{width} {height}" '
-            f'CenterPx="{width // 2} {height // 2}" LensDistortion="0 0" CameraType="0" '
-            'BinaryData="0"/>',
+            (
+                f'   <VCGCamera RotationMatrix="{turn} " TranslationVector="{away} 1" '
+                f'FocalMm="{focal}" PixelSizeMm="1 1" ViewportPx="{width} {height}" '
+                f'CenterPx="{width // 2} {height // 2}" LensDistortion="0 0" CameraType="0" '
+                'BinaryData="0"/>'
+            ),
             f'   <Plane semantic="1" fileName="photos/{number:04d}.png"/>',
             "  </MLRaster>",
         ]

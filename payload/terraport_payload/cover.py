@@ -11,7 +11,7 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -119,7 +119,9 @@ class Cover:
         for name in ("offsets", "segments"):
             if name not in fields:
                 raise PayloadError(f"no field {name!r} in the cover")
-        cover = cls(fields["offsets"], fields["segments"])  # type: ignore[arg-type]  # checked there
+        offsets = cast("npt.NDArray[np.uint32]", fields["offsets"])  # __post_init__ looks
+        segments = cast("npt.NDArray[np.uint32]", fields["segments"])
+        cover = cls(offsets, segments)
         if cover.base_faces != rows:
             raise PayloadError(
                 f"cover of {cover.base_faces} base faces, expected {rows} by the header"

@@ -12,7 +12,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-import numba
 import psutil
 
 from terraport_pipeline import tiled_reconstruct
@@ -21,6 +20,7 @@ from terraport_pipeline.build_tiled import TiledSurface, check_tiled, segment_an
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.survey_stream import survey_size
 from terraport_pipeline.errors import OptionError, SurveyError
+from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.model import Survey
 from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.progress import NullProgress, Progress
@@ -143,7 +143,7 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     survey, scene = options.survey.absolute(), options.scene.absolute()
     with scene_locked(scene):
         threads = options.threads or _cores()
-        numba.set_num_threads(min(threads, int(numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
+        limit_threads(threads)
         runner = StageRunner(
             WorkDirectory(options.work or default_work_directory(scene)),
             resume=options.resume,

@@ -226,6 +226,7 @@ def tile_tasks(
     plan, lattice = ground.plan, ground.lattice
     cleaned = ground.cleaned.value()
     raster = raster_of(ground)
+    east, north, height = (float(v) for v in ground.origin)
     tasks = []
     for tile in range(plan.count):
         low, high = plan.core(tile)
@@ -238,7 +239,7 @@ def tile_tasks(
                 anchor_m=lattice.anchor_m,
                 core_cells=plan.shape.core,
                 margin_cells=plan.shape.margin,
-                origin=tuple(float(v) for v in ground.origin),  # type: ignore[arg-type]
+                origin=(east, north, height),
                 spacing_m=ground.measured["spacing_m"],
                 usual=(ground.measured["usual_log_m"], ground.measured["usual_deviation"]),
                 columns=tuple(ground.read.values["attributes"]),

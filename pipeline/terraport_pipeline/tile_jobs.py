@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.errors import WorkDirectoryError
+from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.measure import Measure
 from terraport_pipeline.stages import join_tiles, joined_tile, solve_tile
 from terraport_pipeline.stages.contract import Context, Facts, Stored
@@ -98,8 +98,7 @@ def solve_one(job: SolveJob) -> StageRecord:
     record = job.work.find(name, job.key)
     if record is not None:
         return record
-    threads = max(1, min(job.threads, int(numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
-    numba.set_num_threads(threads)
+    threads = limit_threads(job.threads)
     with Measure() as measure, job.work.scratch() as scratch:
         context = Context(scratch, threads=threads, max_memory_bytes=job.max_memory_bytes)
         reader = NpyReader(job.samples)

@@ -180,6 +180,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
                 columns = {name: np.asarray(chunk[name])[wanted] for name in names}
                 yield StreamPart(points, columns, len(chunk))
 
+        sides = header.maxs - header.mins
         yield LasStream(
             count,
             count if rows is None else len(rows),
@@ -187,7 +188,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             warnings,
             frozenset(header.point_format.standard_dimension_names),
             parts,
-            tuple(float(side) for side in header.maxs - header.mins),  # type: ignore[arg-type]
+            (float(sides[0]), float(sides[1]), float(sides[2])),
         )
 
 

@@ -27,14 +27,18 @@ def page_of(evaluation: Evaluation) -> str:
     str
         HTML that asks for nothing else.
     """
-    return page_templates().get_template("evaluate_reconstruction.html.j2").render(
-        e=evaluation,
-        names={key: one.title for key, one in RECONSTRUCTORS.items()},
-        rules=RULES,
-        thesis_colour=THESIS_COLOUR,
-        thesis_shape=THESIS_SHAPE,
-        algorithms=[RECONSTRUCTORS[key] for key in evaluation.options.algorithms],
-        charts=_charts(evaluation.scenes),
+    return (
+        page_templates()
+        .get_template("evaluate_reconstruction.html.j2")
+        .render(
+            e=evaluation,
+            names={key: one.title for key, one in RECONSTRUCTORS.items()},
+            rules=RULES,
+            thesis_colour=THESIS_COLOUR,
+            thesis_shape=THESIS_SHAPE,
+            algorithms=[RECONSTRUCTORS[key] for key in evaluation.options.algorithms],
+            charts=_charts(evaluation.scenes),
+        )
     )
 
 

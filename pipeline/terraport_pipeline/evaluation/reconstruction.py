@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -174,12 +175,12 @@ def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
 
 
 def _subjects(options: Options, scratch: Path) -> list[Callable[[], Subject]]:
-    makers: list[Callable[[], Subject]] = [lambda: quarry(options.points, scratch)]
+    makers: list[Callable[[], Subject]] = [partial(quarry, options.points, scratch)]
     for name in options.models:
         if name in STANFORD:
-            makers.append(lambda name=name: stanford(name, options.data, options.points))  # type: ignore[misc]
+            makers.append(partial(stanford, name, options.data, options.points))
         else:
-            makers.append(lambda name=name: body(name, options.points))  # type: ignore[misc]
+            makers.append(partial(body, name, options.points))
     return makers
 
 

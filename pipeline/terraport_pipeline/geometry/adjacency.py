@@ -240,7 +240,8 @@ def _sort_row(rows: _Int32, start: int, end: int) -> None:
 @numba.njit(cache=True, nogil=True)
 def _opposite(faces: _Int32, f: int, low: int, high: int) -> int:
     """Third corner of a face across one of its edges; the face may have a repeated corner."""
-    return np.int64(faces[f, 0]) + faces[f, 1] + faces[f, 2] - low - high  # type: ignore[no-any-return]
+    third: int = np.int64(faces[f, 0]) + faces[f, 1] + faces[f, 2] - low - high
+    return third
 
 
 @numba.njit(cache=True, nogil=True)

@@ -249,7 +249,8 @@ def _to_white(lightness: float, a: float, b: float) -> float:
     s_c = 1.0 + 0.0225 * chroma  # 0.045 times the mean of C' and 0
     d_l = (100.0 - lightness) / s_l
     d_c = chroma / s_c
-    return np.sqrt(d_l * d_l + d_c * d_c)  # type: ignore[no-any-return]
+    distance: float = np.sqrt(d_l * d_l + d_c * d_c)
+    return distance
 
 
 @numba.njit(cache=True, nogil=True)
@@ -263,7 +264,8 @@ def _white_distance(lab: _Float64) -> _Float32:
 @numba.njit(cache=True, nogil=True)
 def _curve(t: float) -> float:
     if t > 216.0 / 24389.0:
-        return np.cbrt(t)  # type: ignore[no-any-return]
+        root: float = np.cbrt(t)
+        return root
     return (24389.0 / 27.0 * t + 16.0) / 116.0
 
 

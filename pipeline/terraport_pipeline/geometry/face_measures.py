@@ -308,7 +308,8 @@ def _length(vertices: npt.NDArray[Any], a: int, b: int) -> float:
     x = np.float64(vertices[a, 0]) - np.float64(vertices[b, 0])
     y = np.float64(vertices[a, 1]) - np.float64(vertices[b, 1])
     z = np.float64(vertices[a, 2]) - np.float64(vertices[b, 2])
-    return np.sqrt(x * x + y * y + z * z)  # type: ignore[no-any-return]
+    length: float = np.sqrt(x * x + y * y + z * z)
+    return length
 
 
 @numba.njit(cache=True, nogil=True)

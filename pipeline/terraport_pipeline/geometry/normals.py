@@ -33,6 +33,7 @@ from terraport_pipeline.model import Float32, Int32
 __all__ = ["certain_mask", "estimate_normals", "orient_normals"]
 
 Mask = npt.NDArray[np.bool_]
+_Heap = list[tuple[np.float32, np.int32]]
 
 _SWEEPS = 12
 """Jacobi sweeps at most; three by three matrices converge to float64 in five or six."""
@@ -281,7 +282,8 @@ def _spread_signs(
         if certain[point]:
             _offer(point, points, normals, settled, graph, starts, links, best, parent, heap)
     while len(heap) > 0:
-        cost, point = _pop(heap)
+        cost, nearest = _pop(heap)
+        point = int(nearest)
         if settled[point] or cost != best[point]:
             continue
         dot = 0.0
@@ -296,9 +298,18 @@ def _spread_signs(
 
 
 @numba.njit(cache=True)
-def _offer(  # type: ignore[no-untyped-def]
-    point, points, normals, settled, graph, starts, links, best, parent, heap
-):  # pragma: no cover - compiled
+def _offer(
+    point: int,
+    points: Float32,
+    normals: Float32,
+    settled: Mask,
+    graph: Int32,
+    starts: npt.NDArray[np.int64],
+    links: Int32,
+    best: Float32,
+    parent: Int32,
+    heap: _Heap,
+) -> None:  # pragma: no cover - compiled
     """Offer a settled point's sign to the neighbours that still lack one."""
     k = graph.shape[1]
     incoming = starts[point + 1] - starts[point]
@@ -325,7 +336,7 @@ def _offer(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True)
-def _push(heap, cost, point):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _push(heap: _Heap, cost: np.float32, point: np.int32) -> None:  # pragma: no cover - compiled
     """Binary heap ordered by (cost, point), so that ties have one order."""
     heap.append((cost, point))
     child = len(heap) - 1
@@ -338,7 +349,7 @@ def _push(heap, cost, point):  # type: ignore[no-untyped-def]  # pragma: no cove
 
 
 @numba.njit(cache=True)
-def _pop(heap):  # type: ignore[no-untyped-def]  # pragma: no cover - compiled
+def _pop(heap: _Heap) -> tuple[np.float32, np.int32]:  # pragma: no cover - compiled
     """Take the smallest entry."""
     first = heap[0]
     last = heap.pop()

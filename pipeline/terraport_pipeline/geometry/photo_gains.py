@@ -217,12 +217,12 @@ def _reference(logarithms: Float64, view: Int32, n_views: int) -> Float64:
 @numba.njit(cache=True, nogil=True)
 def _offset(x: Float64, k: int, v: int, radius: float, lens: Int32, n_views: int) -> float:
     """Add up what the unknowns change of a sighting's logarithm."""
-    total = x[v, k]
+    total: float = x[v, k]
     if lens[v] >= 0 and len(x) > n_views + 1:
         square = radius * radius
         at = n_views + 1 + 2 * lens[v]
         total += square * (x[at, k] + square * x[at + 1, k])
-    return total  # type: ignore[no-any-return]
+    return total
 
 
 @numba.njit(cache=True, nogil=True)

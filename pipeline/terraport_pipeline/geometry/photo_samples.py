@@ -61,7 +61,8 @@ def gain_at(gain: Float32, packed: Float64, u: float, v: float) -> float:
     width, height = packed[WIDTH], packed[HEIGHT]
     x, y = u - 0.5 * width, v - 0.5 * height
     square = 4.0 * (x * x + y * y) / (width * width + height * height)
-    return 1.0 + square * (gain[3] + square * gain[4])  # type: ignore[no-any-return]
+    h: float = 1.0 + square * (gain[3] + square * gain[4])
+    return h
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -80,10 +81,10 @@ def sample(photo: UInt8, x: float, y: float, k: int) -> float:
     i, j = max(i, 0), max(j, 0)
     i1, j1 = min(i + 1, columns - 1), min(j + 1, rows - 1)
     s, t = x - i, y - j
-    return (  # type: ignore[no-any-return]
-        (1.0 - t) * ((1.0 - s) * photo[j, i, k] + s * photo[j, i1, k])
-        + t * ((1.0 - s) * photo[j1, i, k] + s * photo[j1, i1, k])
+    level: float = (1.0 - t) * ((1.0 - s) * photo[j, i, k] + s * photo[j, i1, k]) + t * (
+        (1.0 - s) * photo[j1, i, k] + s * photo[j1, i1, k]
     )
+    return level
 
 
 def sample_faces(

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.geometry.chunks import in_chunks
-from terraport_pipeline.geometry.face_cells import face_cells
+from terraport_pipeline.geometry.face_cells import CellGrid, face_cells
 from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS, Candidates
 from terraport_pipeline.geometry.view_kernels import place_of_view
 from terraport_pipeline.model import Float32, Int32, UInt8
@@ -66,6 +66,7 @@ def drop_outliers(
     faces: Int32,
     own_colour: UInt8 | None,
     *,
+    grid: CellGrid | None = None,
     threads: int = 1,
 ) -> int:
     """Drop views that show something else.
@@ -78,6 +79,8 @@ def drop_outliers(
     faces : ndarray of shape (F, 3), int32
     own_colour : ndarray of shape (F, 3), uint8, or None
         Faces' vertex colours; None where the survey has no colour.
+    grid : CellGrid, optional
+        Where the cells lie that are judged: the same for all pieces of a surface.
     threads : int
         The result does not depend on it.
 
@@ -88,7 +91,7 @@ def drop_outliers(
     """
     if not len(faces):
         return 0
-    order, starts = face_cells(vertices, faces, _CELL_EDGES)
+    order, starts = face_cells(vertices, faces, _CELL_EDGES, grid)
     own = np.zeros((0, 3), np.uint8) if own_colour is None else own_colour
 
     def work(begin: int, end: int) -> int:
@@ -111,7 +114,8 @@ def drop_outliers(
 @numba.njit(cache=True, nogil=True)
 def _square_distance(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> float:
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-    return (x * x + y * y + z * z) / 3.0  # type: ignore[no-any-return]
+    square: float = (x * x + y * y + z * z) / 3.0
+    return square
 
 
 @numba.njit(cache=True, nogil=True)

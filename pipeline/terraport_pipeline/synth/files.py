@@ -131,6 +131,8 @@ def write_quarry(
         _write_truth(truth_part, options, maker, material, truth)
     counts = np.bincount(material, minlength=256)
     low, high = truth.min(axis=0) + maker.origin, truth.max(axis=0) + maker.origin
+    west, south, lowest = map(float, low)
+    east, north, highest = map(float, high)
     return WrittenQuarry(
         path,
         truth_file,
@@ -138,7 +140,7 @@ def write_quarry(
         truth_file.stat().st_size,
         options.points,
         {kind.name.lower(): int(counts[kind]) for kind in Material if counts[kind]},
-        (*map(float, low), *map(float, high)),  # type: ignore[arg-type]
+        (west, south, lowest, east, north, highest),
     )
 
 

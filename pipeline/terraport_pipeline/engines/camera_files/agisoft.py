@@ -17,6 +17,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
+from xml.parsers import expat
 
 import numpy as np
 
@@ -74,13 +75,26 @@ def read_agisoft(path: Path) -> RawCameras:
 def _parse(path: Path) -> ET.Element:
     check_size(path, MAX_TEXT_BYTES, "export the cameras alone, without tie points")
     data = path.read_bytes()
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+    builder = ET.TreeBuilder()
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+
+    def refuse(*_: object) -> None:
         raise ReadError(path, "XML with a document type", "export the cameras from Metashape again")
+
+    # Without a document type there are no entities to expand or to fetch. The parser tells of one
+    # in whatever encoding the file is; searching the bytes would miss it in UTF-16.
+    parser.StartDoctypeDeclHandler = refuse
     try:
-        return ET.fromstring(data)  # noqa: S314 - no document type, hence no entities
-    except ET.ParseError as error:
-        line, _ = error.position
-        raise ReadError(path, f"no XML ({error})", AGAIN, f"line {line:,}") from error
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise ReadError(path, f"no XML ({error})", AGAIN, f"line {error.lineno:,}") from error
+    except (LookupError, ValueError) as error:  # an encoding that Python, or expat, does not know
+        raise ReadError(path, f"no XML ({error})", AGAIN, "line 1") from error
+    return builder.close()
 
 
 def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:

@@ -21,7 +21,7 @@ RADII_SPACINGS: Final = (1.0, 2.0, 4.0)
 """The smallest ball that does not fall between even samples, and two for what it leaves open."""
 
 
-def _run(samples: Samples, work: Work) -> Surface:  # noqa: ARG001 - the interface's
+def _run(samples: Samples, _work: Work) -> Surface:
     radii_m = [samples.spacing_m * factor for factor in RADII_SPACINGS]
     faces = pivot_balls(samples.points, samples.normals, radii_m)
     named = ", ".join(f"{factor:g}" for factor in RADII_SPACINGS)

@@ -59,7 +59,7 @@ class Surface:
 class Run(Protocol):
     """Reconstruct one cloud."""
 
-    def __call__(self, samples: Samples, work: Work) -> Surface:
+    def __call__(self, samples: Samples, work: Work, /) -> Surface:
         """Return the surface; raise a ``PipelineError`` that says why there is none."""
         ...
 

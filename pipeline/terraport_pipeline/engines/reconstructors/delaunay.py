@@ -19,7 +19,7 @@ from terraport_pipeline.errors import EngineError
 __all__ = ["DELAUNAY"]
 
 
-def _run(samples: Samples, work: Work) -> Surface:  # noqa: ARG001 - the interface's
+def _run(samples: Samples, _work: Work) -> Surface:
     plan = samples.points[:, [0, 2]].astype(np.float64)
     try:
         triangles = Delaunay(plan - plan.mean(axis=0)).simplices

@@ -20,7 +20,7 @@ from terraport_pipeline.geometry.voronoi_crust import crust
 __all__ = ["VORONOI_FILTERING"]
 
 
-def _run(samples: Samples, work: Work) -> Surface:  # noqa: ARG001 - the interface's
+def _run(samples: Samples, _work: Work) -> Surface:
     try:
         faces = crust(samples.points, samples.normals)
     except QhullError as error:

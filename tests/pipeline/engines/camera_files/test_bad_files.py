@@ -26,6 +26,7 @@ from pipeline.engines.camera_files.known_cameras import (
 )
 
 from terraport_pipeline.engines.camera_files import read_cameras
+from terraport_pipeline.engines.camera_files.agisoft import read_agisoft
 from terraport_pipeline.engines.camera_files.raw_cameras import MAX_CAMERAS
 from terraport_pipeline.errors import PhotoError, ReadError
 
@@ -142,6 +143,34 @@ def test_the_error_names_the_place(tmp_path, kind, old, new, told):
     with pytest.raises(ReadError, match=told) as caught:
         read(path)
     assert str(damaged.parent if "two poses" in told else damaged) in str(caught.value)
+
+
+BOMB = """<?xml version="1.0"{encoding}?>
+<!DOCTYPE document [
+  <!ENTITY a "0123456789">
+  <!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">
+  <!ENTITY c "&b;&b;&b;&b;&b;&b;&b;&b;&b;&b;">
+  <!ENTITY d "&c;&c;&c;&c;&c;&c;&c;&c;&c;&c;">
+  <!ENTITY e SYSTEM "file:///etc/hostname">
+]>
+<document><chunk label="&d;&e;"/></document>
+"""
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1"])
+def test_an_entity_bomb_is_refused_in_any_encoding(tmp_path, encoding):
+    path = tmp_path / "cameras.xml"
+    path.write_bytes(BOMB.replace("{encoding}", f' encoding="{encoding}"').encode(encoding))
+    with pytest.raises(ReadError, match="document type"):
+        read_agisoft(path)
+
+
+@pytest.mark.parametrize("encoding", ["iso-88", "shift-jis", "utf-7"])
+def test_an_encoding_that_is_not_known_is_refused(tmp_path, encoding):
+    path = tmp_path / "cameras.xml"
+    path.write_text(f'<?xml version="1.0" encoding="{encoding}"?><document/>')
+    with pytest.raises(ReadError, match="no XML|without a <chunk>"):
+        read_agisoft(path)
 
 
 def test_binary_counts_are_bounded_before_anything_is_read(tmp_path):
