@@ -303,7 +303,7 @@ def kernel_seconds(data: bytes) -> float:
     for view in document["bufferViews"]:
         packed = view.get("extensions", {}).get("EXT_meshopt_compression")
         if packed is not None:
-            start = packed["byteOffset"]
+            start = packed.get("byteOffset", 0)
             raw = bytes(binary[start : start + packed["byteLength"]])
             shape = (packed["count"], packed["byteStride"], packed["mode"])
             views.append((raw, *shape, packed.get("filter", "NONE")))

@@ -2,10 +2,11 @@
 
 glTF defines ``COLOR_0`` as linear; surveys hold 8-bit sRGB. Every sRGB level owns an interval of
 linear values that round back to it, and any 16-bit code inside that interval decodes to the level
-without loss. From each interval :func:`srgb_to_linear16` takes the code with the **most trailing
-zero bits**: above level 100 or so the low byte is then constant zero, which the vertex codec stores
-for almost nothing (measured in ``benchmarks/store.py``). A viewer that writes 8-bit sRGB shows the
-survey's own level, since the code is nearer to it than to any other.
+without loss. :func:`srgb_to_linear16` uses that freedom: the vertex codec stores differences from
+vertex to vertex byte by byte, and a byte that stays the same costs almost nothing. So the low byte
+is kept for as long as the intervals allow, and the high byte moves as little as they allow. A
+viewer that writes 8-bit sRGB shows the survey's own level, since the code is nearer to it than to
+any other.
 
 The transfer function is that of IEC 61966-2-1 (sRGB).
 
@@ -25,26 +26,51 @@ _GUARD: Final = 0.05
 """Share of an interval left free at either end (in sRGB levels): a renderer's own rounding then
 stays inside it."""
 
+_RUN: Final = 64
+"""Vertices in a stretch; longer ones save 0.01 bytes a triangle and take more steps."""
+
 
 def srgb_to_linear16(colours: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
-    """Convert sRGB levels to 16-bit linear codes.
+    """Convert sRGB levels to 16-bit linear codes that pack well in their order.
 
     Parameters
     ----------
-    colours : ndarray of uint8, any shape
-        sRGB, 0..255.
+    colours : ndarray of shape (V, C), uint8
+        sRGB, 0..255, in the order in which the codec gets them.
 
     Returns
     -------
-    ndarray of uint16, same shape
-        Linear light, 65535 = 1.0.
+    ndarray of shape (V, C), uint16
+        Linear light, 65535 = 1.0. Black is 0 and white 65535; other levels have one of the codes of
+        their interval, which differs from place to place.
+
+    Notes
+    -----
+    Low bytes are multiples of 4, so that the ones an interval offers are the bits of one 64-bit
+    word. Runs of vertices are made as long as their words have a bit in common (the fewest runs
+    there can be, but for a new one every :data:`_RUN` vertices, which lets all stretches be worked
+    on at once). High bytes follow by clamping: each is the nearest to the one before that its
+    interval allows.
 
     Examples
     --------
-    >>> srgb_to_linear16(np.array([0, 255], dtype=np.uint8)).tolist()
-    [0, 65535]
+    >>> srgb_to_linear16(np.array([[0], [255]], dtype=np.uint8)).tolist()
+    [[0], [65535]]
     """
-    return _TO_LINEAR[colours]
+    count, channels = colours.shape
+    if not count:
+        return np.zeros((0, channels), dtype=np.uint16)
+    stretches = -(-count // _RUN)
+    levels = np.empty((channels, stretches * _RUN), dtype=np.uint8)
+    levels[:, :count] = colours.T
+    levels[:, count:] = levels[:, count - 1 : count]  # filled up by its last level
+    low_byte = _common_low_bytes(levels.reshape(-1, _RUN)).reshape(channels, -1)
+    # Smallest and largest high byte that lead into the interval with this low byte.
+    least = (_LOW[levels] - low_byte + 255) >> 8
+    most = (_HIGH[levels] - low_byte) >> 8
+    codes = ((_follow(least, most) << 8) | low_byte)[:, :count]
+    codes[colours.T == 255] = 65535  # white stays exactly 1.0
+    return np.ascontiguousarray(codes.T.astype(np.uint16))
 
 
 def linear16_to_srgb(codes: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
@@ -62,7 +88,7 @@ def linear16_to_srgb(codes: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
 
     Examples
     --------
-    >>> levels = np.arange(256, dtype=np.uint8)
+    >>> levels = np.arange(256, dtype=np.uint8)[:, None]
     >>> bool((linear16_to_srgb(srgb_to_linear16(levels)) == levels).all())
     True
     """
@@ -74,20 +100,53 @@ def _linear(level: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def _code_table() -> npt.NDArray[np.uint16]:
+def _intervals() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """First and last code of every level."""
     levels = np.arange(256, dtype=np.float64)
     low = np.ceil(_linear(np.maximum(levels - 0.5 + _GUARD, 0.0)) * 65535.0).astype(np.int64)
     high = np.floor(_linear(np.minimum(levels + 0.5 - _GUARD, 255.0)) * 65535.0).astype(np.int64)
-    table = np.zeros(256, dtype=np.uint16)
-    for level in range(1, 255):
-        # The roundest number of the interval: the largest power of two with a multiple in it.
-        for bit in range(15, -1, -1):
-            candidate = (low[level] + (1 << bit) - 1) >> bit << bit
-            if candidate <= high[level]:
-                table[level] = candidate
-                break
-    table[255] = 65535  # white stays exactly 1.0
-    return table
+    high[0] = 0  # black stays exactly 0
+    # White is put in afterwards; it neither ends a run nor moves it.
+    low[255], high[255] = 0, 65535
+    return low, high
+
+
+def _low_byte_words() -> npt.NDArray[np.uint64]:
+    """For every level a word whose bit k says that 4 k is the low byte of one of its codes."""
+    bytes_4 = np.arange(0, 256, 4)
+    fits = (_HIGH[:, None] - bytes_4) >> 8 >= (_LOW[:, None] - bytes_4 + 255) >> 8
+    return np.packbits(fits, axis=1, bitorder="little").view("<u8")[:, 0].astype(np.uint64)
+
+
+def _common_low_bytes(levels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
+    """Low bytes for stretches of levels, (stretches, _RUN), with as few changes as there can be."""
+    words = _LOW_BYTES[levels.T]
+    begins = np.zeros(words.shape, dtype=bool)
+    for place in range(1, len(words)):  # all stretches at once; words become "common so far"
+        own = words[place]
+        common = words[place - 1] & own
+        begins[place] = common == 0
+        words[place] = np.where(begins[place], own, common)
+    for place in range(len(words) - 2, -1, -1):  # what the whole run has in common
+        words[place] = np.where(begins[place + 1], words[place], words[place + 1])
+    lowest = words & (~words + np.uint64(1))
+    # A power of two is exact as a float64, and its exponent is the number of its bit.
+    return 4 * (np.frexp(lowest.T.astype(np.float64))[1].astype(np.int64) - 1)
+
+
+def _follow(least: npt.NDArray[np.int64], most: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Values within bounds, each the nearest to the one before it; along the last axis.
+
+    Clamps follow one another as clamps: a prefix scan of their bounds, log2 of the length steps.
+    """
+    low, high = least.copy(), most.copy()
+    reach = 1
+    while reach < low.shape[-1]:
+        own = low[..., reach:], high[..., reach:]
+        earlier = [np.clip(bound[..., :-reach], *own) for bound in (low, high)]
+        low[..., reach:], high[..., reach:] = earlier
+        reach *= 2
+    return low
 
 
 def _level_table() -> npt.NDArray[np.uint8]:
@@ -95,5 +154,6 @@ def _level_table() -> npt.NDArray[np.uint8]:
     return np.searchsorted(borders, np.arange(65536), side="right").astype(np.uint8)
 
 
-_TO_LINEAR: Final = _code_table()
+_LOW, _HIGH = _intervals()
+_LOW_BYTES: Final = _low_byte_words()
 _TO_SRGB: Final = _level_table()

@@ -85,11 +85,7 @@ class _Views:
         *filtered* is the codec filter's name and what it made of the rows.
         """
         stride = rows.nbytes // len(rows)
-        view: dict[str, Any] = {
-            "buffer": 0,
-            "byteOffset": len(self.binary),
-            "byteLength": rows.nbytes,
-        }
+        view: dict[str, Any] = {"buffer": 0, **_place(len(self.binary)), "byteLength": rows.nbytes}
         if mode == "ATTRIBUTES":
             view["byteStride"] = stride
         raw: bytes
@@ -97,7 +93,7 @@ class _Views:
             raw = meshopt.encode_gltf_buffer(rows if filtered is None else filtered[1], mode, 0)
             packed: dict[str, Any] = {
                 "buffer": 0,
-                "byteOffset": len(self.binary),
+                **_place(len(self.binary)),
                 "byteLength": len(raw),
                 "byteStride": stride,
                 "mode": mode,
@@ -105,7 +101,8 @@ class _Views:
             }
             if filtered is not None:
                 packed["filter"] = filtered[0]
-            view["buffer"], view["byteOffset"] = 1, self.unpacked_bytes
+            view.pop("byteOffset", None)
+            view |= {"buffer": 1, **_place(self.unpacked_bytes)}
             view["extensions"] = {"EXT_meshopt_compression": packed}
         else:
             raw = rows.tobytes()
@@ -117,9 +114,14 @@ class _Views:
 
     def add_bytes(self, data: bytes) -> int:
         """Append a file as it is; return its bufferView's number."""
-        self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
+        self.views.append({"buffer": 0, **_place(len(self.binary)), "byteLength": len(data)})
         self.binary += data + bytes(-len(data) % 4)
         return len(self.views) - 1
+
+
+def _place(offset: int) -> dict[str, int]:
+    """Give a view its offset; 0 is glTF's default, and JSON is a tenth of a small payload."""
+    return {"byteOffset": offset} if offset else {}
 
 
 def encode_glb(
@@ -341,7 +343,9 @@ def _document(
     required = list(used)
     if "extensions" in primitive:
         used.append("EXT_mesh_features")
-    extras = {"terraport": {"step_m": step_m, "attributes": table}}
+    ours: dict[str, Any] = {"step_m": step_m}
+    if table:
+        ours["attributes"] = table
     return {
         "asset": {"version": "2.0", "generator": "terraport"},
         "extensionsUsed": used,
@@ -349,15 +353,13 @@ def _document(
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [node],
-        "meshes": [{"primitives": [primitive], "extras": extras}],
+        "meshes": [{"primitives": [primitive], "extras": {"terraport": ours}}],
         # Double-sided: a reconstructed survey is an open sheet. Culled back faces would make its
         # rims and the inside of overhangs vanish when seen from behind, which in VR reads as a hole
         # in the world.
         "materials": [
-            {
-                "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1},
-                "doubleSided": True,
-            }
+            # Roughness is 1 by default.
+            {"pbrMetallicRoughness": {"metallicFactor": 0}, "doubleSided": True}
         ],
         "accessors": out.accessors,
         "bufferViews": out.views,

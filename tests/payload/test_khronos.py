@@ -45,7 +45,8 @@ const binary = data.subarray(28 + length);
 const views = document.bufferViews.map((view) => {
   const packed = view.extensions.EXT_meshopt_compression;
   const target = new Uint8Array(packed.count * packed.byteStride);
-  const source = binary.subarray(packed.byteOffset, packed.byteOffset + packed.byteLength);
+  const start = packed.byteOffset ?? 0;
+  const source = binary.subarray(start, start + packed.byteLength);
   MeshoptDecoder.decodeGltfBuffer(
     target, packed.count, packed.byteStride, source, packed.mode, packed.filter);
   return Buffer.from(target).toString("hex");

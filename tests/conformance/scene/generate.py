@@ -90,7 +90,7 @@ def write_bad() -> None:
     extension = ("extensions", "EXT_meshopt_compression")
     packed = document["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]
     noise = bytearray(binary)
-    at, length = packed["byteOffset"], packed["byteLength"]
+    at, length = packed.get("byteOffset", 0), packed["byteLength"]
     noise[at + 1 : at + length] = b"\xff" * (length - 1)
     plain_document, plain_binary, _ = split_glb(plain)
     far = bytearray(plain_binary)
