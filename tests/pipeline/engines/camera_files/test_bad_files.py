@@ -169,7 +169,7 @@ def test_an_entity_bomb_is_refused_in_any_encoding(tmp_path, encoding):
 def test_an_encoding_that_is_not_known_is_refused(tmp_path, encoding):
     path = tmp_path / "cameras.xml"
     path.write_text(f'<?xml version="1.0" encoding="{encoding}"?><document/>')
-    with pytest.raises(ReadError, match="no XML|without a <chunk>"):
+    with pytest.raises(ReadError, match=r"no XML|without a <chunk>"):
         read_agisoft(path)
 
 
