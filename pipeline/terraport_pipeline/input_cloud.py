@@ -9,6 +9,7 @@ unpickled.
 from __future__ import annotations
 
 import json
+from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -24,6 +25,9 @@ MAX_POINTS: Final = 2_000_000
 
 MAX_RECORD_BYTES: Final = 4 << 20
 """Largest stage.json that is read."""
+
+MAX_TILES: Final = 100_000
+"""Tiles whose records are read."""
 
 
 def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | None:
@@ -78,9 +82,12 @@ def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | Non
 
 
 def _points_of_tiles(work: Path) -> int:
-    """Points of a build by tiles, whose clean stage holds a thinned copy; 0 when it was none."""
+    """Add up the points of a build by tiles, whose clean stage holds a thinned copy; 0 for none."""
+    total = 0
     try:
-        with (work / "measure_survey" / "stage.json").open("rb") as file:
-            return int(json.loads(file.read(MAX_RECORD_BYTES))["values"]["points"])
+        for record in islice(work.glob("solve-*/stage.json"), MAX_TILES):
+            with record.open("rb") as file:
+                total += int(json.loads(file.read(MAX_RECORD_BYTES))["values"]["core"])
     except (OSError, ValueError, KeyError, TypeError):
         return 0
+    return total

@@ -45,7 +45,7 @@ class TiledReconstructed:
     """(3,) CRS frame."""
     crs: Crs | None
     points: int
-    """Samples that the detail rests on."""
+    """Samples that the detail rests on: without copies and outliers."""
     has_colour: bool
     codes: tuple[str, ...]
     spacing_m: float
@@ -121,9 +121,10 @@ def run(
     crs = ground.read.values["crs"]
     counts = [record.values for record in solved]
     lost = sum(int(c["outliers"]) for c in counts)
+    points = sum(int(c["core"]) for c in counts)  # without copies and outliers, as of the whole
     facts = Facts(
         {
-            "points": int(ground.measured["points"]),
+            "points": points,
             "spacing_m": ground.measured["spacing_m"],
             "cell_m": ground.lattice.cell_m,
             "tiles": stored.count,
@@ -142,7 +143,7 @@ def run(
         facts,
         ground.origin,
         Crs(**crs) if crs else None,
-        int(ground.measured["points"]),
+        points,
         cleaned.cloud.has_colour,
         cleaned.codes,
         float(ground.measured["spacing_m"]),

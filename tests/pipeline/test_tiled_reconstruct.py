@@ -132,6 +132,7 @@ def test_it_lies_on_the_surface_of_the_whole(
     cleaned = clean.run(read_survey(survey), clean.Options(), Context(tmp_path))
     whole = reconstruct.run(cleaned, OPTIONS, Context(tmp_path)).detail
     assert made.origin.tolist() == cleaned.cloud.origin.tolist()
+    assert made.points == made.facts.counts["points"] == len(cleaned.cloud.points) < POINTS
     total = sum(made.tiles.face_count(i) for i in range(made.tiles.count))
     assert total == pytest.approx(len(whole.faces), rel=0.05)
     for i in range(made.tiles.count):

@@ -48,15 +48,17 @@ def test_a_build_by_tiles_left_a_thinned_copy(scene_dir) -> None:
     work = scene_dir.parent / ".ground.work"
     np.save(work / "clean" / "points.npy", np.zeros((1000, 3), np.float32))
     np.save(work / "clean" / "colours.npy", np.zeros((1000, 3), np.uint8))
-    (work / "measure_survey").mkdir()
-    record = work / "measure_survey" / "stage.json"
-    record.write_text(json.dumps({"values": {"points": COUNT}}))
+    for tile, count in enumerate((100_000, 0, COUNT - 100_000)):
+        record = work / f"solve-{tile:05d}" / "stage.json"
+        record.parent.mkdir()
+        record.write_text(json.dumps({"values": {"core": count}}))
     with Scene.open(scene_dir) as scene:
         cloud = find_input_cloud(scene)
         assert cloud is not None
         assert (cloud.total, len(cloud.points), cloud.spacing_m) == (COUNT, 1000, 0.25)
-        record.write_text(json.dumps({"values": {"points": COUNT + 1}}))
-        assert find_input_cloud(scene) is None
+        for damaged in ({"values": {"core": 1}}, {"values": {}}, {"values": {"core": "many"}}):
+            record.write_text(json.dumps(damaged))
+            assert find_input_cloud(scene) is None
 
 
 @pytest.mark.parametrize("damage", ["gone", "truncated", "other origin", "other count", "record"])
