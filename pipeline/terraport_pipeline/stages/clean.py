@@ -1,7 +1,7 @@
 """Clean: from a survey as read to an oriented cloud in the scene frame.
 
 Drops exact copies and outliers, measures the spacing, estimates normals and turns them out of the
-ground. Memory: about 200 bytes per point beside the survey.
+ground. Memory: about 510 bytes per point beside the survey.
 """
 
 from __future__ import annotations
