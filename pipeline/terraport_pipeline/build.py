@@ -22,7 +22,7 @@ from terraport_pipeline.engines.survey_stream import survey_size
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.model import Survey
-from terraport_pipeline.photo_input import Texturing
+from terraport_pipeline.photo_input import FoundPhotos, Texturing
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.publish_step import build_info, pack_once
 from terraport_pipeline.scene_lock import scene_locked
@@ -31,7 +31,7 @@ from terraport_pipeline.stages import clean, pack, reconstruct, segment, survey_
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.read import find_format, read_survey
 from terraport_pipeline.stages.region_engine import check_segment_by
-from terraport_pipeline.texture_step import texture_step
+from terraport_pipeline.texture_step import texture_step, tiled_texturing
 from terraport_pipeline.tile_memory import MemoryPlan, plan_memory
 from terraport_pipeline.tiled_reconstruct import TileOptions
 from terraport_pipeline.workdir import WorkDirectory, file_digest
@@ -175,7 +175,7 @@ def _run_stages(
     runner.progress.done({})
     plan = _plan_memory(runner, survey, options)
     if plan.tiled:
-        return _run_tiled(runner, survey, scene, options, input_info, plan)
+        return _run_tiled(runner, survey, scene, options, input_info, plan, photos)
     read = _read(runner, survey, input_info, options)
     cleaned = runner.step(
         clean.NAME,
@@ -278,14 +278,10 @@ def _run_tiled(
     options: BuildOptions,
     input_info: InputInfo,
     plan: MemoryPlan,
+    photos: FoundPhotos | None,
 ) -> tuple[str, bool]:
     """Run all stages over tiles; as :func:`_run_stages`."""
     check_tiled(options.segment)
-    if options.texture is not None:
-        raise OptionError(
-            f"textures in a tiled build ({plan.why}); thin the survey with --max-points or raise "
-            "--max-memory to texture it, or leave --photos out"
-        )
     runner.progress.start("plan", None, "")
     runner.progress.done({"tiles": plan.why})
     made = tiled_reconstruct.run(
@@ -302,6 +298,8 @@ def _run_tiled(
 
     def about() -> pack.About:
         recorded = {**options.recorded(), "tile_depth": made.tile_depth}
+        if options.texture is not None:
+            recorded["texture"] = options.texture.recorded(photos)
         return pack.About(
             origin=made.origin,
             crs=CrsInfo(name=crs.name, wkt=crs.wkt, epsg=crs.epsg) if crs else None,
@@ -311,7 +309,14 @@ def _run_tiled(
         )
 
     surface = TiledSurface(made.base, made.tiles, made.deviation_m, made.digest, made.spacing_m)
-    return segment_and_pack(runner, scene, surface, options.segment, options.pack_options(), about)
+    texturing = None
+    if options.texture is not None:
+        texturing = tiled_texturing(
+            options.texture, photos, made.samples, made.origin, made.crs, runner.max_memory_bytes
+        )
+    return segment_and_pack(
+        runner, scene, surface, options.segment, options.pack_options(), about, texturing
+    )
 
 
 def _read(

@@ -15,10 +15,14 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import xxhash
 
 from terraport_pipeline.build_report import StageReport
+from terraport_pipeline.build_tiled_textures import (
+    TiledTextures,
+    TiledTexturing,
+    texture_tiles,
+)
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.geometry.tiled_means import JoinedRegions
 from terraport_pipeline.measure import Measure
@@ -26,10 +30,9 @@ from terraport_pipeline.model import Float32, Float64, Int32, Mesh
 from terraport_pipeline.publish_step import pack_once
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import pack, segment, tiled_join, tiled_pack, tiled_segment
-from terraport_pipeline.stages.contract import Stored
 from terraport_pipeline.tile_runner import PassResult, TilePass, run_pass
 from terraport_pipeline.tiles import DetailTiles
-from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, stage_key
+from terraport_pipeline.workdir import Cost, WorkDirectory, stage_key
 from terraport_store.manifest import CrsInfo
 
 __all__ = ["TiledSurface", "check_tiled", "segment_and_pack"]
@@ -68,6 +71,7 @@ def segment_and_pack(
     options: segment.Options,
     pack_options: pack.Options,
     about: Callable[[], pack.About],
+    texturing: TiledTexturing | None = None,
 ) -> tuple[str, bool]:
     """Do everything after reconstruction.
 
@@ -82,6 +86,8 @@ def segment_and_pack(
     pack_options : pack.Options
     about : callable
         Makes what the manifest says beyond the meshes, when all stages but the last have reported.
+    texturing : TiledTexturing, optional
+        Textures instead of vertex colours.
 
     Returns
     -------
@@ -97,6 +103,19 @@ def segment_and_pack(
     check_tiled(options)
     known, segmented, labels, cuts = _Work(runner, surface, options).segmented()
     scales = tiled_pack.scales_of(known, segmented, surface.base, pack_options, surface.spacing_m)
+    made: TiledTextures | None = None
+    if texturing is not None:
+        made = texture_tiles(
+            runner,
+            surface.tiles,
+            surface.digest,
+            known,
+            surface.base,
+            segmented.base_kept,
+            lambda tile: runner.work.array(cuts.records[tile], "segments"),
+            cuts.records,
+            texturing,
+        )
     said = about()
     encoded = TilePass(
         "pack-tile",
@@ -104,7 +123,12 @@ def segment_and_pack(
         "pack: tiles",
         scales.recorded(),
         [
-            {"tile": f"{surface.digest}-{i}", "labels": labels.digest(i), "cut": record.digest}
+            {
+                "tile": f"{surface.digest}-{i}",
+                "labels": labels.digest(i),
+                "cut": record.digest,
+                **({} if made is None else {"textures": made.records[i].digest}),
+            }
             for i, record in enumerate(cuts.records)
         ],
         known.faces,
@@ -115,10 +139,11 @@ def segment_and_pack(
         encoded,
         lambda tile, context: tiled_pack.encode(
             surface.tiles.load(tile),
-            _array(runner.work, cuts.records[tile], "segments"),
+            runner.work.array(cuts.records[tile], "segments"),
             labels.of(tile),
             scales,
             context,
+            None if made is None else made.tile(tile),
         ),
     )
     key = stage_key(
@@ -139,13 +164,14 @@ def segment_and_pack(
             scene,
             surface.base,
             segmented,
-            lambda tile: _mapped(runner.work, payloads.records[tile]),
+            lambda tile: runner.work.mapped(payloads.records[tile]),
             _Pieces(surface, runner.work, labels, cuts, known.face_count, said.origin, said.crs),
             scales,
             surface.deviation_m,
             said,
             pack_options,
             context,
+            None if made is None else (made.base, made.info),
         ),
     )
     if published:  # to the reader, encoding and publishing are one stage
@@ -184,7 +210,7 @@ class _Labels:
 
     def unit(self, tile: int) -> Int32:
         """Read the unit of every face."""
-        return _array(self.work, self.units.records[tile], "labels")
+        return self.work.array(self.units.records[tile], "labels")
 
     def digest(self, tile: int) -> str:
         """Of the tile's units and their regions."""
@@ -215,7 +241,7 @@ class _Work:
             ),
             lambda tile, context: tiled_segment.measure(tiles.load(tile), context),
         )
-        known = tiled_segment.scene_of([_mapped(work, record) for record in measured.records])
+        known = tiled_segment.scene_of([work.mapped(record) for record in measured.records])
         shared = {"measured": _digest(measured)}
         united = run_pass(
             runner,
@@ -234,7 +260,7 @@ class _Work:
         with Measure() as joining, work.scratch() as scratch:
             progress.start("segment: regions across tiles", None, "units")
             joined = tiled_segment.regions(
-                [_mapped(work, record) for record in united.records],
+                [work.mapped(record) for record in united.records],
                 known,
                 options,
                 runner.context(scratch),
@@ -274,7 +300,7 @@ class _Work:
                 {"cuts": _digest(cuts), "units": _digest(united)},
             ),
             lambda _: tiled_join.join(
-                (_mapped(work, record) for record in cuts.records),
+                (work.mapped(record) for record in cuts.records),
                 known,
                 joined,
                 self._seam_regions(known, labels),
@@ -341,7 +367,7 @@ class _Pieces:
         """Give every segment's vertices, faces and regions."""
         for tile, record in enumerate(self.cuts.records):
             mesh, regions = self.surface.tiles.load(tile), self.labels.of(tile)
-            segments = _array(self.work, record, "segments")
+            segments = self.work.array(record, "segments")
             order = np.argsort(segments, kind="stable")
             starts = np.searchsorted(segments[order], np.arange(int(segments.max()) + 2))
             for begin, end in itertools.pairwise(starts):
@@ -351,25 +377,3 @@ class _Pieces:
 
 def _digest(result: PassResult) -> str:
     return xxhash.xxh3_128_hexdigest("".join(record.digest for record in result.records).encode())
-
-
-def _mapped(work: WorkDirectory, record: StageRecord) -> Stored:
-    """Open a result without reading its arrays."""
-    folder = work.path / record.name
-    arrays: dict[str, npt.NDArray[Any]] = {
-        Path(name).stem: _map(folder / name) for name in record.files
-    }
-    return Stored(arrays, record.values)
-
-
-def _array(work: WorkDirectory, record: StageRecord, name: str) -> Int32:
-    found: Int32 = np.load(work.path / record.name / f"{name}.npy", allow_pickle=False)
-    return found
-
-
-def _map(path: Path) -> npt.NDArray[Any]:
-    try:
-        found: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
-    except ValueError:  # an empty array cannot be mapped
-        found = np.load(path, allow_pickle=False)
-    return found

@@ -16,12 +16,12 @@ from terraport_pipeline.engines.camera_files.raw_cameras import RawCameras
 from terraport_pipeline.engines.photos import OpenPhotos, find_photos, open_photos, photo_size
 from terraport_pipeline.errors import OptionError, PhotoError
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Cloud, Crs
+from terraport_pipeline.model import Crs, Float32, Float64
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import texture
 from terraport_pipeline.workdir import file_digest
 
-__all__ = ["FoundPhotos", "Texturing"]
+__all__ = ["FoundPhotos", "Texturing", "camera_samples"]
 
 _MAX_SAMPLES: Final = 20_000
 """Points of the cloud that the cameras are tried on."""
@@ -99,13 +99,17 @@ class FoundPhotos:
     cameras_xxh3: str
     format: str
 
-    def open(self, cloud: Cloud, crs: Crs | None, *, max_bytes: int) -> OpenPhotos:
+    def open(
+        self, points: Float32, origin: Float64, crs: Crs | None, *, max_bytes: int
+    ) -> OpenPhotos:
         """Place the cameras in the scene and open their photos.
 
         Parameters
         ----------
-        cloud : Cloud
-            Its origin is the scene's, and the cameras must look at its points.
+        points : ndarray of shape (N, 3), float32
+            Of the survey, scene frame: the cameras must look at them.
+        origin : ndarray of shape (3,), float64
+            The scene's.
         crs : Crs or None
             The survey's.
         max_bytes : int
@@ -119,17 +123,21 @@ class FoundPhotos:
         """
         folder = self.asked.photos
         assert folder is not None
-        step = max(1, len(cloud.points) // _MAX_SAMPLES)
         known = read_cameras(
             self.cameras,
-            origin=cloud.origin,
+            origin=origin,
             crs=crs,
             offset=self.asked.camera_offset,
-            samples=cloud.points[::step].astype(np.float64),
+            samples=camera_samples(points).astype(np.float64),
             photo_size=partial(_size_of, folder),
         )
         opened = open_photos(known.views, folder, max_bytes=max_bytes)
         return OpenPhotos(opened.views, opened.photos, (*known.warnings, *opened.warnings))
+
+
+def camera_samples(points: Float32) -> Float32:
+    """Thin points to what the cameras are tried on."""
+    return points[:: max(1, len(points) // _MAX_SAMPLES)]
 
 
 @dataclass(frozen=True, slots=True)

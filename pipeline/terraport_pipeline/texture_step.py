@@ -1,11 +1,12 @@
-"""The build's step that makes textures, between segmenting and packing."""
+"""The build's step that makes textures, between segmenting and packing, whole or by tiles."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from typing import Any
 
-from terraport_pipeline.model import Crs
+from terraport_pipeline.build_tiled_textures import TiledTexturing
+from terraport_pipeline.model import Crs, Float32, Float64
 from terraport_pipeline.photo_input import FoundPhotos, Texturing
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import texture
@@ -15,7 +16,7 @@ from terraport_pipeline.stages.reconstruct import Reconstructed
 from terraport_pipeline.stages.segment import Segmented
 from terraport_pipeline.stages.texture_set import Textured
 
-__all__ = ["texture_step"]
+__all__ = ["texture_step", "tiled_texturing"]
 
 
 def texture_step(
@@ -47,8 +48,10 @@ def texture_step(
     def compute(context: Context) -> Textured:
         opened = None
         if found is not None:
+            cloud = cleaned.value().cloud
             opened = found.open(
-                cleaned.value().cloud,
+                cloud.points,
+                cloud.origin,
                 Crs(**crs) if crs else None,
                 max_bytes=texture.photo_bytes(context.max_memory_bytes),
             )
@@ -69,4 +72,44 @@ def texture_step(
         lambda result: result.facts,
         texture.store,
         texture.restore,
+    )
+
+
+def tiled_texturing(
+    asked: Texturing,
+    found: FoundPhotos | None,
+    samples: Float32,
+    origin: Float64,
+    crs: Crs | None,
+    max_memory_bytes: int,
+) -> TiledTexturing:
+    """Say what the textures of a tiled build are made of.
+
+    Parameters
+    ----------
+    asked : Texturing
+    found : FoundPhotos or None
+        From ``asked.find``.
+    samples : ndarray of shape (N, 3), float32
+        Points of the survey, scene frame.
+    origin : ndarray of shape (3,), float64
+    crs : Crs or None
+    max_memory_bytes : int
+
+    Returns
+    -------
+    TiledTexturing
+    """
+    if found is None:
+        return TiledTexturing(asked.options, {})
+    told = None if crs is None else asdict(crs)
+    return TiledTexturing(
+        asked.options,
+        {
+            "camera_offset": asked.camera_offset,
+            "crs": told,
+            "photos": found.photos_xxh3,
+            "cameras": found.cameras_xxh3,
+        },
+        lambda: found.open(samples, origin, crs, max_bytes=texture.photo_bytes(max_memory_bytes)),
     )

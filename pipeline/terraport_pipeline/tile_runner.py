@@ -42,6 +42,8 @@ class TilePass:
     """Of every tile: what progress and memory go by."""
     bytes_per_face: int
     """Memory that computing a tile takes, with the tile."""
+    shared_bytes: int = 0
+    """Memory that all tiles together take beside that, and do not hold yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +56,12 @@ class PassResult:
     cost: Cost
 
 
-def tiles_at_once(faces: int, bytes_per_face: int, context: Context) -> int:
+def tiles_at_once(faces: int, bytes_per_face: int, context: Context, shared_bytes: int = 0) -> int:
     """Say how many tiles of so many faces fit into memory beside each other, at least 1."""
     if context.max_memory_bytes is None:
         return context.threads
     held = max(_BASE_BYTES, int(psutil.Process().memory_info().rss))
-    room = context.max_memory_bytes - held
+    room = context.max_memory_bytes - held - shared_bytes
     return max(1, min(context.threads, room // max(1, faces * bytes_per_face)))
 
 
@@ -106,7 +108,7 @@ def run_pass(
     with Measure() as measure, runner.work.scratch() as scratch:
         context = replace(runner.context(scratch), progress=NullProgress())
         largest = max(chosen.faces[tile] for tile in left)
-        workers = tiles_at_once(largest, chosen.bytes_per_face, context)
+        workers = tiles_at_once(largest, chosen.bytes_per_face, context, chosen.shared_bytes)
         each = replace(context, threads=max(1, context.threads // workers))
 
         def one(tile: int) -> StageRecord:

@@ -20,7 +20,8 @@ from pathlib import Path
 
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.tile_pool import TilePool
-from terraport_pipeline.model import Crs, Float64, Mesh
+from terraport_pipeline.model import Crs, Float32, Float64, Mesh
+from terraport_pipeline.photo_input import camera_samples
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import clean, reconstruct, tiled_base
 from terraport_pipeline.stages.contract import Facts
@@ -46,6 +47,8 @@ class TiledReconstructed:
     crs: Crs | None
     points: int
     """Samples that the detail rests on: without copies and outliers."""
+    samples: Float32
+    """(N, 3) some of them, scene frame: what cameras are tried on."""
     has_colour: bool
     codes: tuple[str, ...]
     spacing_m: float
@@ -144,6 +147,7 @@ def run(
         ground.origin,
         Crs(**crs) if crs else None,
         points,
+        camera_samples(cleaned.cloud.points).copy(),
         cleaned.cloud.has_colour,
         cleaned.codes,
         float(ground.measured["spacing_m"]),

@@ -144,6 +144,19 @@ class WorkDirectory:
                 ) from None
         return Stored(arrays, record.values)
 
+    def mapped(self, record: StageRecord) -> Stored:
+        """Open a result without reading its arrays: they are read where they are looked at."""
+        folder = self.path / record.name
+        arrays = {Path(file).stem: _map(folder / file) for file in record.files}
+        return Stored(arrays, record.values)
+
+    def array(self, record: StageRecord, name: str) -> npt.NDArray[Any]:
+        """Read one array of a result."""
+        found: npt.NDArray[Any] = np.load(
+            self.path / record.name / f"{name}.npy", allow_pickle=False
+        )
+        return found
+
     def save(self, name: str, key: str, stored: Stored, facts: Facts, cost: Cost) -> StageRecord:
         """Write a result and put it in place of an older one.
 
@@ -259,6 +272,14 @@ def stage_key(name: str, code: str, options: Mapping[str, Json], inputs: Mapping
     False
     """
     return xxhash.xxh3_128_hexdigest(_canonical([name, code, dict(options), dict(inputs)]))
+
+
+def _map(path: Path) -> npt.NDArray[Any]:
+    try:
+        found: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    except ValueError:  # an empty array cannot be mapped
+        found = np.load(path, allow_pickle=False)
+    return found
 
 
 def file_digest(path: Path) -> str:

@@ -51,6 +51,12 @@ class MeshBlocks:
     """(B, 4) centre and radius, metres, around the vertices of each block and the corners of its
     faces; radius -1 where it has neither."""
 
+    def face_places(self) -> Int32:
+        """Give the new place of every old face, (F,)."""
+        back = np.empty_like(self.face_order)
+        back[self.face_order] = np.arange(len(back), dtype=np.int32)
+        return back
+
 
 def mesh_blocks(vertices: Float32, faces: Int32) -> MeshBlocks:
     """Sort a mesh into blocks.

@@ -35,7 +35,7 @@ from terraport_pipeline.geometry.seams import Nodes, Seams
 from terraport_pipeline.geometry.view_candidates import SLOTS, Candidates
 from terraport_pipeline.model import Float32, Int32
 
-__all__ = ["Blend", "blend_seams", "no_blend", "seam_steps"]
+__all__ = ["Blend", "blend_seams", "no_blend", "seam_steps", "step_sizes"]
 
 _SMOOTHING: Final = 4
 """Times that what is left is averaged with its neighbours along the seam."""
@@ -76,7 +76,6 @@ def blend_seams(
     candidates: Candidates,
     *,
     rings: int,
-    pinned: _Bools | None = None,
     threads: int = 1,
 ) -> Blend:
     """Finish the faces near seams, and put all corrections in rows by face.
@@ -91,8 +90,6 @@ def blend_seams(
         Views that may be used.
     rings : int
         Width of the band on each side, in rings of vertices, 1 to 16.
-    pinned : ndarray of shape (V,), bool, optional
-        Vertices whose correction must be 0 and that are not blended (borders of tiles).
     threads : int
         The result does not depend on it.
 
@@ -106,12 +103,7 @@ def blend_seams(
     left, partner, twin = _left_at_seams(
         seams.node, seams.step, seams.weight, seams.trust, levels, nodes.view, n_nodes
     )
-    if pinned is not None:
-        held = np.flatnonzero(pinned[nodes.vertex])
-        left[held], partner[held] = -levels[held], _NONE
-    distance, source = _rings_around(
-        nodes.corner, _sources(seams.node, pinned, nodes), n_nodes, rings
-    )
+    distance, source = _rings_around(nodes.corner, np.unique(seams.node), n_nodes, rings)
     second = np.full(n_faces, -1, np.int32)
     in_chunks(
         lambda begin, end: _second_views(
@@ -145,43 +137,36 @@ def no_blend(n_faces: int) -> Blend:
     )
 
 
-def seam_steps(seams: Seams, levels: Float32, blend: Blend) -> dict[str, float]:
-    """Measure the step across seams, sRGB levels, mean of the channels.
+def step_sizes(seams: Seams, levels: Float32, blend: Blend) -> dict[str, npt.NDArray[np.floating]]:
+    """Measure the step across every seam, sRGB levels, mean of the channels; (S,) each.
 
-    Mean by length and 95th percentile of the edges, between the photos as they are (``photos``),
-    after their gains (``gains``), after the smooth corrections (``smooth``), and after all
-    (``local``); steps count as 48 levels at most.
+    Between the photos as they are (``photos``), after their gains (``gains``), after the smooth
+    corrections (``smooth``), and after all (``local``); steps count as 48 levels at most.
     """
-    total = float(seams.weight.sum())
-    if total == 0.0:
-        return {}
-
-    facts = {"seam_edges": float(len(seams.weight))}
-
-    def tell(name: str, steps: npt.NDArray[np.floating]) -> None:
-        sizes = np.minimum(np.abs(steps), 48.0).mean(axis=-1)
-        facts[f"seam_step_{name}"] = float((sizes * seams.weight).sum(dtype=np.float64) / total)
-        facts[f"seam_step_p95_{name}"] = float(np.percentile(sizes, 95.0))
-
     gained = seams.step[:, None, :]  # the same at both ends
     one, two = seams.node[:, :, 0], seams.node[:, :, 1]
     own = 1.0 - blend.node_weight[one] - blend.node_weight[two]
-    tell("photos", seams.raw_step)
-    tell("gains", seams.step)
-    tell("smooth", (gained + levels[one] - levels[two]).mean(axis=1))
-    tell(
-        "local",
-        (own[..., None] * gained + blend.node_level[one] - blend.node_level[two]).mean(axis=1),
-    )
+    steps = {
+        "photos": seams.raw_step,
+        "gains": seams.step,
+        "smooth": (gained + levels[one] - levels[two]).mean(axis=1),
+        "local": (own[..., None] * gained + blend.node_level[one] - blend.node_level[two]).mean(
+            axis=1
+        ),
+    }
+    return {name: np.minimum(np.abs(step), 48.0).mean(axis=-1) for name, step in steps.items()}
+
+
+def seam_steps(seams: Seams, levels: Float32, blend: Blend) -> dict[str, float]:
+    """Sum up :func:`step_sizes`: mean by length and 95th percentile of the edges."""
+    total = float(seams.weight.sum())
+    if total == 0.0:
+        return {}
+    facts = {"seam_edges": float(len(seams.weight))}
+    for name, sizes in step_sizes(seams, levels, blend).items():
+        facts[f"seam_step_{name}"] = float((sizes * seams.weight).sum(dtype=np.float64) / total)
+        facts[f"seam_step_p95_{name}"] = float(np.percentile(sizes, 95.0))
     return facts
-
-
-def _sources(node: Int32, pinned: _Bools | None, nodes: Nodes) -> Int32:
-    """Nodes that bands begin at."""
-    at_seams = np.unique(node)
-    if pinned is None:
-        return at_seams
-    return np.union1d(at_seams, np.flatnonzero(pinned[nodes.vertex])).astype(np.int32)
 
 
 @numba.njit(cache=True, nogil=True)

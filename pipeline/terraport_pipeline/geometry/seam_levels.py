@@ -12,8 +12,12 @@ That is one unknown in about 64; between the cells' centres g is interpolated, o
 own view only. What so coarse a field leaves at the seams is closed locally
 (:mod:`terraport_pipeline.geometry.seam_blend`).
 
-A weak pull to zero (:data:`_PULL`) makes the solution unique and lets corrections fade over some
-thirty edges; the photos' gains have done what goes farther.
+A weak pull to zero (in :mod:`~terraport_pipeline.geometry.level_sums`) makes the solution unique
+and lets corrections fade over some thirty edges; the photos' gains have done what goes farther.
+
+A surface in pieces is levelled as a whole: every piece adds up what its cells want
+(:func:`level_sums`), all are solved together, and every piece takes its part
+(:func:`field_of_piece`).
 
 PURE: no I/O, no clock.
 """
@@ -26,13 +30,20 @@ from typing import Final
 import numba
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
 
 from terraport_pipeline.geometry.chunks import in_chunks
+from terraport_pipeline.geometry.level_sums import LevelSums, solve_levels
 from terraport_pipeline.geometry.seams import Nodes, Seams
 from terraport_pipeline.model import Float32, Float64, Int32
 
-__all__ = ["LevelField", "level_field", "node_levels"]
+__all__ = [
+    "LevelField",
+    "LevelGrid",
+    "field_of_piece",
+    "level_field",
+    "level_sums",
+    "node_levels",
+]
 
 _CELL_EDGES: Final = 8.0
 """Side of a cell in mean edges."""
@@ -46,37 +57,42 @@ A cell boundary of eight edges gives 2, which is 1 / lambda = 2 for a field that
 the eight edges between the centres. Waechter's lambda = 0.1 is stiffer, for charts with nothing
 else to hold them."""
 
-_PULL: Final = 2e-3
-"""Weight of a node's own correction: it fades to 1 / e over sqrt(2 / 2e-3) = 32 edges. With 2e-4
-rendered photos came out 0.4 dB worse in the median than with gains alone."""
-
-_TOLERANCE: Final = 1e-4
-_MAX_STEPS: Final = 500
-"""Conjugate gradients stop at this part of the right side, or here; usual are 50 to 100."""
+_ALL: Final = slice(None)
 
 _Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LevelField:
-    """A correction for every cell; C cells."""
+class LevelGrid:
+    """Where the cells lie: one grid for all pieces of a surface that are levelled together."""
 
-    keys: _Int64
-    """(C,) place and view of every cell, ascending."""
-    level: Float64
-    """(C, 3) sRGB levels."""
-    near: Int32
-    """(C, 27) cells of the same view around every cell (itself at 13), -1 where there are none."""
     origin: Float64
-    """(3,) corner of the cell (0, 0, 0)."""
+    """(3,) corner of the cell (0, 0, 0); nothing lies below it."""
     size_m: float
     """Side of a cell."""
+
+    @classmethod
+    def over(cls, low: Float64, extent_m: float, edge_m: float) -> LevelGrid:
+        """Choose the cells for a surface with such a lowest corner, widest side and mean edge."""
+        return cls(low, max(_CELL_EDGES * edge_m, extent_m / _MAX_SIDE, 1e-9))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LevelField:
+    """A correction for every cell; C cells here, of C' that were solved."""
+
+    level: Float64
+    """(C', 3) sRGB levels."""
+    near: Int32
+    """(C, 27) rows of `level` of the cells of the same view around every cell (itself at 13), -1
+    where there are none."""
+    grid: LevelGrid
     steps: int
     """Steps of conjugate gradients that it took."""
 
 
 def level_field(vertices: Float32, nodes: Nodes, seams: Seams) -> tuple[LevelField, Int32]:
-    """Solve for the corrections.
+    """Solve for the corrections of a whole surface.
 
     Parameters
     ----------
@@ -90,37 +106,88 @@ def level_field(vertices: Float32, nodes: Nodes, seams: Seams) -> tuple[LevelFie
     cell : ndarray of shape (N,), int32
         Cell of every node.
     """
-    origin = vertices.min(axis=0).astype(np.float64) if len(vertices) else np.zeros(3)
+    low = vertices.min(axis=0).astype(np.float64) if len(vertices) else np.zeros(3)
     extent = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
-    edge = _mean_edge(vertices, nodes.corner, nodes.vertex)
-    size = max(_CELL_EDGES * edge, extent / _MAX_SIDE, 1e-9)
-    key_of_node = _cell_keys(vertices, nodes.vertex, nodes.view, origin, size)
+    grid = LevelGrid.over(low, extent, _mean_edge(vertices, nodes.corner, nodes.vertex))
+    sums, cell = level_sums(vertices, nodes, seams, grid)
+    level, steps = solve_levels(sums)
+    return LevelField(level, _near_cells(sums.keys, sums.keys), grid, steps), cell
+
+
+def level_sums(
+    vertices: Float32,
+    nodes: Nodes,
+    seams: Seams,
+    grid: LevelGrid,
+    *,
+    own: slice = _ALL,
+    share: Float64 | None = None,
+) -> tuple[LevelSums, Int32]:
+    """Add up what the cells want of each other.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+    nodes : Nodes
+    seams : Seams
+    grid : LevelGrid
+    own : slice
+        Faces that count, with their edges and corners. Before and behind the own faces of a piece
+        of a surface stand those around them.
+    share : ndarray of shape (S,), float64, optional
+        Factor on the weight of every seam: a half where the piece beyond adds it too.
+
+    Returns
+    -------
+    sums : LevelSums
+    cell : ndarray of shape (N,), int32
+        Cell of every node.
+    """
+    key_of_node = _cell_keys(vertices, nodes.vertex, nodes.view, grid.origin, grid.size_m)
     keys, inverse = np.unique(key_of_node, return_inverse=True)
     cell = inverse.astype(np.int32)
-    links = _crossing_edges(nodes.corner, cell)
-    n_cells = len(keys)
-    ones = np.full(len(links), _STIFFNESS)
-    one, two = links[:, 0], links[:, 1]
-    ends = cell[seams.node].reshape(-1, 2)
+    corner = nodes.corner[own]
+    link = _crossing_edges(corner, cell)
     weight = np.repeat(0.5 * seams.weight.astype(np.float64) * seams.trust, 2)
-    step = np.repeat(seams.step.astype(np.float64), 2, axis=0)
-    rows = np.concatenate([one, two, ends[:, 0], ends[:, 1]])
-    columns = np.concatenate([two, one, ends[:, 1], ends[:, 0]])
-    values = np.concatenate([ones, ones, weight, weight])
-    matrix = sparse.coo_array((values, (rows, columns)), shape=(n_cells, n_cells)).tocsr()
-    diagonal = np.asarray(matrix.sum(axis=1)).ravel()
-    diagonal += _PULL * np.bincount(cell, minlength=n_cells) + 1e-12
-    right = np.zeros((n_cells, 3))
-    for k in range(3):
-        pull = weight * step[:, k]
-        right[:, k] = np.bincount(ends[:, 1], pull, n_cells) - np.bincount(
-            ends[:, 0], pull, n_cells
-        )
-    level, steps = _conjugate_gradients(
-        diagonal, matrix.indptr.astype(np.int64), matrix.indices.astype(np.int32), matrix.data,
-        right, _TOLERANCE, _MAX_STEPS,
-    )  # fmt: skip
-    return LevelField(keys, level, _near_cells(keys), origin, size, int(steps)), cell
+    if share is not None:
+        weight *= np.repeat(share, 2)
+    pull = weight[:, None] * np.repeat(seams.step.astype(np.float64), 2, axis=0)
+    return LevelSums(
+        keys,
+        np.bincount(cell[np.unique(corner)], minlength=len(keys)).astype(np.int64),
+        link,
+        np.full(len(link), _STIFFNESS),
+        cell[seams.node].reshape(-1, 2),
+        weight,
+        pull,
+    ), cell
+
+
+def field_of_piece(
+    vertices: Float32, nodes: Nodes, grid: LevelGrid, keys: _Int64, level: Float64
+) -> tuple[LevelField, Int32]:
+    """Take the corrections of all cells for a piece of the surface.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+        Of the piece, with those of others around it.
+    nodes : Nodes
+        Of the same.
+    grid : LevelGrid
+    keys : ndarray of shape (C',), int64
+    level : ndarray of shape (C', 3), float64
+        From :func:`solve_levels`, of all cells.
+
+    Returns
+    -------
+    field : LevelField
+    cell : ndarray of shape (N,), int32
+        Cell of every node. A cell that was not solved has no correction.
+    """
+    key_of_node = _cell_keys(vertices, nodes.vertex, nodes.view, grid.origin, grid.size_m)
+    here, inverse = np.unique(key_of_node, return_inverse=True)
+    return LevelField(level, _near_cells(here, keys), grid, 0), inverse.astype(np.int32)
 
 
 def node_levels(
@@ -128,9 +195,10 @@ def node_levels(
 ) -> Float32:
     """Interpolate the field at every node, (N, 3) float32: trilinear over its view's own cells."""
     levels = np.empty((len(nodes.vertex), 3), np.float32)
+    grid = field.grid
     in_chunks(
         lambda begin, end: _interpolate(
-            field.level, field.near, field.origin, field.size_m, vertices, nodes.vertex, cell,
+            field.level, field.near, grid.origin, grid.size_m, vertices, nodes.vertex, cell,
             levels, begin, end,
         ),
         len(levels), threads=threads,
@@ -185,69 +253,16 @@ def _crossing_edges(corner: Int32, cell: Int32) -> Int32:
 
 
 @numba.njit(cache=True, nogil=True)
-def _near_cells(keys: _Int64) -> Int32:
-    near = np.empty((len(keys), 27), np.int32)
-    for c in range(len(keys)):
+def _near_cells(here: _Int64, keys: _Int64) -> Int32:
+    """Rows in `keys` of the 27 cells around every cell `here`."""
+    near = np.empty((len(here), 27), np.int32)
+    for c in range(len(here)):
         for n in range(27):
             dx, dy, dz = n // 9 - 1, (n // 3) % 3 - 1, n % 3 - 1
-            wanted = keys[c] + ((((dx << 14) + dy) << 14) + dz) * 65536
+            wanted = here[c] + ((((dx << 14) + dy) << 14) + dz) * 65536
             at = np.searchsorted(keys, wanted)
             near[c, n] = at if at < len(keys) and keys[at] == wanted else -1
     return near
-
-
-@numba.njit(cache=True, nogil=True)
-def _conjugate_gradients(
-    diagonal: Float64,
-    starts: _Int64,
-    columns: Int32,
-    values: Float64,
-    right: Float64,
-    tolerance: float,
-    max_steps: int,
-) -> tuple[Float64, int]:
-    """Solve (diagonal - values) x = right for three right sides, preconditioned by the diagonal.
-
-    Here and not SciPy's, whose sums depend on the number of BLAS threads.
-    """
-    n = len(diagonal)
-    x = np.zeros((n, 3))
-    product = np.empty(n)
-    most = 0
-    for k in range(3):
-        residual = right[:, k].copy()
-        goal = 0.0
-        rz = 0.0
-        direction = np.empty(n)
-        for i in range(n):
-            direction[i] = residual[i] / diagonal[i]
-            rz += residual[i] * direction[i]
-            goal += residual[i] * residual[i]
-        goal *= tolerance * tolerance
-        if goal == 0.0:
-            continue
-        for number in range(max_steps):
-            curvature = 0.0
-            for i in range(n):
-                total = diagonal[i] * direction[i]
-                for e in range(starts[i], starts[i + 1]):
-                    total -= values[e] * direction[columns[e]]
-                product[i] = total
-                curvature += total * direction[i]
-            length = rz / curvature
-            square, new_rz = 0.0, 0.0
-            for i in range(n):
-                x[i, k] += length * direction[i]
-                residual[i] -= length * product[i]
-                square += residual[i] * residual[i]
-                new_rz += residual[i] * residual[i] / diagonal[i]
-            most = max(most, number + 1)
-            if square <= goal:
-                break
-            for i in range(n):
-                direction[i] = residual[i] / diagonal[i] + new_rz / rz * direction[i]
-            rz = new_rz
-    return x, most
 
 
 @numba.njit(cache=True, nogil=True)
@@ -291,4 +306,6 @@ def _interpolate(
             total0 += weight * level[other, 0]
             total1 += weight * level[other, 1]
             total2 += weight * level[other, 2]
+        if mass == 0.0:
+            mass = 1.0  # a cell that was not solved
         levels[n, 0], levels[n, 1], levels[n, 2] = total0 / mass, total1 / mass, total2 / mass

@@ -66,7 +66,7 @@ class Seams:
     raw_step: Float32
     """(S, 3) the same without gains and not clipped."""
     weight: Float32
-    """(S,) length over the mean edge."""
+    """(S,) length over the mean edge of the seams, or over another unit."""
     trust: Float32
     """(S,) how far the step is one of exposure, 0..1: less where it is large, and where no face is
     seen by both."""
@@ -104,6 +104,8 @@ def find_seams(
     pairs: Int32,
     edges: Int32,
     vertices: Float32,
+    *,
+    unit_m: float | None = None,
 ) -> Seams:
     """Find the seams and measure them.
 
@@ -121,6 +123,9 @@ def find_seams(
     pairs, edges : ndarray of shape (P, 2), int32
         From :func:`terraport_pipeline.geometry.adjacency.face_pairs`.
     vertices : ndarray of shape (V, 3), float32
+    unit_m : float, optional
+        Length of an edge of weight 1, the mean of all seams by default: one number for all pieces
+        of a surface.
 
     Returns
     -------
@@ -131,7 +136,7 @@ def find_seams(
     return Seams(
         *_measure_seams(
             nodes.corner, faces, view, candidates.view, candidates.colour, own_colour,
-            gain_of_slot, pairs[rows], edges[rows], vertices,
+            gain_of_slot, pairs[rows], edges[rows], vertices, 0.0 if unit_m is None else unit_m,
         )
     )  # fmt: skip
 
@@ -208,6 +213,7 @@ def _measure_seams(
     pairs: Int32,
     edges: Int32,
     vertices: Float32,
+    unit_m: float,
 ) -> tuple[Int32, Int32, Float32, Float32, Float32, Float32]:
     n = len(pairs)
     node = np.empty((n, 2, 2), np.int32)
@@ -257,6 +263,8 @@ def _measure_seams(
             square += np.float64(step[p, k]) ** 2 / 3.0
         trust[p] = few / (1.0 + square / (_TRUSTED_STEP * _TRUSTED_STEP))
     scale = n / total if total > 0.0 else 1.0
+    if unit_m > 0.0:
+        scale = 1.0 / unit_m
     for p in range(n):
         weight[p] *= scale
     return pairs.astype(np.int32), node, step, raw, weight, trust

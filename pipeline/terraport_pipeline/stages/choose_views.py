@@ -21,12 +21,12 @@ import numpy.typing as npt
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.chunks import in_chunks
-from terraport_pipeline.geometry.face_cells import face_cells
+from terraport_pipeline.geometry.face_cells import CellGrid, face_cells
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
 from terraport_pipeline.geometry.occlusion import Occluder, visible_faces
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, sample_faces, sharpness_map
-from terraport_pipeline.geometry.seam_blend import Blend, blend_seams, no_blend, seam_steps
+from terraport_pipeline.geometry.seam_blend import blend_seams, no_blend, seam_steps
 from terraport_pipeline.geometry.seam_levels import level_field, node_levels
 from terraport_pipeline.geometry.seams import find_seams, label_nodes
 from terraport_pipeline.geometry.view_candidates import (
@@ -50,7 +50,17 @@ from terraport_pipeline.geometry.view_outliers import drop_outliers
 from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
 
-__all__ = ["NAME", "Options", "Photos", "choose_views", "collect"]
+__all__ = [
+    "CELL_EDGES",
+    "NAME",
+    "Labels",
+    "Options",
+    "Photos",
+    "choose_labels",
+    "choose_views",
+    "collect",
+    "own_colours",
+]
 
 NAME: Final = "choose views"
 
@@ -61,7 +71,7 @@ _MAX_SCALE: Final = 8
 """Photos are read at down to one eighth of their size, which JPEG decoders do at once."""
 
 
-_CELL_EDGES: Final = 16.0
+CELL_EDGES: Final = 16.0
 """Side of the cells whose faces begin with one photo, in mean edges; see label_faces."""
 
 
@@ -117,8 +127,6 @@ def choose_views(
     options: Options | None = None,
     threads: int = 1,
     progress: Progress | None = None,
-    *,
-    pinned: npt.NDArray[np.bool_] | None = None,
 ) -> ViewChoice:
     """Choose a photo for every face of a mesh.
 
@@ -144,8 +152,6 @@ def choose_views(
     threads : int
         The result does not depend on it.
     progress : Progress, optional
-    pinned : ndarray of shape (V,), bool, optional
-        Vertices that are not levelled: the borders of tiles, so that both sides agree there.
 
     Returns
     -------
@@ -158,54 +164,31 @@ def choose_views(
         More than 32,767 views, or gains of another shape.
     """
     options, progress = options or Options(), progress or NullProgress()
-    if len(views) > MAX_VIEWS:
-        raise ValueError(f"{len(views)} views, expected at most {MAX_VIEWS}")
-    if len(gains) != len(views) + 1:
-        raise ValueError(f"{len(gains)} rows of gains for {len(views)} views, expected one more")
     del normals  # faces' own are what a photo sees
     blocks = mesh_blocks(mesh_vertices, faces)
-    own = _own_colours(blocks, colours, gains[-1], threads)
-    # (1) candidates
-    candidates, facts = collect(blocks, views, photos, occluder, gains, options, threads, progress)
-    # (2) photos that show something else
-    progress.start("texture: moving things", None, "faces")
-    coloured = len(colours) > 0 and int(np.ptp(colours, axis=0).max()) > 0
-    facts["faces_seen"] = int((candidates.view[:, 0] >= 0).sum())
-    if options.reject_outliers:
-        facts["outliers"] = drop_outliers(
-            candidates, blocks.vertices, blocks.faces, own if coloured else None, threads=threads
-        )
-    progress.done({"outliers": facts.get("outliers", 0)})
-    # (3) one photo for neighbours
-    progress.start("texture: one photo for neighbours", None, "faces")
-    pairs, edges = face_pairs(blocks.faces, len(blocks.vertices), threads=threads)
-    neighbours = face_neighbours(blocks.vertices, blocks.faces, pairs, edges)
-    view_costs(candidates, threads=threads)
-    cells = face_cells(blocks.vertices, blocks.faces, _CELL_EDGES)
-    labelled = label_faces(
-        candidates, neighbours, cells, smoothness=options.smoothness, threads=threads
+    found = choose_labels(
+        blocks, colours, views, photos, occluder, gains, options, threads, progress
     )
-    del neighbours
-    chosen = chosen_views(candidates, labelled.slot, threads=threads)
-    facts |= {
-        "energy_before": labelled.energies[0],
-        "energy_after": labelled.energies[-1],
-        "faces_unseen": int((chosen < 0).sum()),
-    }
-    progress.done({"faces unseen": facts["faces_unseen"]})
     # (4) seams
+    chosen, facts = found.view, found.facts
     if options.level_seams:
         progress.start("texture: seams", None, "faces")
-        held = None if pinned is None else pinned[blocks.vertex_order]
-        blend, steps = _level(
-            blocks, chosen, candidates, own, gains, pairs, edges, held, options, threads
+        nodes = label_nodes(blocks.faces, chosen, len(blocks.vertices))
+        seams = find_seams(
+            nodes, blocks.faces, chosen, found.candidates, found.own, gains, found.pairs,
+            found.edges, blocks.vertices,
+        )  # fmt: skip
+        field, cell = level_field(blocks.vertices, nodes, seams)
+        levels = node_levels(field, blocks.vertices, nodes, cell, threads=threads)
+        blend = blend_seams(
+            nodes, seams, levels, found.candidates, rings=options.blend_rings, threads=threads
         )
+        steps = seam_steps(seams, levels, blend)
         facts |= steps
         progress.done({name: steps[name] for name in steps if name.startswith("seam_step_l")})
     else:
         blend = no_blend(len(faces))
-    back = np.empty_like(blocks.face_order)
-    back[blocks.face_order] = np.arange(len(back), dtype=np.int32)
+    back = blocks.face_places()
     return ViewChoice(
         view=chosen[back],
         blend_view=blend.view[back],
@@ -216,29 +199,92 @@ def choose_views(
     )
 
 
-def _level(
+@dataclass(frozen=True, slots=True, eq=False)
+class Labels:
+    """The photo of every face, before seams are looked at; in the order of the blocks."""
+
+    view: Int32
+    """(F,) -1 where no photo sees the face."""
+    candidates: Candidates
+    """Sorted by view; qualities are costs now."""
+    own: UInt8
+    """(F, 3) faces' vertex colours after their gain."""
+    pairs: Int32
+    """(P, 2) neighbouring faces."""
+    edges: Int32
+    """(P, 2) the vertices between them."""
+    facts: dict[str, Any]
+
+
+def choose_labels(
     blocks: MeshBlocks,
-    chosen: Int32,
-    candidates: Candidates,
-    own: UInt8,
+    colours: UInt8,
+    views: Sequence[View],
+    photos: Photos,
+    occluder: Occluder,
     gains: Float32,
-    pairs: Int32,
-    edges: Int32,
-    held: npt.NDArray[np.bool_] | None,
     options: Options,
     threads: int,
-) -> tuple[Blend, dict[str, float]]:
-    """Level the seams: smoothly everywhere, the rest within a band."""
-    nodes = label_nodes(blocks.faces, chosen, len(blocks.vertices))
-    seams = find_seams(
-        nodes, blocks.faces, chosen, candidates, own, gains, pairs, edges, blocks.vertices
+    progress: Progress,
+    *,
+    grid: CellGrid | None = None,
+) -> Labels:
+    """Choose a photo for every face: the first three steps.
+
+    Parameters
+    ----------
+    blocks : MeshBlocks
+    colours : ndarray of shape (V, 3), uint8
+        Of the vertices in their own order, not the blocks'.
+    views, photos, occluder, gains, options, threads, progress
+        As for :func:`choose_views`.
+    grid : CellGrid, optional
+        Where the cells lie that are judged together, and whose faces begin with one photo: the same
+        for all pieces of a surface.
+
+    Returns
+    -------
+    Labels
+
+    Raises
+    ------
+    ValueError
+        As :func:`choose_views`.
+    """
+    if len(views) > MAX_VIEWS:
+        raise ValueError(f"{len(views)} views, expected at most {MAX_VIEWS}")
+    if len(gains) != len(views) + 1:
+        raise ValueError(f"{len(gains)} rows of gains for {len(views)} views, expected one more")
+    own = own_colours(blocks.faces, colours[blocks.vertex_order], gains[-1], threads=threads)
+    # (1) candidates
+    candidates, facts = collect(blocks, views, photos, occluder, gains, options, threads, progress)
+    # (2) photos that show something else
+    progress.start("texture: moving things", None, "faces")
+    coloured = len(colours) > 0 and int(np.ptp(colours, axis=0).max()) > 0
+    facts["faces_seen"] = int((candidates.view[:, 0] >= 0).sum())
+    if options.reject_outliers:
+        facts["outliers"] = drop_outliers(
+            candidates, blocks.vertices, blocks.faces, own if coloured else None, grid=grid,
+            threads=threads,
+        )  # fmt: skip
+    progress.done({"outliers": facts.get("outliers", 0)})
+    # (3) one photo for neighbours
+    progress.start("texture: one photo for neighbours", None, "faces")
+    pairs, edges = face_pairs(blocks.faces, len(blocks.vertices), threads=threads)
+    neighbours = face_neighbours(blocks.vertices, blocks.faces, pairs, edges)
+    view_costs(candidates, threads=threads)
+    cells = face_cells(blocks.vertices, blocks.faces, CELL_EDGES, grid)
+    labelled = label_faces(
+        candidates, neighbours, cells, smoothness=options.smoothness, threads=threads
     )
-    field, cell = level_field(blocks.vertices, nodes, seams)
-    levels = node_levels(field, blocks.vertices, nodes, cell, threads=threads)
-    blend = blend_seams(
-        nodes, seams, levels, candidates, rings=options.blend_rings, pinned=held, threads=threads
-    )
-    return blend, seam_steps(seams, levels, blend)
+    chosen = chosen_views(candidates, labelled.slot, threads=threads)
+    facts |= {
+        "energy_before": labelled.energies[0],
+        "energy_after": labelled.energies[-1],
+        "faces_unseen": int((chosen < 0).sum()),
+    }
+    progress.done({"faces unseen": facts["faces_unseen"]})
+    return Labels(chosen, candidates, own, pairs, edges, facts)
 
 
 def collect(
@@ -286,13 +332,12 @@ def collect(
     return candidates, facts
 
 
-def _own_colours(blocks: MeshBlocks, colours: UInt8, gain: Float32, threads: int) -> UInt8:
+def own_colours(faces: Int32, colours: UInt8, gain: Float32, *, threads: int = 1) -> UInt8:
     """Vertex colours of every face after their gain, (F, 3) uint8."""
-    own = np.empty((len(blocks.faces), 3), np.uint8)
-    sorted_colours = colours[blocks.vertex_order]
+    own = np.empty((len(faces), 3), np.uint8)
 
     def work(begin: int, end: int) -> None:
-        mean = sorted_colours[blocks.faces[begin:end]].mean(axis=1, dtype=np.float32)
+        mean = colours[faces[begin:end]].mean(axis=1, dtype=np.float32)
         own[begin:end] = np.clip(np.rint((mean + SRGB_OFFSET) * gain[:3] - SRGB_OFFSET), 0, 255)
 
     in_chunks(work, len(own), threads=threads)

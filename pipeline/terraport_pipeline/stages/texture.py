@@ -8,7 +8,7 @@ quarter of the build's memory at most. Images go to a file as they are made.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -37,13 +37,17 @@ from terraport_pipeline.stages.view_gains import view_gains
 
 __all__ = [
     "NAME",
+    "BaseTextures",
     "MadeTextures",
     "Options",
+    "faces_only",
     "photo_bytes",
     "restore",
     "run",
     "store",
+    "texture_base",
     "texture_mesh",
+    "unseen_warnings",
 ]
 
 NAME: Final = "texture"
@@ -131,49 +135,31 @@ def run(
             "expected photos for the one and none for the other"
         )
     detail = reconstructed.detail
-    base = _faces_only(reconstructed.base, segmented.base_kept)
+    base = faces_only(reconstructed.base, segmented.base_kept)
     views: tuple[View, ...] = () if opened is None else opened.views
     photos = None if opened is None else opened.photos
-    base_choice = detail_choice = None
-    if photos is not None:
-        # (1) exposures and views of the base, which hides itself alone
-        rays = RayScene(base.vertices, base.faces, threads=context.threads)
-        gains = view_gains(
-            base, views, photos, rays, threads=context.threads, progress=context.progress
-        )
-        base_choice = _choose(base, views, photos, rays, gains, context)
-        # (2) views of the detail
-        del rays
+    made_base = texture_base(base, opened, options, context)
+    gains, detail_choice = made_base.gains, None
+    if photos is not None and gains is not None:
         rays = RayScene(detail.vertices, detail.faces, threads=context.threads)
         detail_choice = _choose(detail, views, photos, rays, gains, context)
         del rays
-    # (3) atlases
-    made_base = texture_mesh(
-        base, np.zeros(len(base.faces), np.int32), views, photos, base_choice, options,
-        max_side=options.base_side, path=context.scratch / "base.images",
-        threads=context.threads, progress=context.progress, label="texture: base",
-    )  # fmt: skip
     made = texture_mesh(
         detail, segmented.segments, views, photos, detail_choice, options,
         max_side=options.max_side, path=context.scratch / "detail.images",
         threads=context.threads, progress=context.progress, label="texture: atlases",
     )  # fmt: skip
-    counts = made.facts | {f"base_{name}": n for name, n in made_base.facts.items()}
+    counts = made.facts | {f"base_{name}": n for name, n in made_base.made.facts.items()}
     if detail_choice is not None:
         counts |= {f"choice_{name}": number for name, number in detail_choice.facts.items()}
-    warnings = list(opened.warnings) if opened is not None else []
-    if opened is not None and made.facts["unseen_share"] > _WORST_UNSEEN:
-        warnings.append(
-            f"{made.facts['unseen_share']:.0%} of the surface is in no photo and has the cloud's "
-            "colours: are the cameras those of this survey, and all photos there?"
-        )
+    warnings = () if opened is None else (*opened.warnings, *unseen_warnings(made.facts))
     return Textured(
         made.textures,
-        made_base.textures,
+        made_base.made.textures,
         options.source,
         made.facts["texel_m"],
         made.facts["gsd_m"],
-        Facts(counts, tuple(warnings)),
+        Facts(counts, warnings),
     )
 
 
@@ -183,6 +169,59 @@ class MadeTextures:
 
     textures: TextureSet
     facts: dict[str, Any]
+    sums: TextureSums
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BaseTextures:
+    """The base's texture, and the exposures that were found on the way."""
+
+    made: MadeTextures
+    gains: Float32 | None
+    """(views + 1, GAIN_COLUMNS); None with textures from vertex colours."""
+
+
+def texture_base(
+    base: Mesh, opened: OpenPhotos | None, options: Options, context: Context
+) -> BaseTextures:
+    """Find every photo's exposure and make the base's atlas.
+
+    Parameters
+    ----------
+    base : Mesh
+        Faces that are published.
+    opened : OpenPhotos or None
+        None for textures from vertex colours.
+    options : Options
+    context : Context
+    """
+    views: tuple[View, ...] = () if opened is None else opened.views
+    photos = None if opened is None else opened.photos
+    choice = gains = None
+    if photos is not None:
+        rays = RayScene(base.vertices, base.faces, threads=context.threads)  # hides itself alone
+        gains = view_gains(
+            base, views, photos, rays, threads=context.threads, progress=context.progress
+        )
+        choice = _choose(base, views, photos, rays, gains, context)
+    made = texture_mesh(
+        base, np.zeros(len(base.faces), np.int32), views, photos, choice, options,
+        max_side=options.base_side, path=context.scratch / "base.images",
+        threads=context.threads, progress=context.progress, label="texture: base",
+    )  # fmt: skip
+    return BaseTextures(made, gains)
+
+
+def unseen_warnings(facts: Mapping[str, Any]) -> tuple[str, ...]:
+    """Warn where much of the surface is in no photo."""
+    share = float(facts["unseen_share"])
+    if share <= _WORST_UNSEEN:
+        return ()
+    text = (
+        f"{share:.0%} of the surface is in no photo and has the cloud's colours: are the cameras "
+        "those of this survey, and all photos there?"
+    )
+    return (text,)
 
 
 def texture_mesh(
@@ -255,6 +294,7 @@ def texture_mesh(
             np.array(sides, dtype=np.int32),
         ),
         facts,
+        sums,
     )
 
 
@@ -304,6 +344,6 @@ def _choose(
     )  # fmt: skip
 
 
-def _faces_only(mesh: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
+def faces_only(mesh: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
     """Keep some faces, and all vertices."""
     return Mesh(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.colours, mesh.attributes)

@@ -2,15 +2,62 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.model import Float32
+from terraport_pipeline.model import Float32, Float64
 from terraport_pipeline.stages.atlas_maker import MadeAtlas
 
-__all__ = ["TextureSums"]
+__all__ = ["TextureSums", "TextureTally"]
+
+_PER_DECADE: Final = 400
+"""Bins of lengths per factor of ten: medians are good to 0.3 %."""
+
+_SHORTEST_M: Final = 1e-5
+_BINS: Final = 9 * _PER_DECADE
+"""From a hundredth of a millimetre to ten kilometres."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TextureTally:
+    """Sums over the faces of a piece of a mesh that add up to those of the whole."""
+
+    texel_m2: Float64
+    """(_BINS,) surface by the length of its texels, square metres."""
+    gsd_m2: Float64
+    """(_BINS,) surface that a photo shows, by the length of the photo's pixels."""
+    surface_m2: float
+
+    def arrays(self) -> dict[str, npt.NDArray[np.float64]]:
+        """Give arrays to store."""
+        return {
+            "tally_texel": self.texel_m2,
+            "tally_gsd": self.gsd_m2,
+            "tally_surface": np.array([self.surface_m2]),
+        }
+
+    @classmethod
+    def total(cls, parts: Iterable[Mapping[str, npt.NDArray[Any]]]) -> TextureTally:
+        """Add up the arrays of several."""
+        texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), 0.0
+        for part in parts:
+            texel = texel + part["tally_texel"]
+            gsd = gsd + part["tally_gsd"]
+            surface += float(part["tally_surface"][0])
+        return cls(texel, gsd, surface)
+
+    def facts(self) -> dict[str, Any]:
+        """Tell of them as :meth:`TextureSums.facts`."""
+        unseen = max(0.0, self.surface_m2 - float(self.gsd_m2.sum()))
+        return {
+            "texel_m": _bin_median(self.texel_m2),
+            "gsd_m": _bin_median(self.gsd_m2) if self.gsd_m2.any() else None,
+            "unseen_share": round(unseen / self.surface_m2, 4) if self.surface_m2 > 0 else 0.0,
+        }
 
 
 class TextureSums:
@@ -30,6 +77,15 @@ class TextureSums:
         self.gsd_m[faces] = made.gsd_m
         self.charts += made.charts
         self.used += made.use * made.width * made.height
+
+    def tally(self) -> TextureTally:
+        """Sum up so that several add up."""
+        seen = ~np.isnan(self.gsd_m)
+        return TextureTally(
+            _histogram(self.texel_m, self.surface_m2),
+            _histogram(self.gsd_m[seen], self.surface_m2[seen]),
+            float(self.surface_m2.sum(dtype=np.float64)),
+        )
 
     def facts(self, sides: npt.NDArray[np.integer], image_bytes: int) -> dict[str, Any]:
         """Tell of all; *sides* is (S, 2)."""
@@ -57,3 +113,17 @@ def _median(values: Float32, weights: Float32) -> float:
     total = np.cumsum(weights[order], dtype=np.float64)
     place = int(np.searchsorted(total, 0.5 * total[-1]))
     return float(f"{values[order[min(place, len(order) - 1)]]:.4g}")
+
+
+def _histogram(lengths_m: Float32, areas_m2: Float32) -> Float64:
+    place = np.log10(np.maximum(lengths_m, _SHORTEST_M) / _SHORTEST_M) * _PER_DECADE
+    rows = np.clip(place, 0, _BINS - 1).astype(np.int64)
+    found: Float64 = np.bincount(rows, areas_m2.astype(np.float64), _BINS).astype(np.float64)
+    return found
+
+
+def _bin_median(areas_m2: Float64) -> float:
+    """Median length, the middle of its bin, to four digits."""
+    total = np.cumsum(areas_m2)
+    row = int(np.searchsorted(total, 0.5 * total[-1]))
+    return float(f"{_SHORTEST_M * 10 ** ((row + 0.5) / _PER_DECADE):.4g}")

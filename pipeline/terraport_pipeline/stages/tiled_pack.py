@@ -38,9 +38,10 @@ from terraport_pipeline.stages.pack import (
     split_segments,
     whole_payload,
 )
+from terraport_pipeline.stages.texture_set import TextureSet
 from terraport_pipeline.stages.tiled_join import TiledSegmented
 from terraport_pipeline.stages.tiled_segment import AttributeRange, TiledScene
-from terraport_store.manifest import AttributeInfo, HandOff
+from terraport_store.manifest import AttributeInfo, HandOff, TextureInfo
 from terraport_store.writer import SceneInfo, SceneWriter
 
 __all__ = ["ENCODE_BYTES_PER_FACE", "Scales", "encode", "publish", "scales_of"]
@@ -104,7 +105,14 @@ def scales_of(
     )
 
 
-def encode(mesh: Mesh, segments: Int32, regions: Int32, scales: Scales, context: Context) -> Stored:
+def encode(
+    mesh: Mesh,
+    segments: Int32,
+    regions: Int32,
+    scales: Scales,
+    context: Context,
+    textures: TextureSet | None = None,
+) -> Stored:
     """Encode one tile's segments.
 
     Parameters
@@ -115,6 +123,8 @@ def encode(mesh: Mesh, segments: Int32, regions: Int32, scales: Scales, context:
         Labels of its faces: segments by their numbers within the tile.
     scales : Scales
     context : Context
+    textures : TextureSet, optional
+        An image for every segment, instead of the vertex colours.
 
     Returns
     -------
@@ -128,7 +138,7 @@ def encode(mesh: Mesh, segments: Int32, regions: Int32, scales: Scales, context:
             lambda part: encode_payload(
                 part, scales.step_m, attributes, with_arrays=scales.with_arrays
             ),
-            split_segments(mesh, segments, regions),
+            split_segments(mesh, segments, regions, textures),
             context.threads,
         )
     )
@@ -157,6 +167,7 @@ def publish(
     about: About,
     options: Options,
     context: Context,
+    textured: tuple[TextureSet, TextureInfo] | None = None,
 ) -> Packed:
     """Write base, payloads, cover and facts, and publish them in one act.
 
@@ -175,6 +186,8 @@ def publish(
         50th, 95th, 99th and 99.9th percentile of the distance of detail to base.
     about, options, context
         As for :func:`~.pack.run`.
+    textured : pair, optional
+        The base's texture, and what the manifest says of all; payloads have theirs.
 
     Returns
     -------
@@ -189,6 +202,10 @@ def publish(
     kept = kept_faces(base, segmented.base_kept)
     count = len(segmented.tile)
     expected = surface.face_count * (1 + scales.with_arrays) * EXPECTED_BYTES_PER_FACE // 2
+    images = info = None
+    if textured is not None:
+        images, info = textured
+        expected += (1 + scales.with_arrays) * info.image_bytes + len(images.images)
     with SceneWriter(place, with_arrays=scales.with_arrays, expected_bytes=expected) as writer:
         progress.start("pack: segments", float(count), "segments")
         payload_bytes = []
@@ -208,7 +225,7 @@ def publish(
         progress.start("pack: base", None, "faces")
         attributes = scales.attributes
         glb = encode_glb(
-            whole_payload(kept),
+            whole_payload(kept, images),
             step_m=scales.step_m,
             attribute_scales=attributes,
             keep_face_order=True,
@@ -230,7 +247,8 @@ def publish(
                 build=about.build,
                 crs=about.crs,
                 attributes=_attribute_infos(scales.ranges, attributes),
-                has_colour=about.has_colour,
+                has_colour=about.has_colour and info is None,
+                textures=info,
             )
         )
         progress.done({"version": manifest.version[:12]})

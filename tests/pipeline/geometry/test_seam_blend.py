@@ -104,18 +104,6 @@ def test_large_steps_are_two_different_things_and_hardly_trusted() -> None:
     assert np.abs(large.raw_step).max() == pytest.approx(100.0)
 
 
-def test_pinned_vertices_stay() -> None:
-    vertices, _, _, candidates, nodes, seams = two_views()
-    field, cell = level_field(vertices, nodes, seams)
-    levels = node_levels(field, vertices, nodes, cell)
-    pinned = vertices[:, 2] == 0.0
-    blend = blend_seams(nodes, seams, levels, candidates, rings=4, pinned=pinned)
-    held = pinned[nodes.vertex]
-    assert np.abs(blend.node_level[held]).max() < 1e-5
-    assert (blend.node_weight[held] == 0.0).all()
-    assert np.abs(blend.node_level).max() > 1.0
-
-
 def test_no_seams_and_no_blend() -> None:
     none = no_blend(3)
     assert none.view.tolist() == [-1, -1, -1]

@@ -240,17 +240,6 @@ def test_an_empty_mesh() -> None:
     assert choice.correction.shape == (0, 3, 3)
 
 
-def test_pinned_vertices_are_not_corrected() -> None:
-    place = scene()
-    mesh = place.mesh
-    pinned = mesh.vertices[:, 0] == 20.0
-    choice = choose(place, pinned=pinned)
-    at = pinned[mesh.faces]
-    assert np.abs(choice.correction[at].astype(np.float32)).max() < 1e-2
-    assert (choice.blend_weight[at] == 0.0).all()
-    assert choice.correction.any()
-
-
 def test_gains_of_another_length_are_refused() -> None:
     place = scene()
     mesh = place.mesh

@@ -1,0 +1,396 @@
+"""The textures of a build by tiles: passes over tiles, and what is done once for the scene.
+
+The steps: ``texture-base`` (exposures, the base's atlas), ``texture-views-0007``,
+``texture-cells-0007``, ``texture-levels``, ``texture-tile-0007``; told as one stage.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import xxhash
+
+from terraport_pipeline.build_report import StageReport
+from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.engines.photos import OpenPhotos
+from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.stage_runner import StageRunner, Step, key_of
+from terraport_pipeline.stages import texture, tiled_texture, tiled_views
+from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.texture_set import TextureSet
+from terraport_pipeline.stages.texture_sums import TextureTally
+from terraport_pipeline.stages.tiled_segment import TiledScene
+from terraport_pipeline.stages.tiled_texture import STEP_BINS, Levels
+from terraport_pipeline.stages.tiled_views import TextureScale
+from terraport_pipeline.tile_runner import PassResult, TilePass, run_pass
+from terraport_pipeline.tiles import DetailTiles
+from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, stage_key
+from terraport_store.manifest import TextureInfo
+
+__all__ = ["TiledTextures", "TiledTexturing", "texture_tiles"]
+
+
+@dataclass(slots=True, eq=False)
+class TiledTexturing:
+    """What textures of tiles are made of."""
+
+    options: texture.Options
+    inputs: Mapping[str, Any]
+    """What identifies photos and cameras, for the keys; empty without."""
+    open_photos: Callable[[], OpenPhotos] | None = None
+    """None for textures from vertex colours."""
+    _opened: OpenPhotos | None = field(default=None, init=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
+
+    def opened(self) -> OpenPhotos:
+        """Open the photos when they are first needed: a build that is taken up needs none."""
+        assert self.open_photos is not None
+        with self._lock:
+            if self._opened is None:
+                self._opened = self.open_photos()
+            return self._opened
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TiledTextures:
+    """Textures of a scene in tiles, those of the detail on disk."""
+
+    base: TextureSet
+    info: TextureInfo
+    records: tuple[StageRecord, ...]
+    """One per tile."""
+    work: WorkDirectory
+
+    def tile(self, tile: int) -> TextureSet:
+        """Open the textures of one tile's segments; images stay on disk."""
+        return tiled_texture.tile_textures(self.work.mapped(self.records[tile]).arrays)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Base:
+    """What is found once for the scene."""
+
+    textures: TextureSet
+    gains: Float32
+    facts: Facts
+
+
+class _Passes:
+    """The passes of texturing."""
+
+    def __init__(
+        self,
+        runner: StageRunner,
+        tiles: DetailTiles,
+        digest: str,
+        scene: TiledScene,
+        asked: TiledTexturing,
+    ) -> None:
+        self._runner, self._tiles, self._digest = runner, tiles, digest
+        self._scene, self._asked = scene, asked
+        self._scale = TextureScale.of(scene)
+
+    def base(self, base: Mesh, digest: str) -> Step[_Base]:
+        """Find exposures and texture the base."""
+        asked = self._asked
+
+        def compute(context: Context) -> _Base:
+            opened = None if asked.open_photos is None else asked.opened()
+            made = texture.texture_base(base, opened, asked.options, context)
+            warnings = () if opened is None else opened.warnings
+            gains = np.zeros((0, 0), np.float32) if made.gains is None else made.gains
+            counts = {f"base_{name}": value for name, value in made.made.facts.items()}
+            return _Base(made.made.textures, gains, Facts(counts, warnings))
+
+        return self._runner.step(
+            "texture-base",
+            stage_key(
+                "texture-base",
+                code_digest(texture.__name__),
+                {**asdict(asked.options), **asked.inputs},
+                {"tiles": self._digest, "base": digest},
+            ),
+            compute,
+            lambda result: result.facts,
+            lambda result: Stored({**_arrays(result.textures), "gains": result.gains}, {}),
+            lambda stored, facts: _Base(
+                tiled_texture.tile_textures(stored.arrays),
+                np.asarray(stored.arrays["gains"], np.float32),
+                facts,
+            ),
+        )
+
+    def views(self, base: Mesh, gains: Float32) -> PassResult:
+        """Choose the photos of every tile."""
+        return run_pass(
+            self._runner,
+            self._pass(
+                "texture-views",
+                tiled_views.__name__,
+                "texture: photos of tiles",
+                tiled_views.CHOOSE_BYTES_PER_FACE,
+                {"gains": xxhash.xxh3_128_hexdigest(np.ascontiguousarray(gains).data)},
+            ),
+            lambda tile, context: tiled_views.choose(
+                self._tiles, tile, base, self._asked.opened(), gains, self._scale, context
+            ),
+        )
+
+    def levels(self, chosen: PassResult, gains: Float32) -> tuple[PassResult, Step[Levels]]:
+        """Level the seams of the scene."""
+        views = self._arrays(chosen)
+        cells = run_pass(
+            self._runner,
+            self._pass(
+                "texture-cells",
+                tiled_texture.__name__,
+                "texture: seams of tiles",
+                tiled_texture.DRAW_BYTES_PER_FACE,
+                {"views": _digest(chosen)},
+            ),
+            lambda tile, context: tiled_texture.level(
+                self._tiles, tile, views, gains, self._scale, context
+            ),
+        )
+        step = self._runner.step(
+            "texture-levels",
+            key_of("tiled_texture", {}, {"cells": _digest(cells)}),
+            lambda _: tiled_texture.solve(
+                [self._runner.work.mapped(record).arrays for record in cells.records]
+            ),
+            lambda result: Facts({"cells": len(result.keys)}),
+            lambda result: Stored({"keys": result.keys, "level": result.level}, {}),
+            lambda stored, _: Levels(
+                np.asarray(stored.arrays["keys"], np.int64),
+                np.asarray(stored.arrays["level"], np.float64),
+            ),
+        )
+        return cells, step
+
+    def draw(
+        self,
+        segments: Callable[[int], Int32],
+        cuts: Sequence[StageRecord],
+        chosen: PassResult | None,
+        levels: Step[Levels] | None,
+        gains: Float32,
+    ) -> PassResult:
+        """Make the atlases of every tile."""
+        asked, tiles = self._asked, self._tiles
+        views = (
+            []
+            if chosen is None
+            else [self._runner.work.mapped(record).arrays for record in chosen.records]
+        )
+
+        def one(tile: int, context: Context) -> Stored:
+            if levels is None:
+                return tiled_texture.draw_plain(
+                    tiles.load(tile), tile, segments(tile), asked.options, context
+                )
+            return tiled_texture.draw(
+                tiles, tile, segments(tile), views, levels.value(), asked.opened(), gains,
+                self._scale, asked.options, context,
+            )  # fmt: skip
+
+        if levels is not None:
+            levels.value()  # before several threads ask for it
+        shared = {}
+        if levels is not None and chosen is not None:
+            shared = {"levels": levels.record.digest, "views": _digest(chosen)}
+        return run_pass(
+            self._runner,
+            self._pass(
+                "texture-tile",
+                tiled_texture.__name__,
+                "texture: atlases of tiles",
+                tiled_texture.DRAW_BYTES_PER_FACE,
+                shared,
+                [record.digest for record in cuts],
+                asdict(asked.options),
+            ),
+            one,
+        )
+
+    def _arrays(self, made: PassResult) -> list[Mapping[str, npt.NDArray[Any]]]:
+        """Map what a pass made of every tile."""
+        return [self._runner.work.mapped(record).arrays for record in made.records]
+
+    def _pass(
+        self,
+        name: str,
+        module: str,
+        title: str,
+        bytes_per_face: int,
+        shared: Mapping[str, str],
+        cuts: Sequence[str] | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> TilePass:
+        inputs = [
+            {
+                "tile": f"{self._digest}-{tile}",
+                **shared,
+                **({} if cuts is None else {"segments": cuts[tile]}),
+            }
+            for tile in range(self._tiles.count)
+        ]
+        photos = 0
+        if self._asked.open_photos is not None:
+            photos = texture.photo_bytes(self._runner.max_memory_bytes)
+        return TilePass(
+            name,
+            module,
+            title,
+            {**(options or {}), **self._asked.inputs, **self._scale.recorded()},
+            inputs,
+            self._scene.faces,
+            bytes_per_face,
+            photos,
+        )
+
+
+def texture_tiles(
+    runner: StageRunner,
+    tiles: DetailTiles,
+    digest: str,
+    scene: TiledScene,
+    base: Mesh,
+    base_kept: npt.NDArray[np.bool_],
+    segments: Callable[[int], Int32],
+    cuts: Sequence[StageRecord],
+    asked: TiledTexturing,
+) -> TiledTextures:
+    """Make the textures of a scene in tiles.
+
+    Parameters
+    ----------
+    runner : StageRunner
+        Gets one report.
+    tiles : DetailTiles
+    digest : str
+        Of base and tiles.
+    scene : TiledScene
+    base : Mesh
+    base_kept : ndarray of shape (B,), bool
+        Base faces that are published.
+    segments : callable
+        Gives the segment of every face of a tile, numbered within the tile.
+    cuts : sequence of StageRecord
+        Where the segments of every tile are kept.
+    asked : TiledTexturing
+
+    Returns
+    -------
+    TiledTextures
+    """
+    work = _Passes(runner, tiles, digest, scene, asked)
+    kept = texture.faces_only(base, base_kept)
+    before = len(runner.reports)
+    first = work.base(kept, xxhash.xxh3_128_hexdigest(np.packbits(base_kept).data))
+    found = first.value()
+    chosen: PassResult | None = None
+    levels: Step[Levels] | None = None
+    passes: list[PassResult] = []
+    if asked.open_photos is not None:
+        chosen = work.views(base, found.gains)
+        cells, levels = work.levels(chosen, found.gains)
+        passes += [chosen, cells]
+    drawn = work.draw(segments, cuts, chosen, levels, found.gains)
+    passes.append(drawn)
+    parts = [runner.work.mapped(record) for record in drawn.records]
+    counts, info = _summary(parts, found, asked.options)
+    if chosen is not None:
+        counts |= _choice_counts(chosen)
+    counts |= _step_counts(parts)
+    warnings = (*found.facts.warnings, *texture.unseen_warnings(counts)) if chosen else ()
+    alone = runner.reports[before:]
+    del runner.reports[before:]
+    costs = [*(report.cost for report in alone), *(result.cost for result in passes)]
+    runner.reports.append(
+        StageReport(
+            texture.NAME,
+            all(report.taken_up for report in alone) and all(one.taken_up for one in passes),
+            Cost(sum(cost.seconds for cost in costs), max(cost.peak_bytes for cost in costs)),
+            Facts(counts, warnings),
+        )
+    )
+    return TiledTextures(found.textures, info, drawn.records, runner.work)
+
+
+def _summary(
+    parts: Sequence[Stored], found: _Base, options: texture.Options
+) -> tuple[dict[str, Any], TextureInfo]:
+    sides = np.concatenate([np.asarray(part.arrays["sides"], np.int64) for part in parts])
+    texels = int((sides[:, 0] * sides[:, 1]).sum())
+    image_bytes = sum(int(part.arrays["offsets"][-1]) for part in parts)
+    measured = TextureTally.total(part.arrays for part in parts).facts()
+    counts: dict[str, Any] = {
+        "images": len(sides),
+        "image_bytes": image_bytes,
+        "texels": texels,
+        "longest_side": int(sides.max()),
+        "charts": sum(int(part.values["charts"]) for part in parts),
+        "cells_share": round(sum(float(part.values["used"]) for part in parts) / texels, 3),
+        **measured,
+        **found.facts.counts,
+    }
+    info = TextureInfo(
+        source=options.source,
+        media_types=(found.textures.texture(0).media_type,),
+        segments=len(sides),
+        base_side=int(found.textures.sides.max()),
+        max_side=int(sides.max()),
+        image_bytes=image_bytes,
+        texels=texels,
+        texel_m=measured["texel_m"],
+        gsd_m=measured["gsd_m"],
+    )
+    return counts, info
+
+
+def _choice_counts(chosen: PassResult) -> dict[str, Any]:
+    names: Final = ("faces_seen", "faces_unseen", "rays", "faces_rated", "outliers")
+    return {
+        f"choice_{name}": sum(int(record.values[name]) for record in chosen.records)
+        for name in names
+    }
+
+
+def _step_counts(parts: Iterable[Stored]) -> dict[str, Any]:
+    """Tell how far colours step across seams, within tiles and across their borders.
+
+    ``choice_seam_share`` is the share of the edges that part two photos.
+    """
+    listed = [part.arrays for part in parts if "steps_edges" in part.arrays]
+    counts: dict[str, Any] = {}
+    if not listed:
+        return counts
+    edges = sum(np.asarray(arrays["steps_edges"], np.float64) for arrays in listed)
+    middles = (np.arange(STEP_BINS) + 0.5) * 48.0 / STEP_BINS
+    for row, where in ((0, ""), (1, "_across_tiles")):
+        all_edges, seam_edges = (float(value) for value in np.asarray(edges)[row])
+        if not all_edges:
+            continue
+        counts[f"choice_seam_share{where}"] = round(seam_edges / all_edges, 5)
+        for name in ("photos", "gains", "smooth", "local"):
+            weights = np.sum([arrays[f"steps_{name}"][row] for arrays in listed], axis=0)
+            total = float(weights.sum())
+            if total:
+                mean = float((weights * middles).sum() / total)
+                place = int(np.searchsorted(np.cumsum(weights), 0.95 * total))
+                counts[f"choice_seam_step_{name}{where}"] = round(mean, 3)
+                counts[f"choice_seam_step_p95_{name}{where}"] = float(middles[place])
+    return counts
+
+
+def _arrays(textures: TextureSet) -> dict[str, npt.NDArray[Any]]:
+    return {name: getattr(textures, name) for name in ("wedges", "images", "offsets", "sides")}
+
+
+def _digest(result: PassResult) -> str:
+    return xxhash.xxh3_128_hexdigest("".join(record.digest for record in result.records).encode())
