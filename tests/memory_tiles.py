@@ -1,0 +1,67 @@
+"""Tiles in memory, with the borders that they share: a mesh cut up for the tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+from coloured_ground import cut_mesh
+
+from terraport_pipeline.model import Float64, Mesh
+from terraport_pipeline.tiles import Border, vertex_box
+
+
+@dataclass(frozen=True)
+class MemoryTiles:
+    """A mesh in tiles; the shared vertices are numbered by the mesh's."""
+
+    parts: tuple[Mesh, ...]
+    rows: tuple[npt.NDArray[np.int64], ...]
+    """Faces of the mesh that every tile has."""
+    numbers: tuple[npt.NDArray[np.int64], ...]
+    """Vertex of the mesh of every tile's vertex."""
+    shared: npt.NDArray[np.bool_]
+    attributes: tuple[str, ...] = ()
+    digest: str = "t"
+    loads: list[int] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, mesh: Mesh, along: int) -> MemoryTiles:
+        """Cut a mesh into along x along tiles."""
+        cut = cut_mesh(mesh, along)
+        numbers = tuple(np.unique(mesh.faces[rows]).astype(np.int64) for _, rows in cut)
+        times = np.bincount(np.concatenate(numbers), minlength=len(mesh.vertices))
+        return cls(
+            tuple(part for part, _ in cut),
+            tuple(rows for _, rows in cut),
+            numbers,
+            times > 1,
+            tuple(mesh.attributes),
+            f"d{along}",
+        )
+
+    @property
+    def count(self) -> int:
+        return len(self.parts)
+
+    @property
+    def border_count(self) -> int:
+        return int(self.shared.sum())
+
+    def load(self, i: int) -> Mesh:
+        self.loads.append(i)
+        return self.parts[i]
+
+    def box(self, i: int) -> Float64:
+        return vertex_box(self.parts[i].vertices)
+
+    def border(self, i: int) -> Border:
+        rows = np.flatnonzero(self.shared[self.numbers[i]]).astype(np.int32)
+        return Border(rows, self.numbers[i][rows])
+
+    def face_count(self, i: int) -> int:
+        return len(self.parts[i].faces)
+
+    def vertex_count(self, i: int) -> int:
+        return len(self.parts[i].vertices)

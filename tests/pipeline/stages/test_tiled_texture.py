@@ -1,0 +1,172 @@
+"""Photos on tiles against photos on the whole: the same place, cut into four."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from memory_tiles import MemoryTiles
+from photo_scene import PhotoScene, photo_scene
+
+from terraport_pipeline.engines.photos import OpenPhotos
+from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.view_choice import ViewChoice
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.stages import tiled_texture, tiled_views
+from terraport_pipeline.stages.contract import Context
+from terraport_pipeline.stages.texture import Options
+from terraport_pipeline.stages.tiled_views import TextureScale
+from terraport_pipeline.stages.view_gains import view_gains
+
+
+@cache
+def place() -> PhotoScene:
+    return photo_scene(crate=False)
+
+
+@cache
+def gains() -> np.ndarray:
+    mesh = place().mesh
+    return view_gains(mesh, place().views, place(), RayScene(mesh.vertices, mesh.faces, threads=1))
+
+
+def opened() -> OpenPhotos:
+    return OpenPhotos(tuple(place().views), place(), ())  # type: ignore[arg-type]
+
+
+def scale() -> TextureScale:
+    return TextureScale(place().mesh.vertices.min(axis=0).astype(np.float64), 40.0, 0.7)
+
+
+@cache
+def tiles(along: int) -> MemoryTiles:
+    return MemoryTiles.of(place().mesh, along)
+
+
+@cache
+def chosen(along: int) -> tuple[dict[str, np.ndarray], ...]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiled_views, "_BAND_EDGES", 10.0)  # 7 m: not the whole place
+        return tuple(
+            tiled_views.choose(
+                tiles(along), tile, place().mesh, opened(), gains(), scale(), context()
+            ).arrays
+            for tile in range(along * along)
+        )
+
+
+def context(tmp_path=None) -> Context:
+    return Context(scratch=tmp_path)  # type: ignore[arg-type]
+
+
+@cache
+def levels(along: int) -> tiled_texture.Levels:
+    return tiled_texture.solve(
+        [
+            tiled_texture.level(
+                tiles(along), tile, chosen(along), gains(), scale(), context()
+            ).arrays
+            for tile in range(along * along)
+        ]
+    )
+
+
+def finished(along: int, monkeypatch, tmp_path) -> list[ViewChoice]:
+    """What every tile hands to the drawing of its atlases."""
+    found: list[ViewChoice] = []
+
+    def noted(mesh, pieces, views, photos, choice, *arguments, **named):
+        found.append(choice)
+        return whole(mesh, pieces, views, photos, choice, *arguments, **named)
+
+    whole = tiled_texture.texture_mesh
+    monkeypatch.setattr(tiled_texture, "texture_mesh", noted)
+    for tile in range(along * along):
+        segments = np.zeros(tiles(along).face_count(tile), np.int32)
+        tiled_texture.draw(
+            tiles(along), tile, segments, chosen(along), levels(along), opened(), gains(),
+            scale(), Options(texel_m=0.3), context(tmp_path),
+        )  # fmt: skip
+    return found
+
+
+def views_of(along: int) -> np.ndarray:
+    """View of every face of the whole mesh."""
+    view = np.full(len(place().mesh.faces), -9, np.int64)
+    for rows, arrays in zip(tiles(along).rows, chosen(along), strict=True):
+        view[rows] = arrays["view"]
+    return view
+
+
+def test_tiles_choose_as_the_whole_does() -> None:
+    whole, cut = views_of(1), views_of(2)
+    assert (whole != cut).mean() < 0.1
+    pairs, _ = face_pairs(place().mesh.faces, len(place().mesh.vertices))
+    tile = np.empty(len(whole), np.int64)
+    for number, rows in enumerate(tiles(2).rows):
+        tile[rows] = number
+    across = tile[pairs[:, 0]] != tile[pairs[:, 1]]
+    parted = (cut[pairs[:, 0]] != cut[pairs[:, 1]])[across].mean()
+    assert parted < 0.25
+
+
+def test_what_lies_beyond_the_band_hides_what_is_behind_it() -> None:
+    # the block of the place hides ground from some cameras; far from it stands the base for it
+    mesh = place().mesh
+    only = Mesh(mesh.vertices, mesh.faces[:0], mesh.normals, mesh.colours)
+    parts = MemoryTiles.of(mesh, 4)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tiled_views, "_BAND_EDGES", 1.0)
+        counts = []
+        for base in (mesh, only):
+            made = [
+                tiled_views.choose(parts, tile, base, opened(), gains(), scale(), context()).arrays[
+                    "candidate_view"
+                ]
+                for tile in range(16)
+            ]
+            counts.append(sum(int((view >= 0).sum()) for view in made))
+    whole = int((chosen(1)[0]["candidate_view"] >= 0).sum())
+    assert counts[0] < counts[1]
+    assert abs(counts[0] - whole) < 0.02 * whole
+
+
+def test_both_sides_of_a_border_are_corrected_alike(monkeypatch, tmp_path) -> None:
+    found = finished(2, monkeypatch, tmp_path)
+    corrections: dict[tuple[int, int], list[np.ndarray]] = {}
+    tiled = tiles(2)
+    for tile, choice in enumerate(found):
+        faces, shared = tiled.parts[tile].faces, tiled.shared[tiled.numbers[tile]]
+        seen = {}
+        for face, corner in zip(*np.nonzero(shared[faces]), strict=True):
+            number = int(tiled.numbers[tile][faces[face, corner]])
+            seen[number, int(choice.view[face])] = choice.correction[face, corner]
+        for key, value in seen.items():
+            corrections.setdefault(key, []).append(value.astype(np.float64))
+    both = [values for values in corrections.values() if len(values) > 1]
+    assert len(both) > 40
+    apart = np.array([np.ptp(values, axis=0).max() for values in both])
+    assert apart.max() < 0.1  # of 255 levels
+    assert np.abs([values[0] for values in both]).max() > 0.2
+
+
+def test_steps_across_borders_are_not_larger_than_within(monkeypatch, tmp_path) -> None:
+    steps = []
+    for tile in range(4):
+        segments = np.zeros(tiles(2).face_count(tile), np.int32)
+        steps.append(
+            tiled_texture.draw(
+                tiles(2), tile, segments, chosen(2), levels(2), opened(), gains(), scale(),
+                Options(texel_m=0.3), context(tmp_path),
+            ).arrays
+        )  # fmt: skip
+    middles = (np.arange(tiled_texture.STEP_BINS) + 0.5) / 4
+    weights = sum(arrays["steps_local"] for arrays in steps)
+    means = (weights * middles).sum(axis=1) / weights.sum(axis=1)
+    assert means[1] < max(1.3 * means[0], 1.5)
+    edges = sum(arrays["steps_edges"] for arrays in steps)
+    assert edges[:, 0].sum() == pytest.approx(
+        len(face_pairs(place().mesh.faces, len(place().mesh.vertices))[0])
+    )
