@@ -66,9 +66,9 @@ def srgb_to_linear16(colours: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
     levels[:, count:] = levels[:, count - 1 : count]  # filled up by its last level
     low_byte = _common_low_bytes(levels.reshape(-1, _RUN)).reshape(channels, -1)
     # Smallest and largest high byte that lead into the interval with this low byte.
-    least = (_LOW[levels] - low_byte + 255) >> 8
-    most = (_HIGH[levels] - low_byte) >> 8
-    codes = ((_follow(least, most) << 8) | low_byte)[:, :count]
+    least = ((_LOW[levels] - low_byte + 255) >> 8).astype(np.int16)
+    most = ((_HIGH[levels] - low_byte) >> 8).astype(np.int16)
+    codes = ((_follow(least, most).astype(np.uint16) << 8) | low_byte)[:, :count]
     codes[colours.T == 255] = 65535  # white stays exactly 1.0
     return np.ascontiguousarray(codes.T.astype(np.uint16))
 
@@ -100,11 +100,11 @@ def _linear(level: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def _intervals() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _intervals() -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     """First and last code of every level."""
     levels = np.arange(256, dtype=np.float64)
-    low = np.ceil(_linear(np.maximum(levels - 0.5 + _GUARD, 0.0)) * 65535.0).astype(np.int64)
-    high = np.floor(_linear(np.minimum(levels + 0.5 - _GUARD, 255.0)) * 65535.0).astype(np.int64)
+    low = np.ceil(_linear(np.maximum(levels - 0.5 + _GUARD, 0.0)) * 65535.0).astype(np.int32)
+    high = np.floor(_linear(np.minimum(levels + 0.5 - _GUARD, 255.0)) * 65535.0).astype(np.int32)
     high[0] = 0  # black stays exactly 0
     # White is put in afterwards; it neither ends a run nor moves it.
     low[255], high[255] = 0, 65535
@@ -118,7 +118,7 @@ def _low_byte_words() -> npt.NDArray[np.uint64]:
     return np.packbits(fits, axis=1, bitorder="little").view("<u8")[:, 0].astype(np.uint64)
 
 
-def _common_low_bytes(levels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
+def _common_low_bytes(levels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
     """Low bytes for stretches of levels, (stretches, _RUN), with as few changes as there can be."""
     words = _LOW_BYTES[levels.T]
     begins = np.zeros(words.shape, dtype=bool)
@@ -131,10 +131,10 @@ def _common_low_bytes(levels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int64]:
         words[place] = np.where(begins[place + 1], words[place], words[place + 1])
     lowest = words & (~words + np.uint64(1))
     # A power of two is exact as a float64, and its exponent is the number of its bit.
-    return 4 * (np.frexp(lowest.T.astype(np.float64))[1].astype(np.int64) - 1)
+    return 4 * (np.frexp(lowest.T.astype(np.float64))[1].astype(np.int32) - 1)
 
 
-def _follow(least: npt.NDArray[np.int64], most: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _follow(least: npt.NDArray[np.int16], most: npt.NDArray[np.int16]) -> npt.NDArray[np.int16]:
     """Values within bounds, each the nearest to the one before it; along the last axis.
 
     Clamps follow one another as clamps: a prefix scan of their bounds, log2 of the length steps.
@@ -143,7 +143,9 @@ def _follow(least: npt.NDArray[np.int64], most: npt.NDArray[np.int64]) -> npt.ND
     reach = 1
     while reach < low.shape[-1]:
         own = low[..., reach:], high[..., reach:]
-        earlier = [np.clip(bound[..., :-reach], *own) for bound in (low, high)]
+        earlier = [
+            np.minimum(np.maximum(bound[..., :-reach], own[0]), own[1]) for bound in (low, high)
+        ]
         low[..., reach:], high[..., reach:] = earlier
         reach *= 2
     return low

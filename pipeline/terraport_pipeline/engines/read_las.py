@@ -151,12 +151,17 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             f"the LAS header or the compressed table cannot be read ({_brief(error)})",
             "the file is cut off or damaged: copy or export it again",
         ) from error
-    with reader:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(reader)
         header = reader.header
         count = int(header.point_count)
         if count == 0:
             raise ReadError(path, "the header says 0 points", "export the survey again")
         _check_size(path, header)
+        if header.are_points_compressed and _has_whole_table(path, header):
+            reader = stack.enter_context(
+                laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel)
+            )
         crs, warnings = _find_crs(header)
         rows = thinning_rows(count, max_points)
         names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
@@ -280,6 +285,28 @@ def _check_chunk_table(path: Path, table: int, count: int) -> None:
             "copy or export the file again",
             f"byte {table:,}",
         )
+
+
+def _has_whole_table(path: Path, header: Any) -> bool:
+    """Whether the table of chunks accounts for every point and byte, so that threads may use it.
+
+    The decoder in threads trusts the table; the one that reads on in the file does not need it.
+    """
+    try:
+        with path.open("rb") as file:
+            file.seek(int(header.offset_to_point_data))
+            (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\xff"))
+            file.seek(int(header.offset_to_point_data))
+            records = header.vlrs.get("LasZipVlr")
+            chunks = lazrs.read_chunk_table(file, lazrs.LazVlr(records[0].record_data))
+    except BaseException as error:
+        if not _means_damage(error) and not isinstance(error, (IndexError, TypeError)):
+            raise
+        return False
+    # Where chunks have one size, the last is told as full and need not be.
+    most = sum(chunk[0] for chunk in chunks)
+    end = int(header.offset_to_point_data) + 8 + sum(chunk[1] for chunk in chunks)
+    return bool(chunks and most - chunks[-1][0] < header.point_count <= most and end == table)
 
 
 def _iterate(reader: Any, path: Path, count: int) -> Iterator[tuple[int, Any]]:

@@ -16,7 +16,6 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.errors import EngineError
 from terraport_pipeline.geometry.face_blocks import block_meshes, face_blocks, weld
 from terraport_pipeline.geometry.skirt import add_skirt, drop_skirt
@@ -33,6 +32,9 @@ _FIRST_SHARE: Final = 4
 """The first pass leaves this many times the faces that are wanted. Two passes gave a smaller error
 than one from 5 M faces down to 200 k (99.9th percentile 0.33 m against 0.41 m)."""
 
+_LAST_AGGRESSION: Final = 5.0
+"""Of the last pass; see :mod:`~terraport_pipeline.engines.decimate`."""
+
 _BLOCK_FACES: Final = 600_000
 """Faces of one block of the first pass: about 250 MB in its process."""
 
@@ -47,7 +49,8 @@ def thin_detail(
 
     (1) Blocks of the ground are reduced side by side, each in a process of its own, their borders
     held; (2) the blocks are joined again, bit for bit; (3) the whole is reduced to what is wanted,
-    with a skirt on its border (:mod:`~terraport_pipeline.geometry.skirt`).
+    with a skirt on its border (:mod:`~terraport_pipeline.geometry.skirt`), in a child too, so that
+    the caller's other threads go on.
 
     Parameters
     ----------
@@ -84,7 +87,7 @@ def thin_detail(
     # Each edge of the hem keeps a face, and so does each edge of the thinned border that it hangs
     # from: 1.6 to 1.7 faces per edge of the hem on surveys (measured).
     wanted = max_faces + len(hem) * 5 // 3
-    thinned, triangles = decimate(hung_vertices, hung_faces, max_faces=wanted)
+    thinned, triangles = _in_child(hung_vertices, hung_faces, wanted, _LAST_AGGRESSION)
     kept = drop_skirt(thinned, triangles, hem)
     return compact(thinned, kept, np.ones(len(kept), dtype=bool))
 
@@ -108,7 +111,7 @@ def _thin_blocks(
     share = wanted / len(faces)
 
     def thin(mesh: tuple[Float32, Int32]) -> tuple[Float32, Int32]:
-        return _in_child(*mesh, max(1, int(len(mesh[1]) * share)))
+        return _in_child(*mesh, max(1, int(len(mesh[1]) * share)), _FIRST_AGGRESSION)
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
         parts = list(pool.map(thin, block_meshes(vertices, faces, blocks)))
@@ -117,13 +120,17 @@ def _thin_blocks(
     return weld(np.concatenate([points for points, _ in parts]), np.concatenate(numbered))
 
 
-def _in_child(vertices: Float32, faces: Int32, max_faces: int) -> tuple[Float32, Int32]:
-    """Call :func:`decimate` in another process: the library works for one caller at a time."""
+def _in_child(
+    vertices: Float32, faces: Int32, max_faces: int, aggression: float
+) -> tuple[Float32, Int32]:
+    """Decimate in another process: the library works for one caller at a time, under the lock."""
+    if len(faces) <= max_faces:
+        return vertices, faces
     sent = io.BytesIO()
     np.save(sent, vertices)
     np.save(sent, faces)
     module = "terraport_pipeline.engines.decimate_child"
-    numbers = [str(max_faces), repr(_FIRST_AGGRESSION), str(os.getpid())]
+    numbers = [str(max_faces), repr(aggression), str(os.getpid())]
     done = subprocess.run(
         [sys.executable, "-m", module, *numbers],
         input=sent.getbuffer(),

@@ -93,6 +93,8 @@ class MeanColourSegmenter:
     0..10."""
     leak: float = 0.3
     """Power of (perimeter / common border); 0 ignores how far two units touch. 0..2."""
+    threads: int = 1
+    """Threads at most; they change nothing but the time."""
 
     def __post_init__(self) -> None:
         """Refuse values outside their range before any work."""
@@ -149,12 +151,14 @@ class MeanColourSegmenter:
         # (1) rising limit
         fine = units.labels
         for level in range(1, LEVELS + 1):
-            units = unite(units, weight, limit * level / LEVELS, least, self.leak, 0)
+            units = unite(
+                units, weight, limit * level / LEVELS, least, self.leak, 0, threads=self.threads
+            )
             if level == FINE_LEVEL:
                 fine = units.labels
         # (2) what is left small
         pools = len(units.faces)
-        units = unite(units, weight, np.inf, least, 0.0, mean_step)
+        units = unite(units, weight, np.inf, least, 0.0, mean_step, threads=self.threads)
         small = units.faces < least
         islands = int(np.count_nonzero(small))
         labels = units.labels

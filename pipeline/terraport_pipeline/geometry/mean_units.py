@@ -16,6 +16,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.merge_order import scramble
 from terraport_pipeline.geometry.unit_rows import contract_rows, row_sums
 
@@ -52,7 +53,14 @@ class MeanUnits:
 
 
 def unite(
-    units: MeanUnits, weight: _Float64, limit: float, least: int, leak: float, mean_step: int
+    units: MeanUnits,
+    weight: _Float64,
+    limit: float,
+    least: int,
+    leak: float,
+    mean_step: int,
+    *,
+    threads: int = 1,
 ) -> MeanUnits:
     """Do rounds until none unites anything; with a mean step only what is small or thin.
 
@@ -69,6 +77,8 @@ def unite(
         Power of (perimeter / common border).
     mean_step : int
         Mean edge in steps: only small units and those less than two edges wide choose; 0: all do.
+    threads : int
+        Threads at most; they change nothing but the time.
 
     Returns
     -------
@@ -78,7 +88,7 @@ def unite(
     joins keep the number of rounds near the logarithm of the units.
     """
     while True:
-        offsets, neighbours, border = units.rows
+        offsets, _, border = units.rows
         perimeter = row_sums(offsets, border)
         if units.outer is not None:
             perimeter += units.outer
@@ -86,9 +96,8 @@ def unite(
         if mean_step:
             small |= units.faces * mean_step < _THIN_EDGES * perimeter
         nodes, count = _round(
-            offsets, neighbours, border, perimeter, units.sums, units.faces, units.name, small,
-            weight, limit, least, leak, mean_step > 0,
-        )  # fmt: skip
+            units, perimeter, small, weight, limit, least, leak, mean_step > 0, threads
+        )
         if count == len(nodes):
             return units
         sums, faces, name = _united(nodes, count, units.sums, units.faces, units.name)
@@ -100,8 +109,32 @@ def unite(
         units = MeanUnits(nodes[units.labels], rows, sums, faces, name, outer)
 
 
-@numba.njit(cache=True, nogil=True)
 def _round(
+    units: MeanUnits,
+    perimeter: _Int64,
+    small: _Bool,
+    weight: _Float64,
+    limit: float,
+    least: int,
+    leak: float,
+    small_only: bool,
+    threads: int,
+) -> tuple[_Int32, int]:
+    """Union of every unit after one round, numbered by lowest unit, and their count."""
+    choice = np.full(len(perimeter), -1, np.int32)
+    in_chunks(
+        lambda begin, end: _choose(
+            *units.rows, perimeter, units.sums, units.faces, units.name, small,
+            weight, limit, least, leak, small_only, choice, begin, end,
+        ),
+        len(choice), threads=threads,
+    )  # fmt: skip
+    nodes, count = _join(choice, units.faces)
+    return nodes, int(count)
+
+
+@numba.njit(cache=True, nogil=True)
+def _choose(
     offsets: _Int64,
     neighbours: _Int32,
     border: _Int64,
@@ -115,11 +148,12 @@ def _round(
     least: int,
     leak: float,
     small_only: bool,
-) -> tuple[_Int32, int]:
-    """Union of every unit after one round, numbered by lowest unit, and their count."""
-    count = len(offsets) - 1
-    choice = np.full(count, -1, np.int32)
-    for u in range(count):
+    choice: _Int32,
+    begin: int,
+    end: int,
+) -> None:
+    """Choose a neighbour for some units; -1 stays where none is near enough."""
+    for u in range(begin, end):
         best = limit * limit
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
@@ -133,6 +167,8 @@ def _round(
                 smaller = min(faces[u], faces[v])
                 if smaller < least:
                     d *= smaller / least
+                if d > best:  # the power below is at least 1, and takes most of the time
+                    continue
                 if leak > 0.0:
                     d *= (min(perimeter[u], perimeter[v]) / border[e]) ** (2.0 * leak)
             if d < best or (
@@ -143,6 +179,12 @@ def _round(
             ):
                 best = d
                 choice[u] = v
+
+
+@numba.njit(cache=True, nogil=True)
+def _join(choice: _Int32, faces: _Int64) -> tuple[_Int32, int]:
+    """Unite units that chose each other, and stars with their middles."""
+    count = len(choice)
     star = np.zeros(count, np.bool_)
     for u in range(count):
         v = choice[u]

@@ -8,8 +8,9 @@ payloads.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final, Literal
 
@@ -165,13 +166,13 @@ def run(
         # (1) segments, in their Morton order
         progress.start("pack: segments", float(count), "segments")
 
-        def encode(mesh: SegmentMesh) -> Payload:
-            return encode_payload(mesh, step_m, scales, with_arrays=with_arrays)
+        def encode(make: Callable[[], SegmentMesh]) -> Payload:
+            return encode_payload(make(), step_m, scales, with_arrays=with_arrays)
 
         payload_bytes = []
         images = None if textured is None else textured.detail
-        meshes = split_segments(detail, segmented.segments, segmented.regions, images)
-        for number, payload in enumerate(in_order(encode, meshes, context.threads)):
+        makers = _segment_makers(detail, segmented.segments, segmented.regions, images)
+        for number, payload in enumerate(in_order(encode, makers, context.threads)):
             writer.add_segment(
                 payload.glb,
                 region=int(segmented.main_region[number]),
@@ -246,12 +247,20 @@ def split_segments(
         are there once per region and chart; vertices on segment borders once per segment, with
         equal values.
     """
+    for make in _segment_makers(detail, segments, regions, textures):
+        yield make()
+
+
+def _segment_makers(
+    detail: Mesh, segments: Int32, regions: Int32, textures: TextureSet | None
+) -> Iterator[Callable[[], SegmentMesh]]:
+    """Yield what makes each segment, to be called in any thread."""
     order = np.argsort(segments, kind="stable")
     count = int(segments.max()) + 1
     starts = np.searchsorted(segments[order], np.arange(count + 1))
     region_count = int(regions.max()) + 1
-    for segment, (begin, end) in enumerate(itertools.pairwise(starts)):
-        chosen = order[begin:end]
+
+    def make(segment: int, chosen: npt.NDArray[np.int64]) -> SegmentMesh:
         keys = detail.faces[chosen].astype(np.int64) * region_count + regions[chosen, None]
         unique, corner = np.unique(keys, return_inverse=True)
         faces = corner.reshape(-1, 3)
@@ -261,7 +270,7 @@ def split_segments(
             split = split_wedges(faces, textures.uvs(chosen, segment), len(unique))
             vertex, region, faces = vertex[split.vertex], region[split.vertex], split.faces
             uvs = split.uvs
-        yield SegmentMesh(
+        return SegmentMesh(
             positions=detail.vertices[vertex],
             faces=faces.astype(np.uint32),
             normals=detail.normals[vertex],
@@ -271,6 +280,9 @@ def split_segments(
             uvs=uvs,
             texture=None if textures is None else textures.texture(segment),
         )
+
+    for segment, (begin, end) in enumerate(itertools.pairwise(starts)):
+        yield partial(make, segment, order[begin:end])
 
 
 def kept_faces(base: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:

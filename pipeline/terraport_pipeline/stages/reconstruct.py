@@ -8,6 +8,7 @@ between the two measured. Memory: the solver's (see
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -20,6 +21,7 @@ from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_detail
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.carry import carry_values
+from terraport_pipeline.geometry.chunks import side_by_side
 from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.geometry.trim import close_small_gaps, compact, near_mask
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
@@ -27,7 +29,7 @@ from terraport_pipeline.model import Float32, Int32, Mesh
 from terraport_pipeline.progress import ESTIMATE_UNIT
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
-from terraport_pipeline.stages.trim_detail import trim_detail
+from terraport_pipeline.stages.trim_detail import sampled_ground, trim_detail
 
 __all__ = ["NAME", "Options", "Reconstructed", "restore", "run", "store"]
 
@@ -120,65 +122,81 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
     SurveyError
         Nothing is left after trimming.
     """
-    cloud, progress = cleaned.cloud, context.progress
+    progress = context.progress
     warnings: list[str] = []
     base_depth, detail_depth = _choose_depths(cleaned, options, warnings)
     depths = (detail_depth,) if options.base_from == "detail" else (detail_depth, base_depth)
-    # (1) solve
-    surfaces, forecasts = _solve(cleaned, options, depths, context)
+    # (1) solve; what the cloud alone decides is made beside it: the solver takes one core
+    with ThreadPoolExecutor(1) as beside:
+        waiting = beside.submit(sampled_ground, cleaned) if context.threads > 1 else None
+        surfaces, forecasts = _solve(cleaned, options, depths, context)
+    ground = sampled_ground(cleaned) if waiting is None else waiting.result()
     solved = [len(faces) for _, faces in surfaces]
     # (2) trim
     progress.start("reconstruct: trim", None, "faces")
-    tree = cKDTree(cloud.points, balanced_tree=False)
     trimmed = trim_detail(
         *surfaces[0],
         cleaned,
-        tree,
+        ground,
         largest=options.trim_spacings,
         island_faces=options.island_faces,
         threads=context.threads,
     )
     detail = (trimmed.vertices, trimmed.faces)
     progress.done({"detail faces": len(detail[1]), "islands dropped": trimmed.islands})
-    # (3) the base
-    progress.start("reconstruct: base", None, "faces")
-    counts: dict[str, Json] = {"base_from": options.base_from, "detail_depth": detail_depth}
-    if options.base_from == "poisson":
-        cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
-        base = _trim_base(*surfaces[1], detail, cell_m, context)
-        counts |= {
-            "base_depth": base_depth,
-            "base_faces_solved": solved[1],
-            "base_faces_trimmed": len(base[1]),
-        }
-        base = decimate(*base, max_faces=options.base_faces)
-    else:
-        base = thin_detail(*trimmed.wide, max_faces=options.base_faces, threads=context.threads)
+    # (3) the base, thinned in processes of its own, and the detail's values beside it
+    progress.start("reconstruct: base and colours", None, "faces")
+    solved_base = surfaces[1] if len(surfaces) > 1 else None
     del surfaces
-    if len(base[1]) > 1.1 * options.base_faces:
+
+    def dress(surface: tuple[Float32, Int32]) -> Mesh:
+        return _dress(*surface, cleaned, ground.tree, context.threads)
+
+    def make_base() -> tuple[Mesh, dict[str, Json]]:
+        if solved_base is None:
+            thinned = thin_detail(
+                *trimmed.wide, max_faces=options.base_faces, threads=context.threads
+            )
+            told: dict[str, Json] = {}
+        else:
+            cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
+            thinned = _trim_base(*solved_base, detail, cell_m, context)
+            told = {
+                "base_depth": base_depth,
+                "base_faces_solved": solved[1],
+                "base_faces_trimmed": len(thinned[1]),
+            }
+            thinned = decimate(*thinned, max_faces=options.base_faces)
+        # Vertex cache order now: the cover names base faces by number.
+        order = order_for_cache(thinned[1].astype(np.uint32))
+        return dress((thinned[0], thinned[1][order])), told
+
+    (base, told), detail_mesh = side_by_side(
+        [make_base, lambda: dress(detail)], threads=context.threads
+    )
+    if len(base.faces) > 1.1 * options.base_faces:
         warnings.append(
-            f"the base keeps {len(base[1])} faces, {options.base_faces} were asked: its border "
+            f"the base keeps {len(base.faces)} faces, {options.base_faces} were asked: its border "
             "alone needs more; raise --base-faces"
         )
-    # Vertex cache order now: the cover names base faces by number.
-    base = (base[0], base[1][order_for_cache(base[1].astype(np.uint32))])
-    progress.done({"base faces": len(base[1])})
-    # (4) carry the cloud's values
-    meshes = [_dress(*surface, cleaned, tree, context) for surface in (base, detail)]
-    # (5) measure
-    deviation_m = _measure(meshes[0], meshes[1], context)
-    counts |= {
+    progress.done({"base faces": len(base.faces)})
+    # (4) measure
+    deviation_m = _measure(base, detail_mesh, context)
+    counts: dict[str, Json] = {
+        "base_from": options.base_from,
+        "detail_depth": detail_depth,
         "detail_faces_solved": solved[0],
-        "base_faces": len(meshes[0].faces),
-        "detail_faces": len(meshes[1].faces),
-        "detail_vertices": len(meshes[1].vertices),
+        **told,
+        "base_faces": len(base.faces),
+        "detail_faces": len(detail_mesh.faces),
+        "detail_vertices": len(detail_mesh.vertices),
         "islands_dropped": trimmed.islands,
         **trimmed.counts,
         "forecast_memory_bytes": sum(forecast.memory_bytes for forecast in forecasts),
     }
     for percentile, value in zip(_PERCENTILES, deviation_m, strict=True):
         counts[f"deviation_p{percentile:g}_m"] = value
-    return Reconstructed(meshes[0], meshes[1], deviation_m, Facts(counts, tuple(warnings)))
+    return Reconstructed(base, detail_mesh, deviation_m, Facts(counts, tuple(warnings)))
 
 
 def store(result: Reconstructed) -> Stored:
@@ -293,23 +311,13 @@ def _trim_base(
     return compact(vertices, faces, keep)
 
 
-def _dress(
-    vertices: Float32, faces: Int32, cleaned: Cleaned, tree: cKDTree, context: Context
-) -> Mesh:
+def _dress(vertices: Float32, faces: Int32, cleaned: Cleaned, tree: cKDTree, threads: int) -> Mesh:
     """Give a bare surface its normals, colours and attributes."""
     cloud = cleaned.cloud
-    context.progress.start("reconstruct: colours", float(len(vertices)), "vertices")
     colours, attributes = carry_values(
-        tree,
-        cloud.colours,
-        cloud.attributes,
-        vertices,
-        codes=cleaned.codes,
-        workers=context.threads,
+        tree, cloud.colours, cloud.attributes, vertices, codes=cleaned.codes, workers=threads
     )
-    normals = vertex_normals(vertices, faces)
-    context.progress.done({})
-    return Mesh(vertices, faces, normals, colours, attributes)
+    return Mesh(vertices, faces, vertex_normals(vertices, faces), colours, attributes)
 
 
 def _measure(base: Mesh, detail: Mesh, context: Context) -> tuple[float, ...]:

@@ -89,7 +89,7 @@ def make_segmenter(
     if engine == "grid":
         return GridSegmenter(region_cell_m=region_threshold)
     if engine == "means":
-        return means_segmenter(region_threshold, region_small)
+        return means_segmenter(region_threshold, region_small, threads=threads)
     return TriangleSegmenter(
         regions=replace(
             REGION_POOLS,
@@ -102,7 +102,7 @@ def make_segmenter(
 
 
 def means_segmenter(
-    region_threshold: float | None, region_small: float | None
+    region_threshold: float | None, region_small: float | None, *, threads: int = 1
 ) -> MeanColourSegmenter:
     """Make the engine of mean colours; None for its own threshold and least share."""
     means = MeanColourSegmenter()
@@ -110,6 +110,7 @@ def means_segmenter(
         means,
         spread=_given(region_threshold, means.spread),
         small_share=_given(region_small, means.small_share),
+        threads=threads,
     )
 
 

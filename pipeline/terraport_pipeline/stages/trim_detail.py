@@ -14,8 +14,9 @@ from scipy.spatial import cKDTree
 
 from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.geometry.border import BorderFacts, measure_border
+from terraport_pipeline.geometry.chunks import side_by_side
 from terraport_pipeline.geometry.edges import EdgeRule, trim_edges
-from terraport_pipeline.geometry.footprint import footprint_of
+from terraport_pipeline.geometry.footprint import Footprint, footprint_of
 from terraport_pipeline.geometry.support import (
     support_histogram,
     support_ratio,
@@ -29,9 +30,10 @@ from terraport_pipeline.stages.contract import Json
 __all__ = [
     "BASE_GAP_SPACINGS",
     "HEM_SPACINGS",
+    "SampledGround",
     "TrimmedDetail",
     "border_counts",
-    "make_edge_rule",
+    "sampled_ground",
     "trim_detail",
 ]
 
@@ -61,37 +63,36 @@ class TrimmedDetail:
     """What the edges were and are."""
 
 
-def make_edge_rule(
-    vertices: Float32, faces: Int32, ratio: Float32, cleaned: Cleaned, *, largest: float
-) -> EdgeRule:
-    """Read how far the surface goes from the cloud and from the surface as solved.
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledGround:
+    """What the edges need to know of the cloud: made before there is a surface."""
 
-    Parameters
-    ----------
-    vertices : ndarray of shape (V, 3), float32
-        Metres, scene frame, before anything was trimmed.
-    faces : ndarray of shape (F, 3), int32
-    ratio : ndarray of shape (V,), float32
-        Support ratio of the vertices.
-    cleaned : Cleaned
-    largest : float
-        Support ratio that no place may pass.
+    tree: cKDTree
+    """Over the cloud's points."""
+    outline: Footprint
+    """Of the detail."""
+    wide: Footprint
+    """Of the surface with a hem."""
 
-    Returns
-    -------
-    EdgeRule
-    """
-    threshold = support_threshold(support_histogram(vertices, faces, ratio), largest=largest)
-    cloud = cleaned.cloud
-    outline = footprint_of(cloud.points, cleaned.local_spacing_m, cloud.spacing_m)
-    return EdgeRule(threshold, largest, cloud.spacing_m, outline)
+
+def sampled_ground(cleaned: Cleaned) -> SampledGround:
+    """Make what depends on the cloud alone; a few seconds that fit beside the solver."""
+    points, spacing_m = cleaned.cloud.points, cleaned.cloud.spacing_m
+    # One radius for all: disks this wide that grow with the local spacing would be drawn in by
+    # another length than they reach out by, several spacings too far where thin meets dense.
+    even_m = np.full(len(points), spacing_m, dtype=np.float32)
+    return SampledGround(
+        cKDTree(points, balanced_tree=False),
+        footprint_of(points, cleaned.local_spacing_m, spacing_m),
+        footprint_of(points, even_m, spacing_m, closing_spacings=BASE_GAP_SPACINGS),
+    )
 
 
 def trim_detail(
     vertices: Float32,
     faces: Int32,
     cleaned: Cleaned,
-    tree: cKDTree,
+    ground: SampledGround,
     *,
     largest: float,
     island_faces: int,
@@ -105,8 +106,8 @@ def trim_detail(
         Metres, scene frame.
     faces : ndarray of shape (F, 3), int32
     cleaned : Cleaned
-    tree : cKDTree
-        Over the cloud's points.
+    ground : SampledGround
+        Of the same cloud.
     largest : float
         Support ratio that no place may pass.
     island_faces : int
@@ -125,46 +126,45 @@ def trim_detail(
     spacing_m, local_m = cleaned.cloud.spacing_m, cleaned.local_spacing_m
 
     def ratio_of(places: Float32) -> Float32:
-        return support_ratio(places, tree, local_m, spacing_m, workers=threads)
+        return support_ratio(places, ground.tree, local_m, spacing_m, workers=threads)
 
     ratio = ratio_of(vertices)
-    rule = make_edge_rule(vertices, faces, ratio, cleaned, largest=largest)
-    outline = rule.footprint
-    assert outline is not None  # make_edge_rule draws one
-    # What whole faces by the largest ratio alone would have left: the rule up to November 2026.
-    coarse = faces[(ratio <= largest)[faces].all(axis=1)]
-    before = measure_border(vertices, coarse, outline, ratio_of, spacing_m)
-    del coarse
-    cut_vertices, cut_faces = trim_edges(vertices, faces, ratio, rule)
-    # Some of a small survey's pieces may all be islands: the largest always stays.
-    keep, islands = island_mask(cut_faces, len(cut_vertices), min_faces=island_faces)
-    cut_vertices, cut_faces = compact(cut_vertices, cut_faces, keep)
-    if not len(cut_faces):
-        raise SurveyError(
-            f"no surface lies within {largest} spacings of the {tree.n} samples; are they "
-            "scattered in space rather than on a surface? raise --trim-spacings to see"
-        )
-    # One radius for all: disks this wide that grow with the local spacing would be drawn in by
-    # another length than they reach out by, several spacings too far where thin meets dense.
-    even_m = np.full(len(local_m), spacing_m, dtype=np.float32)
+    threshold = support_threshold(support_histogram(vertices, faces, ratio), largest=largest)
+    outline = ground.outline
+    rule = EdgeRule(threshold, largest, spacing_m, outline)
     hem = replace(
         rule,
         largest=max(largest, BASE_GAP_SPACINGS),
-        footprint=footprint_of(
-            cleaned.cloud.points, even_m, spacing_m, closing_spacings=BASE_GAP_SPACINGS
-        ),
+        footprint=ground.wide,
         outward_m=HEM_SPACINGS * spacing_m,
     )
-    wide_vertices, wide_faces = trim_edges(vertices, faces, ratio, hem)
-    keep, _ = island_mask(wide_faces, len(wide_vertices), min_faces=island_faces)
-    wide = compact(wide_vertices, wide_faces, keep)
+
+    def cut(rule: EdgeRule) -> tuple[Float32, Int32, int]:
+        cut_vertices, cut_faces = trim_edges(vertices, faces, ratio, rule)
+        # Some of a small survey's pieces may all be islands: the largest always stays.
+        keep, islands = island_mask(cut_faces, len(cut_vertices), min_faces=island_faces)
+        return (*compact(cut_vertices, cut_faces, keep), islands)
+
+    def measure_before() -> BorderFacts:
+        # What whole faces by the largest ratio alone would have left: the rule up to November 2026.
+        coarse = faces[(ratio <= largest)[faces].all(axis=1)]
+        return measure_border(vertices, coarse, outline, ratio_of, spacing_m)
+
+    (cut_vertices, cut_faces, islands), (*wide, _), before = side_by_side(
+        [lambda: cut(rule), lambda: cut(hem), measure_before], threads=threads
+    )
+    if not len(cut_faces):
+        raise SurveyError(
+            f"no surface lies within {largest} spacings of the {ground.tree.n} samples; are they "
+            "scattered in space rather than on a surface? raise --trim-spacings to see"
+        )
     after = measure_border(cut_vertices, cut_faces, outline, ratio_of, spacing_m)
     counts = {
         "support_threshold": rule.threshold,
         "footprint_m2": outline.area_m2,
         **border_counts(before, after),
     }
-    return TrimmedDetail(cut_vertices, cut_faces, islands, wide, counts)
+    return TrimmedDetail(cut_vertices, cut_faces, islands, (wide[0], wide[1]), counts)
 
 
 def border_counts(before: BorderFacts, after: BorderFacts) -> dict[str, Json]:
