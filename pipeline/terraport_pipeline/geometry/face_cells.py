@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 from terraport_pipeline.model import Float32, Float64, Int32
 
-__all__ = ["CellGrid", "face_cells"]
+__all__ = ["CellGrid", "cells_around", "face_cells"]
 
-_MAX_SIDE: Final = 2**21 - 1
-"""Cells along one axis at most: three axes fit a 63-bit key."""
+_MAX_SIDE: Final = 2**21 - 4
+"""Cells along one axis at most: three axes fit a 63-bit key, with room for one beyond at each
+end."""
 
 _Int64 = npt.NDArray[np.int64]
 
@@ -29,7 +30,7 @@ class CellGrid:
     low: Float64
     """(3,) corner of the first cell, metres; nothing lies below it."""
     edge_m: float
-    """Mean edge. Nothing may lie 2,097,151 cells from the corner."""
+    """Mean edge. Nothing may lie 2,097,148 cells from the corner."""
 
 
 def face_cells(
@@ -63,15 +64,69 @@ def face_cells(
     """
     if not len(faces):
         return np.zeros(0, np.int32), np.zeros(1, np.int64)
-    if grid is None:
-        low, extent, edge_m = _extent(vertices, faces)
-        size_m = max(edges * edge_m, extent / _MAX_SIDE, 1e-9)
-    else:
-        low, size_m = grid.low, edges * grid.edge_m
+    low, size_m = _cell_size(vertices, faces, edges, grid)
     keys = _keys(vertices, faces, low, size_m)
     order = np.argsort(keys, kind="stable").astype(np.int32)
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1)).astype(np.int64)
     return order, np.append(starts, len(faces))
+
+
+def cells_around(
+    vertices: Float32,
+    faces: Int32,
+    order: Int32,
+    starts: _Int64,
+    edges: float,
+    grid: CellGrid | None = None,
+) -> Int32:
+    """Find the cells around each.
+
+    Parameters
+    ----------
+    vertices, faces, edges, grid
+        As :func:`face_cells` was given them.
+    order, starts : ndarray
+        What it gave.
+
+    Returns
+    -------
+    ndarray of shape (C, 27), int32
+        Cell itself (at 13) and its neighbours, -1 where there are no faces.
+
+    Examples
+    --------
+    >>> place = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1]], np.float32)
+    >>> row = np.concatenate([place, place + np.float32([5, 0, 0])])
+    >>> faces = np.array([[0, 2, 1], [3, 5, 4]], np.int32)
+    >>> near = cells_around(row, faces, *face_cells(row, faces, 4.0), 4.0)
+    >>> near[:, [4, 13, 22]].tolist()
+    [[-1, 0, 1], [0, 1, -1]]
+    """
+    low, size_m = _cell_size(vertices, faces, edges, grid)
+    return _rows_around(_keys(vertices, faces[order[starts[:-1]]], low, size_m))
+
+
+def _cell_size(
+    vertices: Float32, faces: Int32, edges: float, grid: CellGrid | None
+) -> tuple[Float64, float]:
+    """Corner of the first cell, and the side of each, metres."""
+    if grid is not None:
+        return grid.low, edges * grid.edge_m
+    low, extent, edge_m = _extent(vertices, faces)
+    return low, max(edges * edge_m, extent / _MAX_SIDE, 1e-9)
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows_around(keys: _Int64) -> Int32:
+    """Rows of the 27 cells around every cell, of keys that ascend."""
+    rows = np.empty((len(keys), 27), np.int32)
+    for c in range(len(keys)):
+        for n in range(27):
+            dx, dy, dz = n // 9 - 1, (n // 3) % 3 - 1, n % 3 - 1
+            wanted = keys[c] + ((((dx << 21) + dy) << 21) + dz)
+            at = np.searchsorted(keys, wanted)
+            rows[c, n] = at if at < len(keys) and keys[at] == wanted else -1
+    return rows
 
 
 @numba.njit(cache=True, nogil=True)
@@ -101,6 +156,7 @@ def _keys(vertices: Float32, faces: Int32, low: Float64, size: float) -> _Int64:
     for f in range(len(faces)):
         key = 0
         for k in range(3):
-            key = (key << 21) | int((vertices[faces[f, 0], k] - low[k]) / size)
+            # from 1 on, so that a neighbour's number never borrows from the next axis
+            key = (key << 21) | (int((vertices[faces[f, 0], k] - low[k]) / size) + 1)
         keys[f] = key
     return keys

@@ -63,6 +63,77 @@ def test_what_stays_counts_less_the_more_it_differs() -> None:
     assert (candidates.quality[:, 2] < candidates.quality[:, 0] - 1000).all()
 
 
+def leaves(size: int, *, deep: int, seed: int = 0) -> np.ndarray:
+    """Grey levels about 100: of so many faces every other one is leaf or gap."""
+    return (100 + deep * np.where(np.random.default_rng(seed).random(size) < 0.5, 1, -1)).astype(
+        np.uint8
+    )
+
+
+def two_views(second: np.ndarray, first: int = 100, own: int = 100):
+    """A sheet in two views, the second with a level for each face: faces that keep it."""
+    vertices, faces = ground(24)
+    views = np.full((len(faces), SLOTS), -1, np.int16)
+    views[:, 0], views[:, 1] = 0, 1
+    colour = np.zeros((len(faces), SLOTS, 3), np.uint8)
+    colour[:, 0] = first
+    colour[:, 1] = second[:, None]
+    candidates = Candidates(views, np.where(views >= 0, 20_000, 0).astype(np.uint16), colour)
+    drop_outliers(candidates, vertices, faces, np.full((len(faces), 3), own, np.uint8))
+    assert (candidates.view[:, 0] == 0).all()
+    return (candidates.view == 1).any(axis=1), vertices[faces].mean(axis=1)
+
+
+def test_leaves_have_the_mean_of_grass_but_not_its_grain() -> None:
+    faces = len(ground(24)[1])
+    assert not two_views(leaves(faces, deep=40))[0].any()
+    assert two_views(leaves(faces, deep=5))[0].all()
+
+
+def test_what_is_rough_in_all_views_is_rough() -> None:
+    vertices, faces = ground(24)
+    views = np.full((len(faces), SLOTS), -1, np.int16)
+    views[:, 0], views[:, 1] = 0, 1
+    colour = np.zeros((len(faces), SLOTS, 3), np.uint8)
+    colour[:, 0] = leaves(len(faces), deep=40)[:, None]
+    colour[:, 1] = leaves(len(faces), deep=40, seed=1)[:, None]
+    candidates = Candidates(views, np.full_like(views, 20_000).astype(np.uint16), colour)
+    own = np.full((len(faces), 3), 100, np.uint8)
+    assert drop_outliers(candidates, vertices, faces, own) < 0.02 * 2 * len(faces)
+
+
+def test_the_rim_of_what_is_dropped_goes_too() -> None:
+    vertices, faces = ground(24)
+    across = vertices[faces].mean(axis=1)[:, 0]
+    inside = across < 20.0
+    # half of it far from the rest, and a strip beside it only somewhat
+    kept, places = two_views(np.where(inside, 180, np.where(across < 24.0, 116, 100)))
+    assert not kept[places[:, 0] < 20.0].any()
+    assert not kept[(places[:, 0] > 20.5) & (places[:, 0] < 23.0)].any()
+    assert kept[places[:, 0] > 36.0].all()
+    # by itself the strip stays
+    kept, places = two_views(np.where((across > 20.0) & (across < 24.0), 116, 100))
+    assert kept.all()
+
+
+def test_threads_change_nothing() -> None:
+    vertices, faces = ground(40)
+    rng = np.random.default_rng(3)
+    views = np.full((len(faces), SLOTS), -1, np.int16)
+    views[:, :4] = np.arange(4)
+    colour = rng.integers(60, 160, (len(faces), SLOTS, 3)).astype(np.uint8)
+    colour[: len(faces) // 3, 1] = 220
+    results = []
+    for threads in (1, 2):
+        made = Candidates(
+            views.copy(), np.where(views >= 0, 20_000, 0).astype(np.uint16), colour.copy()
+        )
+        drop_outliers(made, vertices, faces, None, threads=threads)
+        results.append(made)
+    np.testing.assert_array_equal(results[0].view, results[1].view)
+    np.testing.assert_array_equal(results[0].quality, results[1].quality)
+
+
 def test_nothing() -> None:
     vertices, _ = ground(2)
     none = Candidates(
