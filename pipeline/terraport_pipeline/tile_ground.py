@@ -30,13 +30,15 @@ from terraport_pipeline.stages import (
     solve_tile,
 )
 from terraport_pipeline.stages.clean import Cleaned
+from terraport_pipeline.stages.trim_detail import BASE_GAP_SPACINGS
 from terraport_pipeline.tile_memory import TileForecast, choose_depth, forecast_tiles
 from terraport_pipeline.workdir import StageRecord, stage_key
 
 __all__ = ["Ground", "TileOptions", "prepare", "raster_of", "tile_tasks"]
 
-_KEPT_RATIO: Final = 8.0
-"""Support ratio up to which a tile keeps its surface until the join decides."""
+_KEPT_BEYOND: Final = 3.0
+"""A tile keeps its surface until the join decides: so many spacings farther than any rule of the
+join lets it reach (the base's hem is 1.5 wide)."""
 
 _THINNED_POINTS: Final = 1_500_000
 """Samples of the thinned copy: four per cell of a base of depth 9, and 0.8 GB to clean."""
@@ -250,7 +252,7 @@ def tile_tasks(
                 outlier_deviations=clean_options.outlier_deviations,
                 normal_neighbours=clean_options.normal_neighbours,
                 point_weight=options.point_weight,
-                kept_ratio=max(_KEPT_RATIO, options.trim_spacings + 1.0),
+                kept_ratio=max(BASE_GAP_SPACINGS, options.trim_spacings) + _KEPT_BEYOND,
                 raster_low=raster.low,
                 raster_cell_m=raster.cell_m,
                 raster_shape=(raster.spacing_m.shape[0], raster.spacing_m.shape[1]),

@@ -135,6 +135,7 @@ def finish_tile(job: FinishJob) -> StageRecord:
     values = {
         "faces": len(arrays["faces"]),
         "vertices": len(arrays["vertices"]),
+        "base_faces": len(arrays["base-faces"]),
         "box": [float(side) for side in box],
     }
     cost = Cost(measure.seconds, measure.peak_bytes)

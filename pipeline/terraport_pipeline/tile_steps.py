@@ -22,6 +22,7 @@ from terraport_pipeline.measure import Measure
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import join_tiles, joined_tile, partition, reconstruct, solve_tile
 from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.tile_edges import edge_rules
 from terraport_pipeline.tile_ground import Ground, raster_of
 from terraport_pipeline.tile_jobs import (
     FinishJob,
@@ -127,7 +128,7 @@ def join_all(
         arrays = [TileArrays(work.path / solve_name(tile)) for tile in range(plan.count)]
         borders = [_border(each) for each in arrays]
         context.progress.start("tiles: join", 2.0 * plan.count, "tiles")
-        rule = join_tiles.edge_rule(
+        rules = edge_rules(
             arrays,
             raster_of(ground),
             largest=options.trim_spacings,
@@ -136,7 +137,7 @@ def join_all(
         seams = weld_tiles(borders, plan.neighbours())
         names, codes = tasks[0].attributes, tasks[0].codes
         places = tuple(place for place, name in enumerate(names) if name in codes)
-        join = join_tiles.Join.of(seams, arrays, len(names), places, rule)
+        join = join_tiles.Join.of(seams, arrays, len(names), places, rules)
         del arrays
 
         def each(function: Callable[[LookJob], T], join: join_tiles.Join, name: str) -> list[T]:
@@ -157,7 +158,7 @@ def join_all(
         settled = join_tiles.settle(
             each(look_at_tile, join, "look"), len(join.cells), min_faces=options.island_faces
         )
-        facts = _seam_facts(seams, settled, rule)
+        facts = _seam_facts(seams, settled, rules[0])
         context.progress.done({"seam edges": settled.seam_edges, "cracks": settled.cracks})
         return join_tiles.to_stored(join, settled), facts
 
@@ -214,7 +215,11 @@ def join_all(
         tuple(int(made[tile].values["vertices"]) for tile in kept),
         tasks[0].attributes,
         int(joined.record.facts.counts["shared_vertices"]),
-        stage_key("tiles", "", {}, {tile_name(tile): made[tile].digest for tile in kept}),
+        stage_key(
+            "tiles", "", {}, {tile_name(tile): made[tile].digest for tile in range(plan.count)}
+        ),
+        tuple(tile_name(tile) for tile in range(plan.count)),
+        tuple(int(made[tile].values["base_faces"]) for tile in range(plan.count)),
     )
     return stored, joined.record.facts
 

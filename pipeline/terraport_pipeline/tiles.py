@@ -139,11 +139,20 @@ class StoredTiles:
     attributes: tuple[str, ...]
     border_count: int
     digest: str
+    base_names: tuple[str, ...] = ()
+    """Folders of the surface that the base is thinned from: also of tiles without detail."""
+    base_faces: tuple[int, ...] = ()
+    """Faces in each of those."""
 
     @property
     def count(self) -> int:
         """Number of tiles."""
         return len(self.names)
+
+    def base_part(self, i: int) -> tuple[Float32, Int32]:
+        """Read vertices and faces of one part of the surface that the base is thinned from."""
+        folder = self.folder / self.base_names[i]
+        return _read(folder / "base-vertices.npy"), _read(folder / "base-faces.npy")
 
     def load(self, i: int) -> Mesh:
         """Read one tile.
@@ -176,19 +185,22 @@ class StoredTiles:
 
     def _read(self, i: int, field: str) -> npt.NDArray[Any]:
         _check(i, self.count)
-        path = self.folder / self.names[i] / f"{field}.npy"
-        try:
-            found: npt.NDArray[Any] = np.load(path, allow_pickle=False)
-        except (OSError, ValueError, EOFError) as error:
-            raise WorkDirectoryError(
-                f"{path} cannot be read ({error}); build again with --no-resume"
-            ) from None
-        return found
+        return _read(self.folder / self.names[i] / f"{field}.npy")
 
 
 def vertex_box(vertices: Float32) -> Float64:
     """Box of vertices: (6,) lowest and highest x, y, z."""
     return np.concatenate([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
+
+
+def _read(path: Path) -> npt.NDArray[Any]:
+    try:
+        found: npt.NDArray[Any] = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise WorkDirectoryError(
+            f"{path} cannot be read ({error}); build again with --no-resume"
+        ) from None
+    return found
 
 
 def _check(i: int, count: int) -> None:

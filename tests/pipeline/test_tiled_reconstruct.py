@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from terraport_pipeline import tile_ground, tiled_reconstruct
+from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.deviation import distances_to_mesh
@@ -45,7 +46,13 @@ def small_tiles() -> Iterator[None]:
         yield
 
 
-def build(survey: Path, work: Path, *, cluster: str | None = None) -> TiledReconstructed:
+def build(
+    survey: Path,
+    work: Path,
+    *,
+    cluster: str | None = None,
+    options: reconstruct.Options = OPTIONS,
+) -> TiledReconstructed:
     runner = StageRunner(WorkDirectory(work), True, NullProgress(), 1, 8 << 30)
     return tiled_reconstruct.run(
         runner,
@@ -53,7 +60,7 @@ def build(survey: Path, work: Path, *, cluster: str | None = None) -> TiledRecon
         "survey",
         max_points=None,
         clean_options=clean.Options(),
-        options=OPTIONS,
+        options=options,
         tiles=TileOptions(force=True, depth=7, cluster=cluster),
     )
 
@@ -132,7 +139,7 @@ def test_it_lies_on_the_surface_of_the_whole(
     cleaned = clean.run(read_survey(survey), clean.Options(), Context(tmp_path))
     whole = reconstruct.run(cleaned, OPTIONS, Context(tmp_path)).detail
     assert made.origin.tolist() == cleaned.cloud.origin.tolist()
-    assert made.points == made.facts.counts["points"] == len(cleaned.cloud.points) < POINTS
+    assert made.points == made.facts.counts["points"] == len(cleaned.cloud.points) <= POINTS
     total = sum(made.tiles.face_count(i) for i in range(made.tiles.count))
     assert total == pytest.approx(len(whole.faces), rel=0.05)
     for i in range(made.tiles.count):
@@ -151,6 +158,38 @@ def test_the_base_is_light_and_near(made: TiledReconstructed) -> None:
     assert 1_000 < len(made.base.faces) <= 1.2 * OPTIONS.base_faces
     assert made.deviation_m[2] < 2 * made.cell_m
     assert tuple(made.base.attributes) == made.tiles.attributes == ("grade",)
+
+
+def seen_through(made: TiledReconstructed) -> float:
+    """Share of the detail's own border that no base lies above or below."""
+    places, faces, edges = joined_edges(made)
+    key = edges[:, 0] * len(places) + edges[:, 1]
+    back = edges[:, 1] * len(places) + edges[:, 0]
+    rim = np.unique(edges[~np.isin(back, key)])
+    rays = RayScene(made.base.vertices, made.base.faces, threads=1)
+    start = places[rim] + np.array([0.0, 500.0, 0.0])
+    distance, _ = rays.closest_hit(start, np.tile([0.0, -1.0, 0.0], (len(rim), 1)))
+    assert len(faces) > len(rim) > 100
+    return float(np.isinf(distance).mean())
+
+
+def test_the_base_reaches_beyond_the_detail(made: TiledReconstructed) -> None:
+    assert seen_through(made) < 0.01
+
+
+def test_a_base_by_poisson_lies_under_the_detail_too(
+    made: TiledReconstructed, survey: Path, work: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "work"
+    shutil.copytree(work, copy)
+    other = dataclasses.replace(OPTIONS, base_from="poisson", base_depth=6)
+    solved = build(survey, copy, options=other)
+    assert solved.facts.counts["base_from"] == "poisson"
+    assert solved.facts.counts["base_depth"] == 6
+    assert solved.digest != made.digest
+    assert 500 < len(solved.base.faces) <= 1.2 * OPTIONS.base_faces
+    assert seen_through(solved) < 0.02
+    assert made.deviation_m[1] < solved.deviation_m[1] < 8 * made.cell_m
 
 
 def test_nothing_is_done_twice_and_a_lost_tile_is_made_again(

@@ -23,8 +23,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.geometry.edges import EdgeRule
-from terraport_pipeline.geometry.footprint import Footprint, Occupancy, make_footprint
-from terraport_pipeline.geometry.support import support_threshold
+from terraport_pipeline.geometry.footprint import Footprint
 from terraport_pipeline.geometry.tile_weld import Seams
 from terraport_pipeline.geometry.vertex_normals import unit_normals
 from terraport_pipeline.model import Float32, Float64, Int32
@@ -37,7 +36,6 @@ __all__ = [
     "Settled",
     "Weak",
     "cut_ids",
-    "edge_rule",
     "forgive",
     "from_stored",
     "settle",
@@ -76,8 +74,12 @@ class Join:
     """Per tile: (K, 3) ids."""
     rule: EdgeRule
     """Where the surface ends."""
+    base_rule: EdgeRule
+    """Where the surface ends that the base is thinned from: farther out, with fewer gaps."""
     forgiven: tuple[Mask, ...]
     """Per tile: which of its weak places stay."""
+    base_forgiven: tuple[Mask, ...]
+    """Per tile: which of them stay in the base."""
 
     @classmethod
     def of(
@@ -86,7 +88,7 @@ class Join:
         tiles: Sequence[Arrays],
         names: int,
         codes: tuple[int, ...],
-        rule: EdgeRule,
+        rules: tuple[EdgeRule, EdgeRule],
     ) -> Self:
         """Take colours and attributes of shared vertices from their owners.
 
@@ -99,7 +101,8 @@ class Join:
             Number of attributes.
         codes : tuple of int
             Those that hold codes.
-        rule : EdgeRule
+        rules : pair of EdgeRule
+            Of the surface, of the base.
         """
         count = len(seams.cells)
         colours = np.zeros((count, 3), np.uint8)
@@ -122,7 +125,8 @@ class Join:
             seams.tile_rows,
             seams.tile_ids,
             seams.fillers,
-            rule,
+            *rules,
+            none,
             none,
         )
 
@@ -176,29 +180,6 @@ class Settled:
     """Other open edges along walls: the surface ends there."""
 
 
-def edge_rule(
-    tiles: Sequence[Arrays], raster: Occupancy, *, largest: float, spacing_m: float
-) -> EdgeRule:
-    """Read from all tiles where the surface ends.
-
-    Parameters
-    ----------
-    tiles : sequence of mapping
-        Gives ``histogram``, ``raster-cells`` and ``raster-spacing`` of every tile.
-    raster : Occupancy
-        Empty; filled here.
-    largest, spacing_m : float
-        As in :class:`~terraport_pipeline.geometry.edges.EdgeRule`.
-    """
-    for arrays in tiles:
-        cells = arrays["raster-cells"]
-        np.maximum.at(raster.spacing_m.reshape(-1), cells, arrays["raster-spacing"])
-    histogram = np.sum([arrays["histogram"] for arrays in tiles], axis=0)
-    threshold = support_threshold(histogram, largest=largest)
-    outline = make_footprint(raster) if raster.spacing_m.any() else None
-    return EdgeRule(threshold, largest, spacing_m, outline)
-
-
 def forgive(join: Join, weak: Sequence[Weak]) -> Join:
     """Decide which weak places stay: those that, over all tiles, nowhere pass the largest ratio."""
     label, _ = _over_tiles(
@@ -207,9 +188,13 @@ def forgive(join: Join, weak: Sequence[Weak]) -> Join:
     farthest = np.concatenate([np.zeros(0, np.float32), *(each.farthest for each in weak)])
     worst = np.zeros(int(label.max(initial=-1)) + 1, dtype=np.float32)
     np.maximum.at(worst, label, farthest)
-    stays = worst[label] <= join.rule.largest
-    ends = np.cumsum([len(each.farthest) for each in weak])
-    return replace(join, forgiven=tuple(np.split(stays, ends[:-1])))
+    ends = np.cumsum([len(each.farthest) for each in weak])[:-1]
+    stays, base_stays = (worst[label] <= rule.largest for rule in (join.rule, join.base_rule))
+    return replace(
+        join,
+        forgiven=tuple(np.split(stays, ends)),
+        base_forgiven=tuple(np.split(base_stays, ends)),
+    )
 
 
 def settle(looks: Sequence[Look], count: int, *, min_faces: int) -> Settled:
@@ -265,33 +250,38 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         0,
         0,
     )
-    rule, outline = join.rule, join.rule.footprint
+    rules = (("rule", join.rule), ("base_rule", join.base_rule))
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "cells": join.cells,
         "ratio": join.ratio,
         "colours": join.colours,
         "pairs": settled.pairs,
         "normals": settled.normals,
-        "footprint": np.zeros((0, 0), np.float32) if outline is None else outline.field_m,
     }
+    values: dict[str, Any] = {
+        "attributes": len(join.attributes),
+        "codes": list(join.codes),
+        "counts": [settled.islands, settled.seam_edges, settled.cracks, settled.rims],
+    }
+    for name, rule in rules:
+        outline = rule.footprint
+        field_m = np.zeros((0, 0), np.float32) if outline is None else outline.field_m
+        arrays[f"{name}-footprint"] = field_m
+        place = None if outline is None else [*outline.low, outline.cell_m]
+        numbers = [rule.threshold, rule.largest, rule.spacing_m, rule.outward_m]
+        values[name] = {"numbers": numbers, "footprint": place}
     arrays |= {f"attribute-{i}": values for i, values in enumerate(join.attributes)}
     lists: tuple[tuple[str, Sequence[npt.NDArray[Any]]], ...] = (
         ("rows", join.rows),
         ("ids", join.ids),
         ("fillers", join.fillers),
         ("forgiven", join.forgiven),
+        ("base_forgiven", join.base_forgiven),
         ("dropped", settled.dropped),
     )
     for name, parts in lists:
         arrays[name] = np.concatenate(parts)
         arrays[f"{name}-starts"] = np.cumsum([0, *(len(part) for part in parts)])
-    values = {
-        "attributes": len(join.attributes),
-        "codes": list(join.codes),
-        "rule": [rule.threshold, rule.largest, rule.spacing_m],
-        "footprint": None if outline is None else [*outline.low, outline.cell_m],
-        "counts": [settled.islands, settled.seam_edges, settled.cracks, settled.rims],
-    }
     return Stored(arrays, values)
 
 
@@ -302,11 +292,15 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
     def parts(name: str) -> tuple[Any, ...]:
         return tuple(np.split(arrays[name], arrays[f"{name}-starts"][1:-1]))
 
-    outline = None
-    if values["footprint"] is not None:
-        x, z, cell_m = values["footprint"]
-        outline = Footprint((x, z), cell_m, np.asarray(arrays["footprint"], np.float32))
-    threshold, largest, spacing_m = values["rule"]
+    def rule(name: str) -> EdgeRule:
+        told, outline = values[name], None
+        if told["footprint"] is not None:
+            x, z, cell_m = told["footprint"]
+            field_m = np.asarray(arrays[f"{name}-footprint"], np.float32)
+            outline = Footprint((x, z), cell_m, field_m)
+        threshold, largest, spacing_m, outward_m = told["numbers"]
+        return EdgeRule(threshold, largest, spacing_m, outline, outward_m)
+
     join = Join(
         np.asarray(arrays["cells"], np.float64),
         np.asarray(arrays["ratio"], np.float32),
@@ -318,8 +312,10 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
         parts("rows"),
         parts("ids"),
         parts("fillers"),
-        EdgeRule(threshold, largest, spacing_m, outline),
+        rule("rule"),
+        rule("base_rule"),
         parts("forgiven"),
+        parts("base_forgiven"),
     )
     settled = Settled(
         np.asarray(arrays["pairs"], np.int64),

@@ -16,6 +16,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from terraport_pipeline.geometry.clip import Clip, clip_with_sources
+from terraport_pipeline.geometry.edges import EdgeRule
 from terraport_pipeline.geometry.tile_plan import Lattice
 from terraport_pipeline.geometry.trim import compact
 from terraport_pipeline.geometry.vertex_normals import normal_sums, unit_normals
@@ -46,7 +47,7 @@ class _Welded:
 def weak_places(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Weak:
     """Find the connected weak places of a tile and how weak they get."""
     welded = _weld(task, tile, arrays, join)
-    rows, label = _weak(welded, join)
+    rows, label = _weak(welded, join.rule)
     farthest = np.zeros(int(label.max(initial=-1)) + 1, dtype=np.float32)
     np.maximum.at(farthest, label, welded.ratio[rows])
     shared = welded.ids[rows] >= 0
@@ -57,7 +58,7 @@ def weak_places(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Weak:
 def look(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Look:
     """Look at a tile as it will be, but for its loose pieces and shared normals."""
     welded = _weld(task, tile, arrays, join)
-    cut = _cut(welded, tile, join)
+    cut = _cut(welded, join.rule, join.forgiven[tile])
     piece, sizes = _pieces(cut.faces, len(cut.vertices))
     of_vertex = np.zeros(len(cut.vertices), dtype=np.int64)
     of_vertex[cut.faces.ravel()] = np.repeat(piece, 3)
@@ -71,9 +72,12 @@ def look(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Look:
 def finish(
     task: TileTask, tile: int, arrays: Arrays, join: Join, settled: Settled
 ) -> tuple[dict[str, npt.NDArray[np.generic]], Float64]:
-    """Make a tile as it will be: arrays of :class:`~terraport_pipeline.tiles.StoredTiles`, box."""
+    """Make a tile as it will be: arrays of :class:`~terraport_pipeline.tiles.StoredTiles`, box.
+
+    ``base-vertices`` and ``base-faces`` are the surface that the base is thinned from.
+    """
     welded = _weld(task, tile, arrays, join)
-    cut = _cut(welded, tile, join)
+    cut = _cut(welded, join.rule, join.forgiven[tile])
     piece, _ = _pieces(cut.faces, len(cut.vertices))
     keep = ~np.isin(piece, settled.dropped[tile])
     used = np.zeros(len(cut.vertices), dtype=bool)
@@ -110,6 +114,9 @@ def finish(
         "border-rows": border.astype(np.int32),
         "border-ids": ids[used][border],
     }
+    wide = _cut(welded, join.base_rule, join.base_forgiven[tile])
+    every = np.ones(len(wide.faces), dtype=bool)
+    made["base-vertices"], made["base-faces"] = compact(wide.vertices, wide.faces, every)
     return made, vertex_box(final) if len(final) else np.zeros(6)
 
 
@@ -144,9 +151,9 @@ def _weld(task: TileTask, tile: int, arrays: Arrays, join: Join) -> _Welded:
     return _Welded(vertices, faces, numbers, ratio, in_wall)
 
 
-def _weak(welded: _Welded, join: Join) -> tuple[Int64, Int64]:
+def _weak(welded: _Welded, rule: EdgeRule) -> tuple[Int64, Int64]:
     """Weak vertices and the connected weak place of each, numbered by their first vertex."""
-    weak = welded.ratio > join.rule.threshold
+    weak = welded.ratio > rule.threshold
     rows = np.flatnonzero(weak)
     number = np.cumsum(weak, dtype=np.int64) - 1
     faces = welded.faces
@@ -164,15 +171,15 @@ def _weak(welded: _Welded, join: Join) -> tuple[Int64, Int64]:
     return rows, _renumbered(label)
 
 
-def _cut(welded: _Welded, tile: int, join: Join) -> Clip:
+def _cut(welded: _Welded, rule: EdgeRule, forgiven: npt.NDArray[np.bool_]) -> Clip:
     """Cut along the end of support and footprint; as geometry/edges.py, decided for the whole."""
-    rule = join.rule
-    rows, label = _weak(welded, join)
+    rows, label = _weak(welded, rule)
     limit = np.full(len(welded.ratio), rule.threshold, dtype=np.float32)
-    limit[rows[join.forgiven[tile][label]]] = rule.largest
+    limit[rows[forgiven[label]]] = rule.largest
     field_m = ((limit - welded.ratio) * np.float32(rule.spacing_m)).astype(np.float32)
     if rule.footprint is not None:
         np.minimum(field_m, rule.footprint.margin_m(welded.vertices), out=field_m)
+    field_m += np.float32(rule.outward_m)
     return clip_with_sources(welded.vertices, welded.faces, field_m)
 
 

@@ -31,7 +31,7 @@ from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.trim_detail import sampled_ground, trim_detail
 
-__all__ = ["NAME", "Options", "Reconstructed", "restore", "run", "store"]
+__all__ = ["NAME", "Options", "Reconstructed", "restore", "run", "store", "trim_base"]
 
 NAME: Final = "reconstruct"
 
@@ -160,7 +160,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
             told: dict[str, Json] = {}
         else:
             cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
-            thinned = _trim_base(*solved_base, detail, cell_m, context)
+            thinned = trim_base(*solved_base, detail[0], cell_m, threads=context.threads)
             told = {
                 "base_depth": base_depth,
                 "base_faces_solved": solved[1],
@@ -291,18 +291,23 @@ def _solve(
     return surfaces, forecasts
 
 
-def _trim_base(
-    vertices: Float32,
-    faces: Int32,
-    detail: tuple[Float32, Int32],
-    cell_m: float,
-    context: Context,
+def trim_base(
+    vertices: Float32, faces: Int32, detail: Float32, cell_m: float, *, threads: int = 1
 ) -> tuple[Float32, Int32]:
-    """Keep every base face near any detail, so that the base lies under all of it."""
-    tree = cKDTree(detail[0], balanced_tree=False)
-    keep = near_mask(
-        vertices, faces, tree, margin_m=_BASE_MARGIN_CELLS * cell_m, workers=context.threads
-    )
+    """Keep every base face near any detail, so that the base lies under all of it.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        Of a base that was solved apart.
+    detail : ndarray of shape (V, 3), float32
+        Vertices of the detail, or of a surface thinned from it.
+    cell_m : float
+        Of the base's octree.
+    threads : int
+    """
+    tree = cKDTree(detail, balanced_tree=False)
+    keep = near_mask(vertices, faces, tree, margin_m=_BASE_MARGIN_CELLS * cell_m, workers=threads)
     if not keep.any():  # the two surfaces share nothing: keep all rather than leave a hole
         keep[:] = True
     # Where the base bulges and the detail does not (a tree that was an island of the detail), the

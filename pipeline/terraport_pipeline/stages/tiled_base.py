@@ -1,8 +1,10 @@
 """The base of a detail in tiles: every tile thinned by itself, then all of them together.
 
 As the whole build's base, with a tile in place of a block: what tiles share is held while they are
-thinned apart, so the pieces still fit each other bit for bit. Memory: one tile, then about 500
-bytes per face of four times the base.
+thinned apart, so the pieces still fit each other bit for bit. It starts from the wider surface that
+the join cuts beside the detail: with a hem, and without the smaller gaps (``trim_detail.py``). A
+base by Poisson is solved on the thinned survey and cut to that surface. Memory: one tile, then
+about 500 bytes per face of four times the base; for a base by Poisson what its forecast says.
 """
 
 from __future__ import annotations
@@ -14,16 +16,19 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_payload.order import order_for_cache
+from terraport_pipeline.engines import poisson
+from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_block, thin_detail
 from terraport_pipeline.geometry.carry import carry_values
 from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.geometry.face_blocks import weld
+from terraport_pipeline.geometry.trim import compact, island_mask
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
-from terraport_pipeline.model import Float32, Mesh
+from terraport_pipeline.model import Float32, Int32, Mesh
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
-from terraport_pipeline.stages.reconstruct import Options
-from terraport_pipeline.tiles import DetailTiles
+from terraport_pipeline.stages.reconstruct import Options, trim_base
+from terraport_pipeline.tiles import StoredTiles
 
 __all__ = ["NAME", "TiledBase", "restore", "run", "store"]
 
@@ -46,44 +51,31 @@ class TiledBase:
     facts: Facts
 
 
-def run(cleaned: Cleaned, tiles: DetailTiles, options: Options, context: Context) -> TiledBase:
+def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context) -> TiledBase:
     """Make the base.
 
     Parameters
     ----------
     cleaned : Cleaned
         The thinned survey; gives the base its colours and attributes.
-    tiles : DetailTiles
+    tiles : StoredTiles
     options : Options
-        ``base_faces``.
     context : Context
+
+    Raises
+    ------
+    ResourceError, EngineError
+        As :func:`terraport_pipeline.engines.poisson.reconstruct`, with a base by Poisson.
     """
-    total = sum(tiles.face_count(i) for i in range(tiles.count))
-    wanted = _FIRST_SHARE * options.base_faces
-    context.progress.start("base: tiles", float(tiles.count), "tiles")
-    parts = []
-    samples: list[Float32] = []
-    step = max(1, sum(tiles.vertex_count(i) for i in range(tiles.count)) // _DEVIATION_SAMPLES)
-    for i in range(tiles.count):
-        mesh = tiles.load(i)
-        samples.append(mesh.vertices[::step].copy())
-        share = max(1, round(len(mesh.faces) * wanted / total))
-        if total > 2 * wanted:
-            parts.append(
-                thin_block(mesh.vertices, mesh.faces, max_faces=share, threads=context.threads)
-            )
-        else:
-            parts.append((mesh.vertices, mesh.faces))
-        context.progress.advance(1.0)
-    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    faces = [part[1] + np.int32(base) for part, base in zip(parts, first, strict=False)]
-    vertices, joined = weld(np.concatenate([v for v, _ in parts]), np.concatenate(faces))
-    del parts
-    context.progress.done({"faces": len(joined)})
+    vertices, joined = _thinned_tiles(tiles, options, context)
+    counts: dict[str, Json] = {"base_from": options.base_from, "base_faces_before": len(joined)}
     context.progress.start("base: whole", None, "faces")
-    thin, triangles = thin_detail(
-        vertices, joined, max_faces=options.base_faces, threads=context.threads
-    )
+    if options.base_from == "poisson":
+        thin, triangles, counts["base_depth"] = _solved(cleaned, vertices, options, context)
+    else:
+        thin, triangles = thin_detail(
+            vertices, joined, max_faces=options.base_faces, threads=context.threads
+        )
     # Vertex cache order now: the cover names base faces by number.
     triangles = triangles[order_for_cache(triangles.astype(np.uint32))]
     cloud = cleaned.cloud
@@ -98,7 +90,8 @@ def run(cleaned: Cleaned, tiles: DetailTiles, options: Options, context: Context
     )
     base = Mesh(thin, triangles, vertex_normals(thin, triangles), colours, attributes)
     context.progress.done({"base faces": len(triangles)})
-    picked = np.concatenate(samples)
+    step = max(1, sum(tiles.vertex_count(i) for i in range(tiles.count)) // _DEVIATION_SAMPLES)
+    picked = np.concatenate([tiles.load(i).vertices[::step] for i in range(tiles.count)])
     context.progress.start("base: deviation", float(len(picked)), "samples")
     distances_m = distances_to_mesh(picked, thin, triangles, workers=context.threads)
     found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
@@ -109,10 +102,59 @@ def run(cleaned: Cleaned, tiles: DetailTiles, options: Options, context: Context
             f"the base keeps {len(triangles)} faces, {options.base_faces} were asked: its border "
             "alone needs more; raise --base-faces"
         )
-    counts: dict[str, Json] = {"base_faces": len(triangles), "base_faces_before": len(joined)}
+    counts["base_faces"] = len(triangles)
     for percentile, value in zip(_PERCENTILES, found, strict=True):
         counts[f"deviation_p{percentile:g}_m"] = value
     return TiledBase(base, found, Facts(counts, tuple(warnings)))
+
+
+def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tuple[Float32, Int32]:
+    """Thin every tile to its share of four times the base, and join them bit for bit."""
+    total = sum(tiles.base_faces)
+    wanted = _FIRST_SHARE * options.base_faces
+    share = wanted / total if total > 2 * wanted else 1.0
+    context.progress.start("base: tiles", float(len(tiles.base_names)), "tiles")
+    parts = []
+    for i in range(len(tiles.base_names)):
+        if tiles.base_faces[i]:
+            vertices, faces = tiles.base_part(i)
+            if share < 1.0:
+                kept = max(1, round(len(faces) * share))
+                vertices, faces = thin_block(
+                    vertices, faces, max_faces=kept, threads=context.threads
+                )
+            parts.append((vertices, faces))
+        context.progress.advance(1.0)
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
+    numbered = [part[1] + np.int32(base) for part, base in zip(parts, first, strict=False)]
+    vertices, joined = weld(np.concatenate([v for v, _ in parts]), np.concatenate(numbered))
+    del parts, numbered
+    # Loose pieces that the detail dropped; half as strict, for thinning leaves each another share.
+    least = max(1, int(0.5 * share * options.island_faces))
+    keep, _ = island_mask(joined, len(vertices), min_faces=least)
+    context.progress.done({"faces": int(keep.sum())})
+    return compact(vertices, joined, keep)
+
+
+def _solved(
+    cleaned: Cleaned, near: Float32, options: Options, context: Context
+) -> tuple[Float32, Int32, int]:
+    """Solve the base on the thinned survey and cut it to what lies near the detail."""
+    cloud = cleaned.cloud
+    extent_m = float(np.ptp(cloud.points, axis=0).max())
+    depth = poisson.depth_for(options.base_depth, extent_m, cloud.spacing_m)
+    (surface,) = poisson.reconstruct(
+        cloud.points,
+        cloud.normals,
+        [depth],
+        context.scratch,
+        side_by_side=False,
+        max_memory_bytes=context.max_memory_bytes,
+        point_weight=options.point_weight,
+    )
+    cell_m = poisson.SCALE * extent_m / 2**depth
+    base = trim_base(*surface, near, cell_m, threads=context.threads)
+    return *decimate(*base, max_faces=options.base_faces), depth
 
 
 def store(result: TiledBase) -> Stored:
