@@ -130,7 +130,7 @@ def _open_las(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
             stream.parts,
             stream.crs,
             stream.warnings,
-            _LAS_COLOURS,
+            _LAS_COLOURS if stream.standard.issuperset(_LAS_COLOURS) else (),
             unset,
             stated_step=True,
         )

@@ -214,7 +214,7 @@ def insert(
     candidates : Candidates
         Written to.
     view : int
-        Views must come in ascending order. One only as good as the worst that a face has is left out.
+        Views must come in ascending order. One only as good as the worst of a face is left out.
     rated : Rated
         C faces.
     visible : ndarray of shape (C,), bool

@@ -1,0 +1,121 @@
+"""Surveys of every format in parts: the openers agree on what they promise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from terraport_pipeline.engines import read_las, read_xyz
+from terraport_pipeline.engines.survey_stream import open_stream, survey_size
+from terraport_pipeline.errors import ReadError
+
+COUNT = 500
+PLACES = np.random.default_rng(1).integers(0, 50_000, (COUNT, 3)) * 0.001
+
+
+@pytest.fixture(autouse=True)
+def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(read_las, "_CHUNK_POINTS", 150)
+    monkeypatch.setattr(read_xyz, "_BLOCK_BYTES", 4096)
+
+
+def write_las(path: Path, *, coloured: bool = True) -> Path:
+    header = laspy.LasHeader(point_format=7 if coloured else 6, version="1.4")
+    header.scales, header.offsets = np.full(3, 0.001), np.array([641_000.0, 8_594_000.0, 1_200.0])
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = (PLACES + header.offsets).T
+    if coloured:
+        las.red = las.green = las.blue = np.arange(COUNT, dtype=np.uint16)
+    las.write(path)
+    return path
+
+
+def write_xyz(path: Path) -> Path:
+    rows = [" ".join(f"{v:.3f}" for v in row) + " 10 20 30" for row in PLACES.tolist()]
+    path.write_text("\n".join(["x y z red green blue", *rows, ""]))
+    return path
+
+
+def write_ply(path: Path) -> Path:
+    table = np.zeros(COUNT, [("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("grade", "<f4")])
+    table["x"], table["y"], table["z"] = PLACES.T
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {COUNT}"]
+    head += [f"property {kind} {name}" for kind, name in zip(("double",) * 3, "xyz", strict=True)]
+    head += ["property float grade", "end_header", ""]
+    path.write_bytes("\n".join(head).encode() + table.tobytes())
+    return path
+
+
+FILES = [("las", "a.las", write_las), ("xyz", "a.xyz", write_xyz), ("ply", "a.ply", write_ply)]
+
+
+@pytest.mark.parametrize(("name", "file", "write"), FILES, ids=[name for name, _, _ in FILES])
+@pytest.mark.parametrize("most", [None, 100])
+def test_parts_add_up_to_what_was_told(tmp_path, name, file, write, most) -> None:
+    path = write(tmp_path / file)
+    with open_stream(path, name, max_points=most) as stream:
+        assert stream.format == name
+        assert stream.unit == ("bytes" if name == "xyz" else "points")
+        parts = list(stream.parts())
+        assert isinstance(stream.late_warnings(), tuple)
+    assert sum(part.read for part in parts) == stream.total
+    assert sum(part.kept for part in parts) == (most or COUNT)
+    first = {column: values.dtype for column, values in parts[0].columns.items()}
+    for part in parts:
+        assert {column: values.dtype for column, values in part.columns.items()} == first
+        assert all(len(values) == part.kept for values in part.columns.values())
+    assert set(stream.colours) <= set(first)
+
+
+def test_parts_hold_the_points_in_order(tmp_path) -> None:
+    with open_stream(write_las(tmp_path / "a.las"), "las") as stream:
+        parts = list(stream.parts())
+    assert len(parts) == 4
+    points = np.concatenate([part.points for part in parts]) - (641_000.0, 8_594_000.0, 1_200.0)
+    assert points == pytest.approx(PLACES, abs=1e-6)
+    assert np.concatenate([part.columns["red"] for part in parts]).tolist() == list(range(COUNT))
+
+
+def test_colours_are_named_only_where_there_are_any(tmp_path) -> None:
+    for coloured, named in ((True, ("red", "green", "blue")), (False, ())):
+        path = write_las(tmp_path / f"{coloured}.las", coloured=coloured)
+        with open_stream(path, "las") as stream:
+            assert stream.colours == named
+            # standard columns that say nothing go; a column of the surveyor's own never does
+            assert stream.unset["user_data"] == (0,)
+
+
+def test_a_header_tells_the_size(tmp_path) -> None:
+    size = survey_size(write_las(tmp_path / "a.las"), "las")
+    sides = np.ptp(PLACES, axis=0)
+    assert size.points == COUNT
+    assert size.extent == pytest.approx(sides.max(), abs=0.01)
+    assert size.area == pytest.approx(sides[0] * sides[1], rel=1e-3)
+
+
+def test_a_header_that_states_no_box_tells_the_points_alone(tmp_path) -> None:
+    path = write_las(tmp_path / "a.las")
+    data = bytearray(path.read_bytes())
+    data[179:187] = np.float64(1e30).tobytes()  # max x
+    path.write_bytes(data)
+    size = survey_size(path, "las")
+    assert (size.points, size.extent, size.area) == (COUNT, None, None)
+
+
+def test_text_is_judged_by_its_size(tmp_path) -> None:
+    path = write_xyz(tmp_path / "a.xyz")
+    size = survey_size(path, "xyz")
+    assert 0.3 * COUNT < size.points < 3 * COUNT
+    assert size.extent is None
+
+
+def test_damage_is_told_when_the_file_is_opened(tmp_path) -> None:
+    path = tmp_path / "a.las"
+    path.write_bytes(b"LASF" + bytes(100))
+    with pytest.raises(ReadError), open_stream(path, "las"):
+        pass
+    with pytest.raises(ReadError):
+        survey_size(path, "las")
