@@ -49,6 +49,9 @@ GRID: Final = (32, 24)
 MIN_SHARE: Final = 0.5
 """A view that meets the scene with less of its picture shows mostly what lies beside it."""
 
+MAX_TILES: Final = 100_000
+"""Tiles whose vertex colours are looked for."""
+
 GAP_PX: Final = 8
 
 
@@ -116,26 +119,45 @@ def find_vertex_colours(scene: Scene, work: Path | None = None) -> VertexColours
         None when they are not there or belong to another build.
     """
     place = scene.path.absolute()
-    folder = (work or place.parent / f".{place.name}.work") / "reconstruct"
+    folder = work or place.parent / f".{place.name}.work"
+    whole = _colours_of(scene, [folder / "reconstruct"], "detail-")
+    if whole is not None:
+        return whole
+    return _colours_of(scene, sorted(folder.glob("tile-*"))[:MAX_TILES], "")
+
+
+def _colours_of(scene: Scene, folders: Sequence[Path], prefix: str) -> VertexColours | None:
+    """Put the detail together from the meshes in some folders, if it is that of the scene."""
+    vertices, faces, colours = [], [], []
+    count = rows = 0
     try:
-        vertices, faces, colours = (
-            np.load(folder / f"detail-{name}.npy", mmap_mode="r", allow_pickle=False)
-            for name in ("vertices", "faces", "colours")
-        )
+        for folder in folders:
+            here = [
+                np.load(folder / f"{prefix}{name}.npy", mmap_mode="r", allow_pickle=False)
+                for name in ("vertices", "faces", "colours")
+            ]
+            if here[0].shape != here[2].shape or here[1].shape[1:] != (3,):
+                return None
+            count += len(here[1])
+            if count > scene.manifest.counts.detail_faces:
+                return None
+            vertices.append(np.array(here[0], np.float32))
+            faces.append(np.array(here[1], np.int32) + np.int32(rows))
+            colours.append(np.array(here[2], np.uint8))
+            rows += len(here[0])
     except (OSError, ValueError, EOFError):
         return None
-    bounds = scene.index.bounds  # of the detail alone: the base reaches beyond it
-    fits = (
-        faces.shape == (scene.manifest.counts.detail_faces, 3)
-        and vertices.shape == colours.shape
-        and np.allclose(vertices.min(axis=0), bounds[:, :3].min(axis=0), atol=0.05)
-        and np.allclose(vertices.max(axis=0), bounds[:, 3:].max(axis=0), atol=0.05)
-    )
-    if not fits:
+    if not count or count != scene.manifest.counts.detail_faces:
         return None
-    return VertexColours(
-        np.array(vertices, np.float32), np.array(faces, np.int32), np.array(colours, np.uint8)
+    found = VertexColours(*(np.concatenate(parts) for parts in (vertices, faces, colours)))
+    drawn = np.zeros(len(found.vertices), np.bool_)
+    drawn[found.faces.ravel()] = True
+    used = found.vertices[drawn]
+    bounds = scene.index.bounds  # of the detail alone: the base reaches beyond it
+    fits = np.allclose(used.min(axis=0), bounds[:, :3].min(axis=0), atol=0.05) and np.allclose(
+        used.max(axis=0), bounds[:, 3:].max(axis=0), atol=0.05
     )
+    return found if fits else None
 
 
 def photo_pictures(
@@ -166,6 +188,13 @@ def photo_pictures(
     panels = "the photo, the scene with textures" + (
         ", the scene with vertex colours" if plain is not None else ""
     )
+    lacking = (
+        ""
+        if plain is not None
+        else (
+            " There are no vertex colours to compare: the work directory of the build is not here."
+        )
+    )
     plain_rays = None if plain is None else RayScene(plain.vertices, plain.faces)
     for index, kind in chosen_views(opened.views, rays):
         view = opened.views[index]
@@ -179,7 +208,7 @@ def photo_pictures(
             f"Photo and scene, {kind}",
             f"{view.name}, side by side: {panels}",
             f"{view.name} ({view.lens.width} x {view.lens.height}): {panels}, drawn by the same "
-            "camera. Textures have the exposure that is common to all photos.",
+            f"camera. Textures have the exposure that is common to all photos.{lacking}",
             [_resized(image, (PANEL_PX, height)) for image in drawn],
             options,
         )

@@ -84,6 +84,7 @@ def test_photo_and_scene_stand_side_by_side_at_the_same_places(loaded) -> None:
         assert np.abs(image[:, :640] - image[:, left : left + 640]).mean() < 3
     two = list(photo_pictures(model, rays, photos, None, PictureOptions(supersample=1)))
     assert two[1].width == 2 * 560 + 8
+    assert "no vertex colours to compare" in two[0].caption
 
 
 def test_a_close_up_shows_nothing_but_the_scene_where_it_can(loaded) -> None:
@@ -127,4 +128,21 @@ def test_vertex_colours_come_from_the_work_directory_if_they_fit(scene_path, loa
         assert found is not None
         np.testing.assert_array_equal(found.colours, detail.colours)
         np.save(folder / "detail-faces.npy", detail.faces[1:])
+        assert find_vertex_colours(scene, tmp_path) is None
+
+
+def test_vertex_colours_of_a_build_by_tiles_are_those_of_its_tiles(scene_path, loaded, tmp_path):
+    detail = loaded[0].detail
+    half = len(detail.faces) // 2
+    parts = (("tile-00000", detail.faces[:half]), ("tile-00001", detail.faces[half:]))
+    for name, faces in parts:
+        (tmp_path / name).mkdir()
+        np.save(tmp_path / name / "vertices.npy", detail.vertices)
+        np.save(tmp_path / name / "colours.npy", detail.colours)
+        np.save(tmp_path / name / "faces.npy", faces)
+    with Scene.open(scene_path) as scene:
+        found = find_vertex_colours(scene, tmp_path)
+        assert found is not None
+        np.testing.assert_array_equal(found.colours[found.faces], detail.colours[detail.faces])
+        (tmp_path / "tile-00001" / "faces.npy").unlink()
         assert find_vertex_colours(scene, tmp_path) is None
