@@ -17,6 +17,7 @@ import json
 import resource
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,23 +29,25 @@ from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.stages import clean, reconstruct
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.synth.files import load_options, truth_path
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.options import MIN_POINTS, QuarryOptions
 from terraport_pipeline.synth.quarry import Quarry, synthesise
 
 SAMPLES = 50_000
 """Places measured each way: the 95th percentile rests on 2,500."""
 
 
-def measure(quarry: Quarry, detail: Any, origin: np.ndarray, spacing_m: float) -> dict[str, float]:
-    """Distances both ways, in millimetres and in spacings."""
+def measure(
+    quarry: Quarry, truth: np.ndarray, detail: Any, origin: np.ndarray, spacing_m: float
+) -> dict[str, float]:
+    """Distances both ways, in millimetres and in spacings; `truth` are the samples' true places."""
     rng = np.random.default_rng(1)
     vertices, faces = detail
     rows = rng.choice(len(vertices), min(SAMPLES, len(vertices)), replace=False)
     local = vertices[np.sort(rows)].astype(np.float64)
     places = origin + np.stack([local[:, 0], -local[:, 2], local[:, 1]], axis=1)
     invented = quarry.distance_m(places)
-    rows = rng.choice(len(quarry.truth), min(SAMPLES, len(quarry.truth)), replace=False)
-    seen = quarry.truth[np.sort(rows)] - origin
+    rows = rng.choice(len(truth), min(SAMPLES, len(truth)), replace=False)
+    seen = truth[np.sort(rows)] - origin
     scene = np.stack([seen[:, 0], seen[:, 2], -seen[:, 1]], axis=1).astype(np.float32)
     lost = distances_to_mesh(scene, vertices, faces)
     found: dict[str, float] = {}
@@ -67,14 +70,18 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     if arguments.meshes is not None:
-        quarry = synthesise(load_options(truth_path(arguments.survey)))
+        file = truth_path(arguments.survey)
+        # The surface is the same however many points are taken; their places are in the file.
+        quarry = synthesise(replace(load_options(file), points=MIN_POINTS))
+        with np.load(file) as arrays:
+            truth = arrays["truth_m"] + arrays["origin"]
         folder = arguments.meshes
         detail = tuple(
             np.load(folder / "reconstruct" / f"detail-{name}.npy") for name in ("vertices", "faces")
         )
         local = np.load(folder / "clean" / "local_spacing_m.npy")
         spacing_m = float(np.median(local))
-        told = measure(quarry, detail, np.load(folder / "clean" / "origin.npy"), spacing_m)
+        told = measure(quarry, truth, detail, np.load(folder / "clean" / "origin.npy"), spacing_m)
         print(json.dumps({"points": len(local), "spacing_m": spacing_m, **told}))
         return 0
     points = 15_000 if arguments.smoke else parse_count(arguments.points)
@@ -95,7 +102,7 @@ def main() -> int:
                 result = reconstruct.run(cleaned, options, context)
                 spent = _cpu_seconds() - before
                 mesh = (result.detail.vertices, result.detail.faces)
-                told = measure(quarry, mesh, cloud.origin, cloud.spacing_m)
+                told = measure(quarry, quarry.truth, mesh, cloud.origin, cloud.spacing_m)
                 row = {
                     "points": points,
                     "spacing_m": round(cloud.spacing_m, 4),
