@@ -1,0 +1,115 @@
+"""Two tiles of a sheet become one, vertex for vertex."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pipeline.two_tiles import CORE, RULE, join_of, joined, piece, task
+
+from terraport_pipeline.stages.joined_tile import finish, weak_places
+
+
+def border(arrays: dict[str, np.ndarray]) -> dict[int, int]:
+    """Row of each shared vertex by its id."""
+    return dict(zip(arrays["border-ids"].tolist(), arrays["border-rows"].tolist(), strict=True))
+
+
+def test_shared_vertices_are_the_same_in_both_to_the_last_bit() -> None:
+    one, two = joined([piece(0), piece(1, lift_cells=0.04)]).tiles
+    first, second = border(one), border(two)
+    assert len(first) == CORE + 1
+    assert first.keys() == second.keys()
+    for name in ("vertices", "normals", "colours", "attribute-0", "attribute-1"):
+        for number, row in first.items():
+            assert one[name][row].tobytes() == two[name][second[number]].tobytes()
+
+
+def test_what_is_not_shared_stays_where_it_was() -> None:
+    pieces = [piece(0), piece(1, lift_cells=0.04)]
+    made = joined(pieces).tiles
+    for tile, (before, after) in enumerate(zip(pieces, made, strict=True)):
+        own = np.setdiff1d(np.arange(len(before["vertices"])), after["border-rows"])
+        expected = before["vertices"].astype(np.float64) + task(tile).centre_m
+        assert (after["vertices"][own] == expected.astype(np.float32)[own]).all()
+        assert (after["faces"] == before["faces"]).all()
+        for name in ("colours", "attribute-0", "attribute-1"):
+            assert (after[name][own] == before[name][own]).all()
+
+
+def test_normals_run_on_across_the_wall() -> None:
+    # a plane: both tiles' halves of the fans must give the normal of the whole
+    pieces = [piece(0), piece(1)]
+    for tile, each in enumerate(pieces):
+        each["vertices"][:, 1] = 0.25 * (each["vertices"][:, 0] + task(tile).centre_m[0] - 104.0)
+        each["border-cells"][:, 1] = 4.0
+    expected = np.array([-0.25, 1.0, 0.0]) / np.hypot(0.25, 1.0)
+    for each in joined(pieces).tiles:
+        middle = (np.abs(each["vertices"][:, 2] - 42.0) < 1.0) & (
+            np.abs(each["vertices"][:, 0] - 104.0) > 0.6
+        )
+        assert np.abs(each["normals"][middle] - expected).max() < 1e-6
+
+
+def test_the_cut_is_the_same_on_both_sides() -> None:
+    pieces = [piece(0), piece(1)]
+    for each in pieces:  # support ends across the sheet, at z of 3.3 cells
+        z = each["vertices"][:, 2] / 0.5 + CORE / 2
+        each["ratio"] = (5.3 - z).astype(np.float32)
+        each["ratio"][z > 4.5] = 0.5
+        rows = each["border-rows"]
+        each["border-ratio"] = each["ratio"][rows]
+    found = joined(pieces)
+    assert len(found.settled.pairs) == 1  # the cut crosses the wall on one edge
+    assert found.settled.cracks == 0
+    one, two = (border(each) for each in found.tiles)
+    new = len(found.join.cells)
+    assert new in one
+    assert new in two
+    places = [each["vertices"][at[new]] for each, at in zip(found.tiles, (one, two), strict=True)]
+    assert places[0].tobytes() == places[1].tobytes()
+    for each in found.tiles:
+        assert each["vertices"][:, 2].min() == pytest.approx(40.0 + 0.5 * 3.3, abs=1e-5)
+        # the surface that the base is made from ends so much farther out, in metres of support
+        assert each["base-vertices"][:, 2].min() == pytest.approx(40.0 + 0.5 * 2.3, abs=1e-5)
+        # a code is never mixed
+        assert set(np.unique(each["attribute-1"]).tolist()) <= {2.0, 6.0}
+
+
+def test_a_weak_place_on_both_sides_of_the_wall_is_told_with_its_ids() -> None:
+    pieces = [piece(0), piece(1)]
+    for each, x in zip(pieces, (CORE, 0), strict=True):
+        near = np.abs(each["vertices"][:, 0] / 0.5 + CORE / 2 - x) < 1.5
+        each["ratio"][near] = 3.0
+        each["border-ratio"] = each["ratio"][each["border-rows"]]
+    join = join_of(pieces, RULE)
+    found = [weak_places(task(t), t, each, join) for t, each in enumerate(pieces)]
+    assert [each.farthest.tolist() for each in found] == [[3.0], [3.0]]
+    assert found[0].touch[:, 1].tolist() == found[1].touch[:, 1].tolist() == list(range(CORE + 1))
+
+
+def test_a_dropped_piece_takes_its_vertices_along() -> None:
+    pieces = [piece(0), piece(1)]
+    for each in pieces:  # a strip of weak ground parts the first rows from the rest
+        z = each["vertices"][:, 2] / 0.5 + CORE / 2
+        each["ratio"][(z > 1.5) & (z < 3.5)] = 9.0
+        each["border-ratio"] = each["ratio"][each["border-rows"]]
+    whole = joined(pieces, min_faces=1)
+    assert [len(each.sizes) for each in whole.looks] == [2, 2]
+    cut = joined(pieces, min_faces=80)
+    assert cut.settled.islands == 1  # one strip over both tiles
+    for before, after in zip(whole.tiles, cut.tiles, strict=True):
+        assert after["vertices"][:, 2].min() > 41.5 > before["vertices"][:, 2].min()
+        assert len(np.unique(after["faces"])) == len(after["vertices"])
+
+
+def test_a_tile_without_surface_stays_empty() -> None:
+    empty = piece(1)
+    for name in ("vertices", "faces", "ratio", "colours", "attribute-0", "attribute-1"):
+        empty[name] = empty[name][:0]
+    for name in ("rows", "cells", "ratio", "edges", "walls"):
+        empty[f"border-{name}"] = empty[f"border-{name}"][:0]
+    found = joined([piece(0), empty])
+    arrays, box = finish(task(1), 1, empty, found.join, found.settled)
+    assert len(arrays["faces"]) == len(arrays["vertices"]) == len(arrays["border-ids"]) == 0
+    assert (box == 0).all()
+    assert found.settled.seam_edges == 0
