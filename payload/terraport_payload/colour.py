@@ -20,6 +20,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.steady import steady_codes
+
 __all__ = ["linear16_to_srgb", "srgb_to_linear16"]
 
 _GUARD: Final = 0.05
@@ -68,7 +70,7 @@ def srgb_to_linear16(colours: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
     # Smallest and largest high byte that lead into the interval with this low byte.
     least = ((_LOW[levels] - low_byte + 255) >> 8).astype(np.int16)
     most = ((_HIGH[levels] - low_byte) >> 8).astype(np.int16)
-    codes = ((_follow(least, most).astype(np.uint16) << 8) | low_byte)[:, :count]
+    codes = ((steady_codes(least, most).astype(np.uint16) << 8) | low_byte)[:, :count]
     codes[colours.T == 255] = 65535  # white stays exactly 1.0
     return np.ascontiguousarray(codes.T.astype(np.uint16))
 
@@ -132,23 +134,6 @@ def _common_low_bytes(levels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
     lowest = words & (~words + np.uint64(1))
     # A power of two is exact as a float64, and its exponent is the number of its bit.
     return 4 * (np.frexp(lowest.T.astype(np.float64))[1].astype(np.int32) - 1)
-
-
-def _follow(least: npt.NDArray[np.int16], most: npt.NDArray[np.int16]) -> npt.NDArray[np.int16]:
-    """Values within bounds, each the nearest to the one before it; along the last axis.
-
-    Clamps follow one another as clamps: a prefix scan of their bounds, log2 of the length steps.
-    """
-    low, high = least.copy(), most.copy()
-    reach = 1
-    while reach < low.shape[-1]:
-        own = low[..., reach:], high[..., reach:]
-        earlier = [
-            np.minimum(np.maximum(bound[..., :-reach], own[0]), own[1]) for bound in (low, high)
-        ]
-        low[..., reach:], high[..., reach:] = earlier
-        reach *= 2
-    return low
 
 
 def _level_table() -> npt.NDArray[np.uint8]:

@@ -31,6 +31,7 @@ from terraport_payload.grid import (
 )
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
+from terraport_payload.normals import encode_octahedral
 from terraport_payload.order import cache_order
 
 __all__ = [
@@ -203,11 +204,11 @@ def encode_glb(
     bits = NORMAL_BITS if mesh.texture is None else TEXTURED_NORMAL_BITS
     normals = _unit(mesh.normals[order])
     signed = np.zeros((len(normals), 4), dtype=np.int8)
-    signed[:, :3] = np.rint(normals[:, :3] * 127.0)
+    signed[:, :3] = np.rint(normals * 127.0)
     attributes["NORMAL"] = out.add(
         signed,
         {"componentType": BYTE, "normalized": True, "type": "VEC3"},
-        filtered=("OCTAHEDRAL", meshopt.encode_filter_oct(normals, 4, bits)) if compress else None,
+        filtered=("OCTAHEDRAL", encode_octahedral(normals, bits)) if compress else None,
     )
     if mesh.colours is not None:
         linear = np.full((len(order), 4), 65535, dtype="<u2")
@@ -298,11 +299,11 @@ def gltf_attribute_name(name: str) -> str:
 
 
 def _unit(normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Make normals unit length, (V, 4) as the octahedral filter wants them; zero ones become up."""
+    """Make normals unit length; zero ones become up."""
     length = np.linalg.norm(normals.astype(np.float64), axis=1)
-    unit = np.zeros((len(normals), 4), dtype=np.float32)
+    unit = np.zeros((len(normals), 3), dtype=np.float32)
     good = length > _ZERO_LENGTH
-    unit[good, :3] = normals[good] / length[good, None]
+    unit[good] = normals[good] / length[good, None]
     unit[~good, 1] = 1.0
     return unit
 
