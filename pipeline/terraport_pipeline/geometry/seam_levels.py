@@ -13,7 +13,7 @@ own view only. What so coarse a field leaves at the seams is closed locally
 (:mod:`terraport_pipeline.geometry.seam_blend`).
 
 A weak pull to zero (in :mod:`~terraport_pipeline.geometry.level_sums`) makes the solution unique
-and lets corrections fade over some thirty edges; the photos' gains have done what goes farther.
+and lets corrections fade over some sixty edges; the photos' gains have done what goes farther.
 
 A surface in pieces is levelled as a whole: every piece adds up what its cells want
 (:func:`level_sums`), all are solved together, and every piece takes its part
@@ -52,10 +52,10 @@ _MAX_SIDE: Final = 2**14 - 2
 """Cells along one axis at most: three axes and a view fit a 64-bit key."""
 
 _STIFFNESS: Final = 0.25
-"""Weight of the difference between two cells, per edge of the mesh that runs from one to the other.
-A cell boundary of eight edges gives 2, which is 1 / lambda = 2 for a field that changes evenly over
-the eight edges between the centres. Waechter's lambda = 0.1 is stiffer, for charts with nothing
-else to hold them."""
+"""Weight of the difference between two cells, per edge of a face that runs from one to the other.
+Across a boundary of eight edges run 32 (each counts for both its faces, and a diagonal beside it):
+8, which is 1 / lambda = 8 for a field that changes evenly over the eight edges between the centres
+(Waechter's is 10)."""
 
 _ALL: Final = slice(None)
 
