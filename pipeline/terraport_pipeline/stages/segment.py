@@ -13,10 +13,12 @@ import numpy.typing as npt
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.cover import build_cover
+from terraport_pipeline.geometry.chunks import side_by_side
+from terraport_pipeline.geometry.cover import BaseCover, build_cover
 from terraport_pipeline.geometry.region_facts import region_facts
 from terraport_pipeline.geometry.segment_shapes import segment_shapes
-from terraport_pipeline.geometry.segments import SegmentOptions, build_segments
+from terraport_pipeline.geometry.segmenter import Segmentation
+from terraport_pipeline.geometry.segments import SegmentOptions, Segments, build_segments
 from terraport_pipeline.model import Float32, Int32
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
@@ -144,7 +146,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     -------
     Segmented
     """
-    detail, base, progress = reconstructed.detail, reconstructed.base, context.progress
+    detail, progress = reconstructed.detail, context.progress
     mesh = (detail.vertices, detail.faces)
     # (1) regions and fine pools
     progress.start("segment: regions", None, "faces")
@@ -171,46 +173,16 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
             f"{found.region_count} regions; at most {MAX_REGIONS} can be told apart at run time: "
             "change --region-threshold or raise --region-small"
         )
-    # (2) segments
-    progress.start("segment: segments", None, "faces")
-    segments = build_segments(
-        *mesh,
-        found.fine,
-        found.similarity,
-        found.regions,
-        SegmentOptions(
-            min_faces=options.min_faces,
-            max_faces=options.max_faces,
-            max_extent_m=options.max_extent_m,
-            units=options.units,
-        ),
-        pairs=pairs,
+    # The regions' facts need neither segments nor cover: they are gathered beside them.
+    facts, (segments, shapes, cover, base_kept, tolerance_m) = side_by_side(
+        [
+            lambda: region_facts(
+                *mesh, detail.colours, found.regions, attributes=detail.attributes, pairs=pairs
+            ),
+            lambda: _cut_and_cover(reconstructed, found, pairs, options, context),
+        ],
         threads=context.threads,
     )
-    shapes = segment_shapes(*mesh, segments, threads=context.threads)
-    progress.done({"segments": segments.count})
-    # (3) cover
-    progress.start("segment: cover", None, "base faces")
-    tolerance_m = max(reconstructed.deviation_m[2], SMALLEST_TOLERANCE_M)
-    # Faces partly beyond the detail may be hidden too, because nothing is kept beyond them: no slit
-    # can open between the detail's rim and a next base face.
-    cover = build_cover(
-        base.vertices,
-        base.faces,
-        *mesh,
-        segments.labels,
-        tolerance_m=tolerance_m,
-        hide_partly_covered=True,
-        threads=context.threads,
-    )
-    base_kept = np.diff(cover.offsets.astype(np.int64)) > 0
-    progress.done({"base faces": int(base_kept.sum())})
-    # (4) facts
-    progress.start("segment: facts", None, "regions")
-    facts = region_facts(
-        *mesh, detail.colours, found.regions, attributes=detail.attributes, pairs=pairs
-    )
-    progress.done({})
     counts: dict[str, Any] = {
         "regions": found.region_count,
         "pools": found.fine_count,
@@ -254,6 +226,53 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         max_extent_m=segments.max_extent_m,
         facts=Facts(counts, tuple(warnings)),
     )
+
+
+def _cut_and_cover(
+    reconstructed: Reconstructed,
+    found: Segmentation,
+    pairs: tuple[Int32, Int32],
+    options: Options,
+    context: Context,
+) -> tuple[Segments, dict[str, list[float]], BaseCover, npt.NDArray[np.bool_], float]:
+    """Cut the segments and find what they cover of the base."""
+    detail, base, progress = reconstructed.detail, reconstructed.base, context.progress
+    mesh = (detail.vertices, detail.faces)
+    # (2) segments
+    progress.start("segment: segments", None, "faces")
+    segments = build_segments(
+        *mesh,
+        found.fine,
+        found.similarity,
+        found.regions,
+        SegmentOptions(
+            min_faces=options.min_faces,
+            max_faces=options.max_faces,
+            max_extent_m=options.max_extent_m,
+            units=options.units,
+        ),
+        pairs=pairs,
+        threads=context.threads,
+    )
+    shapes = segment_shapes(*mesh, segments, threads=context.threads)
+    progress.done({"segments": segments.count})
+    # (3) cover
+    progress.start("segment: cover", None, "base faces")
+    tolerance_m = max(reconstructed.deviation_m[2], SMALLEST_TOLERANCE_M)
+    # Faces partly beyond the detail may be hidden too, because nothing is kept beyond them: no slit
+    # can open between the detail's rim and a next base face.
+    cover = build_cover(
+        base.vertices,
+        base.faces,
+        *mesh,
+        segments.labels,
+        tolerance_m=tolerance_m,
+        hide_partly_covered=True,
+        threads=context.threads,
+    )
+    base_kept = np.diff(cover.offsets.astype(np.int64)) > 0
+    progress.done({"base faces": int(base_kept.sum())})
+    return segments, shapes, cover, base_kept, tolerance_m
 
 
 def store(result: Segmented) -> Stored:
