@@ -80,7 +80,7 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     if arguments.smoke:
-        arguments.points, arguments.size, arguments.tile_depth = 20_000, 90.0, 7
+        arguments.points, arguments.size, arguments.tile_depth = 15_000, 110.0, 8
         arguments.photos, arguments.photo_size = 8, (320, 240)
     folder = arguments.keep or Path(tempfile.mkdtemp(prefix="benchmark-tiled-textures-"))
     folder.mkdir(parents=True, exist_ok=True)

@@ -12,11 +12,14 @@ from photo_scene import PhotoScene, photo_scene
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.photo_samples import neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import tiled_texture, tiled_views
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.texture import Options
+from terraport_pipeline.stages.texture_sums import TextureTally
 from terraport_pipeline.stages.tiled_views import TextureScale
 from terraport_pipeline.stages.view_gains import view_gains
 
@@ -170,3 +173,23 @@ def test_steps_across_borders_are_not_larger_than_within(monkeypatch, tmp_path) 
     assert edges[:, 0].sum() == pytest.approx(
         len(face_pairs(place().mesh.faces, len(place().mesh.vertices))[0])
     )
+
+
+def test_a_tile_that_no_photo_sees_keeps_the_clouds_colours(tmp_path) -> None:
+    view = place().views[0]
+    away = View(view.name, view.lens, view.rotation, view.position + np.array([0.0, 0.0, 1e4]))
+    blind = OpenPhotos((away,), place(), ())  # type: ignore[arg-type]
+    gains_of = neutral_gains(1)
+    part = MemoryTiles.of(place().mesh, 1)
+    made = tiled_views.choose(part, 0, place().mesh, blind, gains_of, scale(), context()).arrays
+    assert (made["view"] == -1).all()
+    cells = tiled_texture.level(part, 0, [made], gains_of, scale(), context()).arrays
+    found = tiled_texture.solve([cells])
+    assert not found.level.any()
+    segments = np.zeros(part.face_count(0), np.int32)
+    drawn = tiled_texture.draw(
+        part, 0, segments, [made], found, blind, gains_of, scale(), Options(texel_m=0.5),
+        context(tmp_path),
+    )  # fmt: skip
+    assert TextureTally.total([drawn.arrays]).facts()["unseen_share"] == 1.0
+    assert len(tiled_texture.tile_textures(drawn.arrays).images) > 0
