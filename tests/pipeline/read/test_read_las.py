@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
+from terraport_pipeline.engines import read_las as module
 from terraport_pipeline.engines.read_las import read_las
 from terraport_pipeline.errors import ReadError
 
@@ -133,3 +134,44 @@ def test_an_absurd_point_count_is_refused_before_allocation(tmp_path, sample, ad
     path.write_bytes(data)
     with pytest.raises(ReadError, match="1,000,000,000,000,000 points"):
         read_las(path, advance=advance)
+
+
+def ignore(count: int, total: int) -> None:
+    """Progress of more than one read."""
+
+
+def test_a_table_that_does_not_add_up_is_not_trusted(
+    tmp_path, sample, advance, monkeypatch
+) -> None:
+    """The decoder in threads goes by the table of chunks; the plain one does without."""
+    path = write(tmp_path / "a.laz", sample)
+    used = []
+    opened = laspy.open
+
+    def open_and_note(*given, laz_backend, **more):
+        used.append(laz_backend)
+        return opened(*given, laz_backend=laz_backend, **more)
+
+    monkeypatch.setattr(laspy, "open", open_and_note)
+    trusted = read_las(path, advance=ignore)
+    assert used == [laspy.LazBackend.Lazrs, laspy.LazBackend.LazrsParallel]
+    monkeypatch.setattr(module.lazrs, "read_chunk_table", lambda *_: [(500, 1)])
+    plain = read_las(path, advance=ignore)
+    assert used[2:] == [laspy.LazBackend.Lazrs]
+    np.testing.assert_array_equal(plain.points, trusted.points)
+
+
+def test_a_damaged_table_of_chunks_is_refused_or_does_not_matter(tmp_path, sample) -> None:
+    path = write(tmp_path / "a.laz", sample)
+    whole = read_las(path, advance=ignore).points
+    data = path.read_bytes()
+    with laspy.open(path) as reader:
+        start = reader.header.offset_to_point_data
+    (table,) = struct.unpack_from("<q", data, start)
+    for at in [*range(start, start + 8), *range(table, len(data))]:
+        path.write_bytes(data[:at] + bytes([data[at] ^ 0x15]) + data[at + 1 :])
+        try:
+            found = read_las(path, advance=ignore).points
+        except ReadError:
+            continue
+        np.testing.assert_array_equal(found, whole)
