@@ -75,17 +75,23 @@ def points_around(
     return found
 
 
+@numba.njit(cache=True, inline="always")
+def _sides(
+    points: Float64, a: int, b: int, c: int
+) -> tuple[float, float, float, float, float, float]:  # pragma: no cover - compiled
+    """From a to b and from a to c."""
+    return (
+        points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2],
+        points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2],
+    )  # fmt: skip
+
+
 @numba.njit(cache=True)
 def rest_ball(
     points: Float64, a: int, b: int, c: int, radius: float, centre: Float64
 ) -> bool:  # pragma: no cover - compiled
     """Centre of the ball that rests on a, b, c, on the side that sees them counter-clockwise."""
-    ux, uy, uz = (
-        points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2],
-    )  # fmt: skip
-    vx, vy, vz = (
-        points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2],
-    )  # fmt: skip
+    ux, uy, uz, vx, vy, vz = _sides(points, a, b, c)
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     squared = nx * nx + ny * ny + nz * nz
     uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
@@ -110,12 +116,7 @@ def agrees(
     points: Float64, normals: Float64, a: int, b: int, c: int
 ) -> bool:  # pragma: no cover - compiled
     """Whether the face's normal is on the side of all three samples' normals."""
-    ux, uy, uz = (
-        points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2],
-    )  # fmt: skip
-    vx, vy, vz = (
-        points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2],
-    )  # fmt: skip
+    ux, uy, uz, vx, vy, vz = _sides(points, a, b, c)
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     for corner in (a, b, c):
         if nx * normals[corner, 0] + ny * normals[corner, 1] + nz * normals[corner, 2] <= 0.0:
