@@ -95,3 +95,9 @@ def test_as_many_tiles_as_fit(tmp_path) -> None:
 
 def _never(tile: int, context: Context) -> Stored:
     raise AssertionError(tile)
+
+
+def test_what_tiles_share_is_left_free(tmp_path) -> None:
+    context = Context(tmp_path, threads=8, max_memory_bytes=2**40)
+    assert tiles_at_once(10, 2**34, context) == 6
+    assert tiles_at_once(10, 2**34, context, shared_bytes=2**39) == 3

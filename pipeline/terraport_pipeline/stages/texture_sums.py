@@ -54,7 +54,7 @@ class TextureTally:
         """Tell of them as :meth:`TextureSums.facts`."""
         unseen = max(0.0, self.surface_m2 - float(self.gsd_m2.sum()))
         return {
-            "texel_m": _bin_median(self.texel_m2),
+            "texel_m": _bin_median(self.texel_m2) if self.texel_m2.any() else None,
             "gsd_m": _bin_median(self.gsd_m2) if self.gsd_m2.any() else None,
             "unseen_share": round(unseen / self.surface_m2, 4) if self.surface_m2 > 0 else 0.0,
         }

@@ -1,4 +1,4 @@
-"""Photos on tiles against photos on the whole: the same place, cut into four."""
+"""Levelling and atlases of tiles: both sides of a border come out alike."""
 
 from __future__ import annotations
 
@@ -7,61 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 from memory_tiles import MemoryTiles
-from photo_scene import PhotoScene, photo_scene
+from tiled_place import chosen, context, gains, opened, place, scale, tiles
 
 from terraport_pipeline.engines.photos import OpenPhotos
-from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.photo_samples import neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import tiled_texture, tiled_views
-from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.texture import Options
 from terraport_pipeline.stages.texture_sums import TextureTally
-from terraport_pipeline.stages.tiled_views import TextureScale
-from terraport_pipeline.stages.view_gains import view_gains
-
-
-@cache
-def place() -> PhotoScene:
-    return photo_scene(crate=False)
-
-
-@cache
-def gains() -> np.ndarray:
-    mesh = place().mesh
-    return view_gains(mesh, place().views, place(), RayScene(mesh.vertices, mesh.faces, threads=1))
-
-
-def opened() -> OpenPhotos:
-    return OpenPhotos(tuple(place().views), place(), ())  # type: ignore[arg-type]
-
-
-def scale() -> TextureScale:
-    return TextureScale(place().mesh.vertices.min(axis=0).astype(np.float64), 40.0, 0.7)
-
-
-@cache
-def tiles(along: int) -> MemoryTiles:
-    return MemoryTiles.of(place().mesh, along)
-
-
-@cache
-def chosen(along: int) -> tuple[dict[str, np.ndarray], ...]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tiled_views, "_BAND_EDGES", 10.0)  # 7 m: not the whole place
-        return tuple(
-            tiled_views.choose(
-                tiles(along), tile, place().mesh, opened(), gains(), scale(), context()
-            ).arrays
-            for tile in range(along * along)
-        )
-
-
-def context(tmp_path=None) -> Context:
-    return Context(scratch=tmp_path)  # type: ignore[arg-type]
 
 
 @cache
@@ -93,47 +48,6 @@ def finished(along: int, monkeypatch, tmp_path) -> list[ViewChoice]:
             scale(), Options(texel_m=0.3), context(tmp_path),
         )  # fmt: skip
     return found
-
-
-def views_of(along: int) -> np.ndarray:
-    """View of every face of the whole mesh."""
-    view = np.full(len(place().mesh.faces), -9, np.int64)
-    for rows, arrays in zip(tiles(along).rows, chosen(along), strict=True):
-        view[rows] = arrays["view"]
-    return view
-
-
-def test_tiles_choose_as_the_whole_does() -> None:
-    whole, cut = views_of(1), views_of(2)
-    assert (whole != cut).mean() < 0.1
-    pairs, _ = face_pairs(place().mesh.faces, len(place().mesh.vertices))
-    tile = np.empty(len(whole), np.int64)
-    for number, rows in enumerate(tiles(2).rows):
-        tile[rows] = number
-    across = tile[pairs[:, 0]] != tile[pairs[:, 1]]
-    parted = (cut[pairs[:, 0]] != cut[pairs[:, 1]])[across].mean()
-    assert parted < 0.25
-
-
-def test_what_lies_beyond_the_band_hides_what_is_behind_it() -> None:
-    # the block of the place hides ground from some cameras; far from it stands the base for it
-    mesh = place().mesh
-    only = Mesh(mesh.vertices, mesh.faces[:0], mesh.normals, mesh.colours)
-    parts = MemoryTiles.of(mesh, 4)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tiled_views, "_BAND_EDGES", 1.0)
-        counts = []
-        for base in (mesh, only):
-            made = [
-                tiled_views.choose(parts, tile, base, opened(), gains(), scale(), context()).arrays[
-                    "candidate_view"
-                ]
-                for tile in range(16)
-            ]
-            counts.append(sum(int((view >= 0).sum()) for view in made))
-    whole = int((chosen(1)[0]["candidate_view"] >= 0).sum())
-    assert counts[0] < counts[1]
-    assert abs(counts[0] - whole) < 0.02 * whole
 
 
 def test_both_sides_of_a_border_are_corrected_alike(monkeypatch, tmp_path) -> None:

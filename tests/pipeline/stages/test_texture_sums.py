@@ -1,0 +1,44 @@
+"""Sums of several pieces of a mesh are those of the whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from terraport_pipeline.stages.atlas_maker import MadeAtlas
+from terraport_pipeline.stages.texture_sums import TextureSums, TextureTally
+
+
+def made(count: int, rng: np.random.Generator) -> MadeAtlas:
+    """A piece of so many faces of 1 to 2 m2, texels about 0.1 m; a third without a photo."""
+    gsd_m = rng.uniform(0.05, 0.09, count)
+    gsd_m[::3] = np.nan
+    surface_m2 = rng.uniform(1.0, 2.0, count)
+    return MadeAtlas(
+        np.zeros((count, 3, 2), np.uint16), b"image", 64, 32, surface_m2,
+        surface_m2 * rng.uniform(80.0, 120.0, count), gsd_m, 5, 0.5,
+    )  # fmt: skip
+
+
+def test_tallies_add_up() -> None:
+    rng = np.random.default_rng(3)
+    whole, parts = TextureSums(900), []
+    for piece in range(3):
+        atlas = made(300, rng)
+        part = TextureSums(300)
+        part.add(np.arange(300), atlas)
+        parts.append(part.tally().arrays())
+        whole.add(np.arange(300) + 300 * piece, atlas)
+    told = TextureTally.total(parts).facts()
+    exact = whole.facts(np.array([[64, 32]] * 3), 15)
+    assert told["texel_m"] == pytest.approx(exact["texel_m"], rel=0.006)
+    assert told["gsd_m"] == pytest.approx(exact["gsd_m"], rel=0.006)
+    assert told["unseen_share"] == pytest.approx(exact["unseen_share"], abs=1e-3)
+    assert exact["charts"] == 15
+    assert exact["cells_share"] == 0.5
+
+
+def test_without_photos_there_is_no_pixel() -> None:
+    sums = TextureSums(0)
+    assert TextureTally.total([]).facts() == {"texel_m": None, "gsd_m": None, "unseen_share": 0.0}
+    assert sums.tally().surface_m2 == 0.0
