@@ -38,6 +38,16 @@ def test_saved_is_found_and_equal(work: WorkDirectory) -> None:
     assert found.cost == COST
 
 
+def test_a_result_can_be_mapped_or_read_in_part(work: WorkDirectory) -> None:
+    stored = Stored({"some": np.arange(6), "none": np.zeros((0, 3))}, {"a": 1})
+    record = work.save("parts", "k", stored, Facts(), Cost(1.0, 2))
+    found = work.mapped(record)
+    assert isinstance(found.arrays["some"], np.memmap)
+    assert found.arrays["some"].tolist() == work.array(record, "some").tolist() == [*range(6)]
+    assert found.arrays["none"].shape == (0, 3)  # nothing cannot be mapped
+    assert found.values == {"a": 1}
+
+
 def test_another_key_or_stage_is_not_found(work: WorkDirectory) -> None:
     work.save("clean", "k1", STORED, FACTS, COST)
     assert work.find("clean", "k2") is None
