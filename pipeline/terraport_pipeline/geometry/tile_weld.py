@@ -42,20 +42,11 @@ EDGE_REACH_CELLS: Final = 1.0
 PLANE_REACH_CELLS: Final = 0.25
 """Vertices that took different edges at one lattice corner."""
 
-_MAX_LOOP: Final = 600
-"""Vertices of a loop that is filled; the triangulation takes their cube (a second for so many)."""
+_MAX_LOOP: Final = 200
+"""Vertices of a loop that is filled; the triangulation takes their cube."""
 
 _MAX_CAP_CELLS: Final = 8.0
 """A loop of one side alone (a bubble that the other side lacks) is capped up to this wide."""
-
-_MAX_SUPPORTED_CAP_CELLS: Final = 96.0
-"""The same where samples lie along the loop. A highwall that runs along the wall of a tile touches
-it in a patch: one solver comes out just behind the wall, so this side ends there; the other comes
-out just behind it too, and has nothing. What is missing is the wall itself, within the half cell by
-which solvers differ."""
-
-_SUPPORTED_RATIO: Final = 2.0
-"""Support ratio along such a loop, at most: at two spacings from a sample surface is never cut."""
 
 _FAR: Final = 1e7
 """Parts lattice lines in a search by distance: more than any cell index."""
@@ -124,7 +115,6 @@ def weld_tiles(borders: Sequence[TileBorder], neighbours: Sequence[tuple[int, in
     count = int(starts[-1])
     tile_of = np.repeat(np.arange(len(borders)), np.diff(starts))
     cells = np.concatenate([np.zeros((0, 3)), *(border.cells for border in borders)])
-    ratio = np.concatenate([np.zeros(0, np.float32), *(border.ratio for border in borders)])
     walls = [_wall_pair(borders, starts, *pair) for pair in neighbours]
     # (1) match
     found = [_match(cells, wall) for wall in walls]
@@ -140,7 +130,7 @@ def weld_tiles(borders: Sequence[TileBorder], neighbours: Sequence[tuple[int, in
     loops: list[tuple[int, Int64]] = []
     open_edges = 0
     for wall, keep in zip(walls, _uncancelled(walls, root), strict=True):
-        closed, left = _missing_loops(root[wall.edges[keep]], wall.side[keep], cells, ratio)
+        closed, left = _missing_loops(root[wall.edges[keep]], wall.side[keep], cells)
         loops += [(wall.tile, loop) for loop in closed]
         open_edges += left
     return _assemble(borders, starts, tile_of, cells, root, loops, gaps, unmatched, open_edges)
@@ -266,18 +256,13 @@ def _uncancelled(walls: Sequence[_Wall], root: Int64) -> list[npt.NDArray[np.boo
     return marks
 
 
-def _missing_loops(
-    edges: Int64, side: UInt8, cells: Float64, ratio: Float32
-) -> tuple[list[Int64], int]:
+def _missing_loops(edges: Int64, side: UInt8, cells: Float64) -> tuple[list[Int64], int]:
     """Find closed loops that bound what is missing between both sides; count edges in none.
 
     Parameters
     ----------
     edges : ndarray of shape (E, 2), int64
         Of both sides, joined vertices by one number.
-    side : ndarray of shape (E,), uint8
-    cells : ndarray of shape (V, 3), float64
-    ratio : ndarray of shape (V,), float32
     """
     proper = edges[:, 0] != edges[:, 1]
     edges, side = edges[proper], side[proper]
@@ -301,9 +286,7 @@ def _missing_loops(
         around = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
         sides = {place[(min(u, v), max(u, v))] for u, v in around}
         wide = float(np.ptp(cells[loop], axis=0).max())
-        is_supported = float(ratio[loop].max()) <= _SUPPORTED_RATIO
-        widest = _MAX_SUPPORTED_CAP_CELLS if is_supported else _MAX_CAP_CELLS
-        if len(loop) > _MAX_LOOP or (len(sides) == 1 and wide > widest):
+        if len(loop) > _MAX_LOOP or (len(sides) == 1 and wide > _MAX_CAP_CELLS):
             open_edges += len(loop)
         else:
             kept.append(loop)

@@ -131,29 +131,6 @@ def test_a_small_bubble_of_one_side_is_capped() -> None:
     assert [len(part) for part in seams.fillers] == [2, 0]
 
 
-@pytest.mark.parametrize(
-    ("radius", "ratio", "triangles"), [(16.0, 1.5, 78), (16.0, 2.5, 0), (60.0, 1.5, 0)]
-)
-def test_a_wide_patch_that_one_side_lacks_is_capped_where_samples_are(
-    radius: float, ratio: float, triangles: int
-) -> None:
-    """A highwall that touches the wall of a tile from this side only."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 80, endpoint=False)
-    ring = [(100.0 + radius * np.cos(a), 100.0 + radius * np.sin(a)) for a in angles]
-    line = polyline(ring, wall=LOW, backwards=False)
-    border = TileBorder(
-        line.rows,
-        line.cells,
-        np.full(80, ratio, dtype=np.float32),
-        np.concatenate([line.edges, [[79, 0]]]).astype(np.int32),
-        np.full(80, LOW, dtype=np.uint8),
-    )
-    nothing = polyline([(9.0, 9.0)], wall=HIGH, backwards=True)
-    seams = weld_tiles([border, nothing], PAIR)
-    assert [len(part) for part in seams.fillers] == [triangles, 0]
-    assert seams.open_edges == (0 if triangles else 80)
-
-
 def test_two_vertices_of_one_tile_never_become_one() -> None:
     # Two sheets 0.3 cells apart below, one above: only the nearer may join it.
     sheets = [(5.0, 0.0), (5.0, 1.0), (5.3, 1.0), (5.3, 0.0)]
