@@ -154,7 +154,11 @@ def segment_and_pack(
             "build": said.build.model_dump(mode="json"),
             "crs": None if said.crs is None else said.crs.model_dump(mode="json"),
         },
-        {"payloads": _digest(payloads), "segments": _segments_digest(segmented)},
+        {
+            "payloads": _digest(payloads),
+            "segments": _segments_digest(segmented),
+            **({} if made is None else {"base_texture": made.digest}),
+        },
     )
     version, published = pack_once(
         runner,
@@ -241,7 +245,7 @@ class _Work:
             ),
             lambda tile, context: tiled_segment.measure(tiles.load(tile), context),
         )
-        known = tiled_segment.scene_of([work.mapped(record) for record in measured.records])
+        known = tiled_segment.scene_of([work.looked_up(record) for record in measured.records])
         shared = {"measured": _digest(measured)}
         united = run_pass(
             runner,
@@ -260,7 +264,7 @@ class _Work:
         with Measure() as joining, work.scratch() as scratch:
             progress.start("segment: regions across tiles", None, "units")
             joined = tiled_segment.regions(
-                [work.mapped(record) for record in united.records],
+                [work.looked_up(record) for record in united.records],
                 known,
                 options,
                 runner.context(scratch),

@@ -41,7 +41,7 @@ class TiledTexturing:
 
     options: texture.Options
     inputs: Mapping[str, Any]
-    """What identifies photos and cameras, for the keys; empty without."""
+    """What identifies photos and cameras, for the keys."""
     open_photos: Callable[[], OpenPhotos] | None = None
     """None for textures from vertex colours."""
     _opened: OpenPhotos | None = field(default=None, init=False)
@@ -65,6 +65,8 @@ class TiledTextures:
     records: tuple[StageRecord, ...]
     """One per tile."""
     work: WorkDirectory
+    digest: str
+    """Of exposures and the base's texture."""
 
     def tile(self, tile: int) -> TextureSet:
         """Open the textures of one tile's segments; images stay on disk."""
@@ -134,7 +136,7 @@ class _Passes:
                 tiled_views.__name__,
                 "texture: photos of tiles",
                 tiled_views.CHOOSE_BYTES_PER_FACE,
-                {"gains": xxhash.xxh3_128_hexdigest(np.ascontiguousarray(gains).data)},
+                {"gains": _gains_digest(gains)},
             ),
             lambda tile, context: tiled_views.choose(
                 self._tiles, tile, base, self._asked.opened(), gains, self._scale, context
@@ -151,7 +153,7 @@ class _Passes:
                 tiled_texture.__name__,
                 "texture: seams of tiles",
                 tiled_texture.DRAW_BYTES_PER_FACE,
-                {"views": _digest(chosen)},
+                {"views": _digest(chosen), "gains": _gains_digest(gains)},
             ),
             lambda tile, context: tiled_texture.level(
                 self._tiles, tile, views, gains, self._scale, context
@@ -161,7 +163,7 @@ class _Passes:
             "texture-levels",
             key_of("tiled_texture", {}, {"cells": _digest(cells)}),
             lambda _: tiled_texture.solve(
-                [self._runner.work.mapped(record).arrays for record in cells.records]
+                [self._runner.work.looked_up(record).arrays for record in cells.records]
             ),
             lambda result: Facts({"cells": len(result.keys)}),
             lambda result: Stored({"keys": result.keys, "level": result.level}, {}),
@@ -185,7 +187,7 @@ class _Passes:
         views = (
             []
             if chosen is None
-            else [self._runner.work.mapped(record).arrays for record in chosen.records]
+            else [self._runner.work.looked_up(record).arrays for record in chosen.records]
         )
 
         def one(tile: int, context: Context) -> Stored:
@@ -200,9 +202,9 @@ class _Passes:
 
         if levels is not None:
             levels.value()  # before several threads ask for it
-        shared = {}
+        shared = {"gains": _gains_digest(gains)}
         if levels is not None and chosen is not None:
-            shared = {"levels": levels.record.digest, "views": _digest(chosen)}
+            shared |= {"levels": levels.record.digest, "views": _digest(chosen)}
         return run_pass(
             self._runner,
             self._pass(
@@ -219,7 +221,7 @@ class _Passes:
 
     def _arrays(self, made: PassResult) -> list[Mapping[str, npt.NDArray[Any]]]:
         """Map what a pass made of every tile."""
-        return [self._runner.work.mapped(record).arrays for record in made.records]
+        return [self._runner.work.looked_up(record).arrays for record in made.records]
 
     def _pass(
         self,
@@ -299,17 +301,15 @@ def texture_tiles(
     if asked.open_photos is not None:
         chosen = work.views(base, found.gains)
         cells, levels = work.levels(chosen, found.gains)
-        passes += [chosen, cells]
-    drawn = work.draw(segments, cuts, chosen, levels, found.gains)
-    passes.append(drawn)
-    parts = [runner.work.mapped(record) for record in drawn.records]
+        passes = [chosen, cells]
+    passes.append(drawn := work.draw(segments, cuts, chosen, levels, found.gains))
+    parts = [runner.work.looked_up(record) for record in drawn.records]
     counts, info = _summary(parts, found, asked.options)
     if chosen is not None:
         counts |= _choice_counts(chosen)
     counts |= _step_counts(parts)
     warnings = (*found.facts.warnings, *texture.unseen_warnings(counts)) if chosen else ()
-    alone = runner.reports[before:]
-    del runner.reports[before:]
+    alone, runner.reports[before:] = runner.reports[before:], []
     costs = [*(report.cost for report in alone), *(result.cost for result in passes)]
     runner.reports.append(
         StageReport(
@@ -319,13 +319,13 @@ def texture_tiles(
             Facts(counts, warnings),
         )
     )
-    return TiledTextures(found.textures, info, drawn.records, runner.work)
+    return TiledTextures(found.textures, info, drawn.records, runner.work, first.record.digest)
 
 
 def _summary(
     parts: Sequence[Stored], found: _Base, options: texture.Options
 ) -> tuple[dict[str, Any], TextureInfo]:
-    sides = np.concatenate([np.asarray(part.arrays["sides"], np.int64) for part in parts])
+    sides = np.concatenate([np.array(part.arrays["sides"], np.int64) for part in parts])
     texels = int((sides[:, 0] * sides[:, 1]).sum())
     image_bytes = sum(int(part.arrays["offsets"][-1]) for part in parts)
     measured = TextureTally.total(part.arrays for part in parts).facts()
@@ -390,6 +390,10 @@ def _step_counts(parts: Iterable[Stored]) -> dict[str, Any]:
 
 def _arrays(textures: TextureSet) -> dict[str, npt.NDArray[Any]]:
     return {name: getattr(textures, name) for name in ("wedges", "images", "offsets", "sides")}
+
+
+def _gains_digest(gains: Float32) -> str:
+    return xxhash.xxh3_128_hexdigest(np.ascontiguousarray(gains).data)
 
 
 def _digest(result: PassResult) -> str:

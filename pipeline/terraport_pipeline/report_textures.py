@@ -192,7 +192,8 @@ def photo_pictures(
         ""
         if plain is not None
         else (
-            " There are no vertex colours to compare: the work directory of the build is not here."
+            " There are no vertex colours to compare: the work directory of the build is not here, "
+            "or is another build's."
         )
     )
     plain_rays = None if plain is None else RayScene(plain.vertices, plain.faces)

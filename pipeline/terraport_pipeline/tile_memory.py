@@ -23,6 +23,16 @@ SEGMENT_BYTES_PER_FACE: Final = 325
 TRIM_BYTES_PER_FACE: Final = 260
 READ_BYTES_PER_POINT: Final = 75
 
+FINISHING_BYTES_PER_FACE: Final = 325
+"""After the solver: both surfaces trimmed, colours carried beside the base's thinning."""
+
+_BESIDE_BYTES: Final = 150 * 2**20
+"""The process of the base's last pass."""
+
+_THINNING_BYTES_PER_FACE: Final = 160
+_MAX_THINNING_BYTES: Final = 450 * 2**20
+"""Of that thinning, which goes block by block: 1.76 GB at the peak of 1 M points, 3.93 of 5 M."""
+
 _HELD_BYTES_PER_POINT: Final = 90
 """Of a tile's samples, while its solver runs."""
 
@@ -41,9 +51,10 @@ _CELLS_PER_POINT: Final = 0.8
 """Cells per sample where nothing is known of the survey: the depth rule gives 0.5 to 2."""
 
 _SIDE_BY_SIDE: Final = 2
-"""Tiles that should fit the memory together, whatever the number of cores (the plan must not depend
-on it). A quarry of 50 M points within 8 GiB: tiles of which three fit (depth 9) hold every sample
-2.4 times and solve for 2,950 CPU seconds; tiles of which two fit (depth 10) 1.5 times and 1,650."""
+"""Tiles worked on together when the depth is chosen, whatever the number of cores (the plan must
+not depend on it). 50 M points of a quarry within 8 GiB: tiles of depth 9, of which seven fit, hold
+every sample 2.4 times and solve for 2,950 CPU seconds; of depth 10, of which two fit, 1.5 times and
+1,650."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +123,13 @@ def plan_memory(
     reading = READ_BYTES_PER_POINT * points
     cleaning = CLEAN_BYTES_PER_POINT * points
     solving = solver.memory_bytes + _HELD_BYTES_PER_POINT * points
+    finishing = (
+        _BESIDE_BYTES
+        + min(_THINNING_BYTES_PER_FACE * faces, _MAX_THINNING_BYTES)
+        + FINISHING_BYTES_PER_FACE * faces
+    )
     segmenting = SEGMENT_BYTES_PER_FACE * faces
-    whole = PROCESS_BYTES + max(reading, cleaning, solving, segmenting)
+    whole = PROCESS_BYTES + max(reading, cleaning, solving, finishing, segmenting)
     told = (
         f"a build in one piece needs about {whole / 2**30:.1f} GiB for {points:,} points and "
         f"{faces:,} faces, allowed are {allowed_bytes / 2**30:.1f} GiB"
@@ -133,24 +149,31 @@ def choose_depth(
     max_memory_bytes: int,
     asked: int | None = None,
 ) -> TilePlan | None:
-    """Choose the largest tiles of which two fit the memory allowed, else of which one does.
+    """Choose the tiles that are solved soonest, two side by side where two fit.
+
+    Larger tiles have less margin and so less work; but two that fit side by side may be done before
+    a larger one alone.
 
     Returns
     -------
     TilePlan or None
-        None when not even one of the smallest does.
+        None when not even one of the smallest fits.
     """
     if asked is not None:
         return plan(asked)
-    alone: TilePlan | None = None
+    best: tuple[float, TilePlan] | None = None
     for depth in reversed(_TILE_DEPTHS):
         tried = plan(depth)
-        need = _tile_bytes(tried, points, area_m2)
-        if PARENT_BYTES + _SIDE_BY_SIDE * need <= max_memory_bytes:
-            return tried
-        if alone is None and PARENT_BYTES + need <= max_memory_bytes:
-            alone = tried
-    return alone
+        fit = int((max_memory_bytes - PARENT_BYTES) // _tile_bytes(tried, points, area_m2))
+        if fit < 1:
+            continue
+        work_s = sum(_solver(tried, int(load), points, area_m2).seconds for load in tried.points)
+        time_s = work_s / min(fit, _SIDE_BY_SIDE)
+        if best is None or time_s < best[0]:
+            best = time_s, tried
+        if fit >= _SIDE_BY_SIDE:
+            break  # smaller ones only have more margin
+    return None if best is None else best[1]
 
 
 def forecast_tiles(

@@ -176,7 +176,13 @@ def join_all(
         FinishJob(
             work,
             tile,
-            stage_key(tile_name(tile), code, {"tile": tile}, {"join": joined.record.digest}),
+            stage_key(
+                tile_name(tile),
+                code,
+                {"tile": tile},
+                # The join holds what is shared: other colours inside a tile leave it as it is.
+                {"join": joined.record.digest, "solved": solved[tile].digest},
+            ),
             task,
             key,
         )

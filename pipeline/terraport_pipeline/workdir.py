@@ -150,6 +150,15 @@ class WorkDirectory:
         arrays = {Path(file).stem: _map(folder / file) for file in record.files}
         return Stored(arrays, record.values)
 
+    def looked_up(self, record: StageRecord) -> Stored:
+        """Open a result as :meth:`mapped`, each array only while it is in use.
+
+        For results of all tiles together: every open map holds a file descriptor, of which a
+        process may have 1,024.
+        """
+        folder = self.path / record.name
+        return Stored(_LookedUp({Path(f).stem: folder / f for f in record.files}), record.values)
+
     def array(self, record: StageRecord, name: str) -> npt.NDArray[Any]:
         """Read one array of a result."""
         found: npt.NDArray[Any] = np.load(
@@ -272,6 +281,22 @@ def stage_key(name: str, code: str, options: Mapping[str, Json], inputs: Mapping
     False
     """
     return xxhash.xxh3_128_hexdigest(_canonical([name, code, dict(options), dict(inputs)]))
+
+
+class _LookedUp(Mapping[str, npt.NDArray[Any]]):
+    """Arrays that are mapped anew each time they are asked for."""
+
+    def __init__(self, paths: Mapping[str, Path]) -> None:
+        self._paths = paths
+
+    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+        return _map(self._paths[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
 
 
 def _map(path: Path) -> npt.NDArray[Any]:

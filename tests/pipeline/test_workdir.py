@@ -54,6 +54,21 @@ def test_another_key_or_stage_is_not_found(work: WorkDirectory) -> None:
     assert work.find("segment", "k1") is None
 
 
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="counts descriptors by /proc")
+def test_what_is_looked_up_holds_no_file_open(work: WorkDirectory) -> None:
+    """Maps of all tiles together would pass the system's limit of open files."""
+    record = work.save("clean", "k1", STORED, FACTS, COST)
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    found = [work.looked_up(record) for _ in range(20)]
+    for one in found:
+        assert sorted(one.arrays) == sorted(STORED.arrays)
+        np.testing.assert_array_equal(one.arrays["points"], STORED.arrays["points"])
+    assert len(list(Path("/proc/self/fd").iterdir())) <= before + 1
+    assert "nothing" not in found[0].arrays
+    held = found[0].arrays["points"]
+    assert isinstance(held, np.memmap)
+
+
 @pytest.mark.parametrize(
     "harm",
     [

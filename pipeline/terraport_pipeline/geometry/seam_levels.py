@@ -87,8 +87,6 @@ class LevelField:
     """(C, 27) rows of `level` of the cells of the same view around every cell (itself at 13), -1
     where there are none."""
     grid: LevelGrid
-    steps: int
-    """Steps of conjugate gradients that it took."""
 
 
 def level_field(vertices: Float32, nodes: Nodes, seams: Seams) -> tuple[LevelField, Int32]:
@@ -110,8 +108,8 @@ def level_field(vertices: Float32, nodes: Nodes, seams: Seams) -> tuple[LevelFie
     extent = float(np.ptp(vertices, axis=0).max()) if len(vertices) else 0.0
     grid = LevelGrid.over(low, extent, _mean_edge(vertices, nodes.corner, nodes.vertex))
     sums, cell = level_sums(vertices, nodes, seams, grid)
-    level, steps = solve_levels(sums)
-    return LevelField(level, _near_cells(sums.keys, sums.keys), grid, steps), cell
+    level, _ = solve_levels(sums)
+    return LevelField(level, _near_cells(sums.keys, sums.keys), grid), cell
 
 
 def level_sums(
@@ -187,7 +185,7 @@ def field_of_piece(
     """
     key_of_node = _cell_keys(vertices, nodes.vertex, nodes.view, grid.origin, grid.size_m)
     here, inverse = np.unique(key_of_node, return_inverse=True)
-    return LevelField(level, _near_cells(here, keys), grid, 0), inverse.astype(np.int32)
+    return LevelField(level, _near_cells(here, keys), grid), inverse.astype(np.int32)
 
 
 def node_levels(

@@ -91,7 +91,7 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     base = Mesh(thin, triangles, vertex_normals(thin, triangles), colours, attributes)
     context.progress.done({"base faces": len(triangles)})
     step = max(1, sum(tiles.vertex_count(i) for i in range(tiles.count)) // _DEVIATION_SAMPLES)
-    picked = np.concatenate([tiles.load(i).vertices[::step] for i in range(tiles.count)])
+    picked = np.concatenate([tiles.load(i).vertices[::step].copy() for i in range(tiles.count)])
     context.progress.start("base: deviation", float(len(picked)), "samples")
     distances_m = distances_to_mesh(picked, thin, triangles, workers=context.threads)
     found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))

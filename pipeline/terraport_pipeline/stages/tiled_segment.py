@@ -197,16 +197,16 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
     for tile in tiles:
         part = ColourTotals(
             tile.values["faces"],
-            np.asarray(tile.arrays["whole"], np.int64),
-            np.asarray(tile.arrays["products"], np.int64),
+            np.array(tile.arrays["whole"], np.int64),
+            np.array(tile.arrays["products"], np.int64),
         )
         totals = part if totals is None else totals.plus(part)
     assert totals is not None
     seams = match_seams(
         [
             OpenEdges(
-                np.asarray(tile.arrays["ends"], np.float32),
-                np.asarray(tile.arrays["end_face"], np.int32),
+                np.array(tile.arrays["ends"], np.float32),
+                np.array(tile.arrays["end_face"], np.int32),
             )
             for tile in tiles
         ]

@@ -158,7 +158,7 @@ def solve(parts: Sequence[Mapping[str, npt.NDArray[Any]]]) -> Levels:
     """Level the whole scene; parts from :func:`level`."""
     sums = joined_sums(
         [
-            LevelSums(**{field.name: np.asarray(part[field.name]) for field in fields(LevelSums)})
+            LevelSums(**{field.name: np.array(part[field.name]) for field in fields(LevelSums)})
             for part in parts
         ]
     )
