@@ -12,6 +12,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -83,11 +84,8 @@ def measure(message: Message, rounds: int) -> dict[str, dict[str, float]]:
         assert decode(wire, form, message.DIRECTION) == message
         results[form.name.lower()] = {
             "bytes": len(wire.encode() if isinstance(wire, str) else wire),
-            "encode_us": round(best_us(lambda: encode(message, form), rounds), 1),  # noqa: B023
-            "decode_us": round(
-                best_us(lambda: decode(wire, form, message.DIRECTION), rounds),  # noqa: B023
-                1,
-            ),
+            "encode_us": round(best_us(partial(encode, message, form), rounds), 1),
+            "decode_us": round(best_us(partial(decode, wire, form, message.DIRECTION), rounds), 1),
         }
     return results
 

@@ -108,10 +108,11 @@ def _picture_area(faces: Int32, uv: Float32, f: int) -> float:
     v points down, so a face that is counter-clockwise seen from outside has a negative determinant.
     """
     i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-    return 0.5 * (  # type: ignore[no-any-return]
+    area: float = 0.5 * (
         (np.float64(uv[k, 0]) - uv[i, 0]) * (np.float64(uv[j, 1]) - uv[i, 1])
         - (np.float64(uv[j, 0]) - uv[i, 0]) * (np.float64(uv[k, 1]) - uv[i, 1])
     )
+    return area
 
 
 @numba.njit(cache=True, nogil=True)

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.tile_weld import TileBorder, weld_tiles
+from terraport_pipeline.geometry.tile_weld import Seams, TileBorder, weld_tiles
 
 LOW, HIGH = 1, 0  # wall codes along x: the high wall of the tile below, the low wall of the other
 
@@ -32,7 +32,7 @@ PLACES = [(5.3, 0.0), (5.4, 1.0), (5.6, 2.0), (5.5, 3.0), (5.2, 4.0)]
 PAIR = [(0, 1, 0)]
 
 
-def weld(second: list[tuple[float, float]]):  # type: ignore[no-untyped-def]
+def weld(second: list[tuple[float, float]]) -> Seams:
     return weld_tiles(
         [
             polyline(PLACES, wall=LOW, backwards=False),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -40,9 +41,9 @@ def test_without_weak_places_nothing_is_forgiven() -> None:
 
 def seen(
     sizes: list[int],
-    shared: list[tuple[int, tuple[int, int]]] = [],  # noqa: B006
-    edges: list[list[int]] = [],  # noqa: B006
-    middles: list[list[float]] = [],  # noqa: B006
+    shared: Sequence[tuple[int, tuple[int, int]]] = (),
+    edges: Sequence[Sequence[int]] = (),
+    middles: Sequence[Sequence[float]] = (),
 ) -> Look:
     return Look(
         np.array(sizes, np.int64),
