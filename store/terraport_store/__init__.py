@@ -48,7 +48,7 @@ from terraport_store.manifest import (
 )
 from terraport_store.reader import Scene, list_scenes, read_manifest
 from terraport_store.regions import RegionNames
-from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadSource
+from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
 from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex, box_distances_m
 from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
@@ -76,6 +76,7 @@ __all__ = [
     "MemorySource",
     "MmapSource",
     "OutOfSpaceError",
+    "PayloadRange",
     "PayloadSource",
     "PublishError",
     "RTreeIndex",

@@ -19,7 +19,12 @@ import numpy.typing as npt
 import xxhash
 
 from terraport_payload import Cover, PayloadError
-from terraport_store.errors import CorruptPayloadError, DamagedSceneError, SceneNotFoundError
+from terraport_store.errors import (
+    CorruptPayloadError,
+    DamagedSceneError,
+    RangeError,
+    SceneNotFoundError,
+)
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     BASE,
@@ -33,7 +38,7 @@ from terraport_store.layout import (
     check_pack_header,
 )
 from terraport_store.manifest import EncodingInfo, Manifest
-from terraport_store.source import FileSource, MmapSource, PayloadSource
+from terraport_store.source import FileSource, MmapSource, PayloadRange, PayloadSource
 from terraport_store.spatial import RTreeIndex, SpatialIndex
 
 __all__ = ["Scene", "list_scenes", "read_manifest"]
@@ -243,6 +248,55 @@ class Scene:
                 pack = self._relative(self.manifest.encodings[encoding].pack)
                 raise CorruptPayloadError(segment_id, offset, expected, actual, file=pack)
         return data
+
+    def is_verified(self, segment_id: int, encoding: str = "glb") -> bool:
+        """Tell whether :meth:`payload` found the segment's hash right when it last looked.
+
+        Raises
+        ------
+        IndexError
+            When there is no such segment.
+        KeyError
+            When the scene has no such encoding.
+        """
+        return bool(self._verified[encoding][segment_id])
+
+    def distrust(self, segment_id: int, encoding: str = "glb") -> None:
+        """Let the next :meth:`payload` compare the hash again; raises as :meth:`is_verified`."""
+        self._verified[encoding][segment_id] = False
+
+    def payload_range(
+        self, segment_id: int, encoding: str, start: int, length: int
+    ) -> PayloadRange | None:
+        """Tell where in an open file a part of a payload lies, for ``sendfile``.
+
+        Parameters
+        ----------
+        segment_id : int
+        encoding : str
+        start, length : int
+            Bytes within the payload.
+
+        Returns
+        -------
+        PayloadRange or None
+            None where payloads are not read from a file. Good until :meth:`close`. Nothing is
+            compared: see :meth:`is_verified`.
+
+        Raises
+        ------
+        IndexError
+            When there is no such segment.
+        KeyError
+            When the scene has no such encoding.
+        RangeError
+            When the bytes do not all lie in the payload.
+        """
+        index = self._indexes[encoding]
+        total = int(index.length[segment_id])
+        if start < 0 or length < 0 or start + length > total:
+            raise RangeError(start, length, total)
+        return self._sources[encoding].file_range(int(index.offset[segment_id]) + start, length)
 
     def close(self) -> None:
         """Close the packs; may be called again.

@@ -5,11 +5,20 @@ from __future__ import annotations
 import mmap
 import os
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from terraport_store.errors import RangeError
 
-__all__ = ["FileSource", "MemorySource", "MmapSource", "PayloadSource"]
+__all__ = ["FileSource", "MemorySource", "MmapSource", "PayloadRange", "PayloadSource"]
+
+
+class PayloadRange(NamedTuple):
+    """Bytes of an open file, for ``sendfile``."""
+
+    descriptor: int
+    """Stays open until the source is closed; not to be closed, and not to be moved."""
+    offset: int
+    length: int
 
 
 class PayloadSource(Protocol):
@@ -42,6 +51,16 @@ class PayloadSource(Protocol):
             When the bytes do not all lie inside the source.
         OSError
             When the device fails.
+        """
+        ...
+
+    def file_range(self, offset: int, length: int) -> PayloadRange | None:
+        """Tell where in a file these bytes lie; ``None`` where the source is no file.
+
+        Raises
+        ------
+        RangeError
+            When the bytes do not all lie inside the source.
         """
         ...
 
@@ -81,6 +100,11 @@ class FileSource:
             data += more
         return data
 
+    def file_range(self, offset: int, length: int) -> PayloadRange:
+        """Tell where these bytes lie; see :class:`PayloadSource`."""
+        _check_range(offset, length, self._size)
+        return PayloadRange(self._descriptor, offset, length)
+
     def close(self) -> None:
         """Close the descriptor; may be called again."""
         if self._descriptor >= 0:
@@ -116,6 +140,10 @@ class MmapSource:
         _check_range(offset, length, len(self._view))
         return self._view[offset : offset + length]
 
+    def file_range(self, offset: int, length: int) -> None:
+        """Return None; see :class:`PayloadSource`."""
+        _check_range(offset, length, self.size)
+
     def close(self) -> None:
         """Unmap, or leave that to the last view still in use; may be called again."""
         self._view.release()
@@ -146,6 +174,10 @@ class MemorySource:
         """Read exactly *length* bytes as a view; see :class:`PayloadSource`."""
         _check_range(offset, length, len(self._view))
         return self._view[offset : offset + length]
+
+    def file_range(self, offset: int, length: int) -> None:
+        """Return None; see :class:`PayloadSource`."""
+        _check_range(offset, length, self.size)
 
     def close(self) -> None:
         """Let go of the bytes; may be called again."""
