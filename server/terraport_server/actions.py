@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -67,8 +67,7 @@ class SendMessage:
     message: Message
 
 
-@dataclass(frozen=True, slots=True)
-class SendChunk:
+class SendChunk(NamedTuple):
     """Send ``length`` payload bytes of a segment from ``offset``.
 
     Before anything else is called on the session, answer with ``chunk_sent`` (the bytes are whole,

@@ -13,6 +13,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -20,6 +21,7 @@ from typing import Final, Literal
 from terraport_server.actions import SceneView
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logs import log
+from terraport_server.payload_desk import PayloadDesk
 from terraport_server.selection import SegmentTable
 from terraport_store import RegionNames, Scene, StoreError, list_scenes, read_labels
 
@@ -49,9 +51,13 @@ class ServedScene:
     it.
     """
 
-    def __init__(self, scene_id: str, scene: Scene, names: RegionNames) -> None:
+    def __init__(
+        self, scene_id: str, scene: Scene, names: RegionNames, readers: Executor | None = None
+    ) -> None:
         self.id = scene_id
         self.scene = scene
+        self.desk = PayloadDesk(scene, readers, hold=self.hold, release=self.release)
+        """Its payloads, for all clients."""
         self.names = names
         """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
         self.version = scene.manifest.version
@@ -77,7 +83,13 @@ class ServedScene:
         self.closed = False
 
     @classmethod
-    def open(cls, scene_id: str, directory: Path, source: Literal["file", "mmap"]) -> ServedScene:
+    def open(
+        cls,
+        scene_id: str,
+        directory: Path,
+        source: Literal["file", "mmap"],
+        readers: Executor | None = None,
+    ) -> ServedScene:
         """Open the published version and build its R-tree. Blocks: call it in a thread.
 
         Raises
@@ -98,7 +110,7 @@ class ServedScene:
             names = RegionNames()
         # The facts are for tools, which read the file; here they would only take memory.
         scene.__dict__.pop("regions", None)
-        return cls(scene_id, scene, names)
+        return cls(scene_id, scene, names, readers)
 
     def hold(self) -> None:
         """Keep it open."""
@@ -129,6 +141,8 @@ class SceneRegistry:
         A folder of scenes, or one scene.
     source
         How payloads are read; see ``Scene.open``.
+    read_threads
+        Threads that read payloads which are not in the page cache.
     published
         Called with the new version, on the event loop, when one replaces an older one.
     """
@@ -138,10 +152,12 @@ class SceneRegistry:
         directory: Path,
         *,
         source: Literal["file", "mmap"] = "file",
+        read_threads: int = 4,
         published: Callable[[ServedScene], None] | None = None,
     ) -> None:
         self._directory = directory
         self._source = source
+        self._readers = ThreadPoolExecutor(read_threads, thread_name_prefix="read")
         self._published = published
         self._current: dict[str, ServedScene] = {}
         self._retired: list[ServedScene] = []
@@ -184,7 +200,7 @@ class SceneRegistry:
             self._stamps[scene_id] = seen.manifest
             try:
                 served = await asyncio.to_thread(
-                    ServedScene.open, scene_id, seen.directory, self._source
+                    ServedScene.open, scene_id, seen.directory, self._source, self._readers
                 )
             except (StoreError, OSError) as error:
                 log("scene not opened", level=logging.ERROR, scene=scene_id, reason=str(error))
@@ -216,6 +232,7 @@ class SceneRegistry:
             served.retire()
         self._current.clear()
         self._retired.clear()
+        self._readers.shutdown(wait=False)  # what it still reads holds its scene
 
     def _take(self, served: ServedScene) -> None:
         old = self._current.get(served.id)

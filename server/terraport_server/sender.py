@@ -1,9 +1,9 @@
 """Carries out one session over one WebSocket: the only place where it meets the network.
 
 Three tasks per client, all owned by :meth:`Sender.run`: one reads messages into the session, one
-carries out what the session wants, one watches the clock. Memory per client is bounded: one
-segment's payload, one frame in the transport, ``max_pending_actions`` messages, and what uvicorn
-holds of one incoming message.
+carries out what the session wants, one watches the clock. Memory per client is bounded: one frame
+in the transport where frames go through it, ``max_pending_actions`` messages, and what uvicorn
+holds of one incoming message. Payload goes from the page cache to the socket.
 
 A slow client costs itself only: its frames wait in its own task, the session goes on planning, and
 a newer landing replaces what was not sent yet.
@@ -26,7 +26,7 @@ from terraport_server.metrics import Metrics
 from terraport_server.scenes import ServedScene
 from terraport_server.session import Session
 from terraport_server.transport import connection_of
-from terraport_store import CorruptPayloadError, StoreError
+from terraport_store import CorruptPayloadError, PayloadRange, StoreError
 from terraport_wire import (
     DecodeError,
     Direction,
@@ -118,7 +118,8 @@ class Sender:
         self._sooner = asyncio.Event()
         self._next_tick_s = 0.0
         self._picks: set[asyncio.Task[None]] = set()
-        self._payload: tuple[int, memoryview] | None = None
+        self._failed: int | None = None
+        """Segment that could not be fetched; told to the session when it asks for it again."""
 
     async def run(self) -> None:
         """Serve until the connection is over; returns also when the client vanishes.
@@ -213,11 +214,17 @@ class Sender:
         if not chunk.landing and self._priorities.landing_chunks:
             await asyncio.sleep(_YIELD_S)
             return  # and ask again: a landing of this client may have come too
-        payload = self._read_payload(chunk)
-        if payload is None:
-            self.session.payload_failed(chunk, self._loop.time())
+        session, desk = self.session, self._served.desk
+        if self._failed == chunk.segment:
+            self._failed = None
+            session.payload_failed(chunk, self._loop.time())
             return
-        part = payload[chunk.offset : chunk.offset + chunk.length]
+        connection = self._connection
+        as_file = connection is not None and connection.takes_files
+        part = desk.part(chunk, session.encoding, as_file=as_file)
+        if part is None:
+            await self._fetch(chunk)
+            return
         header = frame_header(
             generation=chunk.generation,
             segment=chunk.segment,
@@ -225,52 +232,60 @@ class Sender:
             total=chunk.total,
             length=chunk.length,
         )
-        self.session.chunk_sent(chunk, self._loop.time())
-        if chunk.offset + chunk.length == chunk.total:
-            self._payload = None
+        session.chunk_sent(chunk, self._loop.time())
         counted = self._metrics.land_bytes if chunk.landing else self._metrics.aim_bytes
         counted.inc(chunk.length)
         self._priorities.landing_chunks += chunk.landing
         try:
-            await self._send_parts(header, part)
+            await self._send_part(chunk, header, part)
             # The send does not suspend while the socket keeps up: without this, one fast client
             # would hold everybody else, and its own next message, until its landing is whole.
             await asyncio.sleep(0)
         finally:
             self._priorities.landing_chunks -= chunk.landing
 
-    def _read_payload(self, chunk: SendChunk) -> memoryview | None:
-        """Return the segment's whole payload, checked; ``None`` where it is not whole and right.
+    async def _fetch(self, chunk: SendChunk) -> None:
+        """Wait until the chunk can be sent, or note that it cannot; then ask the session again.
 
-        The bytes that are checked are the bytes that are sent: they are kept until the segment is.
+        Meanwhile the client may want something else.
         """
-        if self._payload is not None and self._payload[0] == chunk.segment and chunk.offset:
-            return self._payload[1]
-        encoding = self.session.encoding
         try:
-            data = self._served.scene.payload(chunk.segment, encoding, recheck=True)
+            await self._served.desk.fetch(chunk, self.session.encoding)
         except (StoreError, OSError) as error:
-            event = "segment_corrupt" if isinstance(error, CorruptPayloadError) else "segment_lost"
-            log(
-                event,
-                level=logging.ERROR,
-                landing=f"{self.session.id}-{chunk.generation}",
-                scene=self._served.id,
-                version=self._served.version,
-                segment=chunk.segment,
-                reason=str(error),
-            )
-            self._metrics.corrupt_segments.labels(self._served.id).inc()
-            self._payload = None
-            return None
-        self._payload = (chunk.segment, memoryview(data))
-        return self._payload[1]
+            self._tell_failure(chunk, error)
+            self._failed = chunk.segment
 
-    async def _send_parts(self, header: bytes, part: memoryview) -> None:
-        if self._connection is None:
+    def _tell_failure(self, chunk: SendChunk, error: Exception) -> None:
+        event = "segment_corrupt" if isinstance(error, CorruptPayloadError) else "segment_lost"
+        log(
+            event,
+            level=logging.ERROR,
+            landing=f"{self.session.id}-{chunk.generation}",
+            scene=self._served.id,
+            version=self._served.version,
+            segment=chunk.segment,
+            reason=str(error),
+        )
+        self._metrics.corrupt_segments.labels(self._served.id).inc()
+
+    async def _send_part(
+        self, chunk: SendChunk, header: bytes, part: PayloadRange | memoryview
+    ) -> None:
+        """Send one chunk by the shortest way that this connection has."""
+        connection = self._connection
+        if connection is None:
+            assert isinstance(part, memoryview)
             await self._websocket.send_bytes(header + part)
-            return
-        await self._connection.send_parts(header, part)
+        elif isinstance(part, memoryview):
+            await connection.send_parts(header, part)
+        else:
+            try:
+                await connection.send_file(header, part)
+            except OSError as error:
+                # The frame was begun: the connection is gone. Who comes back is told more.
+                self._served.desk.distrust(chunk.segment)
+                self._tell_failure(chunk, error)
+                raise WebSocketDisconnect(1006) from error
 
     async def _send_message(self, message: Message) -> None:
         data = encode(message, self._subprotocol)

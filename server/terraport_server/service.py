@@ -50,7 +50,10 @@ class Service:
         self.gate = Gate.from_settings(settings)
         self.metrics = Metrics()
         self.registry = SceneRegistry(
-            settings.scenes_dir, source=settings.payload_source, published=self._published
+            settings.scenes_dir,
+            source=settings.payload_source,
+            read_threads=settings.read_threads,
+            published=self._published,
         )
         self.session_limits = settings.session_limits(server_name())
         self.sender_limits = SenderLimits(

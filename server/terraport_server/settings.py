@@ -50,8 +50,12 @@ class Settings(BaseSettings):
     scene_poll_s: _Seconds = 1.0
     """How often scene.json files are looked at for newer versions."""
     payload_source: Literal["file", "mmap"] = "file"
-    """How payloads are read: "file" copies one at a time; "mmap" copies nothing, but a pack cut
-    short under it ends the process."""
+    """How payloads are read: "file" sends from the page cache by sendfile; "mmap" maps the packs,
+    and a pack cut short under it ends the process."""
+
+    read_threads: Annotated[int, Field(ge=1, le=64)] = 4
+    """Threads that read payloads which are not in the page cache, and check each for the first
+    time."""
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65_535)] = 8080

@@ -13,6 +13,7 @@ from terraport_server.actions import Authorise, Observer
 from terraport_server.auth import bearer_token, origin_is_allowed
 from terraport_server.errors import AccessError, UnknownSceneError
 from terraport_server.logs import log
+from terraport_server.scenes import ServedScene
 from terraport_server.sender import Sender
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT, Session
@@ -37,11 +38,14 @@ __all__ = ["stream"]
 class _Chronicle(Observer):
     """Writes what happens to one session into metrics and log, each landing under its id."""
 
-    def __init__(self, service: Service, session_id: str, scene_id: str, client_ip: str) -> None:
+    def __init__(
+        self, service: Service, session_id: str, served: ServedScene, client_ip: str
+    ) -> None:
         self._service = service
         self._metrics = service.metrics
         self._session_id = session_id
-        self._scene_id = scene_id
+        self._desk = served.desk
+        self._scene_id = served.id
         self._client_ip = client_ip
 
     def planned(self, generation: int, plan: Plan) -> None:
@@ -84,6 +88,7 @@ class _Chronicle(Observer):
         )
 
     def rejected(self, message: Reject) -> None:
+        self._desk.distrust(message.segment)
         self._metrics.rejected_segments.inc()
         log(
             "segment_rejected",
@@ -151,7 +156,7 @@ async def _serve(
         session_id=session_id,
         now_s=asyncio.get_running_loop().time(),
         authorise=authorise,
-        observer=_Chronicle(service, session_id, scene_id, client_ip),
+        observer=_Chronicle(service, session_id, served, client_ip),
     )
     sender = Sender(
         websocket,

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import socket
+import time
 from pathlib import Path
 
 import pytest
 from server.grid_scene import write_grid_scene
-from server.plain_client import PlainClient
+from server.plain_client import PlainClient, assemble, make_hello
+from websockets.client import ClientProtocol
 from websockets.frames import Frame, Opcode
+from websockets.protocol import State
+from websockets.typing import Subprotocol as SubprotocolName
+from websockets.uri import parse_uri
 
 from terraport_server import BackgroundServer
 from terraport_server.transport import (
@@ -17,6 +22,19 @@ from terraport_server.transport import (
     _frame_header,
     connection_of,
     protocol_class,
+)
+from terraport_store import PayloadRange
+from terraport_wire import (
+    Direction,
+    Land,
+    Message,
+    PayloadFrame,
+    Ready,
+    Subprotocol,
+    decode,
+    decode_frame,
+    encode,
+    is_payload,
 )
 
 
@@ -62,3 +80,113 @@ def test_each_service_has_its_own_options() -> None:
     two = protocol_class(notsent_lowat_bytes=3, send_buffer_bytes=4)
     assert (one.notsent_lowat_bytes, two.notsent_lowat_bytes) == (1, 3)
     assert Connection.notsent_lowat_bytes == 0
+
+
+def is_ready(frame: Frame) -> bool:
+    if frame.opcode is not Opcode.BINARY or is_payload(frame.data):
+        return False
+    message = decode(frame.data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT)
+    return isinstance(message, Ready)
+
+
+def open_descriptors() -> int:
+    folder = Path("/proc/self/fd")
+    return len(list(folder.iterdir())) if folder.is_dir() else 0
+
+
+class SlowClient:
+    """Speaks WebSocket by the library's own state machine over a socket that reads when told."""
+
+    def __init__(self, port: int) -> None:
+        self.socket = socket.socket()
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        self.socket.settimeout(20)
+        self.socket.connect(("127.0.0.1", port))
+        uri = parse_uri(f"ws://127.0.0.1:{port}/scenes/pit/stream")
+        names = [SubprotocolName(Subprotocol.MSGPACK)]
+        self.protocol = ClientProtocol(uri, subprotocols=names, max_size=None)
+        self.protocol.send_request(self.protocol.connect())
+        self.flush()
+        while self.protocol.state is not State.OPEN:
+            self.fill()
+        self.protocol.events_received()
+        self.frames: list[Frame] = []
+
+    def send(self, message: Message) -> None:
+        data = encode(message, Subprotocol.MSGPACK)
+        assert isinstance(data, bytes)
+        self.protocol.send_binary(data)
+        self.flush()
+
+    def flush(self) -> None:
+        for data in self.protocol.data_to_send():
+            self.socket.sendall(data)
+
+    def fill(self) -> None:
+        data = self.socket.recv(1 << 16)
+        assert data, "the server closed the connection"
+        self.protocol.receive_data(data)
+
+    def read_until_ready(self) -> None:
+        while not any(
+            frame.opcode is Opcode.BINARY
+            and not is_payload(frame.data)
+            and isinstance(
+                decode(frame.data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT), Ready
+            )
+            for frame in self.frames[-3:]
+        ):
+            self.fill()
+            for event in self.protocol.events_received():
+                assert isinstance(event, Frame)
+                self.frames.append(event)
+
+
+@pytest.mark.parametrize("source", ["file", "mmap"])
+def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
+    tmp_path: Path, source: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A client that does not read stalls a frame; its pings come then; the stream stays whole."""
+    sent_files = []
+    send_file = Connection.send_file
+
+    async def counted(self: Connection, header: bytes, part: PayloadRange) -> None:
+        sent_files.append(part.length)
+        await send_file(self, header, part)
+
+    monkeypatch.setattr(Connection, "send_file", counted)
+    pit = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
+    with BackgroundServer(tmp_path, payload_source=source, max_radius_m=1e4) as server:
+        client = SlowClient(server.port)
+        client.send(make_hello())
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=500.0))
+        time.sleep(0.3)  # the socket's buffers are full, a frame is under way
+        for number in range(5):
+            client.protocol.send_ping(b"%d" % number)
+            client.flush()
+        time.sleep(0.1)
+        client.read_until_ready()
+        client.socket.close()
+    pongs = [bytes(frame.data) for frame in client.frames if frame.opcode is Opcode.PONG]
+    assert pongs == [b"0", b"1", b"2", b"3", b"4"]
+    frames = [decode_frame(frame.data) for frame in client.frames if is_payload(frame.data)]
+    got = assemble([frame for frame in frames if isinstance(frame, PayloadFrame)])
+    assert got == dict(enumerate(pit.payloads))
+    assert sum(sent_files) == (sum(map(len, pit.payloads)) if source == "file" else 0)
+
+
+def test_a_client_that_vanishes_in_the_middle_of_a_frame_frees_everything(tmp_path: Path) -> None:
+    write_grid_scene(tmp_path / "pit", cells=60, compress=False)
+    with BackgroundServer(tmp_path, max_radius_m=1e4) as server:
+        before = open_descriptors()
+        for _ in range(5):
+            client = SlowClient(server.port)
+            client.send(make_hello())
+            client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=500.0))
+            time.sleep(0.1)
+            client.socket.close()
+        until_s = time.monotonic() + 10
+        while server.service.session_count and time.monotonic() < until_s:
+            time.sleep(0.02)
+        assert server.service.session_count == 0
+        assert open_descriptors() <= before + 2

@@ -1,0 +1,134 @@
+"""Payloads handed to clients: checked once, from the file where it can be, never wrong bytes."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+from server.grid_scene import GridScene, write_grid_scene
+
+from terraport_server.actions import SendChunk
+from terraport_server.scenes import ServedScene
+from terraport_store import CorruptPayloadError, PayloadRange, RangeError
+
+
+@pytest.fixture(scope="module")
+def pit(tmp_path_factory: pytest.TempPathFactory) -> GridScene:
+    return write_grid_scene(tmp_path_factory.mktemp("desk") / "pit", cells=4)
+
+
+def opened(pit: GridScene, source: Literal["file", "mmap"] = "file") -> ServedScene:
+    return ServedScene.open("pit", pit.path, source)
+
+
+def whole(pit: GridScene, segment: int) -> SendChunk:
+    length = len(pit.payloads[segment])
+    return SendChunk(1, segment, 0, length, length, landing=True)
+
+
+def test_nothing_is_handed_out_before_it_was_checked(pit: GridScene) -> None:
+    async def story() -> None:
+        served = opened(pit)
+        chunk = whole(pit, 3)
+        assert served.desk.part(chunk, "glb", as_file=True) is None
+        await served.desk.fetch(chunk, "glb")
+        found = served.desk.part(chunk, "glb", as_file=True)
+        assert isinstance(found, PayloadRange)
+        assert os.pread(found.descriptor, found.length, found.offset) == pit.payloads[3]
+        part = chunk._replace(offset=10, length=20)
+        assert served.desk.part(part, "glb", as_file=False) == pit.payloads[3][10:30]
+        served.retire()
+        assert served.closed
+
+    asyncio.run(story())
+
+
+def test_maps_are_handed_out_as_views(pit: GridScene) -> None:
+    async def story() -> None:
+        served = opened(pit, "mmap")
+        chunk = whole(pit, 0)._replace(offset=5, length=7)
+        await served.desk.fetch(chunk, "glb")
+        assert served.desk.part(chunk, "glb", as_file=True) == pit.payloads[0][5:12]
+        served.retire()
+
+    asyncio.run(story())
+
+
+def test_clients_that_want_the_same_wait_for_one_read(
+    pit: GridScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And one of them going away takes nothing from the others; the scene stays open meanwhile."""
+
+    async def story() -> None:
+        reads: list[int] = []
+        go = threading.Event()
+        with ThreadPoolExecutor(4) as readers:
+            served = ServedScene.open("pit", pit.path, "file", readers)
+            payload = served.scene.payload
+
+            def slow(segment: int, *arguments: Any, **options: Any) -> bytes | memoryview:
+                reads.append(segment)
+                go.wait(10)
+                return payload(segment, *arguments, **options)
+
+            monkeypatch.setattr(served.scene, "payload", slow)
+            chunk = whole(pit, 1)
+            waiting = [asyncio.create_task(served.desk.fetch(chunk, "glb")) for _ in range(5)]
+            await asyncio.sleep(0.05)
+            waiting[0].cancel()
+            served.retire()
+            assert not served.closed
+            go.set()
+            done = await asyncio.gather(*waiting, return_exceptions=True)
+            assert isinstance(done[0], asyncio.CancelledError)
+            assert done[1:] == [None] * 4
+            assert reads == [1]
+            await asyncio.sleep(0)
+            assert served.closed
+
+    asyncio.run(story())
+
+
+def test_a_flipped_byte_is_found_at_first_and_after_distrust(tmp_path: Path) -> None:
+    async def story() -> None:
+        pit = write_grid_scene(tmp_path / "pit", cells=2)
+        served = opened(pit)
+        chunk = whole(pit, 2)
+        await served.desk.fetch(chunk, "glb")
+        found = served.desk.part(chunk, "glb", as_file=True)
+        assert isinstance(found, PayloadRange)
+        pack = next(pit.path.glob("v-*/*.pack"))
+        data = bytearray(pack.read_bytes())
+        data[found.offset + 9] ^= 1
+        pack.write_bytes(data)
+        assert served.desk.part(chunk, "glb", as_file=True) is not None  # as checked, it was right
+        served.desk.distrust(2)
+        assert served.desk.part(chunk, "glb", as_file=True) is None
+        with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
+            await served.desk.fetch(chunk, "glb")
+        assert served.desk.part(chunk, "glb", as_file=True) is None
+        served.retire()
+
+    asyncio.run(story())
+
+
+def test_a_pack_cut_short_is_told(tmp_path: Path) -> None:
+    async def story() -> None:
+        pit = write_grid_scene(tmp_path / "pit", cells=2)
+        served = opened(pit)
+        last = len(pit.payloads) - 1
+        chunk = whole(pit, last)
+        await served.desk.fetch(chunk, "glb")
+        pack = next(pit.path.glob("v-*/*.pack"))
+        os.truncate(pack, pack.stat().st_size - len(pit.payloads[last]))
+        assert served.desk.part(chunk, "glb", as_file=False) is None
+        with pytest.raises(RangeError):
+            await served.desk.fetch(chunk, "glb")
+        served.retire()
+
+    asyncio.run(story())
