@@ -1,19 +1,37 @@
-"""What the service counts, for Prometheus. All names begin with ``terraport_``."""
+"""What the service counts, for Prometheus. All names begin with ``terraport_``.
+
+docs/topics/metrics.md lists every one; a test compares. Labels are bounded: each takes its values
+from a fixed set, but ``scene``, of which the first ``MAX_SCENE_LABELS`` have a name of their own.
+"""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
+from typing import Final
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client import (
+    CollectorRegistry,
+    Counter,
+    Gauge,
+    Histogram,
+    ProcessCollector,
+    generate_latest,
+)
 
-__all__ = ["CONTENT_TYPE", "Metrics"]
+__all__ = ["CONTENT_TYPE", "MAX_SCENE_LABELS", "Metrics"]
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+
+MAX_SCENE_LABELS: Final = 100
+"""Scenes with a label of their own; the others share ``other``. A folder may hold thousands."""
 
 _LAG_PERIOD_S = 0.25
 
 _SECONDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30)
 """Half a millisecond (idle loopback) to half a minute (a large landing on a slow link)."""
+
+_STATUS_CLASSES: Final = ("1xx", "2xx", "3xx", "4xx", "5xx")
 
 
 class Metrics:
@@ -21,61 +39,93 @@ class Metrics:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
-        name = "terraport_"
-        self.sessions = Gauge(
-            f"{name}sessions_active", "Sessions open now", ["scene"], registry=self.registry
+        self._scenes: set[str] = set()
+        ProcessCollector(registry=self.registry)
+
+        # Sessions
+        self.sessions = self._gauge("sessions_active", "Sessions open now", ["scene"])
+        self.stalled = self._gauge(
+            "sessions_stalled", "Sessions that have payload to send and no credit from the client"
         )
-        self.landings = Counter(
-            f"{name}landings", "Landings planned", ["scene"], registry=self.registry
+        self.sessions_closed = self._counter(
+            "sessions_closed",
+            "Sessions that ended, by how: bye, lost, draining or an error code",
+            ["reason"],
         )
-        self.first_byte_s = Histogram(
-            f"{name}landing_first_byte_seconds",
+        self.refused = self._counter(
+            "refused", "Connections and requests that were not let in, by reason", ["reason"]
+        )
+        self.errors = self._counter("errors", "Errors told to clients", ["code"])
+
+        # Landings
+        self.landings = self._counter("landings", "Landings planned", ["scene"])
+        self.plan_s = self._histogram(
+            "landing_plan_seconds", "Land received to plan handed to the socket"
+        )
+        self.first_byte_s = self._histogram(
+            "landing_first_byte_seconds",
             "Land received to first payload byte handed to the socket",
-            registry=self.registry,
-            buckets=_SECONDS,
         )
-        self.ready_s = Histogram(
-            f"{name}landing_ready_seconds",
-            "Land received to ready",
-            registry=self.registry,
-            buckets=_SECONDS,
-        )
-        self.payload_bytes = Counter(
-            f"{name}payload_bytes", "Payload bytes sent", ["kind"], registry=self.registry
-        )
+        self.ready_s = self._histogram("landing_ready_seconds", "Land received to ready")
+        self.payload_bytes = self._counter("payload_bytes", "Payload bytes sent", ["kind"])
         # Counted once per chunk: looked up once here, not each time.
         self.land_bytes = self.payload_bytes.labels("land")
         self.aim_bytes = self.payload_bytes.labels("aim")
-        self.superseded = Counter(
-            f"{name}superseded", "Generations ended unfinished", ["kind"], registry=self.registry
+        self.superseded = self._counter("superseded", "Generations ended unfinished", ["kind"])
+        self.superseded_bytes = self._counter(
+            "superseded_bytes", "Payload bytes planned and not sent for it", ["kind"]
         )
-        self.superseded_bytes = Counter(
-            f"{name}superseded_bytes",
-            "Payload bytes planned and not sent for it",
-            ["kind"],
-            registry=self.registry,
+        self.aims = self._counter(
+            "aims", "Landings after an aim: hit where the aim had brought all of it", ["outcome"]
         )
-        self.errors = Counter(
-            f"{name}errors", "Errors told to clients", ["code"], registry=self.registry
+        self.aim_use_bytes = self._counter(
+            "aim_use_bytes", "Payload bytes sent for aims that are over", ["outcome"]
         )
-        self.corrupt_segments = Counter(
-            f"{name}corrupt_segments",
-            "Payloads that failed their hash or could not be read",
-            ["scene"],
-            registry=self.registry,
+        self.picks = self._counter("picks", "Picks by outcome", ["outcome"])
+
+        # Payload
+        self.payload_reads = self._counter(
+            "payload_reads", "Segments or parts that a thread read or checked before sending"
         )
-        self.rejected_segments = Counter(
-            f"{name}rejected_segments", "Segments that clients rejected", registry=self.registry
+        self.corrupt_segments = self._counter(
+            "corrupt_segments", "Payloads that failed their hash or could not be read", ["scene"]
         )
-        self.picks = Counter(
-            f"{name}picks", "Picks by outcome", ["outcome"], registry=self.registry
+        self.rejected_segments = self._counter(
+            "rejected_segments", "Segments that clients rejected"
         )
-        self.loop_lag_s = Histogram(
-            f"{name}event_loop_lag_seconds",
-            "How late a timer of the event loop fires",
-            registry=self.registry,
-            buckets=_SECONDS,
+
+        # Access
+        self.withdrawn = self._counter(
+            "access_withdrawn", "Sessions closed because their token ran out or went", ["reason"]
         )
+        self.key_reloads = self._counter(
+            "key_reloads", "Files of tokens, keys and certificates read again", ["file", "outcome"]
+        )
+
+        # Process
+        self.http_requests = self._counter(
+            "http_requests", "HTTP requests answered, by class of status", ["status"]
+        )
+        self._http = {name: self.http_requests.labels(name) for name in _STATUS_CLASSES}
+        self.draining = self._gauge("draining", "1 while the service goes away")
+        self.loop_lag_s = self._histogram(
+            "event_loop_lag_seconds", "How late a timer of the event loop fires"
+        )
+
+    def scene_label(self, scene_id: str) -> str:
+        """Return the scene's label: its id, or ``other`` beyond the first hundred."""
+        if scene_id in self._scenes:
+            return scene_id
+        if len(self._scenes) >= MAX_SCENE_LABELS:
+            return "other"
+        self._scenes.add(scene_id)
+        return scene_id
+
+    def answered(self, status: int) -> None:
+        """Count one HTTP answer."""
+        counter = self._http.get(f"{status // 100}xx")
+        if counter is not None:
+            counter.inc()
 
     def render(self) -> bytes:
         """Return all values in Prometheus' text format."""
@@ -88,3 +138,12 @@ class Metrics:
             due_s = loop.time() + _LAG_PERIOD_S
             await asyncio.sleep(_LAG_PERIOD_S)
             self.loop_lag_s.observe(max(0.0, loop.time() - due_s))
+
+    def _counter(self, name: str, meaning: str, labels: Sequence[str] = ()) -> Counter:
+        return Counter(f"terraport_{name}", meaning, labels, registry=self.registry)
+
+    def _gauge(self, name: str, meaning: str, labels: Sequence[str] = ()) -> Gauge:
+        return Gauge(f"terraport_{name}", meaning, labels, registry=self.registry)
+
+    def _histogram(self, name: str, meaning: str) -> Histogram:
+        return Histogram(f"terraport_{name}", meaning, registry=self.registry, buckets=_SECONDS)
