@@ -1,0 +1,69 @@
+"""Scenes of incompressible bytes, which is what offline compression leaves of a payload."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from terraport_payload import Cover, SegmentMesh, encode_glb
+from terraport_store import BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter
+
+__all__ = ["TILE_M", "base_glb", "scene_info", "write_random_scene"]
+
+TILE_M = 10.0
+"""Width of a segment."""
+
+
+def base_glb() -> bytes:
+    """One triangle: trials of the stream do not look at the base."""
+    triangle = SegmentMesh(
+        positions=np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0]], dtype=np.float32),
+        faces=np.array([[0, 1, 2]], dtype=np.uint32),
+        normals=np.tile(np.array([0, 1, 0], dtype=np.float32), (3, 1)),
+    )
+    return encode_glb(triangle, step_m=2.0**-10, attribute_scales={}, keep_face_order=True)
+
+
+def scene_info(name: str) -> SceneInfo:
+    """Return what the files do not say."""
+    return SceneInfo(
+        name=name,
+        origin=(0.0, 0.0, 0.0),
+        step_m=2.0**-10,
+        points=1,
+        regions=1,
+        hand_off=HandOff(deviation_m=0.0, tolerance_m=0.0),
+        build=BuildInfo(terraport="benchmark"),
+    )
+
+
+def write_random_scene(path: Path, *, side: int, segment_bytes: int, seed: int = 1) -> Manifest:
+    """Publish a grid of side x side segments; segment row * side + column lies at column, row.
+
+    Parameters
+    ----------
+    path : Path
+        The scene directory.
+    side : int
+        Segments along each edge, 10 m each.
+    segment_bytes : int
+        Median length of a payload; lengths vary by a factor of two either way.
+    seed : int, optional
+        Another seed is another version.
+    """
+    rng = np.random.default_rng(seed)
+    with SceneWriter(path) as writer:
+        for number in range(side * side):
+            x, z = TILE_M * (number % side), TILE_M * (number // side)
+            length = int(segment_bytes * 2.0 ** rng.uniform(-1.0, 1.0))
+            writer.add_segment(
+                rng.bytes(max(1, length)),
+                region=0,
+                bounds=(x, 0.0, z, x + TILE_M, 1.0, z + TILE_M),
+                vertices=6000,
+                faces=int(rng.integers(5_000, 15_000)),
+            )
+        offsets = np.array([0, 0], dtype=np.uint32)
+        writer.set_base(base_glb(), Cover(offsets, np.zeros(0, dtype=np.uint32)))
+        return writer.publish(scene_info("trial"))

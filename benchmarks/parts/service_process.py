@@ -1,0 +1,225 @@
+"""``terraport serve`` as a process of its own, and what the system says of it.
+
+Trials talk to the service as its users do: the installed command, settings from the environment, a
+real port. Memory is read from ``/proc`` (Linux), summed over the process and its children, so that
+a service of several workers counts whole.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+__all__ = ["Memory", "ServiceProcess", "free_port"]
+
+_COMMAND = "import sys; from terraport.cli import main; sys.exit(main())"
+_START_S = 60.0
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What the system counts for a process and its children; bytes and numbers."""
+
+    rss: int
+    """Resident, whatever it is."""
+    anon: int
+    """Of it: the process's own (heap, stacks)."""
+    file: int
+    """Of it: mapped files, among them shared libraries; the page cache of ``read`` and
+    ``sendfile`` is no part of it."""
+    pss: int
+    """Resident, shared pages divided among those who share them."""
+    descriptors: int
+    threads: int
+
+    def as_dict(self) -> dict[str, int]:
+        """Return all of it."""
+        return asdict(self)
+
+
+class ServiceProcess:
+    """Starts the service and stops it; a context manager.
+
+    Parameters
+    ----------
+    scenes_dir : Path
+        A folder of scenes, or one scene.
+    log : Path, optional
+        Where standard error goes; nowhere without.
+    port : int, optional
+        A free one without.
+    prefix : sequence of str, optional
+        Put before the command: ``("ip", "netns", "exec", NAME)``.
+    address : str, optional
+        What clients connect to, where that is not this machine's loopback.
+    **settings
+        Fields of ``terraport_server.Settings``, handed over in the environment.
+    """
+
+    def __init__(
+        self,
+        scenes_dir: Path,
+        *,
+        log: Path | None = None,
+        port: int | None = None,
+        prefix: tuple[str, ...] = (),
+        address: str = "127.0.0.1",
+        **settings: Any,
+    ) -> None:
+        self.port = free_port() if port is None else port
+        self.address = address
+        self._prefix = prefix
+        self._command = [*prefix, sys.executable, "-c", _COMMAND, "serve", str(scenes_dir)]
+        self._command += ["--host", address, "--port", str(self.port)]
+        self._environment = os.environ | {
+            f"TERRAPORT_{name.upper()}": str(value) for name, value in settings.items()
+        }
+        self._log = log
+        self._process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def url(self) -> str:
+        """``http://HOST:PORT``."""
+        return f"http://{self.address}:{self.port}"
+
+    @property
+    def pid(self) -> int:
+        """Of the process that was started."""
+        assert self._process is not None
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process is not None and self._process.poll() is None
+
+    def start(self) -> None:
+        """Start, and wait until it answers.
+
+        Raises
+        ------
+        RuntimeError
+            When it ends, or is silent for a minute.
+        """
+        with (self._log or Path(os.devnull)).open("ab") as log:
+            self._process = subprocess.Popen(
+                self._command, stdout=subprocess.DEVNULL, stderr=log, env=self._environment
+            )
+        until_s = time.monotonic() + _START_S
+        while time.monotonic() < until_s:
+            if not self.alive:
+                break
+            if self._is_listening():
+                return
+            time.sleep(0.05)
+        self.kill()
+        raise RuntimeError(f"the service did not start; its log is {self._log}")
+
+    def stop(self) -> int:
+        """SIGTERM, and wait; return its exit status."""
+        assert self._process is not None
+        with suppress(ProcessLookupError):
+            self._process.send_signal(signal.SIGTERM)
+        try:
+            return self._process.wait(60)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return -9
+
+    def kill(self) -> None:
+        """SIGKILL, as the kernel does when memory is short."""
+        assert self._process is not None
+        self._process.kill()
+        self._process.wait()
+
+    def memory(self) -> Memory:
+        """Ask the system, now."""
+        total = dict.fromkeys(("Rss", "RssAnon", "RssFile", "Pss"), 0)
+        descriptors = threads = 0
+        for pid in self._processes():
+            root = Path(f"/proc/{pid}")
+            with suppress(FileNotFoundError, ProcessLookupError, PermissionError):
+                fields = _fields(root / "smaps_rollup") | _fields(root / "status")
+                for name in total:
+                    total[name] += fields.get(name, 0)
+                descriptors += len(list((root / "fd").iterdir()))
+                threads += len(list((root / "task").iterdir()))
+        return Memory(
+            rss=total["Rss"],
+            anon=total["RssAnon"],
+            file=total["RssFile"],
+            pss=total["Pss"],
+            descriptors=descriptors,
+            threads=threads,
+        )
+
+    def cpu_s(self) -> float:
+        """CPU seconds used so far, children included."""
+        ticks = 0
+        for pid in self._processes():
+            with suppress(FileNotFoundError, ProcessLookupError):
+                fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+                ticks += int(fields[11]) + int(fields[12])
+        return float(ticks / os.sysconf("SC_CLK_TCK"))
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def _is_listening(self) -> bool:
+        if self._prefix:  # another network: ask there
+            probe = f"import socket; socket.create_connection(({self.address!r}, {self.port}), 1)"
+            done = subprocess.run(
+                [*self._prefix, sys.executable, "-c", probe], capture_output=True, check=False
+            )
+            return done.returncode == 0
+        try:
+            socket.create_connection((self.address, self.port), 1).close()
+        except OSError:
+            return False
+        return True
+
+    def _processes(self) -> list[int]:
+        found, unseen = [], [self.pid]
+        while unseen:
+            pid = unseen.pop()
+            found.append(pid)
+            for task in Path(f"/proc/{pid}/task").glob("*/children"):
+                with suppress(FileNotFoundError, ProcessLookupError):
+                    unseen += [int(child) for child in task.read_text().split()]
+        return found
+
+
+def free_port() -> int:
+    """Find a port that is free now."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _fields(path: Path) -> dict[str, int]:
+    """Read ``Name: 123 kB`` lines; bytes."""
+    found = {}
+    for line in path.read_text().splitlines():
+        name, _, rest = line.partition(":")
+        words = rest.split()
+        if len(words) == 2 and words[1] == "kB":
+            found[name] = 1024 * int(words[0])
+    return found
