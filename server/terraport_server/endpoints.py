@@ -163,9 +163,9 @@ def get_readiness(service: _Service) -> PlainTextResponse:
 
 
 @_router.get("/metrics", summary="Prometheus metrics")
-def get_metrics(service: _Service) -> Response:
-    """Return all metrics."""
-    return Response(service.metrics.render(), media_type=CONTENT_TYPE)
+async def get_metrics(service: _Service) -> Response:
+    """Return all metrics, of all processes of the service."""
+    return Response(await service.render_metrics(), media_type=CONTENT_TYPE)
 
 
 @_router.get("/", summary="The scenes, for people", response_class=HTMLResponse)

@@ -7,6 +7,7 @@ import contextlib
 import logging
 import time
 from collections import Counter
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, version
 
@@ -21,6 +22,9 @@ from terraport_server.settings import Settings
 from terraport_wire import Hit
 
 __all__ = ["Service", "server_name"]
+
+_RECONNECT_STEP_MS = 2
+"""A welcome and a resumed landing take about so long."""
 
 
 def server_name() -> str:
@@ -66,6 +70,8 @@ class Service:
         self.ready = False
         """Whether the scenes were looked at and clients may come."""
         self.draining = False
+        self.all_metrics: Callable[[], Awaitable[bytes]] | None = None
+        """Asks for the metrics of all processes, where there are several."""
         self._senders: dict[Sender, ServedScene] = {}
         self._empty = asyncio.Event()
         self._empty.set()
@@ -73,6 +79,10 @@ class Service:
         self._tasks: list[asyncio.Task[None]] = []
         self._cache = MeshCache(settings.pick_cache_bytes)
         self._pool = ThreadPoolExecutor(settings.pick_threads, thread_name_prefix="pick")
+
+    async def render_metrics(self) -> bytes:
+        """Return the page of /metrics: of all processes of this service."""
+        return self.metrics.render() if self.all_metrics is None else await self.all_metrics()
 
     @property
     def session_count(self) -> int:
@@ -88,8 +98,15 @@ class Service:
         ]
         self.ready = True
 
-    async def drain(self) -> None:
-        """Take no new sessions, let open landings finish, end all sessions; bounded in time."""
+    async def drain(self, *, replaced: bool = False) -> None:
+        """Take no new sessions, let open landings finish, end all sessions; bounded in time.
+
+        Parameters
+        ----------
+        replaced
+            Another process serves already: clients are told to come back at once, one after the
+            other so that they do not all arrive in one moment.
+        """
         if self.draining:
             return
         self.draining = True
@@ -97,8 +114,11 @@ class Service:
         loop = asyncio.get_running_loop()
         if self._senders:
             log("draining", sessions=len(self._senders))
-        for sender in self._senders:
-            sender.session.drain(loop.time(), settings.drain_timeout_s)
+        for number, sender in enumerate(self._senders):
+            after_ms = settings.reconnect_after_ms
+            if replaced:
+                after_ms = min(after_ms, number * _RECONNECT_STEP_MS)
+            sender.session.drain(loop.time(), settings.drain_timeout_s, reconnect_after_ms=after_ms)
             sender.wake()
         until_s = loop.time() + settings.drain_timeout_s + settings.close_timeout_s
         with contextlib.suppress(TimeoutError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import threading
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -29,15 +30,47 @@ class TerraportServer(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, service: Service) -> None:
         super().__init__(config)
         self.service = service
+        self.on_started: Callable[[], Awaitable[None]] | None = None
+        """Awaited once clients are accepted."""
+        self.on_ended: Callable[[], Awaitable[None]] | None = None
+        """Awaited at the very end, when every connection is closed."""
+        self._retiring = False
+
+    def retire(self) -> None:
+        """End because another process has taken over this one's port: take nobody new from now."""
+        self._retiring = True
+        self.should_exit = True
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start to accept clients."""
+        await super().startup(sockets)
+        if self.started and self.on_started is not None:
+            await self.on_started()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Drain, bounded in time and cut short by a second signal, then shut down."""
-        draining = asyncio.create_task(self.service.drain())
+        if self._retiring:
+            self._leave_port()
+        draining = asyncio.create_task(self.service.drain(replaced=self._retiring))
         while not draining.done() and not self.force_exit:
             await asyncio.wait({draining}, timeout=0.1)
         draining.cancel()
         await asyncio.gather(draining, return_exceptions=True)
         await super().shutdown(sockets)
+        if self.on_ended is not None:
+            await self.on_ended()
+
+    def _leave_port(self) -> None:
+        """Accept nobody, and let idle HTTP connections go: their next request is the successor's.
+
+        Without the second a proxy would ask on a connection of its pool and hear of a service that
+        goes away, while the service as a whole does not.
+        """
+        for server in self.servers:
+            server.close()
+        for connection in list(self.server_state.connections):
+            if isinstance(connection, self.config.http_protocol_class):
+                connection.shutdown()
 
 
 def make_server(settings: Settings) -> TerraportServer:

@@ -246,13 +246,20 @@ class Session:
         else:
             self._say(Notice(kind="scene_published", version=version))
 
-    def drain(self, now_s: float, timeout_s: float) -> None:
-        """Go away: finish the open landing within the time, then close (10)."""
+    def drain(
+        self, now_s: float, timeout_s: float, *, reconnect_after_ms: int | None = None
+    ) -> None:
+        """Go away: finish the open landing within the time, then close (10).
+
+        ``reconnect_after_ms`` is what the client is told; None: what the limits say.
+        """
         if self._closing or self._draining_until_s is not None:
             return
         self._draining_until_s = now_s + timeout_s
         if self._deliveries is not None:
-            after_ms = self._limits.reconnect_after_ms
+            after_ms = reconnect_after_ms
+            if after_ms is None:
+                after_ms = self._limits.reconnect_after_ms
             self._say(Notice(kind="draining", reconnect_after_ms=after_ms))
             self._deliveries.end_aims(by=None)
         self._close_if_drained()

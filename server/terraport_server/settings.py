@@ -59,6 +59,8 @@ class Settings(BaseSettings):
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65_535)] = 8080
+    workers: Annotated[int, Field(ge=0, le=256)] = 1
+    """Processes behind the one port; 0 = one per core. Most limits below hold for each of them."""
     tls_certificate: Path | None = None
     """PEM file; with tls_key the service speaks https and wss itself."""
     tls_key: Path | None = None

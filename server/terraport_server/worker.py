@@ -1,0 +1,131 @@
+"""One of several processes behind one port: ``python -m terraport_server.worker CONTROL_FD``.
+
+Started by the supervisor only, which hands over settings and listening sockets (they would show in
+the process list otherwise: settings hold tokens).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import signal
+import socket
+import sys
+from types import FrameType
+from typing import Any
+
+from terraport_server.control import Channel
+from terraport_server.errors import ServerError
+from terraport_server.logs import configure_logging
+from terraport_server.serving import TerraportServer, make_server
+from terraport_server.settings import Settings
+
+__all__ = ["main"]
+
+_SCRAPE_TIMEOUT_S = 5.0
+
+
+class _Worker:
+    """The worker's end of the control channel, around one server."""
+
+    def __init__(self, server: TerraportServer, channel_end: socket.socket) -> None:
+        self._server = server
+        self._end = channel_end
+        self._channel: Channel | None = None
+        self._scrapes: dict[int, asyncio.Future[bytes]] = {}
+        self._asked = 0
+        self._hearing: asyncio.Task[None] | None = None
+        server.service.all_metrics = self.all_metrics
+        server.on_started = self.started
+        server.on_ended = self.ended
+
+    async def started(self) -> None:
+        """Say that clients are served from now on."""
+        self._channel = await Channel.open(self._end)
+        self._hearing = asyncio.create_task(self._hear(self._channel))
+        self._channel.say("ready")
+
+    async def ended(self) -> None:
+        """Hand over the last counts."""
+        if self._channel is None or self._hearing is None:
+            return
+        self._hearing.cancel()
+        self._say_page(self._channel)
+        await self._channel.close()
+
+    async def all_metrics(self) -> bytes:
+        """Ask the supervisor for the metrics of all workers; our own where it does not answer."""
+        if self._channel is None:
+            return self._server.service.metrics.render()
+        self._asked += 1
+        number = self._asked
+        answer = self._scrapes[number] = asyncio.get_running_loop().create_future()
+        try:
+            self._channel.say("scrape", number=number)
+            async with asyncio.timeout(_SCRAPE_TIMEOUT_S):
+                return await answer
+        except TimeoutError:
+            return self._server.service.metrics.render()
+        finally:
+            del self._scrapes[number]
+
+    async def _hear(self, channel: Channel) -> None:
+        while (message := await channel.hear()) is not None:
+            kind = message["kind"]
+            if kind == "measure":
+                self._say_page(channel)
+            elif kind == "merged":
+                answer = self._scrapes.get(message["number"])
+                if answer is not None and not answer.done():
+                    answer.set_result(message["page"].encode())
+            elif kind == "retire":
+                self._server.retire()
+        self._server.should_exit = True  # the supervisor is gone
+
+    def _say_page(self, channel: Channel) -> None:
+        channel.say("page", page=self._server.service.metrics.render().decode())
+
+
+def _read_start(end: socket.socket) -> dict[str, Any]:
+    """Read the first line, before any event loop runs; nothing else is sent before ``ready``."""
+    line = b""
+    while not line.endswith(b"\n"):
+        piece = end.recv(65536)
+        if not piece:
+            raise ServerError("got no settings from the supervisor, expected them first")
+        line += piece
+    start: dict[str, Any] = json.loads(line)
+    return start
+
+
+def main(arguments: list[str]) -> int:
+    """Serve until told to stop.
+
+    Returns
+    -------
+    int
+        Exit code: 1 when it could not start.
+    """
+    # uvicorn takes SIGTERM while it serves and raises it again at the end: it ends nothing then.
+    signal.signal(signal.SIGTERM, _leave)
+    # A hang-up is the supervisor's: it rolls the workers, one by one.
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    end = socket.socket(fileno=int(arguments[0]))
+    start = _read_start(end)
+    settings = Settings(**start["settings"])
+    configure_logging(settings.log_level, settings.log_format)
+    listeners = [socket.socket(fileno=number) for number in start["listeners"]]
+    server = make_server(settings)
+    _Worker(server, end)
+    with contextlib.suppress(KeyboardInterrupt, SystemExit):
+        server.run(sockets=listeners)
+    return 0 if server.started else 1
+
+
+def _leave(_number: int, _frame: FrameType | None) -> None:
+    raise SystemExit(0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
