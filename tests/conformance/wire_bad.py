@@ -45,7 +45,7 @@ def bad_cases() -> Iterator[Case]:
 def _refused(message: m.Message, fields: dict[str, Any], field: str) -> dict[str, Any]:
     error = {
         "code": "invalid_field",
-        "fatal": message.TYPE not in ("aim", "land", "pick"),
+        "fatal": message.TYPE not in ("aim", "land", "pick", "join", "gather"),
         "field": field,
     }
     known = {item.name for item in fields_of(type(message))}
@@ -126,6 +126,8 @@ def _packed_row(segment: int = 1, length: int = 5, *bounds: float) -> bytes:
 
 _SCENE = plain(by_type(FULL)["welcome"], packed=False)["scene"]
 _HIT = plain(by_type(FULL)["picked"], packed=False)["hit"]
+_LIMITS = plain(by_type(FULL)["welcome"], packed=False)["limits"]
+_MEMBER = {"member": 1, "role": "guide", "present": True}
 _SUMS = {"load_bytes": 5, "load_triangles": 3, "total_bytes": 5, "total_triangles": 3}
 
 # (message, feature, refused field, fields that replace the good ones)
@@ -146,7 +148,32 @@ _CHANGES: list[tuple[str, str, str, dict[str, Any]]] = [
     ("small", "deadline_without_inner", "deadline_ms", {"deadline_ms": 100}),
     ("small", "deadline_zero", "deadline_ms", {"inner_radius_m": 1.0, "deadline_ms": 0}),
     ("small", "deadline_too_long", "deadline_ms", {"inner_radius_m": 1.0, "deadline_ms": 600_001}),
+    ("small", "stall_without_inner", "stall_ms", {"stall_ms": 100}),
+    ("small", "stall_zero", "stall_ms", {"inner_radius_m": 1.0, "stall_ms": 0}),
     ("aim", "radius_negative", "radius_m", {"radius_m": -1.0}),
+    ("join", "group_empty", "group", {"group": ""}),
+    ("join", "group_too_long", "group", {"group": "x" * 65}),
+    ("join", "group_with_slash", "group", {"group": "../a"}),
+    ("join", "group_with_space", "group", {"group": "a b"}),
+    ("join", "role_unknown", "role", {"role": "owner"}),
+    ("join", "name_too_long", "name", {"name": "x" * 65}),
+    ("join", "seat_too_long", "seat", {"seat": "x" * 65}),
+    ("gather", "radius_zero", "radius_m", {"radius_m": 0}),
+    ("gather", "position_of_two", "position", {"position": [0.0, 0.0]}),
+    ("gather", "inner_beyond_radius", "inner_radius_m", {"inner_radius_m": 60.5}),
+    ("gather", "deadline_too_long", "deadline_ms", {"deadline_ms": 600_001}),
+    ("arrived", "gathering_zero", "gathering", {"gathering": 0}),
+    ("arrived", "state_unknown", "state", {"state": "soon"}),
+    ("roster", "member_incomplete", "members.0.role", {"members": [{"member": 1}]}),
+    ("roster", "members_of_numbers", "members.1", {"members": [_MEMBER, 5]}),
+    (
+        "roster",
+        "too_many_members",
+        "members",
+        {"members": [_MEMBER] * 1025},
+    ),
+    ("gathering", "left_negative", "left_ms", {"left_ms": -1}),
+    ("welcome", "groups_unknown", "limits.groups", {"limits": {**_LIMITS, "groups": "maybe"}}),
     ("credit", "zero", "bytes", {"bytes": 0}),
     ("credit", "negative", "bytes", {"bytes": -5}),
     ("credit", "too_large", "bytes", {"bytes": 2**53}),
@@ -198,6 +225,9 @@ _PACKED: list[tuple[str, str, str, dict[str, Any]]] = [
     ("evict", "too_many_ids", "segments", {"segments": b"".join(map(_ID, range(32_769)))}),
     ("hello", "held_cut", "held", {"held": bytes(23)}),
     ("hello", "held_twice", "held", {"held": bytes(24)}),
+    ("held", "held_cut", "segments", {"segments": bytes(23)}),
+    ("held", "held_twice", "segments", {"segments": bytes(24)}),
+    ("gathered", "member_twice", "ready", {"ready": _ID(3) + _ID(3)}),
     ("plan0", "load_cut", "load", {**_SUMS, "load": _packed_row()[:-1]}),
     ("plan0", "load_twice", "load", {**_SUMS, "load": _packed_row() * 2}),
     ("plan0", "load_length_zero", "load.length", {**_SUMS, "load": _packed_row(1, 0)}),
@@ -240,6 +270,9 @@ _LISTED: list[tuple[str, str, str, dict[str, Any]]] = [
     ("hello", "held_number_hash", "held.0", {"held": [[1, 5]]}),
     ("hello", "held_of_three", "held.1", {"held": [[1, "0" * 16], [2, "0" * 16, 3]]}),
     ("hello", "held_twice", "held", {"held": [[1, "0" * 16], [1, "1" * 16]]}),
+    ("held", "held_of_three", "segments.1", {"segments": [[1, "0" * 16], [2, "0" * 16, 3]]}),
+    ("held", "held_twice", "segments", {"segments": [[1, "0" * 16], [1, "1" * 16]]}),
+    ("gathered", "member_twice", "ready", {"ready": [3, 3]}),
     ("plan0", "load_incomplete", "load.0.length", {**_SUMS, "load": [_row(length=None)]}),
     ("plan0", "load_twice", "load", {**_SUMS, "load": [_row(), _row()]}),
     ("plan0", "load_length_zero", "load.length", {**_SUMS, "load": [_row(length=0)]}),

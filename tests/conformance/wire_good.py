@@ -65,7 +65,12 @@ def _nested(form: str) -> Iterator[Case]:
     land = plain(full["land"], packed=False)
     whole = {**land, "radius_m": 60, "inner_radius_m": 20, "position": [12, -3, 0]}
     numbers = m.Land(
-        generation=77, position=(12, -3, 0), radius_m=60, inner_radius_m=20, deadline_ms=1500
+        generation=77,
+        position=(12, -3, 0),
+        radius_m=60,
+        inner_radius_m=20,
+        deadline_ms=1500,
+        stall_ms=400,
     )
     yield good(form, numbers, "integers_as_numbers", pack(form, whole))
     deepest: Any = 1

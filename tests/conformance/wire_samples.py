@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 from terraport_wire import messages as m
@@ -32,6 +33,11 @@ MINIMAL: tuple[m.Message, ...] = (
     m.Reject(generation=0, segment=0, reason=""),
     m.Pick(request=0, origin=(0.0, 0.0, 0.0)),
     m.Bye(),
+    m.Held(segments=[]),
+    m.Join(request=0, group="a", role="member"),
+    m.Leave(),
+    m.Gather(request=0, position=(0.0, 0.0, 0.0), radius_m=60.0),
+    m.Arrived(gathering=1, state="ready"),
     m.Welcome(
         protocol=(1, 0),
         server="",
@@ -65,6 +71,11 @@ MINIMAL: tuple[m.Message, ...] = (
     m.Picked(request=0),
     m.Notice(kind="draining"),
     m.Error(code="internal", message="", fatal=True),
+    m.HeldChecked(dropped=[], held_count=0),
+    m.Joined(request=0, group="a", member=1, role="guide", seat="s"),
+    m.Roster(group="a", members=()),
+    m.Gathering(gathering=1, guide=1, position=(0.0, 0.0, 0.0), radius_m=60.0),
+    m.Gathered(gathering=1, ready=[], degraded=[], missing=[]),
 )
 
 FULL: tuple[m.Message, ...] = (
@@ -86,18 +97,36 @@ FULL: tuple[m.Message, ...] = (
         radius_m=60.0,
         inner_radius_m=20.0,
         deadline_ms=1500,
+        stall_ms=400,
     ),
     m.Credit(bytes=9_007_199_254_740_991),
     m.Evict(segments=[5, 1, 4_294_967_295, 0]),
     m.Reject(generation=4_294_967_295, segment=4_294_967_295, reason="hash_mismatch"),
     m.Pick(request=4_294_967_295, origin=(1.0, 2.0, 3.0), direction=(0.0, -1e7, 0.5)),
     m.Bye(),
+    m.Held(segments=[(0, 0), (3, 0x0123456789ABCDEF), (4_294_967_295, 2**64 - 1)]),
+    m.Join(
+        request=4_294_967_295,
+        group="Tour-2.a~b_",
+        role="guide",
+        name="Größe ✓ 𝄞",
+        seat="q9XwT0bW3mZk5cV7nR1uYg",
+    ),
+    m.Leave(),
+    m.Gather(
+        request=7,
+        position=(12.5, -3.0, 1e-300),
+        radius_m=60.0,
+        inner_radius_m=20.0,
+        deadline_ms=30_000,
+    ),
+    m.Arrived(gathering=4_294_967_295, state="degraded"),
     m.Welcome(
-        protocol=(1, 0),
+        protocol=(1, 1),
         server="terraport/0.1.0",
         session="9f3a",
         scene=_SCENE,
-        limits=_LIMITS,
+        limits=dataclasses.replace(_LIMITS, groups="query"),
         release_factor=1.25,
         dropped=[3, 1],
         held_count=2,
@@ -145,6 +174,30 @@ FULL: tuple[m.Message, ...] = (
         request=4,
         protocols=((1, 0), (1, 1)),
     ),
+    m.HeldChecked(dropped=[3, 1], held_count=4_294_967_295),
+    m.Joined(
+        request=4_294_967_295,
+        group="Tour-2.a~b_",
+        member=3,
+        role="member",
+        seat="q9XwT0bW3mZk5cV7nR1uYg",
+    ),
+    m.Roster(
+        group="Tour-2.a~b_",
+        members=(
+            m.Member(member=1, name="Größe ✓ 𝄞", role="guide", present=True),
+            m.Member(member=3, role="member", present=False),
+        ),
+    ),
+    m.Gathering(
+        gathering=4_294_967_295,
+        guide=1,
+        position=(12.5, -3.0, 1e-300),
+        radius_m=60.0,
+        inner_radius_m=20.0,
+        left_ms=29_000,
+    ),
+    m.Gathered(gathering=2, ready=[1, 4], degraded=[3], missing=[2, 4_294_967_295]),
 )
 
 

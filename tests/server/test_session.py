@@ -71,11 +71,11 @@ def test_another_major_version_is_refused_with_the_versions_offered() -> None:
     client = make_client(greet=False)
     client.tell(make_hello(protocol=(2, 0)))
     error = assert_fatal(client, ErrorCode.UNSUPPORTED_VERSION, CloseCode.VERSION)
-    assert error.protocols == ((1, 0),)
+    assert error.protocols == ((1, 1),)
 
 
 def test_a_newer_minor_version_is_spoken_as_ours() -> None:
-    assert make_client(greet=False).greet(protocol=(1, 7)).protocol == (1, 0)
+    assert make_client(greet=False).greet(protocol=(1, 7)).protocol == (1, 1)
 
 
 def test_an_encoding_that_the_scene_lacks() -> None:

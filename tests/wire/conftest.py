@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from terraport_wire import kinds, tables
 from terraport_wire import messages as m
-from terraport_wire.message import PartKind, fields_of
+from terraport_wire.message import PartKind, PartList, fields_of
 
 _U32 = st.integers(0, 2**32 - 1)
 _U64 = st.integers(0, 2**64 - 1)
@@ -68,6 +68,7 @@ _BY_KIND: dict[type, Callable[[Any], st.SearchStrategy[Any]]] = {
     ),
     tables.LoadTable: lambda _: _load_rows(),
     PartKind: lambda kind: parts(kind.part),
+    PartList: lambda kind: st.lists(parts(kind.part), max_size=3).map(tuple),
 }
 
 
@@ -107,9 +108,17 @@ def _consistent(part: type[m.Part]) -> Callable[[dict[str, Any]], dict[str, Any]
             fields["inner_radius_m"] = min(fields["inner_radius_m"], fields["radius_m"])
         else:
             fields.pop("deadline_ms", None)
+            fields.pop("stall_ms", None)
         return fields
 
-    return {m.Plan: plan, m.Prefetch: prefetch, m.Land: land}.get(part, lambda fields: fields)
+    def gather(fields: dict[str, Any]) -> dict[str, Any]:
+        if "inner_radius_m" in fields:
+            fields["inner_radius_m"] = min(fields["inner_radius_m"], fields["radius_m"])
+        return fields
+
+    return {m.Plan: plan, m.Prefetch: prefetch, m.Land: land, m.Gather: gather}.get(
+        part, lambda fields: fields
+    )
 
 
 @pytest.fixture(scope="session")

@@ -21,6 +21,7 @@ _BEYOND_SCHEMA = frozenset(
     {
         "box_inverted",
         "deadline_without_inner",
+        "stall_without_inner",
         "direction_zero",
         "held_twice",
         "inner_beyond_radius",

@@ -25,10 +25,12 @@ __all__ = [
     "Bye",
     "Credit",
     "Evict",
+    "Held",
     "Hello",
     "Land",
     "Pick",
     "Reject",
+    "inner_radius_problem",
 ]
 
 _U32 = 2**32 - 1
@@ -122,15 +124,20 @@ class Land(ClientMessage):
         Integer(1, MAX_DEADLINE_MS),
         "Milliseconds after which the inner set alone is acceptable; needs inner_radius_m",
     ] = None
+    stall_ms: Annotated[
+        int | None,
+        Integer(1, MAX_DEADLINE_MS),
+        "Milliseconds without progress after which it is, too; needs inner_radius_m (1.1)",
+    ] = None
 
     def contradiction(self) -> tuple[str, str] | None:
-        """Check the inner radius against the radius, and the deadline against both."""
-        if self.inner_radius_m is not None and self.inner_radius_m > self.radius_m:
-            text = f"got {self.inner_radius_m:g}, expected at most radius_m {self.radius_m:g}"
-            return ("inner_radius_m", text)
-        if self.deadline_ms is not None and self.inner_radius_m is None:
-            return ("deadline_ms", "got a deadline without inner_radius_m, expected both")
-        return None
+        """Check the inner radius against the radius, and the deadlines against both."""
+        if self.inner_radius_m is None:
+            for name in ("deadline_ms", "stall_ms"):
+                if getattr(self, name) is not None:
+                    return (name, "got a deadline without inner_radius_m, expected both")
+            return None
+        return inner_radius_problem(self.inner_radius_m, self.radius_m)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -178,7 +185,28 @@ class Pick(ClientMessage):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Held(ClientMessage):
+    """More of what the client holds, after hello and before the first aim or land (1.1)."""
+
+    TYPE: ClassVar[str] = "held"
+
+    segments: Annotated[
+        NDArray[Any],
+        HeldTable(MAX_HELD_SEGMENTS),
+        "Segments that the client holds whole, with their hashes",
+    ]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Bye(ClientMessage):
     """The client ends the session; the server closes with 1000."""
 
     TYPE: ClassVar[str] = "bye"
+
+
+def inner_radius_problem(inner_radius_m: float, radius_m: float) -> tuple[str, str] | None:
+    """Return field and text where an inner radius is beyond the radius."""
+    if inner_radius_m <= radius_m:
+        return None
+    text = f"got {inner_radius_m:g}, expected at most radius_m {radius_m:g}"
+    return ("inner_radius_m", text)

@@ -34,7 +34,7 @@ __all__ = [
     "token_subprotocol",
 ]
 
-PROTOCOL = (1, 0)
+PROTOCOL = (1, 1)
 """Version of the protocol that this package speaks: (major, minor)."""
 
 TOKEN_PREFIX = "terraport.token."  # noqa: S105 - a name, not a secret

@@ -63,6 +63,7 @@ class ErrorCode(StrEnum):
     TOO_MANY = "too_many"
     INTERNAL = "internal"
     DRAINING = "draining"
+    GROUP_REFUSED = "group_refused"
 
 
 CLOSE_CODES: dict[ErrorCode, CloseCode] = {
@@ -80,6 +81,7 @@ CLOSE_CODES: dict[ErrorCode, CloseCode] = {
     ErrorCode.TOO_MANY: CloseCode.TOO_MANY,
     ErrorCode.INTERNAL: CloseCode.INTERNAL,
     ErrorCode.DRAINING: CloseCode.DRAINING,
+    ErrorCode.GROUP_REFUSED: CloseCode.FORBIDDEN,
 }
 """The close code of each error where it is fatal."""
 
@@ -180,9 +182,9 @@ class FieldError(DecodeError):
     generation, request : int or None
         Generation or request of the refused message, where it could be read.
     fatal : bool
-        False for ``aim``, ``land`` and ``pick``: they are refused and the session goes on, because
-        nothing was changed by them.  True for every other message: the two sides' views of the
-        session would differ.
+        False for ``aim``, ``land``, ``pick``, ``join`` and ``gather``: they are refused and the
+        session goes on, because nothing was changed by them.  True for every other message: the
+        two sides' views of the session would differ.
     """
 
     code = ErrorCode.INVALID_FIELD
@@ -201,7 +203,7 @@ class FieldError(DecodeError):
         self.field = field
         self.generation = generation
         self.request = request
-        self.fatal = message_type not in {"aim", "land", "pick"}
+        self.fatal = message_type not in {"aim", "land", "pick", "join", "gather"}
 
     def __str__(self) -> str:
         return f"{self.message_type}.{self.field}: {self.text}"

@@ -16,6 +16,8 @@ __all__ = [
     "MAX_DEADLINE_MS",
     "MAX_DEPTH",
     "MAX_FRAME_BYTES",
+    "MAX_GROUP_MEMBERS",
+    "MAX_GROUP_NAME",
     "MAX_HEADER_BYTES",
     "MAX_HELD_SEGMENTS",
     "MAX_INTEGER",
@@ -52,7 +54,8 @@ MAX_SERVER_MESSAGE_BYTES = 8 * 1024 * 1024
 """Largest message from a server: a JSON ``plan`` with the most segments fits."""
 
 MAX_HELD_SEGMENTS = 32_768
-"""Most segments in ``hello.held`` and ``evict``."""
+"""Most segments in one ``hello.held``, ``held`` and ``evict``: as many as fit into a JSON message
+of `MAX_CLIENT_MESSAGE_BYTES`."""
 
 MAX_PLAN_SEGMENTS = 16_384
 """Most segments of one plan (load and keep together)."""
@@ -80,3 +83,9 @@ MAX_DEPTH = 16
 
 MAX_CONTAINER_ITEMS = 16_384
 """Most items of one msgpack array or map: ids and tables are packed, so few are needed."""
+
+MAX_GROUP_NAME = 64
+"""Longest name of a group, and of a member in it: both go into every roster."""
+
+MAX_GROUP_MEMBERS = 1024
+"""Most members of one group: a roster of them stays far below `MAX_SERVER_MESSAGE_BYTES`."""

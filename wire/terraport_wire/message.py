@@ -18,7 +18,7 @@ import numpy as np
 from .errors import InvalidMessageError
 from .kinds import Kind, Refused, clip
 
-__all__ = ["Direction", "Field", "Message", "Part", "PartKind", "fields_of"]
+__all__ = ["Direction", "Field", "Message", "Part", "PartKind", "PartList", "fields_of"]
 
 
 # Filled once per class; keyed by name because dataclass(slots=True) makes each class twice.
@@ -139,6 +139,41 @@ class PartKind:
 
     def describe(self) -> str:
         return f"map, see [{self.part.wire_name()}](#{self.part.wire_name()})"
+
+
+class PartList:
+    """A list of maps that are :class:`Part` of one class, at most `most`."""
+
+    def __init__(self, part: type[Part], most: int) -> None:
+        self.part = part
+        self.most = most
+        self._kind = PartKind(part)
+
+    def check(self, value: Any) -> tuple[Part, ...]:
+        if not isinstance(value, (list, tuple)) or len(value) > self.most:
+            raise Refused(f"got {clip(value)}, expected at most {self.most} maps")
+        return tuple(self._kind.check(item) for item in value)
+
+    def to_wire(self, value: Any, *, packed: bool) -> list[Any]:
+        return [to_map(item, packed=packed) for item in value]
+
+    def from_wire(self, raw: Any, *, packed: bool) -> tuple[Part, ...]:
+        if not isinstance(raw, list) or len(raw) > self.most:
+            raise Refused(f"got {clip(raw)}, expected a list of at most {self.most} maps")
+        parts = []
+        for number, item in enumerate(raw):
+            try:
+                parts.append(self._kind.from_wire(item, packed=packed))
+            except Refused as refused:
+                path = f"{number}.{refused.path}" if refused.path else str(number)
+                raise Refused(refused.text, path) from None
+        return tuple(parts)
+
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": self._kind.schema(), "maxItems": self.most}
+
+    def describe(self) -> str:
+        return f"list of {self._kind.describe()}, at most {self.most}"
 
 
 def fields_of(part: type[Part]) -> tuple[Field, ...]:

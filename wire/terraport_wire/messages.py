@@ -8,11 +8,23 @@ from __future__ import annotations
 
 import dataclasses
 
-from .client_messages import Aim, Budgets, Bye, Credit, Evict, Hello, Land, Pick, Reject
+from .client_messages import Aim, Budgets, Bye, Credit, Evict, Held, Hello, Land, Pick, Reject
+from .group_messages import (
+    Arrived,
+    Gather,
+    Gathered,
+    Gathering,
+    Join,
+    Joined,
+    Leave,
+    Member,
+    Roster,
+)
 from .message import Direction, Message, Part
 from .server_messages import (
     Degraded,
     Error,
+    HeldChecked,
     Hit,
     Notice,
     Picked,
@@ -29,6 +41,7 @@ __all__ = [
     "MESSAGES",
     "PARTS",
     "Aim",
+    "Arrived",
     "Budgets",
     "Bye",
     "Credit",
@@ -36,9 +49,18 @@ __all__ = [
     "Direction",
     "Error",
     "Evict",
+    "Gather",
+    "Gathered",
+    "Gathering",
+    "Held",
+    "HeldChecked",
     "Hello",
     "Hit",
+    "Join",
+    "Joined",
     "Land",
+    "Leave",
+    "Member",
     "Message",
     "Notice",
     "Part",
@@ -48,6 +70,7 @@ __all__ = [
     "Prefetch",
     "Ready",
     "Reject",
+    "Roster",
     "SceneInfo",
     "ServerLimits",
     "Superseded",
@@ -55,7 +78,21 @@ __all__ = [
     "Welcome",
 ]
 
-_CLIENT: tuple[type[Message], ...] = (Hello, Aim, Land, Credit, Evict, Reject, Pick, Bye)
+_CLIENT: tuple[type[Message], ...] = (
+    Hello,
+    Aim,
+    Land,
+    Credit,
+    Evict,
+    Reject,
+    Pick,
+    Bye,
+    Held,
+    Join,
+    Leave,
+    Gather,
+    Arrived,
+)
 _SERVER: tuple[type[Message], ...] = (
     Welcome,
     Plan,
@@ -66,6 +103,11 @@ _SERVER: tuple[type[Message], ...] = (
     Picked,
     Notice,
     Error,
+    HeldChecked,
+    Joined,
+    Roster,
+    Gathering,
+    Gathered,
 )
 
 MESSAGES: dict[Direction, dict[str, type[Message]]] = {
@@ -74,7 +116,7 @@ MESSAGES: dict[Direction, dict[str, type[Message]]] = {
 }
 """Message class by direction and type on the wire."""
 
-PARTS: tuple[type[Part], ...] = (Budgets, SceneInfo, ServerLimits, Hit)
+PARTS: tuple[type[Part], ...] = (Budgets, SceneInfo, ServerLimits, Hit, Member)
 """Maps that stand inside messages."""
 
 

@@ -24,6 +24,7 @@ from .tables import Ids, LoadTable
 __all__ = [
     "Degraded",
     "Error",
+    "HeldChecked",
     "Hit",
     "Notice",
     "Picked",
@@ -80,6 +81,12 @@ class ServerLimits(Part):
     idle_timeout_s: Annotated[
         float, Number(0.0, 1e9, low_excluded=True), "Silence after which the server closes"
     ]
+    groups: Annotated[
+        str | None,
+        Choice("none", "here", "query"),
+        "Whether groups can be joined: `here`; `query`: only where the URL of the stream names "
+        "the group; `none`. Absent means `none` (1.1)",
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -104,6 +111,20 @@ class Welcome(ServerMessage):
     held_count: Annotated[
         int, Integer(0, MAX_HELD_SEGMENTS), "Offered segments that are accepted as held"
     ]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class HeldChecked(ServerMessage):
+    """Answer to held: what of it is accepted (1.1)."""
+
+    TYPE: ClassVar[str] = "held_checked"
+
+    dropped: Annotated[
+        NDArray[Any],
+        Ids(MAX_HELD_SEGMENTS),
+        "Offered segments that this scene version does not have; the client frees them",
+    ]
+    held_count: Annotated[int, Integer(0, _U32), "Segments that are held by now"]
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -302,7 +323,9 @@ class Error(ServerMessage):
     generation: Annotated[int | None, Integer(0, _U32), "Generation of the refused aim or land"] = (
         None
     )
-    request: Annotated[int | None, Integer(0, _U32), "Request of the refused pick"] = None
+    request: Annotated[
+        int | None, Integer(0, _U32), "Request of the refused pick, join or gather"
+    ] = None
     protocols: Annotated[
         tuple[tuple[int, int], ...] | None,
         VersionList(),
