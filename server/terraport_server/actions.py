@@ -109,6 +109,9 @@ class Observer:
     def planned(self, generation: int, plan: Plan) -> None:
         """Hear of a landing accepted and planned."""
 
+    def plan_sent(self, generation: int, seconds: float) -> None:
+        """Hear of a plan handed to the socket, so long after ``land`` came."""
+
     def first_byte(self, seconds: float) -> None:
         """Hear of a landing's first payload byte, so long after ``land`` came."""
 
@@ -117,6 +120,15 @@ class Observer:
 
     def superseded(self, message: Superseded, *, landing: bool) -> None:
         """Hear of a generation that ended unfinished."""
+
+    def aim_ended(self, sent_bytes: int, used_bytes: int) -> None:
+        """Hear what became of payload sent for aims: so much of it a landing has shown."""
+
+    def aim_judged(self, *, hit: bool) -> None:
+        """Hear of a landing after an aim; a hit needed nothing that the aim had not brought."""
+
+    def credit_stalled(self, *, stalled: bool) -> None:
+        """Hear that there is payload to send and no credit, or that this is over."""
 
     def rejected(self, message: Reject) -> None:
         """Hear of a segment that the client could not use."""

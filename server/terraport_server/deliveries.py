@@ -82,6 +82,8 @@ class Deliveries:
         self._landing: Landing | None = None
         self._aiming: Transfer | None = None
         self._waiting_aim: Aim | None = None
+        self._stalled_since_s: float | None = None
+        """Since when there is payload to send and no credit."""
 
     @property
     def landing_open(self) -> bool:
@@ -96,9 +98,10 @@ class Deliveries:
             return None
         return landing.deadline_s
 
-    def grant(self, credit_bytes: int) -> None:
+    def grant(self, credit_bytes: int, now_s: float) -> None:
         """Add credit, clamped to the limit (8.1)."""
         self.credit_bytes = min(self.credit_bytes + credit_bytes, self._limits.max_credit_bytes)
+        self._note_stall(now_s)
 
     def land(self, land: Land, now_s: float) -> None:
         """End what is older, plan, and begin to send (6.1 to 6.5)."""
@@ -209,12 +212,15 @@ class Deliveries:
         transfer = self._answering(chunk)
         self.credit_bytes -= chunk.length
         transfer.payload_bytes += chunk.length
-        if isinstance(transfer, Landing) and not transfer.started:
-            transfer.started = True
-            self._observer.first_byte(now_s - transfer.received_s)
+        if isinstance(transfer, Landing):
+            transfer.last_byte_s = now_s
+            if transfer.first_byte_s is None:
+                transfer.first_byte_s = now_s
+                self._observer.first_byte(now_s - transfer.received_s)
         end = chunk.offset + chunk.length
         if end < chunk.total:
             self._parts[chunk.segment] = end
+            self._note_stall(now_s)
             return
         transfer.queue.popleft()
         self._parts.pop(chunk.segment, None)
@@ -243,6 +249,29 @@ class Deliveries:
                     self._degrade(landing)
         if self._waiting_aim is not None and not self.landing_open:
             self._start_aim(self._waiting_aim)
+        self._note_stall(now_s)
+
+    def plan_sent(self, generation: int, now_s: float) -> None:
+        """Note that the plan of that generation is on its way."""
+        landing = self._landing
+        if landing is not None and landing.generation == generation:
+            landing.planned_s = now_s
+            self._observer.plan_sent(generation, now_s - landing.received_s)
+
+    def _note_stall(self, now_s: float) -> None:
+        """Tell the time that a client's credit takes from the time that the server takes."""
+        stalled = self.credit_bytes <= 0 and self._sending() is not None
+        if stalled == (self._stalled_since_s is not None):
+            return
+        if self._stalled_since_s is None:
+            self._stalled_since_s = now_s
+        else:
+            landing = self._landing
+            if landing is not None:
+                since_s = max(self._stalled_since_s, landing.received_s)
+                landing.credit_wait_s += now_s - since_s
+            self._stalled_since_s = None
+        self._observer.credit_stalled(stalled=stalled)
 
     def _finish(self, landing: Landing, now_s: float) -> None:
         message = Ready(

@@ -169,7 +169,7 @@ class Session:
                 else:
                     deliveries.aim(message, now_s)
         elif isinstance(message, Credit):
-            deliveries.grant(message.bytes)
+            deliveries.grant(message.bytes, now_s)
         elif isinstance(message, Evict):
             self._on_evict(message, deliveries)
         elif isinstance(message, Reject):
@@ -225,6 +225,11 @@ class Session:
         self._deliveries.payload_failed(chunk, now_s)
         self._close_if_drained()
 
+    def plan_sent(self, generation: int, now_s: float) -> None:
+        """Note that the plan of that generation was handed to the socket."""
+        if self._deliveries is not None:
+            self._deliveries.plan_sent(generation, now_s)
+
     def picked(self, request: int, hit: Hit | None) -> None:
         """Answer a pick."""
         self._picks -= 1
@@ -263,6 +268,10 @@ class Session:
             self._say(Notice(kind="draining", reconnect_after_ms=after_ms))
             self._deliveries.end_aims(by=None)
         self._close_if_drained()
+
+    def withdraw(self, text: str) -> None:
+        """End the session because its token opens the scene no more; the text says why."""
+        self._fatal(ErrorCode.UNAUTHORISED, text)
 
     def fail(self) -> None:
         """End the session for a fault of our own, without telling what it was."""

@@ -77,8 +77,14 @@ class Landing(Transfer):
         self.deadline_passed = False
         self.degraded = False
         """``degraded`` was said."""
-        self.started = False
-        """The first payload byte was sent."""
+        self.planned_s: float | None = None
+        """When the plan was handed to the socket."""
+        self.first_byte_s: float | None = None
+        """When the first payload byte was sent."""
+        self.last_byte_s: float | None = None
+        """When the newest payload byte was sent."""
+        self.credit_wait_s = 0.0
+        """How long there was payload to send and no credit."""
 
     @property
     def unfinished(self) -> bool:
