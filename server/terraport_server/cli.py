@@ -23,7 +23,8 @@ _DIRECTORY = typer.Argument(
 _HELP = """Serve scenes to VR clients: landings over WebSocket, files over HTTP.
 
 Every client lands with land(position, radius) and receives what it does not hold yet. New versions
-of a scene are picked up while running. SIGTERM or Ctrl-C lets open landings finish first.
+of a scene are picked up while running. SIGTERM or Ctrl-C lets open landings finish first. With
+--workers, SIGHUP restarts the processes one by one, and no client loses its landing.
 
 Try it:
 
@@ -61,6 +62,10 @@ def serve(
     ] = None,
     tls_certificate: Annotated[Path | None, typer.Option(help="PEM file, for https.")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="PEM file, for https.")] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(help="Processes behind the port; 0 = one per core. [default: 1]"),
+    ] = None,
     max_radius: Annotated[
         float | None, typer.Option(help="Largest landing radius, metres. [default: 500]")
     ] = None,
@@ -83,16 +88,18 @@ def serve(
         "allowed_origins": tuple(allow_origin) if allow_origin else None,
         "tls_certificate": tls_certificate,
         "tls_key": tls_key,
+        "workers": workers,
         "max_radius_m": max_radius,
         "max_sessions": max_sessions,
         "log_format": log_format,
         "log_level": log_level,
     }
+    options = {name: value for name, value in given.items() if value is not None}
     try:
-        settings = _settings({name: value for name, value in given.items() if value is not None})
+        settings = _settings(options)
         settings.check()
         _announce(settings)
-        run(settings)
+        run(settings, reread=lambda: _settings(options))
     except (ServerError, StoreError) as error:
         typer.echo(f"error: {error}", err=True)
         raise typer.Exit(1) from None

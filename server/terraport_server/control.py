@@ -62,6 +62,7 @@ class Channel:
 
     async def close(self) -> None:
         """Send what is left and close."""
+        self._writer.transport.set_write_buffer_limits(high=0)
         with contextlib.suppress(ConnectionError):
             await self._writer.drain()
         self._writer.close()

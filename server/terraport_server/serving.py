@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 import socket
+import sys
 import threading
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -13,10 +16,11 @@ from typing import Any, Self
 import uvicorn
 
 from terraport_server.app import create_app
-from terraport_server.errors import ServerError
+from terraport_server.errors import ServerError, SettingsError
 from terraport_server.logs import configure_logging
 from terraport_server.service import Service
 from terraport_server.settings import Settings
+from terraport_server.supervisor import Supervisor, open_listeners
 from terraport_server.transport import protocol_class
 
 __all__ = ["BackgroundServer", "TerraportServer", "make_server", "run"]
@@ -113,8 +117,15 @@ def make_server(settings: Settings) -> TerraportServer:
     return TerraportServer(config, service)
 
 
-def run(settings: Settings) -> None:
+def run(settings: Settings, reread: Callable[[], Settings] | None = None) -> None:
     """Serve until SIGTERM or SIGINT, then drain and return.
+
+    Parameters
+    ----------
+    settings
+        Checked here.
+    reread
+        Reads the settings again, for a rolling restart of several workers.
 
     Raises
     ------
@@ -123,6 +134,10 @@ def run(settings: Settings) -> None:
     ServerError
         When the service could not start (the log says why: port in use, unreadable certificate).
     """
+    settings = settings.model_copy(update={"workers": settings.workers or _core_count()})
+    if settings.workers > 1:
+        _run_workers(settings, reread)
+        return
     server = make_server(settings)
     configure_logging(settings.log_level, settings.log_format)
     try:
@@ -134,6 +149,22 @@ def run(settings: Settings) -> None:
     if not server.started:
         address = f"{settings.host}:{settings.port}"
         raise ServerError(f"could not listen on {address}, expected a free address and port")
+
+
+def _run_workers(settings: Settings, reread: Callable[[], Settings] | None) -> None:
+    if not hasattr(signal, "SIGHUP"):
+        raise SettingsError("workers", f"got {settings.workers} on Windows, expected 1")
+    settings.check()
+    configure_logging(settings.log_level, settings.log_format)
+    supervisor = Supervisor(settings, open_listeners(settings.host, settings.port), reread)
+    asyncio.run(supervisor.run())
+
+
+def _core_count() -> int:
+    """Cores that this process may use; a container's quota of CPU time is not looked at."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 class BackgroundServer:
@@ -160,6 +191,7 @@ class BackgroundServer:
     def __init__(self, scenes_dir: Path | str, **overrides: Any) -> None:
         overrides.setdefault("host", "127.0.0.1")
         overrides.setdefault("port", 0)
+        overrides["workers"] = 1  # a thread of this process is all there is
         settings = Settings(scenes_dir=Path(scenes_dir), **overrides)
         self._server = make_server(settings)
         self._socket = socket.create_server((settings.host, settings.port))

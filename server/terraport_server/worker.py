@@ -60,7 +60,8 @@ class _Worker:
             return self._server.service.metrics.render()
         self._asked += 1
         number = self._asked
-        answer = self._scrapes[number] = asyncio.get_running_loop().create_future()
+        answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
+        self._scrapes[number] = answer
         try:
             self._channel.say("scrape", number=number)
             async with asyncio.timeout(_SCRAPE_TIMEOUT_S):

@@ -10,7 +10,10 @@ import pytest
 import terraport_server
 
 FOLDER = Path(terraport_server.__file__).parent
-PURE = ["actions", "deliveries", "errors", "greeting", "rate", "selection", "session", "transfer"]
+PURE = [
+    "actions", "deliveries", "errors", "greeting", "merged_metrics", "rate", "selection", "session",
+    "transfer",
+]  # fmt: skip
 FORBIDDEN = {
     "asyncio", "socket", "fastapi", "starlette", "uvicorn", "websockets", "httpx", "time",
     "datetime", "random", "secrets", "threading", "pathlib", "os", "terraport_store",
