@@ -135,6 +135,9 @@ class Observer:
 
     def refused(self, error: Error) -> None:
         """Hear of an error that the client was told."""
+    def ending(self, reason: str) -> None:
+        """Hear that the session is being closed: ``bye``, or an error's code."""
+
 
 
 class Authorise(Protocol):

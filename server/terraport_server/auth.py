@@ -5,53 +5,86 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Literal
 from urllib.parse import urlsplit
 
-from terraport_server.errors import SettingsError
 from terraport_server.settings import Settings
+from terraport_server.signed_tokens import SignedClaims, read_token
+from terraport_server.token_file import StaticToken, check_token, read_tokens
+from terraport_server.token_keys import KeyRing, read_keys
 from terraport_wire import MAX_TOKEN_BYTES, ErrorCode
 
-__all__ = ["Gate", "Grant", "bearer_token", "origin_is_allowed", "read_tokens"]
+__all__ = ["Gate", "TokenPass", "Withdrawal", "bearer_token", "origin_is_allowed", "static_tokens"]
 
-MIN_TOKEN_CHARACTERS = 16
-"""Shorter ones can be guessed; ``python -c "import secrets; print(secrets.token_urlsafe())"``."""
-
-_MAX_TOKENS_FILE_BYTES = 1 << 20
+Withdrawal = Literal["expired", "revoked"]
+"""Why a token that opened a scene does so no more."""
 
 
 @dataclass(frozen=True, slots=True)
-class Grant:
-    """What one token opens."""
+class TokenPass:
+    """What one token opens; what is left of it once it was shown."""
 
     name: str
     """For logs; never the token."""
-    digest: bytes
-    """SHA-256 over this process's salt and the token."""
     scenes: frozenset[str] | None
     """Ids; ``None`` = every scene."""
+    guide: bool = False
+    """Whether its bearer may move a group."""
+    digest: bytes = b""
+    """SHA-256 over this process's salt and a static token; empty for a signed one."""
+    signed: SignedClaims | None = None
+
+    def opens(self, scene_id: str) -> bool:
+        """Whether it opens the scene, as far as scenes go."""
+        return self.scenes is None or scene_id in self.scenes
+
+
+_OPEN_PASS = TokenPass("open", None, guide=True)
+"""Of everybody where no token is asked for."""
 
 
 class Gate:
-    """Checks tokens.
+    """Checks tokens, static and signed.
 
-    Every check takes the same time whatever the token: all grants are compared, as digests of one
-    length, by a comparison that does not stop early.
+    A static token's check takes the same time whatever the token: all are compared, as digests of
+    one length, by a comparison that does not stop early. Signatures are compared by PyJWT, which
+    does not stop early either.
 
     Parameters
     ----------
     tokens
-        (name, token, scenes) each; ``None`` = no token is asked for.
+        Static ones; ``None`` and no keys = no token is asked for.
+    keys
+        That signed tokens are accepted from.
+    audience
+        What a signed token's ``aud`` must be; ``None`` = it must have none.
+    leeway_s
+        How far this machine's clock may be from that of whoever makes the tokens.
+    clock
+        Seconds since 1970. The only place of the service that looks at the wall clock.
     """
 
-    def __init__(self, tokens: list[tuple[str, str, frozenset[str] | None]] | None) -> None:
+    def __init__(
+        self,
+        tokens: Sequence[StaticToken] | None,
+        keys: KeyRing | None = None,
+        *,
+        audience: str | None = None,
+        leeway_s: float = 0.0,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self.is_open = tokens is None and keys is None
+        """Whether no token is asked for."""
         self._salt = secrets.token_bytes(32)
-        self._grants: tuple[Grant, ...] | None = None
-        if tokens is not None:
-            self._grants = tuple(
-                Grant(name, self._digest(token), scenes) for name, token, scenes in tokens
-            )
+        self._audience = audience
+        self._leeway_s = leeway_s
+        self._clock = clock
+        self._keys = keys
+        self._static: tuple[TokenPass, ...] = ()
+        self.use_tokens(tokens or ())
 
     @classmethod
     def from_settings(cls, settings: Settings) -> Gate:
@@ -60,100 +93,106 @@ class Gate:
         Raises
         ------
         SettingsError
-            When the tokens file cannot be read, holds something else, or a token is too short.
+            When a file cannot be read or holds something else, or a token is too short.
         """
         if settings.is_open:
             return cls(None)
-        tokens: list[tuple[str, str, frozenset[str] | None]] = []
-        if settings.token is not None:
-            token = settings.token.get_secret_value()
-            _check_token("token", token)
-            tokens.append(("token", token, None))
-        if settings.tokens_file is not None:
-            tokens.extend(read_tokens(settings.tokens_file))
-        return cls(tokens)
+        keys = None if settings.token_keys_file is None else read_keys(settings.token_keys_file)
+        return cls(
+            static_tokens(settings),
+            keys,
+            audience=settings.token_audience,
+            leeway_s=settings.token_leeway_s,
+        )
 
-    @property
-    def is_open(self) -> bool:
-        """Whether no token is asked for."""
-        return self._grants is None
+    def use_tokens(self, tokens: Sequence[StaticToken]) -> None:
+        """Take these static tokens in place of those before."""
+        self._static = tuple(
+            TokenPass(one.name, one.scenes, one.guide, self._digest(one.token)) for one in tokens
+        )
 
-    def check(self, token: str | None, scene_id: str) -> ErrorCode | None:
-        """Return ``None`` if the token opens the scene, else why not."""
-        grant = self._find(token)
-        if self._grants is None:
-            return None
-        if grant is None:
-            return ErrorCode.UNAUTHORISED
-        if grant.scenes is not None and scene_id not in grant.scenes:
-            return ErrorCode.FORBIDDEN
-        return None
+    def use_keys(self, keys: KeyRing) -> None:
+        """Take these keys in place of those before."""
+        self._keys = keys
 
-    def is_known(self, token: str | None) -> bool:
-        """Whether the token opens anything at all."""
-        return self._grants is None or self._find(token) is not None
-
-    def opens(self, token: str | None, scene_id: str) -> bool:
-        """Whether the token opens the scene."""
-        return self.check(token, scene_id) is None
-
-    def _find(self, token: str | None) -> Grant | None:
-        if self._grants is None or token is None:
+    def find(self, token: str | None) -> TokenPass | None:
+        """Return what a token opens; ``None`` where it opens nothing, now."""
+        if self.is_open:
+            return _OPEN_PASS
+        if token is None:
             return None
         digest = self._digest(token[: MAX_TOKEN_BYTES + 1])
         found = None
-        for grant in self._grants:
-            if hmac.compare_digest(grant.digest, digest):
-                found = grant
+        for one in self._static:
+            if hmac.compare_digest(one.digest, digest):
+                found = one
+        if found is None and self._keys is not None and len(token) <= MAX_TOKEN_BYTES:
+            claims = read_token(token, self._keys, audience=self._audience)
+            if claims is not None and self._is_in_time(claims):
+                return TokenPass(claims.name, claims.scenes, claims.guide, signed=claims)
         return found
+
+    def admit(self, token: str | None, scene_id: str) -> TokenPass | ErrorCode:
+        """Return the pass of a token that opens the scene, or why it does not."""
+        found = self.find(token)
+        if found is None:
+            return ErrorCode.UNAUTHORISED
+        return found if found.opens(scene_id) else ErrorCode.FORBIDDEN
+
+    def check(self, token: str | None, scene_id: str) -> ErrorCode | None:
+        """Return ``None`` if the token opens the scene, else why not."""
+        found = self.admit(token, scene_id)
+        return None if isinstance(found, TokenPass) else found
+
+    def may_guide(self, token: str | None, scene_id: str) -> bool:
+        """Whether the token opens the scene and lets its bearer move a group there."""
+        found = self.admit(token, scene_id)
+        return isinstance(found, TokenPass) and found.guide
+
+    def withdrawal(self, token_pass: TokenPass, scene_id: str) -> Withdrawal | None:
+        """Return why a pass opens the scene no more; ``None`` while it does."""
+        if self.is_open:
+            return None
+        if token_pass.signed is not None:
+            return self._signed_withdrawal(token_pass.signed)
+        still = None
+        for one in self._static:
+            if hmac.compare_digest(one.digest, token_pass.digest):
+                still = one
+        return None if still is not None and still.opens(scene_id) else "revoked"
+
+    def _signed_withdrawal(self, claims: SignedClaims) -> Withdrawal | None:
+        key = None if self._keys is None else self._keys.find(claims.key.id)
+        if self._keys is None or key is None or key.digest != claims.key.digest:
+            return "revoked"
+        if claims.token_id in self._keys.revoked:
+            return "revoked"
+        # A clock set back before nbf is nobody's fault: who was let in stays.
+        return "expired" if self._clock() >= claims.expires_s + self._leeway_s else None
+
+    def _is_in_time(self, claims: SignedClaims) -> bool:
+        now_s = self._clock()
+        return claims.begins_s - self._leeway_s <= now_s < claims.expires_s + self._leeway_s
 
     def _digest(self, token: str) -> bytes:
         return hashlib.sha256(self._salt + token.encode("utf-8", "surrogatepass")).digest()
 
 
-def read_tokens(path: Path) -> list[tuple[str, str, frozenset[str] | None]]:
-    """Read a tokens file.
-
-    Parameters
-    ----------
-    path
-        UTF-8 text; each line ``NAME TOKEN [SCENE ...]``, empty lines and those that begin with
-        ``#`` skipped. No scene named = every scene.
-
-    Returns
-    -------
-    list
-        (name, token, scenes) each.
+def static_tokens(settings: Settings) -> list[StaticToken]:
+    """Return the tokens of ``token`` and ``tokens_file``.
 
     Raises
     ------
     SettingsError
-        With the line, never with the token.
+        When the file cannot be read or holds something else, or a token is too short.
     """
-    try:
-        with path.open("rb") as file:
-            data = file.read(_MAX_TOKENS_FILE_BYTES + 1)
-    except OSError as error:
-        raise SettingsError("tokens_file", f"{path}: {error.strerror}, expected a file") from None
-    if len(data) > _MAX_TOKENS_FILE_BYTES:
-        raise SettingsError("tokens_file", f"{path} is larger than {_MAX_TOKENS_FILE_BYTES} bytes")
-    try:
-        lines = data.decode("utf-8").splitlines()
-    except UnicodeDecodeError:
-        raise SettingsError("tokens_file", f"{path} is no UTF-8 text") from None
-    tokens = []
-    for number, line in enumerate(lines, start=1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        if len(words) < 2:
-            what = f"{path} line {number}: got one word, expected NAME TOKEN [SCENE ...]"
-            raise SettingsError("tokens_file", what)
-        _check_token(f"tokens_file: {path} line {number}", words[1])
-        scenes = frozenset(words[2:]) if words[2:] else None
-        tokens.append((words[0], words[1], scenes))
-    if not tokens:
-        raise SettingsError("tokens_file", f"{path} holds no token, expected at least one")
+    tokens: list[StaticToken] = []
+    if settings.token is not None:
+        token = settings.token.get_secret_value()
+        check_token("token", token)
+        tokens.append(StaticToken("token", token, guide=True))
+    if settings.tokens_file is not None:
+        tokens.extend(read_tokens(settings.tokens_file))
     return tokens
 
 
@@ -185,13 +224,8 @@ def origin_is_allowed(origin: str | None, host: str | None, allowed: tuple[str, 
     """
     if origin is None or "*" in allowed or origin in allowed:
         return True
-    return host is not None and urlsplit(origin).netloc.lower() == host.lower()
-
-
-def _check_token(setting: str, token: str) -> None:
-    if not MIN_TOKEN_CHARACTERS <= len(token) <= MAX_TOKEN_BYTES:
-        what = (
-            f"got a token of {len(token)} characters, expected {MIN_TOKEN_CHARACTERS} to "
-            f"{MAX_TOKEN_BYTES}"
-        )
-        raise SettingsError(setting, what)
+    try:
+        place = urlsplit(origin).netloc
+    except ValueError:  # an address in broken brackets
+        return False
+    return host is not None and place.lower() == host.lower()

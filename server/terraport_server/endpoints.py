@@ -63,10 +63,10 @@ _Scene = Annotated[ServedScene, Depends(_scene)]
 @_router.get("/scenes", summary="Scenes that the token opens")
 def list_scenes(request: Request, service: _Service) -> dict[str, Any]:
     """List id, name, version and size of every scene that the token opens."""
-    token = _token(request)
-    if not service.gate.is_known(token):
+    token_pass = service.gate.find(_token(request))
+    if token_pass is None:
         raise AccessError(ErrorCode.UNAUTHORISED)
-    ids = [scene_id for scene_id in service.registry.ids() if service.gate.opens(token, scene_id)]
+    ids = [scene_id for scene_id in service.registry.ids() if token_pass.opens(scene_id)]
     return {"scenes": [_summary(service.registry.get(scene_id)) for scene_id in ids]}
 
 
@@ -130,7 +130,7 @@ def get_segment(
     try:
         data = served.scene.payload(segment, recheck=True)
     except StoreError:
-        service.metrics.corrupt_segments.labels(served.id).inc()
+        service.metrics.corrupt_segments.labels(service.metrics.scene_label(served.id)).inc()
         text = f"segment {segment} is not whole on the server's disk"
         raise RequestError(500, "segment_corrupt", text) from None
     return Response(bytes(data), media_type="model/gltf-binary", headers=headers)

@@ -11,7 +11,14 @@ from terraport_server.actions import Authorise, SceneView, SessionLimits
 from terraport_server.deliveries import Deliveries
 from terraport_wire import PROTOCOL, ErrorCode, Hello, SceneInfo, ServerLimits, Welcome
 
-__all__ = ["Refusal", "check_hello", "make_welcome"]
+__all__ = ["UNOPENED_TEXT", "Refusal", "check_hello", "make_welcome", "no_hello_text"]
+
+UNOPENED_TEXT = "got no token that opens this scene, expected one"
+
+
+def no_hello_text(timeout_s: float) -> str:
+    """Return what a client is told that said nothing."""
+    return f"got no hello in {timeout_s:g} s, expected it first"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +42,7 @@ def check_hello(
         return Refusal(ErrorCode.UNSUPPORTED_VERSION, text, (PROTOCOL,))
     refused = None if authorise is None else authorise(hello.token)
     if refused is not None:
-        return Refusal(refused, "got no token that opens this scene, expected one")
+        return Refusal(refused, UNOPENED_TEXT)
     if hello.encoding not in scene.encodings:
         offered = ", ".join(sorted(scene.encodings))
         text = f"got encoding {hello.encoding}, expected one of: {offered}"

@@ -32,6 +32,7 @@ from terraport_wire import (
     Direction,
     Hit,
     Message,
+    Plan,
     Subprotocol,
     decode,
     encode,
@@ -249,6 +250,7 @@ class Sender:
 
         Meanwhile the client may want something else.
         """
+        self._metrics.payload_reads.inc()
         try:
             await self._served.desk.fetch(chunk, self.session.encoding)
         except (StoreError, OSError) as error:
@@ -266,7 +268,7 @@ class Sender:
             segment=chunk.segment,
             reason=str(error),
         )
-        self._metrics.corrupt_segments.labels(self._served.id).inc()
+        self._metrics.corrupt_segments.labels(self._metrics.scene_label(self._served.id)).inc()
 
     async def _send_part(
         self, chunk: SendChunk, header: bytes, part: PayloadRange | memoryview
@@ -293,6 +295,8 @@ class Sender:
             await self._websocket.send_text(data)
         else:
             await self._websocket.send_bytes(data)
+        if isinstance(message, Plan):
+            self.session.plan_sent(message.generation, self._loop.time())
 
     async def _close(self, action: Close) -> None:
         await self._websocket.close(int(action.code), str(action.reason))

@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, version
 
+from terraport_server.access_watch import AccessWatch
 from terraport_server.actions import RunPick
 from terraport_server.auth import Gate
 from terraport_server.logs import OncePerMinute, log
@@ -53,6 +54,7 @@ class Service:
         self.settings = settings
         self.gate = Gate.from_settings(settings)
         self.metrics = Metrics()
+        self.access = AccessWatch(self.gate, settings, self.metrics)
         self.registry = SceneRegistry(
             settings.scenes_dir,
             source=settings.payload_source,
@@ -94,6 +96,7 @@ class Service:
         await self.registry.refresh()
         self._tasks = [
             asyncio.create_task(self.registry.watch(self.settings.scene_poll_s)),
+            asyncio.create_task(self.access.watch(self.settings.access_check_s)),
             asyncio.create_task(self.metrics.watch_loop()),
         ]
         self.ready = True
@@ -110,6 +113,7 @@ class Service:
         if self.draining:
             return
         self.draining = True
+        self.metrics.draining.set(1)
         settings = self.settings
         loop = asyncio.get_running_loop()
         if self._senders:
@@ -157,14 +161,12 @@ class Service:
         served.hold()
         self._senders[sender] = served
         self._empty.clear()
-        self.metrics.sessions.labels(served.id).inc()
 
     def remove(self, sender: Sender) -> None:
         """Let a client go."""
         served = self._senders.pop(sender)
         if not self._senders:
             self._empty.set()
-        self.metrics.sessions.labels(served.id).dec()
         served.release()
 
     async def run_pick(self, served: ServedScene, action: RunPick) -> Hit | None:
@@ -202,7 +204,7 @@ class Service:
                 segment=segment,
                 reason=str(error),
             )
-            self.metrics.corrupt_segments.labels(served.id).inc()
+            self.metrics.corrupt_segments.labels(self.metrics.scene_label(served.id)).inc()
 
         served.hold()
         future = asyncio.get_running_loop().run_in_executor(self._pool, work)

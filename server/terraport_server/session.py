@@ -24,7 +24,7 @@ from terraport_server.actions import (
     SessionLimits,
 )
 from terraport_server.deliveries import Deliveries
-from terraport_server.greeting import check_hello, make_welcome
+from terraport_server.greeting import check_hello, make_welcome, no_hello_text
 from terraport_server.rate import RATE_WINDOW_S, RateLimit
 from terraport_wire import (
     CLOSE_CODES,
@@ -205,8 +205,7 @@ class Session:
             self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
         elif deliveries is None:
             if now_s >= self._opened_s + limits.handshake_timeout_s:
-                text = f"got no hello in {limits.handshake_timeout_s:g} s, expected it first"
-                self._fatal(ErrorCode.TIMEOUT, text)
+                self._fatal(ErrorCode.TIMEOUT, no_hello_text(limits.handshake_timeout_s))
         elif now_s >= self._heard_s + limits.idle_timeout_s:
             text = f"got nothing for {limits.idle_timeout_s:g} s, expected at least pongs"
             self._fatal(ErrorCode.TIMEOUT, text)
@@ -393,4 +392,5 @@ class Session:
 
     def _close(self, code: CloseCode, reason: str) -> None:
         self._closing = True
+        self._observer.ending(reason)
         self._out.append(Close(code, reason))

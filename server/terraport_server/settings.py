@@ -70,14 +70,33 @@ class Settings(BaseSettings):
     token: SecretStr | None = None
     """One token that opens every scene."""
     tokens_file: Path | None = None
-    """File of tokens, one a line: NAME TOKEN [SCENE ...]; no scene named = every scene."""
+    """File of tokens, one a line: NAME TOKEN [+guide] [SCENE ...]; no scene named = every scene."""
+    token_keys_file: Path | None = None
+    """File of keys that signed, expiring tokens are accepted from; see terraport token."""
+    token_audience: str | None = None
+    """What a signed token's "aud" must be; none = it must have none."""
+    token_leeway_s: Annotated[float, Field(ge=0, le=600)] = 30.0
+    """How far the clock of whoever signs tokens may be from this one's."""
+    access_check_s: Annotated[float, Field(ge=0.05, le=60)] = 1.0
+    """How often the files above are looked at, and the tokens of running sessions."""
     allow_open: bool = False
     """Serve without any token although the host is not this machine alone."""
     allowed_origins: tuple[str, ...] = ()
     """Origins of web pages that may connect, beside the service's own; "*" = all."""
+    allowed_hosts: tuple[str, ...] = ()
+    """Names that this service is called by, beside addresses and localhost; asked only where it is
+    open, on this machine alone, and not said to be so (allow_open)."""
+    public_docs: bool | None = None
+    """Whether /docs answers; none = only where the service is open."""
+    public_metrics: bool | None = None
+    """Whether /metrics answers without metrics_token; none = only where the service is open."""
+    metrics_token: SecretStr | None = None
+    """Token that opens /metrics and nothing else."""
 
     max_connections: Annotated[int, Field(ge=1)] = 1024
     """Open connections of any kind; more are answered 503."""
+    max_connections_per_ip: Annotated[int, Field(ge=1)] = 64
+    """Open HTTP connections of one address; WebSockets count as sessions."""
     max_sessions: Annotated[int, Field(ge=1)] = 256
     max_sessions_per_ip: Annotated[int, Field(ge=1)] = 32
     max_message_bytes: Annotated[int, Field(ge=1024, le=MAX_CLIENT_MESSAGE_BYTES)] = 1 << 20
@@ -101,6 +120,19 @@ class Settings(BaseSettings):
     """How long open landings may take to finish after SIGTERM."""
     reconnect_after_ms: Annotated[int, Field(ge=0, le=600_000)] = 1000
     """What a draining service tells its clients."""
+
+    http_header_bytes: Annotated[int, Field(ge=8192, le=1 << 20)] = 32 << 10
+    """Request line and headers of one request."""
+    http_body_bytes: Annotated[int, Field(ge=0, le=1 << 20)] = 16 << 10
+    """Body of one request; none is ever needed."""
+    http_ranges: Annotated[int, Field(ge=1, le=64)] = 8
+    """Ranges of one request."""
+    http_header_timeout_s: _Seconds = 10.0
+    """From connecting, or the last answer, to the end of the next request's headers."""
+    http_keep_alive_s: _Seconds = 5.0
+    """How long a connection may stay without a request after an answer."""
+    http_stall_timeout_s: _Seconds = 30.0
+    """How long a client may take no byte of an answer."""
 
     notsent_lowat_bytes: Annotated[int, Field(ge=0)] = 128 << 10
     """TCP_NOTSENT_LOWAT of client sockets, so that a supersede is not stuck behind megabytes; 0 =
@@ -166,7 +198,24 @@ class Settings(BaseSettings):
     @property
     def is_open(self) -> bool:
         """Whether no token is asked for."""
-        return self.token is None and self.tokens_file is None
+        return self.token is None and self.tokens_file is None and self.token_keys_file is None
+
+    @property
+    def serves_docs(self) -> bool:
+        """Whether anybody may read /docs."""
+        return self.is_open if self.public_docs is None else self.public_docs
+
+    @property
+    def serves_metrics(self) -> bool:
+        """Whether anybody may read /metrics."""
+        if self.public_metrics is None:
+            return self.is_open and self.metrics_token is None
+        return self.public_metrics
+
+    @property
+    def checks_host(self) -> bool:
+        """Whether a request must call the service by a name that is its own."""
+        return self.is_open and not self.allow_open and _is_loopback(self.host)
 
 
 def _is_loopback(host: str) -> bool:

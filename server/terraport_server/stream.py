@@ -1,4 +1,4 @@
-"""The WebSocket endpoint: who may come in, and what is logged and counted of a session."""
+"""The WebSocket endpoint: who may come in, and on what terms."""
 
 from __future__ import annotations
 
@@ -6,28 +6,31 @@ import asyncio
 import contextlib
 import logging
 import secrets
+from dataclasses import dataclass
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from terraport_server.actions import Authorise, Observer
-from terraport_server.auth import bearer_token, origin_is_allowed
+from terraport_server.access_watch import Visitor
+from terraport_server.actions import Authorise
+from terraport_server.auth import TokenPass, bearer_token, origin_is_allowed
+from terraport_server.chronicle import Chronicle, note_error
 from terraport_server.errors import AccessError, UnknownSceneError
+from terraport_server.greeting import UNOPENED_TEXT, no_hello_text
 from terraport_server.logs import log
-from terraport_server.scenes import ServedScene
 from terraport_server.sender import Sender
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT, Session
 from terraport_wire import (
     CLOSE_CODES,
     CloseCode,
+    DecodeError,
+    Direction,
     Error,
     ErrorCode,
-    Plan,
-    Ready,
-    Reject,
+    Hello,
     Subprotocol,
-    Superseded,
     choose_subprotocol,
+    decode,
     encode,
     token_from_subprotocols,
 )
@@ -35,77 +38,14 @@ from terraport_wire import (
 __all__ = ["stream"]
 
 
-class _Chronicle(Observer):
-    """Writes what happens to one session into metrics and log, each landing under its id."""
+@dataclass(frozen=True, slots=True)
+class _Refusal:
+    """Why a client may not come in."""
 
-    def __init__(
-        self, service: Service, session_id: str, served: ServedScene, client_ip: str
-    ) -> None:
-        self._service = service
-        self._metrics = service.metrics
-        self._session_id = session_id
-        self._desk = served.desk
-        self._scene_id = served.id
-        self._client_ip = client_ip
-
-    def planned(self, generation: int, plan: Plan) -> None:
-        self._metrics.landings.labels(self._scene_id).inc()
-        log(
-            "landing planned",
-            level=logging.DEBUG,
-            landing=self._landing(generation),
-            load=len(plan.load),
-            keep=len(plan.keep),
-            bytes=plan.load_bytes,
-            omitted=plan.omitted_segments or None,
-        )
-
-    def first_byte(self, seconds: float) -> None:
-        self._metrics.first_byte_s.observe(seconds)
-
-    def ready(self, message: Ready, seconds: float) -> None:
-        self._metrics.ready_s.observe(seconds)
-        log(
-            "landing ready",
-            landing=self._landing(message.generation),
-            scene=self._scene_id,
-            seconds=seconds,
-            segments=message.delivered,
-            bytes=message.payload_bytes,
-            missing=len(message.missing) or None,
-        )
-
-    def superseded(self, message: Superseded, *, landing: bool) -> None:
-        kind = "land" if landing else "aim"
-        self._metrics.superseded.labels(kind).inc()
-        self._metrics.superseded_bytes.labels(kind).inc(message.unsent_bytes)
-        log(
-            "superseded",
-            level=logging.DEBUG,
-            landing=self._landing(message.generation),
-            kind=kind,
-            unsent_bytes=message.unsent_bytes,
-        )
-
-    def rejected(self, message: Reject) -> None:
-        self._desk.distrust(message.segment)
-        self._metrics.rejected_segments.inc()
-        log(
-            "segment_rejected",
-            level=logging.WARNING,
-            landing=self._landing(message.generation),
-            scene=self._scene_id,
-            segment=message.segment,
-            reason=message.reason,
-        )
-
-    def refused(self, error: Error) -> None:
-        _note_refusal(
-            self._service, ErrorCode(error.code), error.message, self._client_ip, self._session_id
-        )
-
-    def _landing(self, generation: int) -> str:
-        return f"{self._session_id}-{generation}"
+    code: ErrorCode
+    text: str
+    reason: str
+    """For the metric; see docs/topics/metrics.md."""
 
 
 async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
@@ -116,47 +56,65 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
     client_ip = websocket.client.host if websocket.client is not None else "unknown"
     if subprotocol is None:
         service.metrics.errors.labels(ErrorCode.UNSUPPORTED_VERSION).inc()
+        service.metrics.refused.labels("version").inc()
         names = ", ".join(protocol.value for protocol in Subprotocol)
         await websocket.close(int(CloseCode.VERSION), f"offered: {names}")
         return
     with contextlib.suppress(WebSocketDisconnect):
-        refusal = _refusal(websocket, scene_id, offered, service)
-        if refusal is None:
-            text = service.admit(client_ip)
-            if text is None:
+        came = _let_in(websocket, scene_id, offered, service)
+        if not isinstance(came, _Refusal):
+            full = service.admit(client_ip)
+            if full is None:
                 try:
-                    await _serve(websocket, subprotocol, scene_id, offered, client_ip, service)
+                    await _serve(websocket, subprotocol, scene_id, came, client_ip, service)
                 finally:
                     service.dismiss(client_ip)
                 return
-            refusal = (ErrorCode.TOO_MANY, text)
-        _note_refusal(service, refusal[0], refusal[1], client_ip, None)
-        await _refuse(websocket, subprotocol, *refusal)
+            kind = "sessions_per_ip" if "one address" in full else "sessions"
+            came = _Refusal(ErrorCode.TOO_MANY, full, kind)
+        service.metrics.refused.labels(came.reason).inc()
+        note_error(service.metrics, service.once, came.code, came.text, client_ip=client_ip)
+        await _refuse(websocket, subprotocol, came.code, came.text)
 
 
 async def _serve(
     websocket: WebSocket,
     subprotocol: Subprotocol,
     scene_id: str,
-    offered: list[str],
+    token_pass: TokenPass | None,
     client_ip: str,
     service: Service,
 ) -> None:
-    served = service.registry.get(scene_id)
+    try:
+        served = service.registry.get(scene_id)
+    except UnknownSceneError:  # hello's token decides who is told so
+        code, text = await _judge_hello(websocket, subprotocol, scene_id, service)
+        service.metrics.refused.labels(str(code)).inc()
+        note_error(service.metrics, service.once, code, text, client_ip=client_ip)
+        await _refuse(websocket, subprotocol, code, text)
+        return
     session_id = secrets.token_hex(6)
     authorise: Authorise | None = None
-    if _given_token(websocket, offered) is None:
+    if token_pass is None:
 
         def authorise(token: str | None) -> ErrorCode | None:
-            return service.gate.check(token, scene_id)
+            found = service.gate.admit(token, scene_id)
+            if isinstance(found, ErrorCode):
+                service.metrics.refused.labels(str(found)).inc()
+                return found
+            visitor.token_pass = found
+            return None
 
+    chronicle = Chronicle(
+        service.metrics, service.once, session_id=session_id, served=served, client_ip=client_ip
+    )
     session = Session(
         served.view,
         service.session_limits,
         session_id=session_id,
         now_s=asyncio.get_running_loop().time(),
         authorise=authorise,
-        observer=_Chronicle(service, session_id, served, client_ip),
+        observer=chronicle,
     )
     sender = Sender(
         websocket,
@@ -168,41 +126,82 @@ async def _serve(
         priorities=service.priorities,
         run_pick=service.run_pick,
     )
+
+    def withdraw(text: str) -> None:
+        session.withdraw(text)
+        sender.wake()
+
+    visitor = Visitor(scene_id, withdraw, session_id, token_pass)
     service.add(sender, served)
-    log("session opened", session=session_id, scene=scene_id, client=client_ip)
+    service.access.add(visitor)
+    chronicle.opened()
     try:
         await sender.run()
     except Exception:
         service.metrics.errors.labels(ErrorCode.INTERNAL).inc()
+        chronicle.ending(ErrorCode.INTERNAL)
         log("session failed", level=logging.ERROR, session=session_id, scene=scene_id)
         logging.getLogger("terraport.server").exception("session failed")
         await _refuse(websocket, subprotocol, ErrorCode.INTERNAL, INTERNAL_TEXT)
     finally:
+        service.access.remove(visitor)
         service.remove(sender)
-        log("session closed", session=session_id, scene=scene_id)
+        chronicle.closed()
 
 
-def _refusal(
+def _let_in(
     websocket: WebSocket, scene_id: str, offered: list[str], service: Service
-) -> tuple[ErrorCode, str] | None:
-    """Return why a client may not come in, by what its handshake says."""
+) -> TokenPass | _Refusal | None:
+    """Judge a handshake: the pass of its token, why not, or ``None`` where ``hello`` decides."""
     if service.draining or not service.ready:
-        return ErrorCode.DRAINING, "got a new session while the server goes away, expected none"
+        text = "got a new session while the server goes away, expected none"
+        return _Refusal(ErrorCode.DRAINING, text, "draining")
     headers = websocket.headers
     allowed = service.settings.allowed_origins
     if not origin_is_allowed(headers.get("origin"), headers.get("host"), allowed):
         text = f"got origin {headers.get('origin', '')[:200]!r}, expected one that is allowed"
-        return ErrorCode.FORBIDDEN, text
-    token = _given_token(websocket, offered)
+        return _Refusal(ErrorCode.FORBIDDEN, text, "origin")
+    token, found = _given_token(websocket, offered), None
     if token is not None:
-        code = service.gate.check(token, scene_id)
-        if code is not None:
-            return code, str(AccessError(code))
+        admitted = service.gate.admit(token, scene_id)
+        if isinstance(admitted, ErrorCode):
+            return _Refusal(admitted, str(AccessError(admitted)), str(admitted))
+        found = admitted
+    elif not service.gate.is_open:
+        # Whether there is such a scene is told to nobody before the token: hello is waited for.
+        return None
     try:
         service.registry.get(scene_id)
     except UnknownSceneError as error:
+        return _Refusal(error.code, str(error), str(error.code))
+    return found
+
+
+async def _judge_hello(
+    websocket: WebSocket, subprotocol: Subprotocol, scene_id: str, service: Service
+) -> tuple[ErrorCode, str]:
+    """Refuse a client that wants an unknown scene exactly as it would be at a known one."""
+    settings = service.settings
+    try:
+        async with asyncio.timeout(settings.handshake_timeout_s):
+            event = await websocket.receive()
+    except TimeoutError:
+        return ErrorCode.TIMEOUT, no_hello_text(settings.handshake_timeout_s)
+    if event["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(1006)
+    text = event.get("text")
+    data: bytes | str = event["bytes"] if text is None else text
+    try:
+        message = decode(
+            data, subprotocol, Direction.CLIENT_TO_SERVER, max_bytes=settings.max_message_bytes
+        )
+    except DecodeError as error:
         return error.code, str(error)
-    return None
+    token = message.token if isinstance(message, Hello) else None
+    code = service.gate.check(token, scene_id)
+    if code is not None:
+        return code, UNOPENED_TEXT
+    return ErrorCode.UNKNOWN_SCENE, str(UnknownSceneError(scene_id))
 
 
 def _given_token(websocket: WebSocket, offered: list[str]) -> str | None:
@@ -225,19 +224,3 @@ async def _refuse(
         else:
             await websocket.send_bytes(error)
         await websocket.close(int(CLOSE_CODES[code]), code)
-
-
-def _note_refusal(
-    service: Service, code: ErrorCode, text: str, client_ip: str, session_id: str | None
-) -> None:
-    """Count a refusal; log the first of its kind per client and minute."""
-    service.metrics.errors.labels(code).inc()
-    if service.once.first((client_ip, code), asyncio.get_running_loop().time()):
-        log(
-            "refused",
-            level=logging.WARNING,
-            code=code,
-            reason=text,
-            client=client_ip,
-            session=session_id,
-        )

@@ -6,12 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from terraport_server.auth import Gate, bearer_token, origin_is_allowed, read_tokens
+from terraport_server.auth import Gate, bearer_token, origin_is_allowed
 from terraport_server.errors import SettingsError
 from terraport_server.settings import Settings
+from terraport_server.token_file import StaticToken, read_tokens
 from terraport_wire import ErrorCode
 
-GATE = Gate([("all", "opens-everything", None), ("one", "opens-only-the-pit", frozenset({"pit"}))])
+GATE = Gate(
+    [
+        StaticToken("all", "opens-everything"),
+        StaticToken("one", "opens-only-the-pit", frozenset({"pit"})),
+    ]
+)
 
 
 @pytest.mark.parametrize(
@@ -60,10 +66,15 @@ def test_a_short_token_is_refused_without_showing_it() -> None:
 
 def test_tokens_file(tmp_path: Path) -> None:
     path = tmp_path / "tokens"
-    path.write_text("# who\n\nanna   aaaaaaaaaaaaaaaa\nbob bbbbbbbbbbbbbbbb pit quarry\n")
+    path.write_text(
+        "# who\n\nanna   aaaaaaaaaaaaaaaa\nbob bbbbbbbbbbbbbbbb pit quarry\n"
+        "kim cccccccccccccccc +guide\nlea dddddddddddddddd +guide pit\n"
+    )
     assert read_tokens(path) == [
-        ("anna", "aaaaaaaaaaaaaaaa", None),
-        ("bob", "bbbbbbbbbbbbbbbb", frozenset({"pit", "quarry"})),
+        StaticToken("anna", "aaaaaaaaaaaaaaaa"),
+        StaticToken("bob", "bbbbbbbbbbbbbbbb", frozenset({"pit", "quarry"})),
+        StaticToken("kim", "cccccccccccccccc", None, guide=True),
+        StaticToken("lea", "dddddddddddddddd", frozenset({"pit"}), guide=True),
     ]
 
 
@@ -112,6 +123,7 @@ def test_bearer_token(header: str | None, token: str | None) -> None:
         ("http://evil", "a:1", (), False),
         ("null", "a:1", (), False),
         ("http://evil", None, (), False),
+        ("http://[evil", "a:1", (), False),
         ("https://viewer", "a:1", ("https://viewer",), True),
         ("https://viewer.evil", "a:1", ("https://viewer",), False),
         ("http://evil", "a:1", ("*",), True),

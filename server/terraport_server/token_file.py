@@ -1,0 +1,97 @@
+"""The file of static tokens."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from terraport_server.errors import SettingsError
+from terraport_wire import MAX_TOKEN_BYTES
+
+__all__ = ["MIN_TOKEN_CHARACTERS", "StaticToken", "check_token", "read_lines", "read_tokens"]
+
+_GUIDE: Final = "+guide"
+
+MIN_TOKEN_CHARACTERS: Final = 16
+"""Shorter ones can be guessed; ``python -c "import secrets; print(secrets.token_urlsafe())"``."""
+
+_MAX_FILE_BYTES: Final = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class StaticToken:
+    """One line of the file."""
+
+    name: str
+    token: str = field(repr=False)
+    scenes: frozenset[str] | None = None
+    """Ids; ``None`` = every scene."""
+    guide: bool = False
+    """Whether its bearer may move a group."""
+
+
+def read_tokens(path: Path) -> list[StaticToken]:
+    """Read a tokens file.
+
+    Parameters
+    ----------
+    path
+        UTF-8 text; each line ``NAME TOKEN [+guide] [SCENE ...]``, empty lines and those that begin
+        with ``#`` skipped. No scene named = every scene.
+
+    Raises
+    ------
+    SettingsError
+        With the line, never with the token.
+    """
+    tokens: list[StaticToken] = []
+    for number, words in read_lines("tokens_file", path):
+        if len(words) < 2:
+            what = f"{path} line {number}: got one word, expected NAME TOKEN [SCENE ...]"
+            raise SettingsError("tokens_file", what)
+        check_token(f"tokens_file: {path} line {number}", words[1])
+        scenes = frozenset(words[2:]) - {_GUIDE}
+        tokens.append(StaticToken(words[0], words[1], scenes or None, _GUIDE in words[2:]))
+    if not tokens:
+        raise SettingsError("tokens_file", f"{path} holds no token, expected at least one")
+    return tokens
+
+
+def read_lines(setting: str, path: Path) -> list[tuple[int, list[str]]]:
+    """Return the number and the words of every line that is neither empty nor a comment.
+
+    Raises
+    ------
+    SettingsError
+        When the file cannot be read, is too large, or is no UTF-8 text.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(_MAX_FILE_BYTES + 1)
+    except OSError as error:
+        raise SettingsError(setting, f"{path}: {error.strerror}, expected a file") from None
+    if len(data) > _MAX_FILE_BYTES:
+        raise SettingsError(setting, f"{path} is larger than {_MAX_FILE_BYTES} bytes")
+    try:
+        lines = data.decode("utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise SettingsError(setting, f"{path} is no UTF-8 text") from None
+    words = ((number, line.split()) for number, line in enumerate(lines, start=1))
+    return [(number, line) for number, line in words if line and not line[0].startswith("#")]
+
+
+def check_token(setting: str, token: str) -> None:
+    """Refuse a token that is too short to be secret, or too long to be sent.
+
+    Raises
+    ------
+    SettingsError
+        With the token's length, never with the token.
+    """
+    if not MIN_TOKEN_CHARACTERS <= len(token) <= MAX_TOKEN_BYTES:
+        what = (
+            f"got a token of {len(token)} characters, expected {MIN_TOKEN_CHARACTERS} to "
+            f"{MAX_TOKEN_BYTES}"
+        )
+        raise SettingsError(setting, what)
