@@ -52,6 +52,10 @@ def serve(
     tokens_file: Annotated[
         Path | None, typer.Option(help="File of tokens, one a line: NAME TOKEN [SCENE ...].")
     ] = None,
+    token_keys: Annotated[
+        Path | None,
+        typer.Option(help="File of keys; tokens that they signed are accepted (terraport token)."),
+    ] = None,
     allow_open: Annotated[
         bool | None,
         typer.Option("--allow-open", help="Serve without tokens although others can connect."),
@@ -84,6 +88,7 @@ def serve(
         "port": port,
         "token": token,
         "tokens_file": tokens_file,
+        "token_keys_file": token_keys,
         "allow_open": allow_open,
         "allowed_origins": tuple(allow_origin) if allow_origin else None,
         "tls_certificate": tls_certificate,

@@ -191,8 +191,8 @@ class Settings(BaseSettings):
         if self.is_open and not self.allow_open and not _is_loopback(self.host):
             raise SettingsError(
                 "token",
-                f"got none while listening on {self.host}, expected a token or tokens file; "
-                "set allow_open (--allow-open) if everyone may read these scenes",
+                f"got none while listening on {self.host}, expected a token, tokens file or "
+                "token keys; set allow_open (--allow-open) if everyone may read these scenes",
             )
 
     @property

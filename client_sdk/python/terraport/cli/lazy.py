@@ -52,6 +52,12 @@ VERBS: Final = (
         "Serve scenes to VR clients: landings over WebSocket, files over HTTP.",
     ),
     Verb(
+        "token",
+        "terraport_server.token_cli",
+        "server",
+        "Make keys, and tokens that expire, for a service that asks for them.",
+    ),
+    Verb(
         "land",
         "terraport.cli.land",
         None,
