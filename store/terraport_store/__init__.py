@@ -10,7 +10,9 @@ A scene is a directory that is published atomically; format in ``spec/scene-form
 * :class:`SegmentIndex`, :class:`Cover`, :class:`Manifest`: what is in it;
 * :class:`SpatialIndex` with :class:`RTreeIndex` and :class:`BruteForceIndex`: segments within a
   radius;
-* :class:`PayloadSource` with :class:`FileSource`, :class:`MmapSource`, :class:`MemorySource`.
+* :class:`PayloadSource` with :class:`FileSource`, :class:`MmapSource`, :class:`MemorySource`;
+* :class:`SceneFiles`, :func:`scene_files`: where a scene lies. Object storage is in
+  :mod:`terraport_store.object_files`, which needs ``terraport[s3]``.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ from terraport_store.errors import (
     CorruptPayloadError,
     DamagedSceneError,
     LabelError,
+    OriginError,
     OutOfSpaceError,
     PublishError,
     RangeError,
@@ -28,6 +31,7 @@ from terraport_store.errors import (
     SceneNotFoundError,
     StoreError,
 )
+from terraport_store.files import FolderFiles, SceneFiles, is_url, scene_files
 from terraport_store.index import SegmentIndex
 from terraport_store.labelling import change_labels, read_labels, read_names
 from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
@@ -68,6 +72,7 @@ __all__ = [
     "FileInfo",
     "FileSource",
     "Finding",
+    "FolderFiles",
     "HandOff",
     "InputInfo",
     "LabelError",
@@ -75,6 +80,7 @@ __all__ = [
     "Manifest",
     "MemorySource",
     "MmapSource",
+    "OriginError",
     "OutOfSpaceError",
     "PayloadRange",
     "PayloadSource",
@@ -84,6 +90,7 @@ __all__ = [
     "RegionNames",
     "Scene",
     "SceneBusyError",
+    "SceneFiles",
     "SceneInfo",
     "SceneNotFoundError",
     "SceneWriter",
@@ -93,11 +100,13 @@ __all__ = [
     "TextureInfo",
     "box_distances_m",
     "change_labels",
+    "is_url",
     "label_fault",
     "list_scenes",
     "manifest_digest",
     "read_labels",
     "read_manifest",
     "read_names",
+    "scene_files",
     "validate_scene",
 ]

@@ -7,6 +7,7 @@
     ├── DamagedSceneError       a file of a published scene is not what the manifest says (``file``)
     │   └── CorruptPayloadError one segment's bytes fail their hash (``segment``, ``offset``)
     ├── RangeError              bytes asked for outside a pack
+    ├── OriginError             object storage did not give what was asked for (``url``)
     ├── LabelError              labels that cannot be set; those before stand
     └── PublishError            a new version could not be published; the old one stands
         ├── OutOfSpaceError     the disk (or a quota) is full
@@ -21,6 +22,7 @@ __all__ = [
     "CorruptPayloadError",
     "DamagedSceneError",
     "LabelError",
+    "OriginError",
     "OutOfSpaceError",
     "PublishError",
     "RangeError",
@@ -115,6 +117,26 @@ class RangeError(StoreError):
         self.offset = offset
         self.length = length
         self.size = size
+
+
+class OriginError(StoreError):
+    """Object storage did not give what was asked for; it may later.
+
+    Parameters
+    ----------
+    url : str
+        What was asked for.
+    what : str
+        What came instead, and how often it was tried; lower-case, no full stop.
+    passing : bool, optional
+        Whether another try may fare better.
+    """
+
+    def __init__(self, url: str, what: str, *, passing: bool = True) -> None:
+        super().__init__(f"{url}: {what}")
+        self.url = url
+        self.what = what
+        self.passing = passing
 
 
 class LabelError(StoreError):

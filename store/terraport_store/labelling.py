@@ -19,6 +19,7 @@ from typing import Any, Final
 import xxhash
 
 from terraport_store.errors import DamagedSceneError, LabelError
+from terraport_store.files import SceneFiles, scene_files
 from terraport_store.labels import MAX_LABELS, encode_labels, label_fault, parse_labels
 from terraport_store.layout import LABELS, MAX_LABELS_BYTES, MAX_REGIONS_BYTES, REGIONS
 from terraport_store.publishing import (
@@ -36,13 +37,13 @@ _ATTEMPTS: Final = 5
 """As many as for opening a scene: a version vanishes only when two newer ones are published."""
 
 
-def read_labels(scene_dir: str | Path) -> dict[int, str]:
+def read_labels(scene_dir: str | Path | SceneFiles) -> dict[int, str]:
     """Read what users call the regions.
 
     Parameters
     ----------
-    scene_dir : str or Path
-        The scene directory.
+    scene_dir : str, Path or SceneFiles
+        The scene directory, or where else the scene lies.
 
     Returns
     -------
@@ -54,11 +55,14 @@ def read_labels(scene_dir: str | Path) -> dict[int, str]:
     DamagedSceneError
         When the file is not what the format says.
     """
+    files = scene_files(scene_dir)
     try:
-        with (Path(scene_dir) / LABELS).open("rb") as file:
-            data = file.read(MAX_LABELS_BYTES + 1)
-    except (FileNotFoundError, NotADirectoryError):
+        data = files.read(LABELS, MAX_LABELS_BYTES)
+    except FileNotFoundError:
         return {}
+    finally:
+        if files is not scene_dir:
+            files.close()
     return parse_labels(data)
 
 

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Literal, Self, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,7 @@ from terraport_store.errors import (
     RangeError,
     SceneNotFoundError,
 )
+from terraport_store.files import LocalCopy, SceneFiles, SourceKind, scene_files
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     BASE,
@@ -38,7 +40,7 @@ from terraport_store.layout import (
     check_pack_header,
 )
 from terraport_store.manifest import EncodingInfo, Manifest
-from terraport_store.source import FileSource, MmapSource, PayloadRange, PayloadSource
+from terraport_store.source import PayloadRange, PayloadSource
 from terraport_store.spatial import RTreeIndex, SpatialIndex
 
 __all__ = ["Scene", "list_scenes", "read_manifest"]
@@ -58,8 +60,11 @@ class Scene:
 
     Attributes
     ----------
+    files : SceneFiles
+        Where it lies.
     path : Path
-        The scene directory.
+        The scene directory; for a scene in object storage a local folder with base, cover and
+        regions, but no packs, that goes when this is closed.
     manifest : Manifest
     index : SegmentIndex
         Of the ``glb`` encoding: bounds and counts are the same in all.
@@ -69,31 +74,36 @@ class Scene:
 
     def __init__(
         self,
-        path: Path,
+        files: SceneFiles,
         manifest: Manifest,
         indexes: dict[str, SegmentIndex],
         cover: Cover,
         sources: dict[str, PayloadSource],
+        copy: LocalCopy,
     ) -> None:
-        self.path = path
+        self.files = files
+        self.path = copy.path
         self.manifest = manifest
         self.index = indexes["glb"]
         self.cover = cover
         self._indexes = indexes
         self._sources = sources
+        self._copy = copy
         self._verified = {name: np.zeros(len(index), dtype=bool) for name, index in indexes.items()}
 
     @classmethod
-    def open(cls, path: str | Path, *, source: Literal["file", "mmap"] = "file") -> Scene:
+    def open(cls, path: str | Path | SceneFiles, *, source: SourceKind = "file") -> Scene:
         """Open the version that is published now.
 
         Parameters
         ----------
-        path : str or Path
-            The scene directory.
+        path : str, Path or SceneFiles
+            The scene directory; an address like ``s3://bucket/scene`` (a str), cached in memory; or
+            files of an ObjectStorage, which are not closed with the scene.
         source : {"file", "mmap"}, optional
-            How payloads are read: "file" copies one payload at a time and survives anything; "mmap"
-            hands out views without a copy, but a pack cut short under it ends the process.
+            How payloads in a folder are read: "file" copies one payload at a time and survives
+            anything; "mmap" hands out views without a copy, but a pack cut short under it ends the
+            process.
 
         Returns
         -------
@@ -110,40 +120,46 @@ class Scene:
         OSError
             When a file cannot be read (permissions, device).
         """
-        directory = Path(path)
-        manifest = read_manifest(directory)
+        files = scene_files(path)
+        try:
+            return cls._open_newest(files, source)
+        except BaseException:
+            if files is not path:
+                files.close()
+            raise
+
+    @classmethod
+    def _open_newest(cls, files: SceneFiles, source: SourceKind) -> Scene:
+        manifest = read_manifest(files)
         for _ in range(_OPEN_ATTEMPTS):
             try:
-                return cls._open_version(directory, manifest, source)
+                return cls._open_version(files, manifest, source)
             except FileNotFoundError as error:
-                newer = read_manifest(directory)
+                newer = read_manifest(files)
                 if newer.version == manifest.version and newer.folder == manifest.folder:
-                    name = Path(error.filename).relative_to(directory).as_posix()
-                    raise DamagedSceneError(name, "no such file, expected by scene.json") from None
+                    what = "no such file, expected by scene.json"
+                    raise DamagedSceneError(str(error.filename), what) from None
                 manifest = newer
         raise DamagedSceneError(MANIFEST_NAME, f"{_OPEN_ATTEMPTS} versions vanished while opening")
 
     @classmethod
-    def _open_version(cls, directory: Path, manifest: Manifest, source: str) -> Scene:
-        sources: dict[str, PayloadSource] = {}
-        try:
+    def _open_version(cls, files: SceneFiles, manifest: Manifest, source: SourceKind) -> Scene:
+        with ExitStack() as undo:
             indexes = {
-                name: _parsed(
-                    directory, manifest, info.index, MAX_INDEX_BYTES, SegmentIndex.from_bytes
-                )
+                name: _parsed(files, manifest, info.index, MAX_INDEX_BYTES, SegmentIndex.from_bytes)
                 for name, info in manifest.encodings.items()
             }
-            cover = _parsed(directory, manifest, COVER, MAX_INDEX_BYTES, Cover.from_bytes)
+            cover = _parsed(files, manifest, COVER, MAX_INDEX_BYTES, Cover.from_bytes)
             _check_agreement(manifest, indexes, cover)
+            sources: dict[str, PayloadSource] = {}
             for name, info in manifest.encodings.items():
-                sources[name] = _open_pack(directory, manifest, name, info, indexes[name], source)
+                sources[name] = _open_pack(files, manifest, name, info, indexes[name], source)
+                undo.callback(sources[name].close)
             for key in (BASE, REGIONS):
-                _check_size(directory, manifest, key)
-        except BaseException:
-            for opened in sources.values():
-                opened.close()
-            raise
-        return cls(directory, manifest, indexes, cover, sources)
+                _check_size(files, manifest, key)
+            copy = files.local_copy(manifest)
+            undo.pop_all()
+        return cls(files, manifest, indexes, cover, sources, copy)
 
     @cached_property
     def spatial(self) -> SpatialIndex:
@@ -164,7 +180,7 @@ class Scene:
         DamagedSceneError
             When it is not what the manifest says, or not a JSON object.
         """
-        data = _read_checked(self.path, self.manifest, REGIONS, MAX_REGIONS_BYTES)
+        data = _read_checked(self.files, self.manifest, REGIONS, MAX_REGIONS_BYTES)
         try:
             document = json.loads(data)
         except (ValueError, RecursionError) as error:
@@ -179,6 +195,8 @@ class Scene:
 
     def file_path(self, key: str) -> Path:
         """Path of one file of this version by its key in ``manifest.files``.
+
+        Of a scene in object storage only base, cover and regions are there.
 
         Raises
         ------
@@ -298,6 +316,27 @@ class Scene:
             raise RangeError(start, length, total)
         return self._sources[encoding].file_range(int(index.offset[segment_id]) + start, length)
 
+    def is_at_hand(self, segment_id: int, encoding: str) -> bool:
+        """Tell whether :meth:`payload` waits for no network; raises as :meth:`is_verified`."""
+        return self._sources[encoding].is_at_hand(*self._place(segment_id, encoding))
+
+    def recall(self, segment_id: int, encoding: str) -> bool:
+        """Bring a payload to hand if that takes no network; may read a disk.
+
+        Returns as :meth:`is_at_hand`, raises as :meth:`is_verified`.
+        """
+        return self._sources[encoding].recall(*self._place(segment_id, encoding))
+
+    def expect(self, segment_ids: Sequence[int], encoding: str) -> None:
+        """Hear which payloads will be read soon, in this order; raises as :meth:`is_verified`."""
+        places = [self._place(segment_id, encoding) for segment_id in segment_ids]
+        self._sources[encoding].expect(places)
+
+    def interrupt(self) -> None:
+        """Let what waits for a network fail soon, now and from now on."""
+        for source in self._sources.values():
+            source.interrupt()
+
     def close(self) -> None:
         """Close the packs; may be called again.
 
@@ -305,6 +344,8 @@ class Scene:
         """
         for source in self._sources.values():
             source.close()
+        self._copy.close()
+        self.files.close()
 
     def __enter__(self) -> Self:
         return self
@@ -317,17 +358,21 @@ class Scene:
     ) -> None:
         self.close()
 
+    def _place(self, segment_id: int, encoding: str) -> tuple[int, int]:
+        index = self._indexes[encoding]
+        return int(index.offset[segment_id]), int(index.length[segment_id])
+
     def _relative(self, key: str) -> str:
         return self.manifest.files[key].path
 
 
-def read_manifest(directory: str | Path) -> Manifest:
+def read_manifest(directory: str | Path | SceneFiles) -> Manifest:
     """Read ``scene.json`` alone: which version is published now.
 
     Parameters
     ----------
-    directory : str or Path
-        The scene directory.
+    directory : str, Path or SceneFiles
+        The scene directory, or where else the scene lies.
 
     Returns
     -------
@@ -340,11 +385,14 @@ def read_manifest(directory: str | Path) -> Manifest:
     DamagedSceneError
         When it is not a manifest of format 1.x.
     """
+    files = scene_files(directory)
     try:
-        with (Path(directory) / MANIFEST_NAME).open("rb") as file:
-            data = file.read(MAX_MANIFEST_BYTES + 1)
-    except (FileNotFoundError, NotADirectoryError):
-        raise SceneNotFoundError(str(directory)) from None
+        data = files.read(MANIFEST_NAME, MAX_MANIFEST_BYTES)
+    except FileNotFoundError:
+        raise SceneNotFoundError(files.place) from None
+    finally:
+        if files is not directory:
+            files.close()
     return Manifest.from_bytes(data)
 
 
@@ -376,12 +424,11 @@ def list_scenes(directory: str | Path) -> dict[str, Path]:
     return {child.name: child for child in sorted(found) if (child / MANIFEST_NAME).is_file()}
 
 
-def _read_checked(directory: Path, manifest: Manifest, key: str, limit: int) -> bytes:
+def _read_checked(files: SceneFiles, manifest: Manifest, key: str, limit: int) -> bytes:
     info = manifest.files[key]
     if info.bytes > limit:
         raise DamagedSceneError(info.path, f"{info.bytes} bytes, expected at most {limit}")
-    with (directory / info.path).open("rb") as file:
-        data = file.read(info.bytes + 1)
+    data = files.fetch(info)
     if len(data) != info.bytes:
         raise DamagedSceneError(info.path, f"not the {info.bytes} bytes that scene.json expects")
     actual = f"{xxhash.xxh3_64_intdigest(data):016x}"
@@ -391,37 +438,40 @@ def _read_checked(directory: Path, manifest: Manifest, key: str, limit: int) -> 
 
 
 def _parsed(
-    directory: Path, manifest: Manifest, key: str, limit: int, parse: Callable[[bytes], _T]
+    files: SceneFiles, manifest: Manifest, key: str, limit: int, parse: Callable[[bytes], _T]
 ) -> _T:
     try:
-        return parse(_read_checked(directory, manifest, key, limit))
+        return parse(_read_checked(files, manifest, key, limit))
     except PayloadError as error:
         raise DamagedSceneError(manifest.files[key].path, error.what, offset=error.offset) from None
 
 
-def _check_size(directory: Path, manifest: Manifest, key: str) -> None:
+def _check_size(files: SceneFiles, manifest: Manifest, key: str) -> None:
     info = manifest.files[key]
-    size = (directory / info.path).stat().st_size
+    size = files.size(info.path)
     if size != info.bytes:
         raise DamagedSceneError(info.path, f"{size} bytes, expected {info.bytes} by scene.json")
 
 
 def _open_pack(
-    directory: Path,
+    files: SceneFiles,
     manifest: Manifest,
     encoding: str,
     info: EncodingInfo,
     index: SegmentIndex,
-    kind: str,
+    kind: SourceKind,
 ) -> PayloadSource:
     file = manifest.files[info.pack]
-    _check_size(directory, manifest, info.pack)
-    source: PayloadSource = (MmapSource if kind == "mmap" else FileSource)(directory / file.path)
+    _check_size(files, manifest, info.pack)
+    source = files.open_pack(file, index, kind)
     try:
         check_pack_header(source.read(0, min(PACK_HEADER_BYTES, source.size)), encoding)
     except PayloadError as error:
         source.close()
         raise DamagedSceneError(file.path, error.what, offset=error.offset) from None
+    except BaseException:
+        source.close()
+        raise
     if index.end > source.size:
         source.close()
         raise DamagedSceneError(

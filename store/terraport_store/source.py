@@ -1,24 +1,38 @@
-"""Where payload bytes come from: file, memory map or memory, behind one small interface."""
+"""Where payload bytes come from: file, memory map or memory, behind one small interface.
+
+Object storage is one more: :mod:`terraport_store.remote_source`.
+"""
 
 from __future__ import annotations
 
 import mmap
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from terraport_store.errors import RangeError
 
-__all__ = ["FileSource", "MemorySource", "MmapSource", "PayloadRange", "PayloadSource"]
+__all__ = [
+    "FileSource",
+    "LocalSource",
+    "MemorySource",
+    "MmapSource",
+    "PayloadRange",
+    "PayloadSource",
+    "check_range",
+]
 
 
 class PayloadRange(NamedTuple):
     """Bytes of an open file, for ``sendfile``."""
 
     descriptor: int
-    """Stays open until the source is closed; not to be closed, and not to be moved."""
+    """Stays open until the source is closed, or its keeper dropped; not to be closed or moved."""
     offset: int
     length: int
+    keeper: object = None
+    """Where the descriptor may be closed earlier: it is not while this is referred to."""
 
 
 class PayloadSource(Protocol):
@@ -64,12 +78,46 @@ class PayloadSource(Protocol):
         """
         ...
 
+    def is_at_hand(self, offset: int, length: int) -> bool:
+        """Tell whether :meth:`read` answers without waiting for a network. Never waits itself."""
+        ...
+
+    def recall(self, offset: int, length: int) -> bool:
+        """Bring to hand what takes no network; tell as :meth:`is_at_hand` does. May read a disk."""
+        ...
+
+    def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
+        """Hear that these ranges (offset, length) will be read soon, in this order. Never waits."""
+        ...
+
+    def interrupt(self) -> None:
+        """Let what waits for a network fail soon, now and from now on."""
+        ...
+
     def close(self) -> None:
         """Free what the source holds; may be called again."""
         ...
 
 
-class FileSource:
+class LocalSource:
+    """What a source on this machine answers where a remote one has work to do."""
+
+    def is_at_hand(self, offset: int, length: int) -> bool:  # noqa: ARG002 - any
+        """Return True; see :class:`PayloadSource`."""
+        return True
+
+    def recall(self, offset: int, length: int) -> bool:  # noqa: ARG002 - any
+        """Return True; see :class:`PayloadSource`."""
+        return True
+
+    def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
+        """Do nothing; see :class:`PayloadSource`."""
+
+    def interrupt(self) -> None:
+        """Do nothing; see :class:`PayloadSource`."""
+
+
+class FileSource(LocalSource):
     """Reads with ``pread``: memory use is one payload.
 
     A file cut short is an error, never a crash.
@@ -91,7 +139,7 @@ class FileSource:
 
     def read(self, offset: int, length: int) -> bytes:
         """Read exactly *length* bytes; see :class:`PayloadSource`."""
-        _check_range(offset, length, self._size)
+        check_range(offset, length, self._size)
         data = os.pread(self._descriptor, length, offset)
         while len(data) < length:  # a signal or the 2 GiB limit of one call
             more = os.pread(self._descriptor, length - len(data), offset + len(data))
@@ -102,7 +150,7 @@ class FileSource:
 
     def file_range(self, offset: int, length: int) -> PayloadRange:
         """Tell where these bytes lie; see :class:`PayloadSource`."""
-        _check_range(offset, length, self._size)
+        check_range(offset, length, self._size)
         return PayloadRange(self._descriptor, offset, length)
 
     def close(self) -> None:
@@ -112,7 +160,7 @@ class FileSource:
             self._descriptor = -1
 
 
-class MmapSource:
+class MmapSource(LocalSource):
     """Reads views of a memory map: no copy while the pages are hot.
 
     A cold page blocks the reading thread, and a file cut short *while it is mapped* ends the
@@ -137,12 +185,12 @@ class MmapSource:
 
     def read(self, offset: int, length: int) -> memoryview:
         """Read exactly *length* bytes as a view; see :class:`PayloadSource`."""
-        _check_range(offset, length, len(self._view))
+        check_range(offset, length, len(self._view))
         return self._view[offset : offset + length]
 
     def file_range(self, offset: int, length: int) -> None:
         """Return None; see :class:`PayloadSource`."""
-        _check_range(offset, length, self.size)
+        check_range(offset, length, self.size)
 
     def close(self) -> None:
         """Unmap, or leave that to the last view still in use; may be called again."""
@@ -153,7 +201,7 @@ class MmapSource:
             return  # a frame being sent still points here: the map goes with it
 
 
-class MemorySource:
+class MemorySource(LocalSource):
     """Reads from bytes in memory.
 
     Parameters
@@ -172,18 +220,25 @@ class MemorySource:
 
     def read(self, offset: int, length: int) -> memoryview:
         """Read exactly *length* bytes as a view; see :class:`PayloadSource`."""
-        _check_range(offset, length, len(self._view))
+        check_range(offset, length, len(self._view))
         return self._view[offset : offset + length]
 
     def file_range(self, offset: int, length: int) -> None:
         """Return None; see :class:`PayloadSource`."""
-        _check_range(offset, length, self.size)
+        check_range(offset, length, self.size)
 
     def close(self) -> None:
         """Let go of the bytes; may be called again."""
         self._view.release()
 
 
-def _check_range(offset: int, length: int, size: int) -> None:
+def check_range(offset: int, length: int, size: int) -> None:
+    """Refuse a range that does not lie in *size* bytes.
+
+    Raises
+    ------
+    RangeError
+        With what was asked for and what there is.
+    """
     if offset < 0 or length < 0 or offset + length > size:
         raise RangeError(offset, length, size)

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+import xxhash
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
 from terraport_store.errors import DamagedSceneError
+from terraport_store.files import SceneFiles, scene_files
 from terraport_store.findings import Finding, Findings
 from terraport_store.labelling import read_labels
 from terraport_store.layout import (
@@ -22,11 +25,11 @@ from terraport_store.layout import (
     BASE,
     LABELS,
     MANIFEST_NAME,
+    MAX_MANIFEST_BYTES,
     PACK_HEADER_BYTES,
     REGIONS,
 )
 from terraport_store.manifest import Manifest, manifest_digest
-from terraport_store.publishing import hash_file
 from terraport_store.reader import Scene, read_manifest
 from terraport_store.regions import RegionNames
 from terraport_store.validate_mesh import box_of, check_mesh_fits, check_segment
@@ -35,14 +38,14 @@ __all__ = ["Finding", "validate_scene"]
 
 
 def validate_scene(
-    path: str | Path, *, progress: Callable[[int, int], None] | None = None
+    path: str | Path | SceneFiles, *, progress: Callable[[int, int], None] | None = None
 ) -> list[Finding]:
     """Check a published scene.
 
     Parameters
     ----------
-    path : str or Path
-        The scene directory.
+    path : str, Path or SceneFiles
+        The scene directory, or where else the scene lies; an address (``s3://...``) too.
     progress : callable, optional
         Called with (segments done, segments in all) after each.
 
@@ -57,31 +60,36 @@ def validate_scene(
         When there is no scene.json. Everything else that is wrong is a finding.
     """
     out = Findings()
-    check = _SceneCheck(Path(path), out)
+    files = scene_files(path)
+    check = _SceneCheck(files, out)
     try:
-        manifest = read_manifest(path)
-    except DamagedSceneError as error:
-        out.damaged("manifest", error)
-        return out.all
-    check.manifest(manifest)
-    check.files(manifest)
-    try:
-        with Scene.open(path) as scene:
-            check.scene(scene, progress)
-    except DamagedSceneError as error:
-        out.damaged("open", error)
+        try:
+            manifest = read_manifest(files)
+        except DamagedSceneError as error:
+            out.damaged("manifest", error)
+            return out.all
+        check.manifest(manifest)
+        check.hashes(manifest)
+        try:
+            with Scene.open(files) as scene:
+                check.scene(scene, progress)
+        except DamagedSceneError as error:
+            out.damaged("open", error)
+    finally:
+        if files is not path:
+            files.close()
     return out.all
 
 
 class _SceneCheck:
     """Checks one scene; what it finds goes into ``out``."""
 
-    def __init__(self, path: Path, out: Findings) -> None:
-        self.path = path
+    def __init__(self, files: SceneFiles, out: Findings) -> None:
+        self.files = files
         self.out = out
 
     def manifest(self, manifest: Manifest) -> None:
-        document = json.loads((self.path / MANIFEST_NAME).read_bytes())
+        document = json.loads(self.files.read(MANIFEST_NAME, MAX_MANIFEST_BYTES))
         digest = manifest_digest(document)
         if digest != manifest.version:
             self.out.error(
@@ -99,17 +107,20 @@ class _SceneCheck:
                 "step", MANIFEST_NAME, f"step_m {manifest.step_m!r}, expected a power of two"
             )
 
-    def files(self, manifest: Manifest) -> None:
+    def hashes(self, manifest: Manifest) -> None:
         """Check size and hash of every file, whoever reads it later."""
         for info in manifest.files.values():
             try:
-                size = (self.path / info.path).stat().st_size
+                size = self.files.size(info.path)
                 if size != info.bytes:
                     self.out.error(
                         "file-size", info.path, f"{size} bytes, expected {info.bytes} by scene.json"
                     )
                     continue
-                actual = hash_file(self.path / info.path)
+                digest = xxhash.xxh3_64()
+                for block in self.files.blocks(info):
+                    digest.update(block)
+                actual = digest.hexdigest()
             except OSError as error:
                 self.out.error(
                     "file-missing",
@@ -209,7 +220,7 @@ class _SceneCheck:
                     "regions", path, f"region {place} has id {found!r}, expected {place}"
                 )
         try:
-            highest = max(read_labels(self.path), default=-1)
+            highest = max(read_labels(self.files), default=-1)
         except DamagedSceneError as error:
             self.out.damaged("labels", error)
             return
@@ -245,11 +256,10 @@ class _SceneCheck:
         offsets = index.offset.astype(np.int64)
         ends = offsets + index.length
         gaps = np.concatenate([[PACK_HEADER_BYTES], ends[:-1]])
-        with (self.path / info.path).open("rb") as file:
+        with closing(self.files.open_pack(info, index, "file")) as pack:
             for segment in np.flatnonzero(offsets > gaps):
                 start, stop = int(gaps[segment]), int(offsets[segment])
-                file.seek(start)
-                if stop - start >= ALIGNMENT or any(file.read(stop - start)):
+                if stop - start >= ALIGNMENT or any(pack.read(start, stop - start)):
                     self.out.error(
                         "padding",
                         info.path,

@@ -18,6 +18,7 @@ from terraport_store import (
     list_scenes,
     read_manifest,
 )
+from terraport_store.files import FolderFiles
 
 
 def flip(path: Path, offset: int) -> None:
@@ -184,10 +185,10 @@ def test_version_that_vanishes_while_opening(
     published = []
     real = Scene._open_version.__func__  # type: ignore[attr-defined]
 
-    def late(cls: type[Scene], directory: Path, manifest: object, source: str) -> Scene:
+    def late(cls: type[Scene], files: FolderFiles, manifest: object, source: str) -> Scene:
         if not published:
-            published.extend(write_tiny_scene(directory, seed=seed) for seed in (1, 2))
-        return real(cls, directory, manifest, source)
+            published.extend(write_tiny_scene(files.directory, seed=seed) for seed in (1, 2))
+        return real(cls, files, manifest, source)
 
     monkeypatch.setattr(Scene, "_open_version", classmethod(late))
     with Scene.open(tmp_path / "s") as scene:

@@ -1,0 +1,188 @@
+"""Where the files of one scene lie: a folder, or a place in object storage.
+
+The reader, the validator and the labels ask :class:`SceneFiles` and know no paths of their own, so
+there is one way to read a scene. Paths are those of the manifest, relative to the scene.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from terraport_store.errors import OriginError
+from terraport_store.index import SegmentIndex
+from terraport_store.manifest import FileInfo, Manifest
+from terraport_store.source import FileSource, MmapSource, PayloadSource
+
+if TYPE_CHECKING:
+    from terraport_store.object_files import ObjectFiles
+
+__all__ = ["FolderFiles", "LocalCopy", "SceneFiles", "SourceKind", "is_url", "scene_files"]
+
+SourceKind = Literal["file", "mmap"]
+"""How packs in a folder are read."""
+
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
+
+_BLOCK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class LocalCopy:
+    """A local folder with the small files of one version, under their paths."""
+
+    path: Path
+    close: Callable[[], None]
+    """Let it go; may be called again."""
+
+
+class SceneFiles(Protocol):
+    """The files of one scene. Any thread.
+
+    Every method may wait, and raises FileNotFoundError (its ``filename`` is the path as given)
+    where a file is missing, OSError or OriginError where it cannot be read.
+    """
+
+    @property
+    def place(self) -> str:
+        """What messages call it: a path, or an address."""
+        ...
+
+    def read(self, path: str, limit: int) -> bytes:
+        """Read a whole file, ``limit`` + 1 bytes of it at most."""
+        ...
+
+    def fetch(self, file: FileInfo) -> bytes:
+        """Read a file of a version, from a cache where there is one; its hash is not compared."""
+        ...
+
+    def size(self, path: str) -> int:
+        """Bytes of a file."""
+        ...
+
+    def blocks(self, file: FileInfo) -> Iterator[bytes]:
+        """Read a file from end to end, for its hash."""
+        ...
+
+    def stamp(self, path: str) -> Hashable | None:
+        """Return something that differs once the file was replaced; None where there is none."""
+        ...
+
+    def open_pack(self, file: FileInfo, index: SegmentIndex, kind: SourceKind) -> PayloadSource:
+        """Open a pack whose payloads lie as the index says."""
+        ...
+
+    def local_copy(self, manifest: Manifest) -> LocalCopy:
+        """Return a local folder with base, cover and regions of a version, checked."""
+        ...
+
+    def close(self) -> None:
+        """Free what this holds; may be called again."""
+        ...
+
+
+def is_url(place: str | Path) -> bool:
+    """Tell an address (``s3://bucket/scene``) from a path.
+
+    Examples
+    --------
+    >>> is_url("s3://bucket/scene"), is_url("scenes/quarry"), is_url("C://x")
+    (True, False, False)
+    """
+    return isinstance(place, str) and _URL.match(place) is not None
+
+
+def scene_files(place: str | Path | SceneFiles) -> SceneFiles:
+    """Return the files of a scene by path, address, or as they are.
+
+    Raises
+    ------
+    OriginError
+        When an address cannot be used, or the package for it is not installed.
+    """
+    if isinstance(place, str) and is_url(place):
+        return _object_files(place)
+    if isinstance(place, str | Path):
+        return FolderFiles(Path(place))
+    return place
+
+
+class FolderFiles:
+    """The files of a scene directory; see :class:`SceneFiles`."""
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+
+    @property
+    def place(self) -> str:
+        """The directory."""
+        return str(self.directory)
+
+    def read(self, path: str, limit: int) -> bytes:
+        """Read a whole file; see :class:`SceneFiles`."""
+        with _named(path), (self.directory / path).open("rb") as file:
+            return file.read(limit + 1)
+
+    def fetch(self, file: FileInfo) -> bytes:
+        """Read a file of a version; see :class:`SceneFiles`."""
+        return self.read(file.path, file.bytes)
+
+    def size(self, path: str) -> int:
+        """Bytes of a file; see :class:`SceneFiles`."""
+        with _named(path):
+            return (self.directory / path).stat().st_size
+
+    def blocks(self, file: FileInfo) -> Iterator[bytes]:
+        """Read a file from end to end; see :class:`SceneFiles`."""
+        with _named(file.path), (self.directory / file.path).open("rb") as opened:
+            while block := opened.read(_BLOCK_BYTES):
+                yield block
+
+    def stamp(self, path: str) -> Hashable | None:
+        """Time, size and inode; see :class:`SceneFiles`."""
+        try:
+            status = (self.directory / path).stat()
+        except OSError:
+            return None
+        return (status.st_mtime_ns, status.st_size, status.st_ino)
+
+    def open_pack(
+        self,
+        file: FileInfo,
+        index: SegmentIndex,  # noqa: ARG002 - a file needs none
+        kind: SourceKind,
+    ) -> PayloadSource:
+        """Open a pack; see :class:`SceneFiles`."""
+        with _named(file.path):
+            return (MmapSource if kind == "mmap" else FileSource)(self.directory / file.path)
+
+    def local_copy(self, manifest: Manifest) -> LocalCopy:  # noqa: ARG002 - all of it is local
+        """Return the directory itself."""
+        return LocalCopy(self.directory, lambda: None)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@contextmanager
+def _named(path: str) -> Iterator[None]:
+    """Name a missing file as it was asked for."""
+    try:
+        yield
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise FileNotFoundError(error.errno, error.strerror, path) from None
+
+
+def _object_files(url: str) -> ObjectFiles:
+    try:
+        from terraport_store.object_files import ObjectStorage
+    except ModuleNotFoundError as missing:
+        if missing.name != "obstore":
+            raise
+        what = "needs the package obstore; install it with: pip install 'terraport[s3]'"
+        raise OriginError(url, what) from None
+    return ObjectStorage().files(url, owned=True)

@@ -1,0 +1,387 @@
+"""Object storage as this package uses it: whole objects, ranges, heads, lists, by ``obstore``.
+
+One :class:`Origin` is one place (a bucket and a prefix). Every request is tried again while that
+makes sense, with growing pauses and within a bounded time; what came of it is counted. obstore's
+own retries are off, because they can be neither counted nor interrupted.
+
+Needs ``terraport[s3]``; nothing else in this package does.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+from typing import Any, Final, TypeVar
+from urllib.parse import urlsplit
+
+import obstore
+from obstore.exceptions import (
+    BaseError,
+    InvalidPathError,
+    NotSupportedError,
+    PermissionDeniedError,
+    UnauthenticatedError,
+)
+from obstore.store import HTTPStore, LocalStore, MemoryStore, S3Store, from_url
+
+from terraport_store.errors import OriginError
+
+__all__ = ["ObjectCounts", "ObjectOptions", "Origin", "Seen"]
+
+_FIRST_PAUSE_S: Final = 0.1
+_LONGEST_PAUSE_S: Final = 2.0
+_CONNECT_S: Final = 3.0
+
+_COOL_DOWN_S: Final = 5.0
+"""How long an origin that gave nothing at all is left alone: whoever asks meanwhile is told so at
+once, instead of waiting out every retry for each of 200 segments."""
+
+_FINAL: Final = (
+    PermissionDeniedError,
+    UnauthenticatedError,
+    InvalidPathError,
+    NotSupportedError,
+    ValueError,
+)
+"""Errors that the next attempt would meet again."""
+
+_STATUS: Final = re.compile(r"status code: (\d{3})")
+_WORTH_ANOTHER_TRY: Final = frozenset({408, 425, 429})
+
+_Store = S3Store | HTTPStore | LocalStore | MemoryStore | Any
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectOptions:
+    """How object storage is used; docs/topics/limits.md has the service's settings for these."""
+
+    endpoint: str | None = None
+    """Address of the S3 service; AWS_ENDPOINT_URL or Amazon's by default."""
+    region: str | None = None
+    """AWS_REGION or us-east-1 by default."""
+    cache_dir: Path | None = None
+    """Folder of the cache; None = in memory alone."""
+    cache_bytes: int = 8 << 30
+    """Bound of the cache on disk."""
+    memory_bytes: int = 64 << 20
+    """Bound of payloads in memory, where the disk takes none."""
+    requests: int = 16
+    """Requests under way at once to one scene, and as many again ahead of time."""
+    read_ahead_bytes: int = 8 << 20
+    """What one landing is read ahead at most; 0 = nothing."""
+    timeout_s: float = 20.0
+    """No attempt begins later than so long after the first, and none takes longer."""
+
+    @property
+    def stall_s(self) -> float:
+        """Silence in the middle of an answer after which the attempt is given up."""
+        return self.timeout_s / 4.0
+
+
+class ObjectCounts:
+    """What was asked of object storage, and what the caches saved. Any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.requests = 0
+        """Attempts, the repeated ones included."""
+        self.retries = 0
+        """Attempts that were repeated."""
+        self.failures = 0
+        """Reads given up."""
+        self.bytes = 0
+        """Received."""
+        self.payloads_fetched = 0
+        self.payloads_from_disk = 0
+        """Found in the cache on disk (opened and checked, or known to be there)."""
+        self.wrong = 0
+        """Payloads whose hash was wrong, from wherever."""
+        self.uncached = 0
+        """Payloads that the cache on disk did not take."""
+
+    def add(self, **what: int) -> None:
+        """Count."""
+        with self._lock:
+            for name, number in what.items():
+                setattr(self, name, getattr(self, name) + number)
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a head says of an object."""
+
+    size: int
+    stamp: str
+    """Another one when the object was replaced: its ETag, or time and size."""
+    attributes: dict[str, str]
+
+
+class Origin:
+    """One place in object storage. Any thread.
+
+    Parameters
+    ----------
+    url : str
+        ``s3://BUCKET/PREFIX``, ``https://...``, ``file:///...`` and what else obstore knows.
+    options : ObjectOptions
+    counts : ObjectCounts, optional
+        Counts also for others.
+    store : optional
+        An obstore store to use in place of one made from the URL.
+
+    Raises
+    ------
+    OriginError
+        When the URL is none that can be read.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        options: ObjectOptions,
+        counts: ObjectCounts | None = None,
+        *,
+        store: _Store | None = None,
+    ) -> None:
+        self.url = url.rstrip("/")
+        self.options = options
+        self.counts = counts or ObjectCounts()
+        self._closing = threading.Event()
+        self._lock = threading.Lock()
+        self._worked_s = 0.0
+        self._failed_s: float | None = None
+        try:
+            self._store = store if store is not None else _make_store(self.url, options)
+        except (BaseError, ValueError) as error:
+            raise OriginError(self.url, f"cannot be used: {_said(error)}") from None
+
+    def twin(self) -> Origin:
+        """Return the same place once more, to be interrupted by itself."""
+        return Origin(self.url, self.options, self.counts, store=self._store)
+
+    def get(self, path: str, limit: int) -> bytes:
+        """Read a whole object, ``limit`` + 1 bytes of it at most.
+
+        Raises
+        ------
+        FileNotFoundError
+            When there is none.
+        OriginError
+            When it cannot be read.
+        """
+
+        def attempt() -> bytes:
+            out = bytearray()
+            result = obstore.get(self._store, path)
+            for block in result.stream(min_chunk_size=1 << 20):
+                out += block
+                if len(out) > limit:
+                    break
+            else:
+                if len(out) != result.meta["size"]:
+                    raise OSError(f"{len(out)} bytes came, expected {result.meta['size']}")
+            return bytes(out[: limit + 1])
+
+        data = self._tried(path, attempt)
+        self.counts.add(bytes=len(data))
+        return data
+
+    def range(self, path: str, offset: int, length: int) -> bytes:
+        """Read exactly ``length`` bytes, > 0; raises as :meth:`get`."""
+
+        def attempt() -> bytes:
+            data = bytes(obstore.get_range(self._store, path, start=offset, length=length))
+            if len(data) != length:
+                raise OSError(f"{len(data)} bytes at {offset} came, expected {length}")
+            return data
+
+        data = self._tried(path, attempt)
+        self.counts.add(bytes=length)
+        return data
+
+    def blocks(self, path: str, size: int) -> Iterator[bytes]:
+        """Read an object of ``size`` bytes from end to end, 4 MiB at a time; raises as above."""
+        step = 4 << 20
+        for offset in range(0, size, step):
+            yield self.range(path, offset, min(step, size - offset))
+
+    def head(self, path: str) -> Seen | None:
+        """Look at an object; None where there is none. Raises OriginError as above."""
+        try:
+            found = self._tried(
+                path, lambda: obstore.get(self._store, path, options={"head": True})
+            )
+        except FileNotFoundError:
+            return None
+        meta = found.meta
+        stamp = meta.get("e_tag") or f"{meta['last_modified'].timestamp()}-{meta['size']}"
+        attributes = {str(name).lower(): str(value) for name, value in found.attributes.items()}
+        return Seen(int(meta["size"]), str(stamp), attributes)
+
+    def folders(self) -> list[str]:
+        """Names of the folders here, ascending. Raises OriginError as above."""
+        found = self._tried("", lambda: obstore.list_with_delimiter(self._store))
+        return sorted(
+            str(prefix).rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]
+        )
+
+    def names(self, folder: str) -> list[str]:
+        """Paths of everything in a folder, ascending. Raises OriginError as above."""
+
+        def attempt() -> list[str]:
+            pages = obstore.list(self._store, prefix=f"{folder}/")
+            return sorted(str(meta["path"]) for page in pages for meta in page)
+
+        return self._tried(folder, attempt)
+
+    def put(self, path: str, data: Any, attributes: dict[str, str] | None = None) -> None:
+        """Write an object: bytes, or an iterator of bytes (in parts; not tried again).
+
+        Raises
+        ------
+        OriginError
+            When it cannot be written; nothing is there then, or what was there before.
+        """
+
+        def attempt() -> None:
+            obstore.put(self._store, path, data, attributes=attributes or {}, chunk_size=8 << 20)
+
+        if isinstance(data, bytes):
+            self._tried(path, attempt)
+            return
+        with self._named(path):
+            attempt()
+
+    def delete(self, paths: list[str]) -> None:
+        """Delete objects. Raises OriginError as above."""
+        self._tried("", lambda: obstore.delete(self._store, paths))
+
+    def interrupt(self) -> None:
+        """Let what waits fail soon, now and from now on."""
+        self._closing.set()
+
+    def _tried(self, path: str, attempt: Callable[[], _T]) -> _T:
+        """Call until it works, or trying makes no sense, or time is up."""
+        began_s = time.monotonic()
+        patient = self._may_ask(path, began_s)
+        pause_s = _FIRST_PAUSE_S
+        tries = 0
+        while True:
+            tries += 1
+            self.counts.add(requests=1, retries=int(tries > 1))
+            try:
+                with self._named(path):
+                    found = attempt()
+            except FileNotFoundError:
+                self._note_end(worked=True, now_s=time.monotonic())
+                raise
+            except OriginError as error:
+                late = time.monotonic() - began_s + pause_s > self.options.timeout_s
+                final = not error.passing
+                if final or late or not patient or self._closing.is_set():
+                    self._note_end(worked=final, now_s=time.monotonic())
+                    self.counts.add(failures=1)
+                    took = f"{tries} tries in {time.monotonic() - began_s:.1f} s"
+                    what = f"{error.what} ({took})"
+                    raise OriginError(error.url, what, passing=error.passing) from None
+            else:
+                self._note_end(worked=True, now_s=time.monotonic())
+                return found
+            self._closing.wait(pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - no secret
+            pause_s = min(2.0 * pause_s, _LONGEST_PAUSE_S)
+
+    def _may_ask(self, path: str, now_s: float) -> bool:
+        """Tell whether to be patient; raises OriginError where asking was in vain a moment ago."""
+        with self._lock:
+            failed_s = self._failed_s
+            if failed_s is None:
+                return True
+            since_s = now_s - failed_s
+            if since_s < _COOL_DOWN_S:
+                self.counts.add(failures=1)
+                raise OriginError(
+                    f"{self.url}/{path}",
+                    f"not asked for: nothing came from there {since_s:.1f} s ago, "
+                    f"asked again after {_COOL_DOWN_S:g} s",
+                )
+            return False
+
+    def _note_end(self, *, worked: bool, now_s: float) -> None:
+        """Note whether anything came; one failure among successes is not the place's fault."""
+        with self._lock:
+            if worked:
+                self._worked_s, self._failed_s = now_s, None
+            elif now_s - self._worked_s > self.options.timeout_s / 2.0:
+                self._failed_s = now_s
+
+    @contextmanager
+    def _named(self, path: str) -> Iterator[None]:
+        """Turn obstore's errors into ours."""
+        url = f"{self.url}/{path}"
+        try:
+            yield
+        except FileNotFoundError:
+            raise FileNotFoundError(2, "no such object", path) from None
+        except (BaseError, ValueError, OSError) as error:
+            status = _STATUS.search(str(error))
+            refused = (
+                status is not None
+                and 400 <= int(status[1]) < 500
+                and int(status[1]) not in _WORTH_ANOTHER_TRY
+            )
+            passing = not refused and not isinstance(error, _FINAL)
+            raise OriginError(url, _said(error), passing=passing) from None
+
+
+def _make_store(url: str, options: ObjectOptions) -> _Store:
+    parts = urlsplit(url)
+    if not parts.scheme or (parts.scheme != "file" and not parts.netloc):
+        raise ValueError(f"got {url!r}, expected an address like s3://BUCKET/PREFIX")
+    client: dict[str, Any] = {
+        "timeout": timedelta(seconds=options.timeout_s),
+        "read_timeout": timedelta(seconds=options.stall_s),
+        "connect_timeout": timedelta(seconds=min(_CONNECT_S, options.timeout_s)),
+    }
+    retry: dict[str, Any] = {"max_retries": 0, "retry_timeout": timedelta(0)}
+    if parts.scheme == "file":
+        return LocalStore(prefix=parts.path)
+    if parts.scheme in {"http", "https"}:
+        client["allow_http"] = parts.scheme == "http"
+        return HTTPStore.from_url(url, client_options=client, retry_config=retry)  # type: ignore[arg-type]
+    if parts.scheme not in {"s3", "s3a"}:
+        return from_url(url, client_options=client, retry_config=retry)  # type: ignore[call-overload]
+    config: dict[str, Any] = {}
+    endpoint = options.endpoint or _environment("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL")
+    if endpoint is not None:
+        config["endpoint"] = endpoint.rstrip("/")
+        # Whoever names an http address wants it.
+        client["allow_http"] = endpoint.startswith("http://")
+    if options.region is not None:
+        config["region"] = options.region
+    elif _environment("AWS_REGION", "AWS_DEFAULT_REGION") is None:
+        config["region"] = "us-east-1"
+    return S3Store(
+        parts.netloc,
+        prefix=parts.path.strip("/") or None,
+        config=config,  # type: ignore[arg-type]
+        client_options=client,  # type: ignore[arg-type]
+        retry_config=retry,  # type: ignore[arg-type]
+    )
+
+
+def _environment(*names: str) -> str | None:
+    return next((os.environ[name] for name in names if os.environ.get(name)), None)
+
+
+def _said(error: BaseException) -> str:
+    """First line of what an error says: the rest is obstore's innards."""
+    return str(error).partition("\n")[0].strip()[:300] or type(error).__name__
