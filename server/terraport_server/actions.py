@@ -13,12 +13,25 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_server.selection import SegmentTable
-from terraport_wire import CloseCode, Error, ErrorCode, Message, Plan, Ready, Reject, Superseded
+from terraport_wire import (
+    Arrived,
+    CloseCode,
+    Error,
+    ErrorCode,
+    Gather,
+    Join,
+    Message,
+    Plan,
+    Ready,
+    Reject,
+    Superseded,
+)
 
 __all__ = [
     "Action",
     "Authorise",
     "Close",
+    "GroupPort",
     "Observer",
     "RunPick",
     "SceneView",
@@ -58,6 +71,8 @@ class SessionLimits:
     handshake_timeout_s: float = 10.0
     idle_timeout_s: float = 60.0
     reconnect_after_ms: int = 1000
+    groups: str = "here"
+    """What ``welcome.limits.groups`` says: "none", "here" or "query"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,11 +148,30 @@ class Observer:
     def rejected(self, message: Reject) -> None:
         """Hear of a segment that the client could not use."""
 
-    def refused(self, error: Error) -> None:
-        """Hear of an error that the client was told."""
+    def grouped(self, event: str) -> None:
+        """Hear of a group: ``join``, ``gather``, or ``refused``."""
+
     def ending(self, reason: str) -> None:
         """Hear that the session is being closed: ``bye``, or an error's code."""
 
+    def refused(self, error: Error) -> None:
+        """Hear of an error that the client was told."""
+
+
+class GroupPort(Protocol):
+    """One session's way to the groups of its process; answers come by ``Session.tell_group``."""
+
+    def join(self, join: Join, now_s: float) -> str | None:
+        """Take a seat; return why not."""
+
+    def leave(self, now_s: float) -> None:
+        """Give up the seat, if there is one."""
+
+    def gather(self, gather: Gather, now_s: float) -> str | None:
+        """Land the group; return why not."""
+
+    def arrived(self, arrived: Arrived) -> None:
+        """Note that this member's part of a group landing is over."""
 
 
 class Authorise(Protocol):

@@ -14,19 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
+from terraport_server.aim_ledger import AimLedger
+from terraport_server.id_set import IdSet
+from terraport_server.plans import make_plan, make_prefetch
 from terraport_server.selection import Budgets, Selection, select
 from terraport_server.transfer import Landing, Transfer
 from terraport_wire import (
     ID_DTYPE,
-    LOAD_DTYPE,
     MAX_CHUNK_BYTES,
     Aim,
     Degraded,
     Hello,
     Land,
     Message,
-    Plan,
-    Prefetch,
     Ready,
     Reject,
     Superseded,
@@ -70,12 +70,15 @@ class Deliveries:
         self._budgets = _budgets(hello, limits)
         self.release_factor = hello.release_factor or limits.release_factor
         """Release radius / load radius in use."""
-        self.held = np.zeros(len(self._table), dtype=np.bool_)
-        """(S,) what the client holds, in the server's view."""
-        self.shown = np.zeros(len(self._table), dtype=np.bool_)
-        """(S,) what the client shows, in the server's view; a subset of held."""
-        self.dropped = self._accept_held(hello)
-        """Offered ids that were not accepted."""
+        self.held = IdSet()
+        """What the client holds, in the server's view."""
+        self.shown = IdSet()
+        """What the client shows, in the server's view; a subset of held."""
+        self._ahead = AimLedger(observer)
+        self._may_offer = True
+        """Whether no aim or landing has been computed with what is held."""
+        self.dropped = self.offer(hello.held)
+        """Ids offered by hello that were not accepted."""
         self.credit_bytes = min(hello.credit_bytes, limits.max_credit_bytes)
         """Payload bytes that may still be sent."""
         self._parts: dict[int, int] = {}
@@ -84,6 +87,11 @@ class Deliveries:
         self._waiting_aim: Aim | None = None
         self._stalled_since_s: float | None = None
         """Since when there is payload to send and no credit."""
+
+    @property
+    def segment_count(self) -> int:
+        """Segments of the scene: ids are below it."""
+        return len(self._table)
 
     @property
     def landing_open(self) -> bool:
@@ -103,6 +111,23 @@ class Deliveries:
         self.credit_bytes = min(self.credit_bytes + credit_bytes, self._limits.max_credit_bytes)
         self._note_stall(now_s)
 
+    def offer(self, held: npt.NDArray[Any] | None) -> npt.NDArray[np.uint32]:
+        """Take the offered segments whose hash is right; return the ids of the others (5.3)."""
+        if held is None:
+            return np.zeros(0, dtype=ID_DTYPE)
+        ids = held["id"].astype(np.int64)
+        known = ids < len(self._table)
+        known[known] = self._table.hashes[ids[known]] == held["xxh3"][known]
+        dropped = ids[~known].astype(ID_DTYPE)
+        self.held.difference_update(dropped)  # an id offered again replaces its row
+        self.held.update(ids[known])
+        return dropped
+
+    @property
+    def may_offer(self) -> bool:
+        """Whether ``held`` may still come: no aim or landing was computed yet (5.3)."""
+        return self._may_offer and self._waiting_aim is None
+
     def land(self, land: Land, now_s: float) -> None:
         """End what is older, plan, and begin to send (6.1 to 6.5)."""
         if self._landing is not None and self._landing.unfinished:
@@ -110,25 +135,17 @@ class Deliveries:
             self._supersede(self._landing, land.generation, landing=True)
         self.end_aims(land.generation)
         chosen = self._select(land, land.inner_radius_m)
-        deadline_s = None if land.deadline_ms is None else now_s + land.deadline_ms / 1000.0
-        self._landing = Landing(land.generation, chosen, received_s=now_s, deadline_s=deadline_s)
+        self._landing = Landing(
+            land.generation,
+            chosen,
+            received_s=now_s,
+            deadline_s=None if land.deadline_ms is None else now_s + land.deadline_ms / 1000.0,
+            stall_s=None if land.stall_ms is None else land.stall_ms / 1000.0,
+        )
         self._forget_parts(self._landing)
-        plan = Plan(
-            generation=land.generation,
-            position=land.position,
-            radius_m=land.radius_m,
-            release_radius_m=land.radius_m * self.release_factor,
-            effective_radius_m=chosen.effective_radius_m,
-            inner_count=len(chosen.inner),
-            load=self._load_table(chosen),
-            keep=chosen.keep,
-            release=chosen.release,
-            load_bytes=chosen.load_bytes,
-            load_triangles=chosen.load_triangles,
-            total_bytes=chosen.total_bytes,
-            total_triangles=chosen.total_triangles,
-            omitted_segments=chosen.omitted_segments,
-            omitted_by=chosen.omitted_by,
+        self._ahead.land(self._landing.plan, needed_more=len(chosen.load) > 0)
+        plan = make_plan(
+            land, chosen, self._table, release_radius_m=land.radius_m * self.release_factor
         )
         self._say(plan)
         self._observer.planned(land.generation, plan)
@@ -156,20 +173,21 @@ class Deliveries:
     def evict(self, segments: npt.NDArray[Any]) -> int | None:
         """Note that the client dropped segments; return one that it may not drop yet (6.7)."""
         if self._landing is not None and self._landing.unfinished:
-            wrong = self._landing.plan.intersection(segments.tolist())
-            if wrong:
-                return min(wrong)
-        ids = segments[segments < len(self._table)]
-        self.held[ids] = False
-        self.shown[ids] = False
+            wrong = segments[self._landing.plan.contains(segments)]
+            if len(wrong):
+                return int(wrong.min())
+        self.held.difference_update(segments)
+        self.shown.difference_update(segments)
+        self._ahead.waste(segments.tolist())
         return None
 
     def reject(self, reject: Reject, now_s: float) -> None:
         """Send a segment once more, or give it up (6.4, rule 4)."""
         segment = reject.segment
         self._observer.rejected(reject)
-        self.held[segment] = False
-        self.shown[segment] = False
+        self.held.discard(segment)
+        self.shown.discard(segment)
+        self._ahead.waste([segment])
         landing, aiming = self._landing, self._aiming
         if landing is not None and not landing.superseded and segment in landing.plan:
             if segment not in landing.queue:
@@ -178,7 +196,7 @@ class Deliveries:
                 else:
                     landing.missing.discard(segment)
                     landing.resent.add(segment)
-                    landing.queue.append(segment)
+                    self._put_back(landing, segment)
                 landing.ready = False
             self.settle(now_s)
         elif (
@@ -188,7 +206,7 @@ class Deliveries:
             and segment not in aiming.resent
         ):
             aiming.resent.add(segment)
-            aiming.queue.append(segment)
+            self._put_back(aiming, segment)
 
     def next_chunk(self) -> SendChunk | None:
         """Return the chunk to send now, the same until it is answered."""
@@ -213,10 +231,13 @@ class Deliveries:
         self.credit_bytes -= chunk.length
         transfer.payload_bytes += chunk.length
         if isinstance(transfer, Landing):
+            transfer.look_at_clock(now_s)  # before this chunk counts as progress
             transfer.last_byte_s = now_s
             if transfer.first_byte_s is None:
                 transfer.first_byte_s = now_s
                 self._observer.first_byte(now_s - transfer.received_s)
+        else:
+            self._ahead.sent(chunk.segment, chunk.length)
         end = chunk.offset + chunk.length
         if end < chunk.total:
             self._parts[chunk.segment] = end
@@ -224,7 +245,7 @@ class Deliveries:
             return
         transfer.queue.popleft()
         self._parts.pop(chunk.segment, None)
-        self.held[chunk.segment] = True
+        self.held.add(chunk.segment)
         transfer.delivered += 1
         self.settle(now_s)
 
@@ -237,16 +258,22 @@ class Deliveries:
             transfer.missing.add(chunk.segment)
         self.settle(now_s)
 
+    def end(self) -> None:
+        """Settle what only the session's end settles."""
+        self._ahead.end()
+
     def settle(self, now_s: float) -> None:
         """Say what has become due: ``ready``, ``degraded``, the waiting aim's ``prefetch``."""
         landing = self._landing
         if landing is not None and landing.unfinished:
             if not landing.queue:
                 self._finish(landing, now_s)
-            elif landing.deadline_s is not None and now_s >= landing.deadline_s:
-                landing.deadline_passed = True
-                if landing.deadline_is_open and landing.inner_is_whole(self.held):
-                    self._degrade(landing)
+            elif (
+                landing.deadline_is_open
+                and landing.look_at_clock(now_s)
+                and landing.inner_is_whole(self.held)
+            ):
+                self._degrade(landing)
         if self._waiting_aim is not None and not self.landing_open:
             self._start_aim(self._waiting_aim)
         self._note_stall(now_s)
@@ -281,7 +308,7 @@ class Deliveries:
             missing=np.array(sorted(landing.missing), dtype=ID_DTYPE),
         )
         landing.ready = True
-        self._show(landing.plan)
+        self._show(landing.plan.array())
         self._say(message)
         if not landing.readied:
             landing.readied = True
@@ -289,29 +316,21 @@ class Deliveries:
 
     def _degrade(self, landing: Landing) -> None:
         landing.degraded = True
-        segments = [segment for segment in landing.inner if self.held[segment]]
-        self._show(segments)
-        ids = np.array(segments, dtype=ID_DTYPE)
+        self._show(landing.inner)
+        ids = landing.inner[self.held.contains(landing.inner)]
         self._say(Degraded(generation=landing.generation, segments=ids))
 
-    def _show(self, segments: frozenset[int] | list[int]) -> None:
+    def _show(self, segments: npt.NDArray[np.uint32]) -> None:
         """Show what is held of these and nothing else: missing and evicted ones are not held."""
-        ids = np.fromiter(segments, dtype=np.int64, count=len(segments))
-        self.shown[:] = False
-        self.shown[ids] = self.held[ids]
+        self.shown = IdSet(segments[self.held.contains(segments)])
 
     def _start_aim(self, aim: Aim) -> None:
         self._waiting_aim = None
         chosen = self._select(aim, None)
         self._aiming = Transfer(aim.generation, chosen)
+        self._ahead.aim()
         self._forget_parts(self._aiming)
-        self._say(
-            Prefetch(
-                generation=aim.generation,
-                segments=self._load_table(chosen),
-                bytes=chosen.load_bytes,
-            )
-        )
+        self._say(make_prefetch(aim, chosen, self._table))
 
     def _sending(self) -> Transfer | None:
         landing, aiming = self._landing, self._aiming
@@ -320,6 +339,10 @@ class Deliveries:
         if landing is not None and landing.unfinished:
             return landing if landing.queue else None
         return aiming if aiming is not None and aiming.queue else None
+
+    def _put_back(self, transfer: Transfer, segment: int) -> None:
+        partly = bool(transfer.queue) and bool(self._parts.get(transfer.queue[0]))
+        transfer.put_back(segment, behind_first=partly)
 
     def _answering(self, chunk: SendChunk) -> Transfer:
         transfer = self._sending()
@@ -337,45 +360,27 @@ class Deliveries:
         self._observer.superseded(message, landing=landing)
 
     def _select(self, wanted: Land | Aim, inner_radius_m: float | None) -> Selection:
+        self._may_offer = False
         release_radius_m = wanted.radius_m * self.release_factor
+        candidates = self._scene.within(wanted.position, release_radius_m)
         return select(
             self._table,
-            self._scene.within(wanted.position, release_radius_m),
+            candidates,
             wanted.position,
             wanted.radius_m,
             release_radius_m=release_radius_m,
             inner_radius_m=inner_radius_m,
-            held=self.held,
-            shown=self.shown,
+            held=self.held.contains(candidates),
+            shown=self.shown.array(),
             budgets=self._budgets,
         )
 
     def _forget_parts(self, transfer: Transfer) -> None:
         """Forget every part of a segment that is not to be sent now (6.5, rule 3)."""
-        self._parts = {
-            segment: offset for segment, offset in self._parts.items() if segment in transfer.plan
-        }
-
-    def _load_table(self, chosen: Selection) -> npt.NDArray[Any]:
-        ids = chosen.load
-        rows = np.zeros(len(ids), dtype=LOAD_DTYPE)
-        rows["id"] = ids
-        rows["length"] = self._table.lengths[ids]
-        rows["xxh3"] = self._table.hashes[ids]
-        rows["faces"] = self._table.faces[ids]
-        rows["vertices"] = self._table.vertices[ids]
-        rows["bounds"] = self._table.bounds[ids]
-        return rows
-
-    def _accept_held(self, hello: Hello) -> npt.NDArray[np.uint32]:
-        """Take the offered segments whose hash is right; return the ids of the others (5.3)."""
-        if hello.held is None:
-            return np.zeros(0, dtype=ID_DTYPE)
-        ids = hello.held["id"].astype(np.int64)
-        known = ids < len(self._table)
-        known[known] = self._table.hashes[ids[known]] == hello.held["xxh3"][known]
-        self.held[ids[known]] = True
-        return ids[~known].astype(ID_DTYPE)
+        forgotten = [segment for segment in self._parts if segment not in transfer.plan]
+        for segment in forgotten:
+            del self._parts[segment]
+        self._ahead.waste(forgotten)
 
 
 def _budgets(hello: Hello, limits: SessionLimits) -> Budgets:

@@ -67,7 +67,7 @@ def make_welcome(
             id=scene.id,
             version=scene.version,
             name=scene.name,
-            segment_count=len(deliveries.held),
+            segment_count=deliveries.segment_count,
         ),
         limits=ServerLimits(
             max_radius_m=limits.max_radius_m,
@@ -77,6 +77,7 @@ def make_welcome(
             max_plan_segments=limits.max_plan_segments,
             max_credit_bytes=limits.max_credit_bytes,
             idle_timeout_s=limits.idle_timeout_s,
+            groups=limits.groups,
         ),
         release_factor=deliveries.release_factor,
         dropped=deliveries.dropped,

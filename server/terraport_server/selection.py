@@ -62,6 +62,8 @@ class Selection:
     """Wanted and already held by the client, ascending."""
     release: npt.NDArray[np.uint32]
     """Shown until now and not wanted any more, ascending."""
+    order: npt.NDArray[np.uint32]
+    """The ids of the plan, loaded and kept, nearest first."""
     inner: npt.NDArray[np.uint32]
     """The ids of the plan within ``inner_radius_m`` (none without one), nearest first."""
     effective_radius_m: float
@@ -112,7 +114,7 @@ def select(
     release_radius_m: float,
     inner_radius_m: float | None,
     held: npt.NDArray[np.bool_],
-    shown: npt.NDArray[np.bool_],
+    shown: npt.NDArray[np.uint32],
     budgets: Budgets = NO_BUDGETS,
 ) -> Selection:
     """Choose the segments of one landing.
@@ -136,9 +138,9 @@ def select(
     inner_radius_m
         The declared degraded set's radius; ``None`` = there is no such set.
     held
-        (S,) true where the client holds the payload.
+        True for each of ``candidates`` whose payload the client holds.
     shown
-        (S,) true where the client shows the segment; a subset of ``held``.
+        Ids that the client shows, ascending.
     budgets
         Hard bounds.
 
@@ -149,15 +151,14 @@ def select(
 
     Notes
     -----
-    O(C log C) in the number of candidates, plus O(S) for ``release``.
+    O(C log C) in the number of candidates and of what is shown; never of the whole scene.
     """
     ids = np.asarray(candidates, dtype=np.int64)
     distances = box_distances(table.bounds[ids], centre)
     in_radius = distances <= radius_m
-    wanted = in_radius | (held[ids] & (distances <= release_radius_m))
-    ids, distances, in_radius = ids[wanted], distances[wanted], in_radius[wanted]
-    order = np.lexsort((ids, distances))
-    ids, distances, in_radius = ids[order], distances[order], in_radius[order]
+    wanted = np.flatnonzero(in_radius | (held & (distances <= release_radius_m)))
+    order = wanted[np.lexsort((ids[wanted], distances[wanted]))]
+    ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
 
     count, omitted_by = _budget_prefix(table, ids, budgets)
     left_out_in_radius = np.flatnonzero(in_radius[count:])
@@ -166,16 +167,16 @@ def select(
         effective_radius_m = float(distances[count + left_out_in_radius[0]])
 
     plan, plan_distances = ids[:count], distances[:count]
-    is_held = held[plan]
-    load, keep = plan[~is_held], plan[is_held]
+    load, keep = plan[~held[:count]], plan[held[:count]]
     within_inner = plan_distances <= (-1.0 if inner_radius_m is None else inner_radius_m)
-    released = shown.copy()
-    released[plan] = False
+    plan_order = plan.astype(np.uint32)
+    released = np.setdiff1d(shown, plan_order, assume_unique=True)
     return Selection(
         load=load.astype(np.uint32),
         keep=np.sort(keep).astype(np.uint32),
-        release=np.flatnonzero(released).astype(np.uint32),
-        inner=plan[within_inner].astype(np.uint32),
+        release=released,
+        order=plan_order,
+        inner=plan_order[within_inner],
         effective_radius_m=effective_radius_m,
         load_bytes=_total(table.lengths, load),
         load_triangles=_total(table.faces, load),

@@ -10,33 +10,32 @@ aim's. Section numbers in comments are those of spec/wire-protocol.md.
 
 from __future__ import annotations
 
-from collections import deque
-
 from terraport_server.actions import (
     Action,
     Authorise,
-    Close,
+    GroupPort,
     Observer,
     RunPick,
     SceneView,
     SendChunk,
-    SendMessage,
     SessionLimits,
 )
 from terraport_server.deliveries import Deliveries
 from terraport_server.greeting import check_hello, make_welcome, no_hello_text
+from terraport_server.group_talk import GroupMessage, GroupTalk
+from terraport_server.outbox import Outbox
 from terraport_server.rate import RATE_WINDOW_S, RateLimit
 from terraport_wire import (
-    CLOSE_CODES,
     Aim,
     Bye,
     CloseCode,
     Credit,
     DecodeError,
-    Error,
     ErrorCode,
     Evict,
     FieldError,
+    Held,
+    HeldChecked,
     Hello,
     Hit,
     Land,
@@ -52,8 +51,6 @@ __all__ = ["INTERNAL_TEXT", "Session"]
 
 INTERNAL_TEXT = "the server failed; the operator's log has the reason"
 """All that a peer learns of an internal failure."""
-
-_LONGEST_TEXT = 1024
 
 
 class Session:
@@ -73,6 +70,8 @@ class Session:
         Decides on ``hello.token``; ``None`` where that is settled already.
     observer
         Told of what happens, synchronously.
+    groups
+        Way to the groups of this process; ``None`` where there are none.
     """
 
     def __init__(
@@ -84,16 +83,19 @@ class Session:
         now_s: float,
         authorise: Authorise | None = None,
         observer: Observer | None = None,
+        groups: GroupPort | None = None,
     ) -> None:
         self.id = session_id
         self._scene = scene
         self._limits = limits
         self._authorise = authorise
         self._observer = observer or Observer()
-        self._out: deque[Action] = deque()
+        self._out = Outbox(self._observer)
+        self._groups = GroupTalk(
+            groups, self._out, max_radius_m=limits.max_radius_m, observer=self._observer
+        )
         self._opened_s = self._heard_s = now_s
         self._rate = RateLimit(limits.max_messages_per_s, now_s=now_s)
-        self._closing = False
         self._draining_until_s: float | None = None
         self._generation: int | None = None
         self._picks = 0
@@ -112,7 +114,7 @@ class Session:
     @property
     def closing(self) -> bool:
         """Whether the session is over but for what is pending."""
-        return self._closing
+        return self._out.closing
 
     @property
     def generation(self) -> int | None:
@@ -147,10 +149,9 @@ class Session:
 
         A :class:`SendChunk` is returned again until it is answered; everything else once.
         """
-        if self._out:
-            return self._out.popleft()
-        if self._closing or self._deliveries is None:
-            return None
+        action = self._out.pop()
+        if action is not None or self._out.closing or self._deliveries is None:
+            return action
         return self._deliveries.next_chunk()
 
     def receive(self, message: Message | Unknown, now_s: float) -> None:
@@ -161,7 +162,7 @@ class Session:
         if isinstance(message, Hello):
             self._on_hello(message)
         elif deliveries is None:
-            self._fatal(ErrorCode.OUT_OF_ORDER, f"got {message.TYPE} first, expected hello")
+            self._out.fatal(ErrorCode.OUT_OF_ORDER, f"got {message.TYPE} first, expected hello")
         elif isinstance(message, Land | Aim):
             if self._take_generation(message.generation) and self._may_go(message):
                 if isinstance(message, Land):
@@ -176,9 +177,13 @@ class Session:
             self._on_reject(message, deliveries, now_s)
         elif isinstance(message, Pick):
             self._on_pick(message)
+        elif isinstance(message, Held):
+            self._on_held(message, deliveries)
+        elif isinstance(message, GroupMessage):
+            self._groups.receive(message, now_s, draining=self._draining_until_s is not None)
         elif isinstance(message, Bye):
-            self._out.clear()
-            self._close(CloseCode.NORMAL, "bye")
+            self._groups.leave(now_s)
+            self._out.close(CloseCode.NORMAL, "bye", at_once=True)
 
     def refuse(self, error: DecodeError, now_s: float) -> None:
         """Take one message that could not be decoded."""
@@ -188,9 +193,9 @@ class Session:
         if isinstance(error, FieldError):
             generation, request = error.generation, error.request
         if error.fatal or self._deliveries is None:
-            self._fatal(error.code, str(error), generation=generation)
+            self._out.fatal(error.code, str(error), generation=generation)
         elif generation is None or self._take_generation(generation):
-            self._error(error.code, str(error), generation=generation, request=request)
+            self._out.error(error.code, str(error), generation=generation, request=request)
 
     def heard(self, now_s: float) -> None:
         """Note that something, if only a pong, came from the client."""
@@ -198,17 +203,17 @@ class Session:
 
     def tick(self, now_s: float) -> None:
         """Act on what time alone decides."""
-        if self._closing:
+        if self._out.closing:
             return
         limits, deliveries = self._limits, self._deliveries
         if self._draining_until_s is not None and now_s >= self._draining_until_s:
-            self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
+            self._out.close(CloseCode.DRAINING, ErrorCode.DRAINING)
         elif deliveries is None:
             if now_s >= self._opened_s + limits.handshake_timeout_s:
-                self._fatal(ErrorCode.TIMEOUT, no_hello_text(limits.handshake_timeout_s))
+                self._out.fatal(ErrorCode.TIMEOUT, no_hello_text(limits.handshake_timeout_s))
         elif now_s >= self._heard_s + limits.idle_timeout_s:
             text = f"got nothing for {limits.idle_timeout_s:g} s, expected at least pongs"
-            self._fatal(ErrorCode.TIMEOUT, text)
+            self._out.fatal(ErrorCode.TIMEOUT, text)
         else:
             deliveries.settle(now_s)
 
@@ -232,23 +237,23 @@ class Session:
     def picked(self, request: int, hit: Hit | None) -> None:
         """Answer a pick."""
         self._picks -= 1
-        if not self._closing:
-            self._say(Picked(request=request, hit=hit))
+        if not self._out.closing:
+            self._out.say(Picked(request=request, hit=hit))
 
     def pick_failed(self, request: int) -> None:
         """Say that a pick could not be answered; the session goes on."""
         self._picks -= 1
-        if not self._closing:
-            self._error(ErrorCode.INTERNAL, INTERNAL_TEXT, request=request)
+        if not self._out.closing:
+            self._out.error(ErrorCode.INTERNAL, INTERNAL_TEXT, request=request)
 
     def scene_published(self, version: str) -> None:
         """Tell, after the welcome at the earliest, that new sessions get a newer version."""
-        if self._closing:
+        if self._out.closing:
             return
         if self._deliveries is None:
             self._news = version
         else:
-            self._say(Notice(kind="scene_published", version=version))
+            self._out.say(Notice(kind="scene_published", version=version))
 
     def drain(
         self, now_s: float, timeout_s: float, *, reconnect_after_ms: int | None = None
@@ -257,38 +262,61 @@ class Session:
 
         ``reconnect_after_ms`` is what the client is told; None: what the limits say.
         """
-        if self._closing or self._draining_until_s is not None:
+        if self._out.closing or self._draining_until_s is not None:
             return
         self._draining_until_s = now_s + timeout_s
         if self._deliveries is not None:
             after_ms = reconnect_after_ms
             if after_ms is None:
                 after_ms = self._limits.reconnect_after_ms
-            self._say(Notice(kind="draining", reconnect_after_ms=after_ms))
+            self._out.say(Notice(kind="draining", reconnect_after_ms=after_ms))
             self._deliveries.end_aims(by=None)
         self._close_if_drained()
 
     def withdraw(self, text: str) -> None:
         """End the session because its token opens the scene no more; the text says why."""
-        self._fatal(ErrorCode.UNAUTHORISED, text)
+        self._out.fatal(ErrorCode.UNAUTHORISED, text)
+
+    def tell_group(self, message: Message) -> None:
+        """Pass on a message of the group."""
+        self._groups.tell(message)
+
+    def ended(self) -> None:
+        """Settle the accounts: the connection is gone."""
+        if self._deliveries is not None:
+            self._deliveries.end()
 
     def fail(self) -> None:
         """End the session for a fault of our own, without telling what it was."""
-        self._fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
+        self._out.fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
 
     def _on_hello(self, hello: Hello) -> None:
         if self._deliveries is not None:
-            self._fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
+            self._out.fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
             return
         scene, limits = self._scene, self._limits
         refusal = check_hello(hello, scene, limits, self._authorise)
         if refusal is not None:
-            self._fatal(refusal.code, refusal.text, protocols=refusal.protocols)
+            self._out.fatal(refusal.code, refusal.text, protocols=refusal.protocols)
             return
-        self._deliveries = Deliveries(scene, limits, hello, say=self._say, observer=self._observer)
-        self._say(make_welcome(hello, scene, limits, self._deliveries, self.id))
+        self._deliveries = Deliveries(
+            scene, limits, hello, say=self._out.say, observer=self._observer
+        )
+        self._out.say(make_welcome(hello, scene, limits, self._deliveries, self.id))
         if self._news is not None:
             self.scene_published(self._news)
+
+    def _on_held(self, held: Held, deliveries: Deliveries) -> None:
+        rows, most = len(held.segments), self._limits.max_held_segments
+        if not deliveries.may_offer:
+            text = "got held after an aim or land, expected it before the first one"
+            self._out.fatal(ErrorCode.OUT_OF_ORDER, text)
+        elif rows > most:
+            text = f"got {rows} held segments, expected at most {most}"
+            self._out.fatal(ErrorCode.TOO_LARGE, text)
+        else:
+            dropped = deliveries.offer(held.segments)
+            self._out.say(HeldChecked(dropped=dropped, held_count=len(deliveries.held)))
 
     def _on_evict(self, evict: Evict, deliveries: Deliveries) -> None:
         wrong = deliveries.evict(evict.segments)
@@ -296,12 +324,12 @@ class Session:
             text = (
                 f"got evict of segment {wrong} of the open landing, expected it to be ready first"
             )
-            self._fatal(ErrorCode.OUT_OF_ORDER, text)
+            self._out.fatal(ErrorCode.OUT_OF_ORDER, text)
 
     def _on_reject(self, reject: Reject, deliveries: Deliveries, now_s: float) -> None:
-        if reject.segment >= len(deliveries.held):
-            text = f"got segment {reject.segment}, expected one below {len(deliveries.held)}"
-            self._fatal(ErrorCode.INVALID_FIELD, f"reject.segment: {text}")
+        if reject.segment >= deliveries.segment_count:
+            text = f"got segment {reject.segment}, expected one below {deliveries.segment_count}"
+            self._out.fatal(ErrorCode.INVALID_FIELD, f"reject.segment: {text}")
             return
         deliveries.reject(reject, now_s)
         self._close_if_drained()
@@ -309,27 +337,27 @@ class Session:
     def _on_pick(self, pick: Pick) -> None:
         if self._picks >= self._limits.max_picks:
             text = f"got {self._picks + 1} picks at once, expected at most {self._limits.max_picks}"
-            self._error(ErrorCode.TOO_MANY, text, request=pick.request)
+            self._out.error(ErrorCode.TOO_MANY, text, request=pick.request)
             return
         self._picks += 1
-        self._out.append(RunPick(pick.request, pick.origin, pick.direction))
+        self._out.add(RunPick(pick.request, pick.origin, pick.direction))
 
     def _admit(self, now_s: float) -> bool:
-        if self._closing:
+        if self._out.closing:
             return False
         self.heard(now_s)
         if self._rate.take(now_s):
             return True
         per_s = self._rate.per_s
         text = f"got more messages than {per_s:g} per second in {RATE_WINDOW_S:g} s, expected fewer"
-        self._fatal(ErrorCode.TOO_MANY, text)
+        self._out.fatal(ErrorCode.TOO_MANY, text)
         return False
 
     def _take_generation(self, generation: int) -> bool:
         newest = self._generation
         if newest is not None and generation <= newest:
             text = f"got generation {generation}, expected one above {newest}"
-            self._fatal(ErrorCode.OUT_OF_ORDER, text, generation=generation)
+            self._out.fatal(ErrorCode.OUT_OF_ORDER, text, generation=generation)
             return False
         self._generation = generation
         return True
@@ -339,58 +367,16 @@ class Session:
         most_m = self._limits.max_radius_m
         if self._draining_until_s is not None:
             text = f"got {message.TYPE} while the server goes away, expected a new connection"
-            self._fatal(ErrorCode.DRAINING, text, generation=message.generation)
+            self._out.fatal(ErrorCode.DRAINING, text, generation=message.generation)
             return False
         if message.radius_m > most_m:
             text = f"{message.TYPE}.radius_m: got {message.radius_m:g}, expected at most {most_m:g}"
-            self._error(ErrorCode.RADIUS_TOO_LARGE, text, generation=message.generation)
+            self._out.error(ErrorCode.RADIUS_TOO_LARGE, text, generation=message.generation)
             return False
         return True
 
     def _close_if_drained(self) -> None:
-        if self._closing or self._draining_until_s is None:
+        if self._out.closing or self._draining_until_s is None:
             return
         if self._deliveries is None or not self._deliveries.landing_open:
-            self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
-
-    def _say(self, message: Message) -> None:
-        self._out.append(SendMessage(message))
-
-    def _error(
-        self,
-        code: ErrorCode,
-        text: str,
-        *,
-        fatal: bool = False,
-        generation: int | None = None,
-        request: int | None = None,
-        protocols: tuple[tuple[int, int], ...] | None = None,
-    ) -> None:
-        error = Error(
-            code=code,
-            message=text[:_LONGEST_TEXT],
-            fatal=fatal,
-            generation=generation,
-            request=request,
-            protocols=protocols,
-        )
-        self._say(error)
-        self._observer.refused(error)
-
-    def _fatal(
-        self,
-        code: ErrorCode,
-        text: str,
-        *,
-        generation: int | None = None,
-        protocols: tuple[tuple[int, int], ...] | None = None,
-    ) -> None:
-        if self._closing:
-            return
-        self._error(code, text, fatal=True, generation=generation, protocols=protocols)
-        self._close(CLOSE_CODES[code], code)
-
-    def _close(self, code: CloseCode, reason: str) -> None:
-        self._closing = True
-        self._observer.ending(reason)
-        self._out.append(Close(code, reason))
+            self._out.close(CloseCode.DRAINING, ErrorCode.DRAINING)

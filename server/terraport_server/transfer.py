@@ -5,12 +5,14 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
+from terraport_server.id_set import IdSet
 from terraport_server.selection import Selection
 
 __all__ = ["Landing", "Transfer"]
@@ -28,12 +30,12 @@ class Transfer:
     """
 
     def __init__(self, generation: int, selection: Selection) -> None:
-        load = selection.load.tolist()
         self.generation = generation
-        self.queue: deque[int] = deque(load)
+        self.queue: deque[int] = deque(selection.load.tolist())
         """Ids not yet sent whole; the first may be partly sent."""
-        self.plan: frozenset[int] = frozenset(load)
+        self.plan = IdSet(selection.load)
         """Ids that this generation answers for."""
+        self._order = selection.order
         self.delivered = 0
         """Segments sent whole."""
         self.payload_bytes = 0
@@ -41,9 +43,25 @@ class Transfer:
         self.resent: set[int] = set()
         """Segments sent once more after a reject."""
 
+    def put_back(self, segment: int, *, behind_first: bool) -> None:
+        """Queue a segment of the plan that is to be sent once more, at its place in the order.
+
+        Parameters
+        ----------
+        segment
+            Not in the queue.
+        behind_first
+            Whether the first one in the queue is partly sent: it goes on before anything else.
+        """
+        ranks = dict(zip(self._order.tolist(), range(len(self._order)), strict=True))
+        place = bisect(self.queue, ranks[segment], lo=int(behind_first), key=ranks.__getitem__)
+        self.queue.insert(place, segment)
+
     def unsent_bytes(self, lengths: npt.NDArray[np.uint32], parts: Mapping[int, int]) -> int:
         """Payload bytes that are not sent, given how much of each unfinished segment is."""
-        return sum(int(lengths[segment]) - parts.get(segment, 0) for segment in self.queue)
+        unsent = np.fromiter(self.queue, dtype=np.int64, count=len(self.queue))
+        sent = sum(parts[segment] for segment in parts.keys() & set(self.queue)) if parts else 0
+        return int(lengths[unsent].sum(dtype=np.int64)) - sent
 
 
 class Landing(Transfer):
@@ -56,17 +74,27 @@ class Landing(Transfer):
     received_s
         When ``land`` came, on the session's clock.
     deadline_s
-        When the inner set alone is acceptable; ``None`` = never.
+        When the inner set alone is acceptable, whatever comes; ``None`` = never.
+    stall_s
+        Seconds without progress after which it is; ``None`` = however long it stands still.
     """
 
     def __init__(
-        self, generation: int, selection: Selection, *, received_s: float, deadline_s: float | None
+        self,
+        generation: int,
+        selection: Selection,
+        *,
+        received_s: float,
+        deadline_s: float | None = None,
+        stall_s: float | None = None,
     ) -> None:
         super().__init__(generation, selection)
-        self.plan |= frozenset(selection.keep.tolist())
+        self.plan.update(selection.keep)
         self.received_s = received_s
-        self.deadline_s = deadline_s
-        self.inner: list[int] = selection.inner.tolist()
+        self._deadline_s = deadline_s
+        self._stall_s = stall_s
+        self.inner = selection.inner
+        """Ids of the declared degraded set, nearest first."""
         self.missing: set[int] = set()
         """Segments of the plan that cannot be delivered."""
         self.ready = False
@@ -92,10 +120,27 @@ class Landing(Transfer):
         return not self.ready and not self.superseded
 
     @property
-    def deadline_is_open(self) -> bool:
-        """Whether the deadline may still bring ``degraded``."""
-        return self.deadline_s is not None and self.unfinished and not self.degraded
+    def deadline_s(self) -> float | None:
+        """When the inner set alone is acceptable, if nothing more is sent (6.4, rule 3)."""
+        times = [] if self._deadline_s is None else [self._deadline_s]
+        if self._stall_s is not None:
+            progress_s = self.received_s if self.last_byte_s is None else self.last_byte_s
+            times.append(progress_s + self._stall_s)
+        return min(times, default=None)
 
-    def inner_is_whole(self, held: npt.NDArray[np.bool_]) -> bool:
+    @property
+    def deadline_is_open(self) -> bool:
+        """Whether a deadline may still bring ``degraded``."""
+        has_deadline = self._deadline_s is not None or self._stall_s is not None
+        return has_deadline and self.unfinished and not self.degraded
+
+    def look_at_clock(self, now_s: float) -> bool:
+        """Return whether a deadline has passed, now or before; what has passed stays passed."""
+        due_s = self.deadline_s
+        self.deadline_passed = self.deadline_passed or (due_s is not None and now_s >= due_s)
+        return self.deadline_passed
+
+    def inner_is_whole(self, held: IdSet) -> bool:
         """Whether the client holds all of the inner set that can be delivered."""
-        return all(held[segment] or segment in self.missing for segment in self.inner)
+        inner = self.inner
+        return all(segment in self.missing for segment in inner[~held.contains(inner)].tolist())

@@ -11,8 +11,8 @@ import terraport_server
 
 FOLDER = Path(terraport_server.__file__).parent
 PURE = [
-    "actions", "deliveries", "errors", "greeting", "merged_metrics", "rate", "selection", "session",
-    "transfer",
+    "actions", "aim_ledger", "deliveries", "errors", "greeting", "group_talk", "groups", "id_set",
+    "merged_metrics", "outbox", "plans", "rate", "selection", "session", "transfer",
 ]  # fmt: skip
 FORBIDDEN = {
     "asyncio", "socket", "fastapi", "starlette", "uvicorn", "websockets", "httpx", "time",

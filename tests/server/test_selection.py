@@ -52,7 +52,7 @@ def run(
         release_radius_m=radius_m * factor,
         inner_radius_m=inner_radius_m,
         held=mask(len(table), held),
-        shown=mask(len(table), shown),
+        shown=np.array(sorted(shown), dtype=np.uint32),
         budgets=budgets or Budgets(),
     )
 
@@ -196,7 +196,6 @@ def test_superset_and_order_of_candidates_do_not_matter(
     distances = box_distances(table.bounds, centre)
     near = np.flatnonzero(distances <= 10.0)
     shuffled = data.draw(st.permutations(range(len(table))))
-    none = mask(len(table), set())
     plans = [
         select(
             table,
@@ -205,8 +204,8 @@ def test_superset_and_order_of_candidates_do_not_matter(
             8.0,
             release_radius_m=10.0,
             inner_radius_m=None,
-            held=none,
-            shown=none,
+            held=np.zeros(len(candidates), dtype=np.bool_),
+            shown=np.zeros(0, dtype=np.uint32),
         ).load.tolist()
         for candidates in (near, shuffled)
     ]

@@ -374,7 +374,7 @@ def test_any_history_keeps_the_rules(
                 client.tell(Reject(generation=generation, segment=one, reason="x"))
         assert client.session.deliveries is not None
         if client.session.pending == 0:
-            held = np.flatnonzero(client.session.deliveries.held).tolist()
+            held = client.session.deliveries.held.array().tolist()
             assert held == sorted(client.held)
     client.credit += 1 << 20
     client.tell(Credit(bytes=1 << 20))

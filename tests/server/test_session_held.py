@@ -119,7 +119,7 @@ def test_a_reject_while_still_streaming_brings_one_ready() -> None:
     client.run(until=lambda: len(client.chunks) == 1)
     client.held -= {0}
     client.tell(Reject(generation=1, segment=0, reason="hash_mismatch"))
-    assert [getattr(i, "segment", "ready") for i in client.run()] == [1, 2, 0, "ready"]
+    assert [getattr(i, "segment", "ready") for i in client.run()] == [0, 1, 2, "ready"]
 
 
 def test_a_reject_beyond_the_scene_is_fatal() -> None:

@@ -1,0 +1,361 @@
+"""Groups: who goes together, where to, and who has arrived.
+
+PURE: no I/O, no clock, no randomness; times are seconds on any one monotonic clock of the
+caller's. Section numbers in comments are those of spec/wire-protocol.md.
+
+The caller names each connection by a key of its own, feeds :meth:`Groups.join` and the others, and
+then hands out what :meth:`Groups.take_posts` returns. Nothing here waits for anybody: a member that
+says nothing is left behind by time alone (:meth:`Groups.tick`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_wire import (
+    ID_DTYPE,
+    Gather,
+    Gathered,
+    Gathering,
+    Join,
+    Joined,
+    Member,
+    Message,
+    Roster,
+)
+
+__all__ = ["GroupLimits", "Groups"]
+
+_ROSTER_PERIOD_S: Final = 0.25
+"""Between two rosters of a group: a member that joins and leaves as fast as it may costs each of
+the others four messages a second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroupLimits:
+    """Bounds of all groups of one process. Every field is a setting; see docs/topics/limits.md."""
+
+    max_groups: int = 64
+    max_group_members: int = 32
+    group_absence_s: float = 30.0
+    """How long the seat of a lost connection is kept."""
+    group_deadline_s: float = 60.0
+    """Longest that a barrier stays shut, and the default where the guide names none."""
+
+
+@dataclass(slots=True)
+class _Seat:
+    """One member of a group."""
+
+    number: int
+    secret: str
+    name: str | None
+    role: str
+    key: Hashable | None
+    """The connection; None while it is lost."""
+    lost_s: float = 0.0
+    """Since when it is lost."""
+
+
+@dataclass(slots=True)
+class _Barrier:
+    """One group landing."""
+
+    number: int
+    guide: int
+    gather: Gather
+    deadline_s: float
+    states: dict[int, str] = field(default_factory=dict)
+    """What members have said, by number."""
+    is_open: bool = False
+    """Whether ``gathered`` was said, or nobody waits any more."""
+
+
+@dataclass(slots=True)
+class _Group:
+    """One group; it is gone with its last seat."""
+
+    place: tuple[str, str]
+    """Scene and name."""
+    seats: dict[int, _Seat] = field(default_factory=dict)
+    """By number, ascending."""
+    newest: int = 0
+    """Number of the newest seat."""
+    barrier: _Barrier | None = None
+    roster_due_s: float | None = None
+    """When changes are told; None = none."""
+    roster_told_s: float = float("-inf")
+
+    def seat_of(self, secret: str | None) -> _Seat | None:
+        """Return the seat of a secret."""
+        if secret is None:
+            return None
+        # 128 random bits, compared in a group that holds a few: no timing tells them apart.
+        return next((seat for seat in self.seats.values() if seat.secret == secret), None)
+
+
+class Groups:
+    """All groups of one process.
+
+    Parameters
+    ----------
+    limits
+        Bounds.
+    """
+
+    def __init__(self, limits: GroupLimits) -> None:
+        self._limits = limits
+        self._groups: dict[tuple[str, str], _Group] = {}
+        self._places: dict[Hashable, tuple[tuple[str, str], int]] = {}
+        """Group and number by connection."""
+        self._posts: list[tuple[Hashable, Message]] = []
+
+    @property
+    def group_count(self) -> int:
+        """Groups that exist."""
+        return len(self._groups)
+
+    @property
+    def member_count(self) -> int:
+        """Seats of all groups, kept ones included."""
+        return sum(len(group.seats) for group in self._groups.values())
+
+    def take_posts(self) -> list[tuple[Hashable, Message]]:
+        """Return, once, whom to tell what, in order."""
+        posts, self._posts = self._posts, []
+        return posts
+
+    def wake_at_s(self) -> float | None:
+        """When :meth:`tick` has something to do at the latest; None = never."""
+        times = []
+        for group in self._groups.values():
+            if group.roster_due_s is not None:
+                times.append(group.roster_due_s)
+            if group.barrier is not None and not group.barrier.is_open:
+                times.append(group.barrier.deadline_s)
+            times += [
+                seat.lost_s + self._limits.group_absence_s
+                for seat in group.seats.values()
+                if seat.key is None
+            ]
+        return min(times, default=None)
+
+    def join(
+        self,
+        key: Hashable,
+        scene_id: str,
+        join: Join,
+        now_s: float,
+        *,
+        new_secret: str,
+        may_guide: bool,
+    ) -> str | None:
+        """Take a seat, a new one or the one held before (16.1); return why not.
+
+        Parameters
+        ----------
+        key
+            The connection.
+        scene_id
+            Scene of its session: groups of different scenes are different groups.
+        join
+            What is asked for.
+        now_s
+            Time now.
+        new_secret
+            Of a new seat; at least 128 random bits.
+        may_guide
+            Whether this client may take the guide's seat.
+        """
+        place = (scene_id, join.group)
+        group = self._groups.get(place)
+        known = None if group is None else group.seat_of(join.seat)
+        if known is None or self._places.get(key) != (place, known.number):
+            if known is None:
+                refusal = self._refusal(key, place, join, may_guide=may_guide)
+                if refusal is not None:
+                    return refusal
+            self.leave(key, now_s)
+        group = self._groups.setdefault(place, _Group(place))
+        if known is None:
+            group.newest += 1
+            known = _Seat(group.newest, new_secret, join.name, join.role, key)
+            group.seats[known.number] = known
+        elif known.key is not None and known.key != key:
+            del self._places[known.key]  # the old connection only looks alive
+        known.key = key
+        self._places[key] = (place, known.number)
+        self._posts.append(
+            (
+                key,
+                Joined(
+                    request=join.request,
+                    group=join.group,
+                    member=known.number,
+                    role=known.role,
+                    seat=known.secret,
+                ),
+            )
+        )
+        self._changed(group, now_s)
+        if group.barrier is not None:
+            self._posts.append((key, _gathering(group.barrier, now_s)))
+        return None
+
+    def leave(self, key: Hashable, now_s: float) -> None:
+        """Give up a seat; nothing where there is none."""
+        found = self._find(key)
+        if found is not None:
+            self._remove(*found, now_s)
+
+    def lost(self, key: Hashable, now_s: float) -> None:
+        """Note that a connection is gone; its seat is kept for a while."""
+        found = self._find(key)
+        if found is not None:
+            group, seat = found
+            del self._places[key]
+            seat.key, seat.lost_s = None, now_s
+            self._changed(group, now_s)
+
+    def gather(self, key: Hashable, gather: Gather, now_s: float) -> str | None:
+        """Land the group (16.2); return why not."""
+        found = self._find(key)
+        if found is None:
+            return "got gather without a seat in a group, expected join first"
+        group, seat = found
+        if seat.role != "guide":
+            return f"got gather from a {seat.role}, expected it from the guide"
+        most_s = self._limits.group_deadline_s
+        wait_s = most_s if gather.deadline_ms is None else min(most_s, gather.deadline_ms / 1000.0)
+        number = 1 if group.barrier is None else group.barrier.number + 1
+        group.barrier = _Barrier(number, seat.number, gather, now_s + wait_s)
+        self._tell(group, _gathering(group.barrier, now_s))
+        return None
+
+    def arrived(self, key: Hashable, number: int, state: str) -> None:
+        """Note what a member says of a group landing; one that is over is ignored (16.2)."""
+        found = self._find(key)
+        if found is None:
+            return
+        group, seat = found
+        barrier = group.barrier
+        if barrier is not None and barrier.number == number and not barrier.is_open:
+            barrier.states[seat.number] = state
+            self._open_if_all_are_there(group)
+
+    def tick(self, now_s: float) -> None:
+        """Act on what time alone decides: seats lost for too long, deadlines, rosters."""
+        for group in list(self._groups.values()):
+            for seat in list(group.seats.values()):
+                if seat.key is None and now_s >= seat.lost_s + self._limits.group_absence_s:
+                    self._remove(group, seat, now_s)
+            barrier = group.barrier
+            if barrier is not None and not barrier.is_open and now_s >= barrier.deadline_s:
+                self._open(group, barrier)
+            if group.roster_due_s is not None and now_s >= group.roster_due_s:
+                self._tell_roster(group, now_s)
+
+    def _refusal(
+        self, key: Hashable, place: tuple[str, str], join: Join, *, may_guide: bool
+    ) -> str | None:
+        """Return why a new seat cannot be had. The seat that this key holds now would be left."""
+        limits, group = self._limits, self._groups.get(place)
+        own = self._find(key)
+        if join.role == "guide" and not may_guide:
+            return "got role guide with a token that does not allow it, expected role member"
+        if group is None:
+            leaves_group = own is not None and len(own[0].seats) == 1
+            if len(self._groups) - leaves_group >= limits.max_groups:
+                return f"got a new group, expected at most {limits.max_groups} on this server"
+            return None
+        others = [seat for seat in group.seats.values() if own is None or seat is not own[1]]
+        if join.role == "guide" and any(seat.role == "guide" for seat in others):
+            return "got role guide in a group that has one, expected role member"
+        if len(others) >= limits.max_group_members:
+            most = limits.max_group_members
+            return f"got member {len(others) + 1} of the group, expected at most {most}"
+        return None
+
+    def _find(self, key: Hashable) -> tuple[_Group, _Seat] | None:
+        place = self._places.get(key)
+        if place is None:
+            return None
+        group = self._groups[place[0]]
+        return group, group.seats[place[1]]
+
+    def _remove(self, group: _Group, seat: _Seat, now_s: float) -> None:
+        del group.seats[seat.number]
+        if seat.key is not None:
+            del self._places[seat.key]
+        if not group.seats:
+            del self._groups[group.place]
+            return
+        if group.barrier is not None:
+            group.barrier.states.pop(seat.number, None)
+        self._changed(group, now_s)
+        self._open_if_all_are_there(group)
+
+    def _open_if_all_are_there(self, group: _Group) -> None:
+        """Open the barrier where everybody is ready or will not come (16.3)."""
+        barrier = group.barrier
+        if barrier is not None and not barrier.is_open:
+            states = [barrier.states.get(number) for number in group.seats]
+            if all(state in {"ready", "declined"} for state in states):
+                self._open(group, barrier)
+
+    def _open(self, group: _Group, barrier: _Barrier) -> None:
+        barrier.is_open = True
+        by_state: dict[str, list[int]] = {"ready": [], "degraded": [], "missing": []}
+        for number in group.seats:
+            state = barrier.states.get(number)
+            by_state[state if state in {"ready", "degraded"} else "missing"].append(number)
+        message = Gathered(
+            gathering=barrier.number,
+            ready=_ids(by_state["ready"]),
+            degraded=_ids(by_state["degraded"]),
+            missing=_ids(by_state["missing"]),
+        )
+        self._tell(group, message)
+
+    def _changed(self, group: _Group, now_s: float) -> None:
+        """Tell all of a change, at once or as soon as the period allows."""
+        due_s = max(now_s, group.roster_told_s + _ROSTER_PERIOD_S)
+        if due_s <= now_s:
+            self._tell_roster(group, now_s)
+        else:
+            group.roster_due_s = due_s
+
+    def _tell_roster(self, group: _Group, now_s: float) -> None:
+        group.roster_due_s, group.roster_told_s = None, now_s
+        members = tuple(
+            Member(member=seat.number, name=seat.name, role=seat.role, present=seat.key is not None)
+            for seat in group.seats.values()
+        )
+        self._tell(group, Roster(group=group.place[1], members=members))
+
+    def _tell(self, group: _Group, message: Message) -> None:
+        self._posts += [
+            (seat.key, message) for seat in group.seats.values() if seat.key is not None
+        ]
+
+
+def _gathering(barrier: _Barrier, now_s: float) -> Gathering:
+    gather = barrier.gather
+    left_ms = None if barrier.is_open else max(0, round(1000.0 * (barrier.deadline_s - now_s)))
+    return Gathering(
+        gathering=barrier.number,
+        guide=barrier.guide,
+        position=gather.position,
+        radius_m=gather.radius_m,
+        inner_radius_m=gather.inner_radius_m,
+        left_ms=left_ms,
+    )
+
+
+def _ids(numbers: list[int]) -> npt.NDArray[Any]:
+    return np.array(numbers, dtype=ID_DTYPE)

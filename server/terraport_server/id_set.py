@@ -1,0 +1,113 @@
+"""A set of segment ids that costs what is in it, not what the scene has.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_wire import ID_DTYPE
+
+__all__ = ["IdSet"]
+
+_MOST_ADDED: Final = 1024
+"""Ids kept in a Python set (some 60 bytes each) before they are sorted in among the others."""
+
+
+class IdSet:
+    """Segment ids: 4 bytes each, added one by one, asked for many at a time.
+
+    A landing adds its segments as they are sent, and asks of all candidates of the next one at
+    once. So single ids gather in a small Python set and are sorted in when many are asked for. A
+    session of an idle client in a scene of a million segments takes a few hundred bytes; an array
+    of a million booleans would take a megabyte, however little it holds.
+
+    Parameters
+    ----------
+    ids
+        What is in it at first, in any order; repeated ones count once.
+
+    Examples
+    --------
+    >>> held = IdSet([7, 3])
+    >>> held.add(5)
+    >>> 5 in held, len(held), held.array().tolist()
+    (True, 3, [3, 5, 7])
+    >>> held.contains(np.array([1, 3, 5])).tolist()
+    [False, True, True]
+    """
+
+    __slots__ = ("_added", "_sorted")
+
+    def __init__(self, ids: npt.ArrayLike = ()) -> None:
+        self._sorted: npt.NDArray[np.uint32] = np.unique(np.asarray(ids, dtype=ID_DTYPE))
+        self._added: set[int] = set()
+        """Disjoint from the sorted ones."""
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self._sorted) + len(self._added)
+
+    def __contains__(self, segment: int) -> bool:
+        """Return whether one id is in it."""
+        return segment in self._added or self._is_sorted_in(segment)
+
+    def contains(self, ids: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
+        """Return for each id whether it is in the set."""
+        known = self.array()
+        if len(known) == 0 or len(ids) == 0:
+            return np.zeros(len(ids), dtype=np.bool_)
+        asked = ids.astype(ID_DTYPE, copy=False)  # another type would copy all of `known`
+        places = np.searchsorted(known, asked)
+        places[places == len(known)] = 0
+        found: npt.NDArray[np.bool_] = known[places] == asked
+        return found
+
+    def array(self) -> npt.NDArray[np.uint32]:
+        """Return all ids, ascending. The caller must not write to it."""
+        if self._added:
+            new = np.fromiter(self._added, dtype=ID_DTYPE, count=len(self._added))
+            new.sort()
+            self._sorted = np.insert(self._sorted, np.searchsorted(self._sorted, new), new)
+            self._added.clear()
+        return self._sorted
+
+    def add(self, segment: int) -> None:
+        """Put one id in."""
+        if not self._is_sorted_in(segment):
+            self._added.add(segment)
+            if len(self._added) > _MOST_ADDED:
+                self.array()
+
+    def update(self, ids: npt.NDArray[Any]) -> None:
+        """Put many ids in."""
+        new = np.unique(ids.astype(ID_DTYPE, copy=False))
+        new = new[~self.contains(new)]
+        self._sorted = np.insert(self._sorted, np.searchsorted(self._sorted, new), new)
+
+    def discard(self, segment: int) -> None:
+        """Take one id out, where it is in."""
+        if segment in self._added:
+            self._added.discard(segment)
+        elif self._is_sorted_in(segment):
+            self._sorted = np.delete(self._sorted, np.searchsorted(self._sorted, _id(segment)))
+
+    def difference_update(self, ids: npt.NDArray[Any]) -> None:
+        """Take many ids out, where they are in."""
+        gone = ids[self.contains(ids)]
+        if len(gone):
+            places = np.searchsorted(self._sorted, gone.astype(ID_DTYPE, copy=False))
+            self._sorted = np.delete(self._sorted, places)
+
+    def _is_sorted_in(self, segment: int) -> bool:
+        known = self._sorted
+        place = int(known.searchsorted(_id(segment)))
+        return place < len(known) and int(known[place]) == segment
+
+
+def _id(segment: int) -> np.uint32:
+    return np.uint32(segment)

@@ -1,0 +1,58 @@
+"""A selection as the messages that tell a client of it.
+
+PURE: no I/O, no clock. spec/wire-protocol.md, sections 6.3 and 7.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from terraport_server.selection import SegmentTable, Selection
+from terraport_wire import LOAD_DTYPE, Aim, Land, Plan, Prefetch
+
+__all__ = ["make_plan", "make_prefetch"]
+
+
+def make_plan(
+    land: Land, chosen: Selection, table: SegmentTable, *, release_radius_m: float
+) -> Plan:
+    """Return the answer to a landing."""
+    return Plan(
+        generation=land.generation,
+        position=land.position,
+        radius_m=land.radius_m,
+        release_radius_m=release_radius_m,
+        effective_radius_m=chosen.effective_radius_m,
+        inner_count=len(chosen.inner),
+        load=_load_table(chosen, table),
+        keep=chosen.keep,
+        release=chosen.release,
+        load_bytes=chosen.load_bytes,
+        load_triangles=chosen.load_triangles,
+        total_bytes=chosen.total_bytes,
+        total_triangles=chosen.total_triangles,
+        omitted_segments=chosen.omitted_segments,
+        omitted_by=chosen.omitted_by,
+    )
+
+
+def make_prefetch(aim: Aim, chosen: Selection, table: SegmentTable) -> Prefetch:
+    """Return the answer to an aim."""
+    rows = _load_table(chosen, table)
+    return Prefetch(generation=aim.generation, segments=rows, bytes=chosen.load_bytes)
+
+
+def _load_table(chosen: Selection, table: SegmentTable) -> npt.NDArray[Any]:
+    ids = chosen.load
+    rows = np.empty(len(ids), dtype=LOAD_DTYPE)
+    rows["id"] = ids
+    rows["length"] = table.lengths[ids]
+    rows["xxh3"] = table.hashes[ids]
+    rows["faces"] = table.faces[ids]
+    rows["vertices"] = table.vertices[ids]
+    rows["bounds"] = table.bounds[ids]
+    rows.setflags(write=False)  # the message then need not copy it
+    return rows
