@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from terraport_server.access_watch import AccessWatch
 from terraport_server.actions import RunPick
 from terraport_server.auth import Gate
+from terraport_server.group_desk import GroupDesk
 from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
@@ -68,6 +69,8 @@ class Service:
             close_timeout_s=settings.close_timeout_s,
         )
         self.priorities = Priorities()
+        routing = settings.groups_served
+        self.groups = None if routing == "none" else GroupDesk(settings.group_limits(), routing)
         self.once = OncePerMinute()
         self.ready = False
         """Whether the scenes were looked at and clients may come."""
@@ -132,6 +135,8 @@ class Service:
     async def stop(self) -> None:
         """End what :meth:`start` began and close the scenes."""
         self.ready = False
+        if self.groups is not None:
+            self.groups.stop()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -155,6 +160,12 @@ class Service:
         self._per_ip[client_ip] -= 1
         if self._per_ip[client_ip] <= 0:
             del self._per_ip[client_ip]
+
+    def note_refusal(self, reason: str, text: str, client_ip: str) -> None:
+        """Count what was not let in; log the first of its kind per client and minute."""
+        self.metrics.refused.labels(reason).inc()
+        if self.once.first((client_ip, reason), time.monotonic()):
+            log("refused", level=logging.WARNING, code=reason, reason=text, client=client_ip)
 
     def add(self, sender: Sender, served: ServedScene) -> None:
         """Take a client in: it holds its scene, and hears of news."""

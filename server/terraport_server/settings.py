@@ -15,8 +15,11 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from terraport_server.actions import SessionLimits
 from terraport_server.errors import SettingsError
+from terraport_server.groups import GroupLimits
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,
+    MAX_DEADLINE_MS,
+    MAX_GROUP_MEMBERS,
     MAX_HELD_SEGMENTS,
     MAX_INTEGER,
     MAX_PLAN_SEGMENTS,
@@ -140,6 +143,18 @@ class Settings(BaseSettings):
     send_buffer_bytes: Annotated[int, Field(ge=0)] = 0
     """SO_SNDBUF of client sockets; 0 = leave it to the system."""
 
+    group_routing: Literal["process", "query", "off"] = "process"
+    """Where groups can be joined: anywhere on this process; only by URLs that name the group
+    (?group=NAME, by which a proxy picks the replica); or not at all, as with several workers."""
+    group_guides: Literal["first", "token"] = "first"
+    """Who may guide a group: whoever asks first, or only tokens that say so."""
+    max_groups: Annotated[int, Field(ge=1, le=100_000)] = 64
+    max_group_members: Annotated[int, Field(ge=1, le=MAX_GROUP_MEMBERS)] = 32
+    group_absence_s: Annotated[float, Field(gt=0, le=3600)] = 30.0
+    """How long the seat of a lost member is kept."""
+    group_deadline_s: Annotated[float, Field(gt=0, le=MAX_DEADLINE_MS / 1000)] = 60.0
+    """Longest that a group landing's barrier stays shut; the default where the guide names none."""
+
     max_picks: Annotated[int, Field(ge=1, le=1000)] = 8
     """Picks of one client under way at once."""
     pick_timeout_s: _Seconds = 2.0
@@ -173,6 +188,23 @@ class Settings(BaseSettings):
             handshake_timeout_s=self.handshake_timeout_s,
             idle_timeout_s=self.idle_timeout_s,
             reconnect_after_ms=self.reconnect_after_ms,
+            groups=self.groups_served,
+        )
+
+    @property
+    def groups_served(self) -> Literal["none", "here", "query"]:
+        """Where groups can be joined: a group lives in one process."""
+        if self.workers != 1 or self.group_routing == "off":
+            return "none"
+        return "here" if self.group_routing == "process" else "query"
+
+    def group_limits(self) -> GroupLimits:
+        """Return what bounds all groups of this process."""
+        return GroupLimits(
+            max_groups=self.max_groups,
+            max_group_members=self.max_group_members,
+            group_absence_s=self.group_absence_s,
+            group_deadline_s=self.group_deadline_s,
         )
 
     def check(self) -> None:

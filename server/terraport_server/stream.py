@@ -16,6 +16,7 @@ from terraport_server.auth import TokenPass, bearer_token, origin_is_allowed
 from terraport_server.chronicle import Chronicle, note_error
 from terraport_server.errors import AccessError, UnknownSceneError
 from terraport_server.greeting import UNOPENED_TEXT, no_hello_text
+from terraport_server.group_desk import GroupDoor
 from terraport_server.logs import log
 from terraport_server.sender import Sender
 from terraport_server.service import Service
@@ -28,6 +29,7 @@ from terraport_wire import (
     Error,
     ErrorCode,
     Hello,
+    Message,
     Subprotocol,
     choose_subprotocol,
     decode,
@@ -108,6 +110,19 @@ async def _serve(
     chronicle = Chronicle(
         service.metrics, service.once, session_id=session_id, served=served, client_ip=client_ip
     )
+    door: GroupDoor | None = None
+    if service.groups is not None:
+
+        def may_guide() -> bool:
+            token = visitor.token_pass
+            return service.settings.group_guides == "first" or (token is not None and token.guide)
+
+        def deliver(message: Message) -> None:
+            session.tell_group(message)
+            sender.wake()
+
+        named_by_url = websocket.query_params.get("group")
+        door = service.groups.door(scene_id, named_by_url, may_guide=may_guide, deliver=deliver)
     session = Session(
         served.view,
         service.session_limits,
@@ -115,6 +130,7 @@ async def _serve(
         now_s=asyncio.get_running_loop().time(),
         authorise=authorise,
         observer=chronicle,
+        groups=door,
     )
     sender = Sender(
         websocket,
@@ -144,6 +160,9 @@ async def _serve(
         logging.getLogger("terraport.server").exception("session failed")
         await _refuse(websocket, subprotocol, ErrorCode.INTERNAL, INTERNAL_TEXT)
     finally:
+        session.ended()
+        if door is not None:
+            door.close(asyncio.get_running_loop().time())
         service.access.remove(visitor)
         service.remove(sender)
         chronicle.closed()

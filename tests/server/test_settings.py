@@ -53,6 +53,7 @@ def test_every_session_limit_comes_from_a_setting(tmp_path: Path) -> None:
         handshake_timeout_s=1.5,
         idle_timeout_s=2.5,
         reconnect_after_ms=40,
+        group_routing="query",
     ).session_limits("name")
     default = Settings().session_limits("terraport")
     for name in type(changed).__dataclass_fields__:
@@ -114,3 +115,19 @@ def test_a_missing_directory(tmp_path: Path) -> None:
 def test_half_of_tls(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="got one of tls_certificate and tls_key"):
         Settings(scenes_dir=tmp_path, tls_key=tmp_path / "key.pem").check()
+
+
+def test_every_bound_of_groups_comes_from_a_setting() -> None:
+    changed = Settings(
+        max_groups=3, max_group_members=4, group_absence_s=5.0, group_deadline_s=6.0
+    ).group_limits()
+    default = Settings().group_limits()
+    for name in type(changed).__dataclass_fields__:
+        assert getattr(changed, name) != getattr(default, name), name
+
+
+def test_groups_are_served_by_one_process_alone() -> None:
+    assert Settings().groups_served == "here"
+    assert Settings(group_routing="query").groups_served == "query"
+    assert Settings(group_routing="off").groups_served == "none"
+    assert Settings(group_routing="query", workers=2).groups_served == "none"
