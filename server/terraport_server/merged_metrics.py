@@ -16,10 +16,10 @@ from typing import Final
 
 __all__ = ["EndedWorkers", "merge_pages"]
 
-_LARGEST: Final = ("_info", "_max", "_timestamp_seconds")
+_LARGEST: Final = ("_info", "_max", "_timestamp_seconds", "_start_time_seconds")
 """Gauges of which the largest says it all; a sum of them would say nothing."""
-_SMALLEST: Final = ("_created", "_start_time_seconds")
-"""Moments that something began."""
+_SMALLEST: Final = ("_created",)
+"""The moment that a counter began."""
 _ADDED_UP: Final = frozenset({"counter", "histogram", "summary"})
 
 

@@ -1,0 +1,248 @@
+"""Several workers behind one port: signals, crashes, rolling restarts, one page of metrics."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+import signal
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
+from server.plain_client import PlainClient, assemble
+from server.supervised import Supervised, is_alive
+
+import terraport
+from terraport_server.errors import ServerError
+from terraport_server.settings import Settings
+from terraport_server.supervisor import Supervisor, open_listeners
+from terraport_wire import Credit, Land, Notice, Plan, Ready
+
+CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
+EVERYWHERE_M = 100.0
+
+pytestmark = pytest.mark.skipif(
+    not Path("/proc/self").exists(), reason="looks at processes in /proc"
+)
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with `pit` (36 small segments) and `big` (36 of about 300 KB)."""
+    return tmp_path_factory.mktemp("supervised") / "scenes"
+
+
+@pytest.fixture(scope="module")
+def pit(scenes: Path) -> GridScene:
+    """What stands in `pit`."""
+    return write_grid_scene(scenes / "pit")
+
+
+@pytest.fixture(scope="module")
+def big(scenes: Path) -> GridScene:
+    """What stands in `big`."""
+    return write_grid_scene(scenes / "big", cells=80, compress=False, name="big")
+
+
+@pytest.fixture(scope="module")
+def service(pit: GridScene, big: GridScene) -> Iterator[Supervised]:
+    """Two workers, for tests that leave two workers behind."""
+    with Supervised(pit.path.parent, max_messages_per_s="10000") as running:
+        yield running
+
+
+def test_a_rolling_restart_costs_no_landing(
+    service: Supervised, pit: GridScene, big: GridScene
+) -> None:
+    """Clients land all the time, one landing stays open: nothing fails, is lost or sent twice.
+
+    Five rolls in a row, timed: benchmarks/rolling_restart.py.
+    """
+    before, old = service.metrics(), service.worker_pids()
+    settings = service.directory / ".env"
+    settings.write_text("TERRAPORT_MAX_RADIUS_M=400\n")
+
+    async def client(number: int, over: asyncio.Event) -> tuple[int, int]:
+        chance = random.Random(number)
+        landings = 0
+        # Credit for some segments only: a landing has many round trips in which to be rolled.
+        async with terraport.connect(f"{service.url}/scenes/big", credit_bytes=700_000) as session:
+            while not over.is_set():
+                place = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
+                landing = await session.land(place, radius_m=chance.uniform(5, 25))
+                segments = await landing.ready(30)
+                assert [segment.payload for segment in segments] == [
+                    big.payloads[segment.id] for segment in segments
+                ]
+                assert landing.stats.rejected == 0
+                landings += 1
+                await asyncio.sleep(0.02)
+            assert session.stats.repeated_bytes == 0
+            return landings, session.stats.connections
+
+    async def work() -> list[tuple[int, int]]:
+        over = asyncio.Event()
+        clients = [asyncio.create_task(client(number, over)) for number in range(4)]
+        rolled = asyncio.create_task(asyncio.to_thread(roll))
+        done, _ = await asyncio.wait([rolled, *clients], return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()  # a client that failed says why
+        over.set()
+        return await asyncio.gather(*clients)
+
+    def roll() -> None:
+        """Roll; see a landing that is open finished by the worker that goes."""
+        with PlainClient(f"{service.url}/scenes/pit") as open_one:
+            assert open_one.hello(credit_bytes=20_000).limits.max_radius_m == 500.0
+            open_one.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=100.0))
+            open_one.expect(Plan)
+            service.process.send_signal(signal.SIGHUP)
+            # Told at once where its worker goes first, else some seconds later.
+            service.until(lambda: service.log.count("draining") > 0, 60)
+            notice, first, _ = open_one.until(Notice)
+            assert notice.kind == "draining"
+            # Who takes over is there already: back at once, in a row.
+            assert notice.reconnect_after_ms is not None
+            assert notice.reconnect_after_ms < 20
+            # The service as a whole goes nowhere: proxies hear no different.
+            assert httpx.get(f"{service.url}/readyz").status_code == 200
+            open_one.send(Credit(bytes=1 << 30))
+            ready, frames, _ = open_one.until(Ready)
+            assert ready.delivered == 36
+            assert assemble([*first, *frames]) == dict(enumerate(pit.payloads))
+            assert open_one.closed() == 4503
+        service.until(lambda: "rolling restart done" in service.log, 60)
+
+    results = asyncio.run(asyncio.wait_for(work(), 120))
+    assert all(landings > 10 for landings, _ in results), results
+    # Every worker that held a client was replaced.
+    assert all(connections >= 2 for _, connections in results), results
+    assert not any(is_alive(pid) for pid in old)
+    after = service.metrics()
+    name = "terraport_landings_total{scene=big}"
+    planned = after[name] - before.get(name, 0.0)
+    # A landing that the roll interrupted is planned again; what a worker that is gone had counted
+    # is still there.
+    landings = sum(count for count, _ in results)
+    assert landings <= planned <= landings + sum(count for _, count in results)
+    assert after["terraport_rolling_restarts_total{}"] == 1.0
+    assert after["terraport_worker_restarts_total{}"] == 0.0
+    assert "Traceback" not in service.log
+    with PlainClient(f"{service.url}/scenes/pit") as client_of_new:
+        assert client_of_new.hello().limits.max_radius_m == 400.0
+    # Settings that cannot be used change nothing.
+    pids = service.worker_pids()
+    settings.write_text("TERRAPORT_MAX_RADIUS_M=-1\n")
+    service.process.send_signal(signal.SIGHUP)
+    service.until(lambda: "rolling restart stopped" in service.log, 20)
+    settings.unlink()
+    assert service.worker_pids() == pids
+
+
+def test_a_scrape_counts_all_workers_whoever_answers(service: Supervised, pit: GridScene) -> None:
+    name = "terraport_sessions_active{scene=pit}"
+    clients = [PlainClient(f"{service.url}/scenes/pit") for _ in range(12)]
+    try:
+        for client in clients:
+            client.hello()
+        found = [service.metrics() for _ in range(6)]
+        assert {metrics[name] for metrics in found} == {12.0}
+        assert found[0]["terraport_workers{state=serving}"] == 2.0
+        assert found[0]["terraport_workers_wanted{}"] == 2.0
+    finally:
+        for client in clients:
+            client.__exit__(None, None, None)
+
+
+def test_a_worker_that_dies_is_replaced_and_its_clients_resume(
+    service: Supervised, big: GridScene
+) -> None:
+    victim = service.worker_pids()[-1]
+
+    async def client(number: int) -> int:
+        async with terraport.connect(f"{service.url}/scenes/big", credit_bytes=300_000) as session:
+            landing = await session.land(CENTRE, radius_m=EVERYWHERE_M)
+            seen = 0
+            async for _ in landing:
+                seen += 1
+                if seen == 5 and number == 0:
+                    os.kill(victim, signal.SIGKILL)
+            assert [segment.payload for segment in landing.segments] == big.payloads
+            assert seen == 36
+            assert session.stats.repeated_bytes == 0
+            return session.stats.connections
+
+    async def work() -> list[int]:
+        return await asyncio.gather(*map(client, range(12)))
+
+    before = service.metrics()
+    connections = asyncio.run(asyncio.wait_for(work(), 60))
+    # Some sat on the one that died, some on the other one.
+    assert set(connections) == {1, 2}
+    service.until(lambda: service.metrics()["terraport_workers{state=serving}"] == 2.0, 30)
+    after = service.metrics()
+    name = "terraport_worker_restarts_total{}"
+    assert after[name] - before[name] == 1.0
+    name = "terraport_landings_total{scene=big}"
+    assert after[name] >= before[name]
+    assert service.log.count("worker died") == 1
+
+
+def test_workers_that_cannot_start_end_the_service(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """An unreadable certificate is found by the workers only."""
+    for name in ("a.pem", "b.pem"):
+        (tmp_path / name).write_text("no certificate")
+    settings = Settings(
+        scenes_dir=tmp_path, tls_certificate=tmp_path / "a.pem", tls_key=tmp_path / "b.pem"
+    )
+
+    async def work() -> None:
+        await Supervisor(settings, open_listeners("127.0.0.1", 0)).run()
+
+    with pytest.raises(ServerError, match="worker 0 ended before it was ready, expected it to"):
+        asyncio.run(asyncio.wait_for(work(), 60))
+
+
+def test_a_port_in_use_is_said_before_any_worker_starts() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ServerError, match=f"could not listen on 127.0.0.1:{port}, expected"):
+            open_listeners("127.0.0.1", port)
+
+
+def test_every_address_of_a_host_gets_the_same_port() -> None:
+    listeners = open_listeners("localhost", 0)
+    try:
+        assert len({listener.getsockname()[1] for listener in listeners}) == 1
+    finally:
+        for listener in listeners:
+            listener.close()
+
+
+def test_sigterm_finishes_open_landings_and_leaves_no_process(
+    service: Supervised, pit: GridScene
+) -> None:
+    """The last one: it ends the service that all of these share."""
+    pids = service.worker_pids()[-2:]
+    with PlainClient(f"{service.url}/scenes/pit") as client:
+        client.hello(credit_bytes=20_000)
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=60.0))
+        client.expect(Plan)
+        service.process.send_signal(signal.SIGTERM)
+        notice, before, _ = client.until(Notice)
+        assert notice.reconnect_after_ms == 1000
+        client.send(Credit(bytes=1 << 30))
+        _, frames, _ = client.until(Ready)
+        assert assemble([*before, *frames]) == dict(enumerate(pit.payloads))
+        assert client.closed() == 4503
+    assert service.process.wait(20) == 0
+    assert not any(is_alive(pid) for pid in pids)
+    assert "Traceback" not in service.log
+    with pytest.raises(OSError, match="refused"):
+        socket.create_connection(("127.0.0.1", service.port))

@@ -1,0 +1,59 @@
+"""One worker process by itself, with a test in the place of its supervisor."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import httpx
+from server.grid_scene import write_grid_scene
+
+from terraport_server.control import Channel
+from terraport_server.supervisor import open_listeners
+
+
+def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) -> None:
+    write_grid_scene(tmp_path / "pit")
+
+    async def work() -> None:
+        (listener,) = open_listeners("127.0.0.1", 0)
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        ours, theirs = socket.socketpair()
+        with theirs:
+            numbers = (theirs.fileno(), listener.fileno())
+            command = [sys.executable, "-m", "terraport_server.worker", str(theirs.fileno())]
+            process = await asyncio.create_subprocess_exec(
+                *command, pass_fds=numbers, stderr=subprocess.PIPE
+            )
+        channel = await Channel.open(ours)
+        settings = {"scenes_dir": str(tmp_path), "token": "sixteen-characters", "public_metrics": 1}
+        channel.say("start", settings=settings, listeners=[listener.fileno()])
+        assert await channel.hear() == {"kind": "ready"}
+        # Nobody else could have told it the token: no argument and no variable has it.
+        async with httpx.AsyncClient(
+            headers={"Authorization": "Bearer sixteen-characters"}
+        ) as http:
+            assert [s["id"] for s in (await http.get(f"{url}/scenes")).json()["scenes"]] == ["pit"]
+            assert (await http.get(f"{url}/scenes", headers={"Authorization": ""})).is_error
+            # It asks its supervisor for everybody's metrics.
+            scrape = asyncio.create_task(http.get(f"{url}/metrics"))
+            asked = await channel.hear()
+            assert asked == {"kind": "scrape", "number": 1}
+            channel.say("measure")
+            answer = await channel.hear()
+            assert answer is not None
+            assert "terraport_sessions_active" in answer["page"]
+            channel.say("merged", number=1, page="all_of_us 7\n")
+            assert (await scrape).text == "all_of_us 7\n"
+        # The supervisor is gone: no process is left over, and it ends in order.
+        await channel.close()
+        async with asyncio.timeout(20):
+            _, log = await process.communicate()
+        assert process.returncode == 0
+        assert b"Traceback" not in log
+        listener.close()
+
+    asyncio.run(asyncio.wait_for(work(), 60))
