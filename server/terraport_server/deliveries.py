@@ -8,6 +8,7 @@ numbers in comments are those of spec/wire-protocol.md.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -207,6 +208,11 @@ class Deliveries:
         ):
             aiming.resent.add(segment)
             self._put_back(aiming, segment)
+
+    def upcoming(self, most: int) -> list[int]:
+        """Return the segments that are sent next, in order; the first may be partly sent."""
+        transfer = self._sending()
+        return [] if transfer is None else list(islice(transfer.queue, most))
 
     def next_chunk(self) -> SendChunk | None:
         """Return the chunk to send now, the same until it is answered."""

@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from functools import partial
 
 from terraport_server.actions import SendChunk
 from terraport_store import PayloadRange, RangeError, Scene
@@ -39,6 +40,11 @@ class PayloadDesk:
         Threads that may wait for the disk; those of the event loop by default.
     hold, release
         Keep the scene open, and let it go, around the work of a thread.
+    fetchers
+        Threads that may wait for a network; None for a scene on this machine. They are the scene's
+        own, so that no other scene waits when its storage is slow.
+    ahead_bytes
+        What one client's landing is fetched ahead.
     """
 
     def __init__(
@@ -48,9 +54,14 @@ class PayloadDesk:
         *,
         hold: Callable[[], None],
         release: Callable[[], None],
+        fetchers: Executor | None = None,
+        ahead_bytes: int = 0,
     ) -> None:
+        self.ahead_bytes = ahead_bytes
+        """How much :meth:`expect` takes at a time; 0 = it is not to be called."""
         self._scene = scene
         self._readers = readers
+        self._fetchers = fetchers
         self._hold = hold
         self._release = release
         self._fetching: dict[tuple[str, int, int], asyncio.Future[None]] = {}
@@ -74,8 +85,8 @@ class PayloadDesk:
             return None
         found = scene.payload_range(segment, encoding, chunk.offset, chunk.length)
         if found is None:
-            data = memoryview(scene.payload(segment, encoding))
-            return data[chunk.offset : chunk.offset + chunk.length]
+            data = scene.held(segment, encoding, chunk.offset, chunk.length)
+            return None if data is None else memoryview(data)
         if not _is_cached(found):
             return None
         if as_file:
@@ -104,12 +115,48 @@ class PayloadDesk:
         if fetching is None:
             work = self._touch if checked else self._check
             self._hold()
-            fetching = asyncio.get_running_loop().run_in_executor(
-                self._readers, work, chunk, encoding
-            )
+            loop = asyncio.get_running_loop()
+            if self._fetchers is None:
+                fetching = loop.run_in_executor(self._readers, work, chunk, encoding)
+            else:
+                fetching = loop.create_task(self._bring(self._fetchers, work, chunk, encoding))
             self._fetching[key] = fetching
             fetching.add_done_callback(lambda done: self._fetched(key, done))
         await asyncio.shield(fetching)
+
+    def expect(self, segments: Sequence[int], encoding: str) -> int:
+        """Hear what a client will be sent next; the first of it is fetched ahead.
+
+        Returns
+        -------
+        int
+            Payload bytes that were taken note of, ``ahead_bytes`` or a little more.
+        """
+        lengths = self._scene.index_for(encoding).length
+        total = count = 0
+        for segment in segments:
+            if total >= self.ahead_bytes:
+                break
+            total += int(lengths[segment])
+            count += 1
+        self._scene.expect(segments[:count], encoding)
+        return total
+
+    async def payload(self, segment: int) -> bytes:
+        """Read a whole GLB and compare its hash, in a thread. Raises as :meth:`fetch`."""
+        loop = asyncio.get_running_loop()
+        self._hold()
+        try:
+            readers = self._readers
+            if self._fetchers is not None:
+                recalled = await loop.run_in_executor(
+                    self._readers, self._scene.recall, segment, "glb"
+                )
+                readers = self._readers if recalled else self._fetchers
+            read = partial(self._scene.payload, segment, recheck=True)
+            return bytes(await loop.run_in_executor(readers, read))
+        finally:
+            self._release()
 
     def distrust(self, segment: int) -> None:
         """Compare the segment's hashes again before it is sent once more."""
@@ -122,12 +169,26 @@ class PayloadDesk:
         if not done.cancelled():
             done.exception()  # seen, though whoever asked may have gone
 
+    async def _bring(
+        self,
+        fetchers: Executor,
+        work: Callable[[SendChunk, str], None],
+        chunk: SendChunk,
+        encoding: str,
+    ) -> None:
+        """Do the work where it may wait: what the local disk has is not held up by a network."""
+        loop = asyncio.get_running_loop()
+        recall = self._scene.recall
+        recalled = await loop.run_in_executor(self._readers, recall, chunk.segment, encoding)
+        await loop.run_in_executor(self._readers if recalled else fetchers, work, chunk, encoding)
+
     def _check(self, chunk: SendChunk, encoding: str) -> None:
         self._scene.payload(chunk.segment, encoding)
 
     def _touch(self, chunk: SendChunk, encoding: str) -> None:
         found = self._scene.payload_range(chunk.segment, encoding, chunk.offset, chunk.length)
         if found is None:
+            self._scene.payload(chunk.segment, encoding)
             return
         got = len(os.pread(found.descriptor, found.length, found.offset))
         if got < found.length:

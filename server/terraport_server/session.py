@@ -132,6 +132,10 @@ class Session:
         """What the client holds and is being sent, once it is welcome; to look at only."""
         return self._deliveries
 
+    def upcoming(self, most: int) -> list[int]:
+        """Return the segments that are sent next, in order, ``most`` of them at most."""
+        return [] if self._deliveries is None else self._deliveries.upcoming(most)
+
     def wake_at_s(self) -> float:
         """When :meth:`tick` has something to do at the latest."""
         if self._deliveries is None:

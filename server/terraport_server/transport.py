@@ -20,11 +20,11 @@ from asyncio.transports import BaseTransport
 from typing import Any, Final, cast
 
 from starlette.websockets import WebSocketDisconnect
-from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
 from websockets.protocol import State
 
 from terraport_server.frame_guard import FrameGuard
+from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
 from terraport_store import PayloadRange
 
 __all__ = ["EXTENSION", "Connection", "ShortFileError", "connection_of", "protocol_class"]
@@ -42,7 +42,7 @@ class ShortFileError(OSError):
     """A pack ended before a frame that it had promised was whole; the connection is dropped."""
 
 
-class Connection(WebSocketsSansIOProtocol):
+class Connection(BoundedPeer):
     """One WebSocket connection."""
 
     notsent_lowat_bytes = 0
@@ -214,7 +214,13 @@ class Connection(WebSocketsSansIOProtocol):
             self._direct = None
 
 
-def protocol_class(*, notsent_lowat_bytes: int, send_buffer_bytes: int) -> type[Connection]:
+def protocol_class(
+    *,
+    notsent_lowat_bytes: int,
+    send_buffer_bytes: int,
+    max_messages_per_s: float = 60.0,
+    close_timeout_s: float = 5.0,
+) -> type[Connection]:
     """Return a class for uvicorn's ``ws`` option.
 
     Parameters
@@ -223,12 +229,21 @@ def protocol_class(*, notsent_lowat_bytes: int, send_buffer_bytes: int) -> type[
         TCP_NOTSENT_LOWAT; 0 = leave the system's.
     send_buffer_bytes
         SO_SNDBUF; 0 = leave it to the system.
+    max_messages_per_s
+        Bounds control frames and fragments too; see :class:`BoundedPeer`.
+    close_timeout_s
+        How long a closed client may take to close its side.
     """
-    return type(
-        "Connection",
-        (Connection,),
-        {"notsent_lowat_bytes": notsent_lowat_bytes, "send_buffer_bytes": send_buffer_bytes},
-    )
+
+    class Bounded(Connection):
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            super().__init__(*args, **kwargs)
+            self.close_timeout = close_timeout_s
+
+    Bounded.notsent_lowat_bytes = notsent_lowat_bytes
+    Bounded.send_buffer_bytes = send_buffer_bytes
+    Bounded.max_frames_per_s = FRAMES_PER_MESSAGE * max_messages_per_s
+    return Bounded
 
 
 def connection_of(scope: Any) -> Connection | None:
@@ -250,7 +265,7 @@ def _after(part: PayloadRange, sent: int) -> PayloadRange:
     """Return what is left of a range; raises ShortFileError where nothing was sent of it."""
     if not sent:
         raise ShortFileError(f"the pack ends {part.length} bytes before its segment")
-    return PayloadRange(part.descriptor, part.offset + sent, part.length - sent)
+    return PayloadRange(part.descriptor, part.offset + sent, part.length - sent, part.keeper)
 
 
 def _read(part: PayloadRange) -> bytes:

@@ -194,11 +194,10 @@ class ByteCache:
             self._sweep_mutex.release()
         return True
 
-    def close(self) -> None:
-        """Close the lock files; what is kept stays."""
-        for descriptor in (self._used, self._sweeping):
-            with contextlib.suppress(OSError):
-                os.close(descriptor)
+    def __del__(self) -> None:
+        for name in ("_used", "_sweeping"):  # threads may still be at it before
+            if name in self.__dict__:
+                os.close(self.__dict__[name])
 
     def _sweep(self) -> None:
         with self._counter() as before:

@@ -3,8 +3,8 @@
 ::
 
     with ObjectStorage(ObjectOptions(cache_dir=folder)) as storage:
-        for name, files in storage.scenes("s3://bucket/scenes").items():
-            with Scene.open(files) as scene: ...
+        for name, url in storage.folders("s3://bucket/scenes").items():
+            with Scene.open(storage.files(url)) as scene: ...
 
 A scene is opened and read like one in a folder. Its small files are fetched whole, compared with
 the manifest's hashes, and kept in the cache; base, cover and regions lie in a local folder of their
@@ -100,8 +100,8 @@ class ObjectStorage:
         """
         return ObjectFiles(self._make_origin(url), self, owned=owned)
 
-    def scenes(self, url: str) -> dict[str, str]:
-        """Find the scenes at an address.
+    def folders(self, url: str) -> dict[str, str]:
+        """Find what may be scenes at an address.
 
         Parameters
         ----------
@@ -111,8 +111,8 @@ class ObjectStorage:
         Returns
         -------
         dict of str to str
-            Address of each scene by its id (the folder's name), ascending; the first 1000.
-            Folders without a manifest are left out.
+            Address of each by its id (the folder's name), ascending; the first 1000. Whether there
+            is a manifest is not looked at.
 
         Raises
         ------
@@ -126,11 +126,7 @@ class ObjectStorage:
         if origin.head(MANIFEST_NAME) is not None:
             return {url.rpartition("/")[2]: url}
         names = [name for name in origin.folders() if not name.startswith((".", "v-"))]
-        found = {}
-        for name in names[:MAX_SCENES]:
-            if origin.head(f"{name}/{MANIFEST_NAME}") is not None:
-                found[name] = f"{url}/{name}"
-        return found
+        return {name: f"{url}/{name}" for name in names[:MAX_SCENES]}
 
     def interrupt(self) -> None:
         """Let looks that wait fail soon; files and sources have their own."""
@@ -138,10 +134,8 @@ class ObjectStorage:
             origin.interrupt()
 
     def close(self) -> None:
-        """Free memory and descriptors; the cache stays. May be called again."""
+        """Free what is in memory; the cache on disk stays. May be called again."""
         self.shelf.clear()
-        if self.cache is not None:
-            self.cache.close()
         if self._temporary is not None:
             self._temporary.cleanup()
 

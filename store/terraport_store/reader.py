@@ -316,14 +316,20 @@ class Scene:
             raise RangeError(start, length, total)
         return self._sources[encoding].file_range(int(index.offset[segment_id]) + start, length)
 
-    def is_at_hand(self, segment_id: int, encoding: str) -> bool:
-        """Tell whether :meth:`payload` waits for no network; raises as :meth:`is_verified`."""
-        return self._sources[encoding].is_at_hand(*self._place(segment_id, encoding))
+    def held(
+        self, segment_id: int, encoding: str, start: int, length: int
+    ) -> bytes | memoryview | None:
+        """Return a part of a payload that is in memory; arguments as for :meth:`payload_range`.
+
+        None where it is in a file or still elsewhere. Never waits; nothing is compared.
+        """
+        offset = int(self._indexes[encoding].offset[segment_id])
+        return self._sources[encoding].held(offset + start, length)
 
     def recall(self, segment_id: int, encoding: str) -> bool:
-        """Bring a payload to hand if that takes no network; may read a disk.
+        """Bring a payload to hand if that takes no network, and tell whether it is.
 
-        Returns as :meth:`is_at_hand`, raises as :meth:`is_verified`.
+        May read a disk; raises as :meth:`is_verified`.
         """
         return self._sources[encoding].recall(*self._place(segment_id, encoding))
 

@@ -141,10 +141,14 @@ class RemoteSource:
             return None
         return PayloadRange(file.descriptor, offset - int(self._offsets[piece]), length, file)
 
-    def is_at_hand(self, offset: int, length: int) -> bool:
-        """Tell whether the payload is in memory or in an open file."""
+    def held(self, offset: int, length: int) -> memoryview | None:
+        """Return bytes that are in memory; see :class:`PayloadSource`."""
         piece = self._piece(offset, length)
-        return piece is not None and self._shelf.has(self._key(piece))
+        data = None if piece is None else self._shelf.payload(self._key(piece))
+        if piece is None or data is None:
+            return None
+        start = offset - int(self._offsets[piece])
+        return memoryview(data)[start : start + length]
 
     def recall(self, offset: int, length: int) -> bool:
         """Open the payload's cache file, if there is one."""

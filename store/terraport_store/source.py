@@ -78,12 +78,12 @@ class PayloadSource(Protocol):
         """
         ...
 
-    def is_at_hand(self, offset: int, length: int) -> bool:
-        """Tell whether :meth:`read` answers without waiting for a network. Never waits itself."""
+    def held(self, offset: int, length: int) -> bytes | memoryview | None:
+        """Return bytes that are in memory; ``None`` where they are not. Never waits."""
         ...
 
     def recall(self, offset: int, length: int) -> bool:
-        """Bring to hand what takes no network; tell as :meth:`is_at_hand` does. May read a disk."""
+        """Bring to hand what takes no network, and tell whether it is. May read a disk."""
         ...
 
     def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
@@ -102,9 +102,9 @@ class PayloadSource(Protocol):
 class LocalSource:
     """What a source on this machine answers where a remote one has work to do."""
 
-    def is_at_hand(self, offset: int, length: int) -> bool:  # noqa: ARG002 - any
-        """Return True; see :class:`PayloadSource`."""
-        return True
+    def held(self, offset: int, length: int) -> bytes | memoryview | None:  # noqa: ARG002 - any
+        """Return None: a file has its bytes elsewhere; see :class:`PayloadSource`."""
+        return None
 
     def recall(self, offset: int, length: int) -> bool:  # noqa: ARG002 - any
         """Return True; see :class:`PayloadSource`."""
@@ -188,6 +188,10 @@ class MmapSource(LocalSource):
         check_range(offset, length, len(self._view))
         return self._view[offset : offset + length]
 
+    def held(self, offset: int, length: int) -> memoryview:
+        """Return a view; see :class:`PayloadSource`."""
+        return self.read(offset, length)
+
     def file_range(self, offset: int, length: int) -> None:
         """Return None; see :class:`PayloadSource`."""
         check_range(offset, length, self.size)
@@ -222,6 +226,10 @@ class MemorySource(LocalSource):
         """Read exactly *length* bytes as a view; see :class:`PayloadSource`."""
         check_range(offset, length, len(self._view))
         return self._view[offset : offset + length]
+
+    def held(self, offset: int, length: int) -> memoryview:
+        """Return a view; see :class:`PayloadSource`."""
+        return self.read(offset, length)
 
     def file_range(self, offset: int, length: int) -> None:
         """Return None; see :class:`PayloadSource`."""
