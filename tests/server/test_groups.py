@@ -1,0 +1,370 @@
+"""Groups as a pure state machine: seats, group landings, barriers, and any history at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from terraport_server.groups import GroupLimits, Groups
+from terraport_wire import Gather, Gathered, Gathering, Join, Joined, Message, Roster
+
+
+def wants(role: str = "member", *, group: str = "tour", seat: str | None = None) -> Join:
+    return Join(request=1, group=group, role=role, name="N", seat=seat)
+
+
+def there(deadline_ms: int | None = None) -> Gather:
+    return Gather(
+        request=2,
+        position=(1.0, 2.0, 3.0),
+        radius_m=9.0,
+        inner_radius_m=4.0,
+        deadline_ms=deadline_ms,
+    )
+
+
+class Hall:
+    """Groups, and what was told to whom."""
+
+    def __init__(self, **limits: Any) -> None:
+        self.groups = Groups(GroupLimits(**limits))
+        self.told: dict[str, list[Message]] = {}
+        self.now_s = 0.0
+        self.secrets = 0
+
+    def join(self, key: str, join: Join | None = None, **options: Any) -> str | None:
+        self.secrets += 1
+        return self.groups.join(
+            key,
+            options.pop("scene", "pit"),
+            join or wants(**options),
+            self.now_s,
+            new_secret=f"secret-{self.secrets}",
+            may_guide=True,
+        )
+
+    def hear(self) -> dict[str, list[Message]]:
+        """Everything told since the last call."""
+        told: dict[str, list[Message]] = {}
+        for key, message in self.groups.take_posts():
+            told.setdefault(str(key), []).append(message)
+        return told
+
+    def wait(self, seconds: float) -> dict[str, list[Message]]:
+        self.now_s += seconds
+        self.groups.tick(self.now_s)
+        return self.hear()
+
+
+def filled(*members: str, **limits: Any) -> tuple[Hall, dict[str, str]]:
+    """A hall with a guide "g" and members; their secrets by key."""
+    hall = Hall(**limits)
+    secrets = {}
+    for key in ("g", *members):
+        assert hall.join(key, role="guide" if key == "g" else "member") is None
+        (joined,) = [m for m in hall.hear()[key] if isinstance(m, Joined)]
+        secrets[key] = joined.seat
+    hall.wait(1.0)
+    return hall, secrets
+
+
+def of(told: dict[str, list[Message]], kind: type[Message]) -> dict[str, Any]:
+    """The last message of a kind by key."""
+    return {key: m for key, messages in told.items() for m in messages if isinstance(m, kind)}
+
+
+def test_joined_is_told_to_one_and_the_roster_to_all() -> None:
+    hall = Hall()
+    hall.join("g", role="guide")
+    hall.hear()
+    hall.join("a")
+    told = hall.hear()
+    assert told["a"][0] == Joined(request=1, group="tour", member=2, role="member", seat="secret-2")
+    told = hall.wait(1.0)
+    for key in ("g", "a"):
+        (roster,) = told[key]
+        assert isinstance(roster, Roster)
+        assert [(m.member, m.role, m.present) for m in roster.members] == [
+            (1, "guide", True),
+            (2, "member", True),
+        ]
+        assert "secret" not in repr(roster)
+
+
+def test_a_group_is_of_one_scene() -> None:
+    hall, _ = filled("a")
+    hall.join("x", scene="other")
+    assert set(hall.hear()) == {"x"}
+    assert hall.groups.group_count == 2
+
+
+def test_the_guide_lands_everybody_and_the_barrier_opens_when_all_are_ready() -> None:
+    hall, _ = filled("a", "b")
+    assert hall.groups.gather("g", there(), hall.now_s) is None
+    told = of(hall.hear(), Gathering)
+    assert set(told) == {"g", "a", "b"}
+    assert (told["a"].gathering, told["a"].guide, told["a"].left_ms) == (1, 1, 60_000)
+    assert (told["a"].position, told["a"].inner_radius_m) == ((1.0, 2.0, 3.0), 4.0)
+    for key in ("b", "g"):
+        hall.groups.arrived(key, 1, "ready")
+    hall.groups.arrived("a", 1, "degraded")
+    assert hall.hear() == {}, "a degraded member is waited for until the deadline"
+    hall.groups.arrived("a", 1, "ready")
+    told = of(hall.hear(), Gathered)
+    assert set(told) == {"g", "a", "b"}
+    assert told["b"].ready.tolist() == [1, 2, 3]
+    hall.groups.arrived("a", 1, "degraded")
+    assert hall.wait(1000.0) == {}, "the barrier opens once"
+
+
+def test_the_deadline_opens_the_barrier_and_says_who_is_where() -> None:
+    hall, _ = filled("a", "b", "c")
+    hall.groups.gather("g", there(5000), hall.now_s)
+    hall.groups.arrived("g", 1, "ready")
+    hall.groups.arrived("a", 1, "degraded")
+    hall.groups.arrived("b", 1, "declined")
+    hall.hear()
+    assert hall.groups.wake_at_s() == hall.now_s + 5.0
+    assert hall.wait(4.9) == {}
+    opened = of(hall.wait(0.2), Gathered)["c"]
+    assert (opened.ready.tolist(), opened.degraded.tolist()) == ([1], [2])
+    assert opened.missing.tolist() == [3, 4]
+    assert hall.groups.wake_at_s() is None
+
+
+def test_nobody_keeps_it_shut_longer_than_the_server_allows() -> None:
+    hall, _ = filled("a", group_deadline_s=7.0)
+    hall.groups.gather("g", there(600_000), hall.now_s)
+    hall.hear()
+    assert hall.wait(6.9) == {}
+    assert set(of(hall.wait(0.2), Gathered)) == {"g", "a"}
+
+
+def test_who_leaves_holds_nobody() -> None:
+    hall, _ = filled("a", "b")
+    hall.groups.gather("g", there(), hall.now_s)
+    for key in ("a", "b"):
+        hall.groups.arrived(key, 1, "ready")
+    hall.hear()
+    hall.groups.leave("g", hall.now_s)
+    assert of(hall.hear(), Gathered)["a"].ready.tolist() == [2, 3], "the guide, too"
+    assert hall.join("b2", role="guide") is None, "the guide's seat is free"
+
+
+def test_a_lost_member_is_waited_for_a_while_then_left() -> None:
+    hall, _ = filled("a", group_absence_s=10.0)
+    hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.arrived("g", 1, "ready")
+    hall.groups.lost("a", hall.now_s)
+    told = hall.wait(0.5)
+    assert [m.present for m in of(told, Roster)["g"].members] == [True, False]
+    assert of(hall.wait(9.4), Gathered) == {}
+    assert of(hall.wait(0.2), Gathered)["g"].missing.tolist() == []
+
+
+def test_a_seat_is_taken_again_by_its_secret_with_its_place_in_the_barrier() -> None:
+    hall, secrets = filled("a")
+    hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.arrived("a", 1, "ready")
+    hall.groups.lost("g", hall.now_s)
+    hall.wait(20.0)
+    assert hall.join("g2", wants("guide", seat=secrets["g"])) is None
+    told = hall.hear()
+    assert of(told, Joined)["g2"].member == 1
+    assert of(told, Joined)["g2"].role == "guide"
+    assert of(told, Gathering)["g2"].left_ms == 40_000
+    hall.groups.arrived("g2", 1, "ready")
+    assert of(hall.hear(), Gathered)["g2"].ready.tolist() == [1, 2]
+
+
+def test_a_seat_moves_from_a_connection_that_only_looks_alive() -> None:
+    hall, secrets = filled("a")
+    hall.join("a2", wants(seat=secrets["a"]))
+    assert of(hall.hear(), Joined)["a2"].member == 2
+    hall.groups.lost("a", hall.now_s)  # noticed later
+    hall.groups.leave("a", hall.now_s)
+    assert hall.groups.member_count == 2
+    hall.groups.gather("g", there(), hall.now_s)
+    assert set(of(hall.hear(), Gathering)) == {"g", "a2"}
+
+
+def test_an_unknown_seat_is_a_new_one() -> None:
+    hall, _ = filled()
+    assert hall.join("a", wants(seat="guessed")) is None
+    joined = of(hall.hear(), Joined)["a"]
+    assert (joined.member, joined.seat) != (1, "guessed")
+
+
+def test_who_comes_late_is_told_where_the_group_is() -> None:
+    hall, _ = filled()
+    hall.groups.gather("g", there(), hall.now_s)
+    hall.join("a")
+    assert of(hall.hear(), Gathering)["a"].left_ms == 60_000
+    hall.groups.arrived("g", 1, "ready")
+    assert of(hall.hear(), Gathered) == {}, "it is expected"
+    hall.groups.arrived("a", 1, "ready")
+    hall.hear()
+    hall.join("b")
+    assert of(hall.hear(), Gathering)["b"].left_ms is None
+
+
+def test_a_newer_gathering_ends_the_older_one() -> None:
+    hall, _ = filled("a")
+    for _ in range(2):
+        hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.arrived("g", 1, "ready")
+    hall.groups.arrived("a", 1, "ready")
+    assert of(hall.hear(), Gathered) == {}
+    hall.groups.arrived("g", 2, "ready")
+    hall.groups.arrived("a", 2, "ready")
+    assert of(hall.hear(), Gathered)["a"].gathering == 2
+
+
+def test_refusals() -> None:
+    hall, _ = filled("a", max_groups=2, max_group_members=3)
+    assert "from a member" in (hall.groups.gather("a", there(), 0.0) or "")
+    assert "without a seat" in (hall.groups.gather("x", there(), 0.0) or "")
+    assert "that has one" in (hall.join("x", role="guide") or "")
+    assert hall.join("b") is None
+    assert "at most 3" in (hall.join("c") or "")
+    assert hall.join("c", group="other") is None
+    assert "at most 2" in (hall.join("d", group="third") or "")
+    assert hall.join("c", group="third") is None, "its own group goes with it"
+    refused = hall.groups.join(
+        "y", "pit", wants("guide", group="third"), 0.0, new_secret="s", may_guide=False
+    )
+    assert "does not allow" in (refused or "")
+
+
+def test_a_refused_join_keeps_the_seat_held_before() -> None:
+    hall, _ = filled("a")
+    hall.join("x", group="other", role="guide")
+    assert hall.join("a", group="other", role="guide") is not None
+    hall.groups.gather("g", there(), hall.now_s)
+    assert "a" in of(hall.hear(), Gathering)
+
+
+def test_the_guide_may_join_again_as_member_of_its_group() -> None:
+    hall, _ = filled("a")
+    assert hall.join("g", role="member") is None
+    assert hall.join("a", role="guide") is None
+
+
+def test_rosters_are_not_told_faster_than_four_times_a_second() -> None:
+    hall, _ = filled("a")
+    told = 0
+    for _ in range(100):
+        hall.join("b")
+        hall.groups.leave("b", hall.now_s)
+        told += sum(isinstance(m, Roster) for m in hall.hear().get("a", []))
+        told += sum(isinstance(m, Roster) for m in hall.wait(0.01).get("a", []))
+    assert 3 <= told <= 5
+
+
+class AnyHistory(RuleBasedStateMachine):
+    """Keys 0..5 join, leave, get lost, gather and arrive; time passes."""
+
+    keys = st.integers(0, 5)
+
+    @initialize()
+    def begin(self) -> None:
+        self.hall = Hall(
+            max_groups=2, max_group_members=3, group_absence_s=4.0, group_deadline_s=9.0
+        )
+        self.place: dict[int, tuple[str, int]] = {}
+        self.seats: dict[tuple[str, int], str] = {}
+        self.shut: dict[str, tuple[int, float]] = {}
+        self.opened: set[tuple[str, int]] = set()
+
+    def listen(self) -> None:
+        for key, message in self.hall.groups.take_posts():
+            assert isinstance(key, int)
+            if isinstance(message, Joined):
+                self.place = {
+                    k: p for k, p in self.place.items() if p != (message.group, message.member)
+                }
+                self.place[key] = (message.group, message.member)
+                self.seats[message.group, message.member] = message.seat
+            group = self.place[key][0]
+            if isinstance(message, Roster):
+                assert message.group == group
+                assert 1 <= len(message.members) <= 3
+                assert sum(m.role == "guide" for m in message.members) <= 1
+            elif isinstance(message, Gathering) and message.left_ms is not None:
+                assert message.left_ms <= 9000
+                self.shut[group] = (message.gathering, self.hall.now_s + message.left_ms / 1000.0)
+            elif isinstance(message, Gathered):
+                numbers = [
+                    *message.ready.tolist(), *message.degraded.tolist(), *message.missing.tolist()
+                ]  # fmt: skip
+                assert len(set(numbers)) == len(numbers)
+                assert self.place[key][1] in numbers
+                self.shut.pop(group, None)
+
+    @rule(
+        key=keys,
+        group=st.sampled_from("xyz"),
+        role=st.sampled_from(["guide", "member"]),
+        known=st.booleans(),
+        number=st.integers(1, 3),
+    )
+    def join(self, key: int, group: str, role: str, known: bool, number: int) -> None:
+        seat = self.seats.get((group, number)) if known else None
+        self.hall.secrets += 1
+        refused = self.hall.groups.join(
+            key,
+            "pit",
+            wants(role, group=group, seat=seat),
+            self.hall.now_s,
+            new_secret=f"s{self.hall.secrets}",
+            may_guide=True,
+        )
+        if refused is None:
+            self.place.pop(key, None)
+        self.listen()
+
+    @rule(key=keys, how=st.sampled_from(["leave", "lost"]))
+    def go(self, key: int, how: str) -> None:
+        getattr(self.hall.groups, how)(key, self.hall.now_s)
+        self.place.pop(key, None)
+        self.listen()
+
+    @rule(key=keys, wait_ms=st.none() | st.integers(1, 20_000))
+    def gather(self, key: int, wait_ms: int | None) -> None:
+        self.hall.groups.gather(key, there(wait_ms), self.hall.now_s)
+        self.listen()
+
+    @rule(
+        key=keys, number=st.integers(1, 3), state=st.sampled_from(["ready", "degraded", "declined"])
+    )
+    def arrive(self, key: int, number: int, state: str) -> None:
+        self.hall.groups.arrived(key, number, state)
+        self.listen()
+
+    @rule(seconds=st.floats(0.01, 5.0))
+    def wait(self, seconds: float) -> None:
+        due_s = self.hall.groups.wake_at_s()
+        self.hall.now_s += seconds
+        if due_s is not None and due_s <= self.hall.now_s:
+            self.hall.groups.tick(self.hall.now_s)
+        self.listen()
+
+    @invariant()
+    def nobody_is_held_beyond_the_deadline(self) -> None:
+        if not hasattr(self, "hall"):
+            return
+        groups = self.hall.groups
+        assert groups.group_count <= 2
+        assert groups.member_count <= 6
+        present = {group for group, _ in self.place.values()}
+        for group, (_, due_s) in self.shut.items():
+            assert group not in present or due_s > self.hall.now_s - 1e-3
+        due_s = groups.wake_at_s()
+        assert due_s is None or groups.group_count > 0
+
+
+AnyHistory.TestCase.settings = settings(max_examples=40, stateful_step_count=25, deadline=None)
+TestAnyHistory = AnyHistory.TestCase
