@@ -7,9 +7,11 @@ away are closed. Both within ``access_check_s`` or two.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
+import ssl
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -27,7 +29,8 @@ _SAID: Final[dict[Withdrawal, str]] = {
     "revoked": "the token opens this scene no more, expected a connection with another one",
 }
 
-_Stamp = tuple[int, int, int] | None
+_Stamps = tuple[tuple[int, int, int] | None, ...]
+"""Time, size and inode of each file; None where there is none."""
 
 
 @dataclass(eq=False, slots=True)
@@ -47,14 +50,13 @@ class _Watched:
     """One file, and what was last seen of it."""
 
     name: str
-    path: Path
+    paths: tuple[Path, ...]
     read: Callable[[], Callable[[], None]]
     """Reads it, in a thread; returns what puts it in force, on the event loop."""
-    used: _Stamp
-    seen: _Stamp = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.seen = self.used
+    # What was read a moment ago, at the start, may have changed since, so the first look always
+    # reads once more.
+    used: _Stamps = ()
+    seen: _Stamps = ()
 
 
 class AccessWatch:
@@ -72,9 +74,12 @@ class AccessWatch:
 
     def __init__(self, gate: Gate, settings: Settings, metrics: Metrics) -> None:
         self._gate = gate
+        self._settings = settings
         self._metrics = metrics
         self._visitors: set[Visitor] = set()
         self._files: list[_Watched] = []
+        self._hurry = asyncio.Event()
+        self._at_once = False
         tokens, keys = settings.tokens_file, settings.token_keys_file
 
         def tokens_again() -> Callable[[], None]:
@@ -86,12 +91,27 @@ class AccessWatch:
             read = read_keys(keys)
             return lambda: gate.use_keys(read)
 
-        # What was read a moment ago, at the start, may have changed since: then the stamp is the
-        # newer one, and the file would be read no more. So the first look always reads.
         if tokens is not None:
-            self._files.append(_Watched("tokens", tokens, tokens_again, None))
+            self._files.append(_Watched("tokens", (tokens,), tokens_again))
         if keys is not None:
-            self._files.append(_Watched("token_keys", keys, keys_again, None))
+            self._files.append(_Watched("token_keys", (keys,), keys_again))
+
+    def watch_certificate(self, context: ssl.SSLContext) -> None:
+        """Load the certificate into this context again when it changes, for new connections."""
+        certificate, key = self._settings.tls_certificate, self._settings.tls_key
+        assert certificate is not None
+        assert key is not None
+
+        def certificate_again() -> Callable[[], None]:
+            try:
+                # A pair that does not belong together must not get half into the context in use.
+                ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+            except OSError as error:
+                what = f"{error}, expected a certificate and its key in PEM"
+                raise SettingsError("tls_certificate", what) from None
+            return lambda: context.load_cert_chain(certificate, key)
+
+        self._files.append(_Watched("tls", (certificate, key), certificate_again))
 
     def add(self, visitor: Visitor) -> None:
         """Watch a session, until :meth:`remove`."""
@@ -104,32 +124,36 @@ class AccessWatch:
     async def watch(self, period_s: float) -> None:
         """Look again and again until cancelled."""
         while True:
-            await asyncio.sleep(period_s)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(period_s):
+                    await self._hurry.wait()
+            self._hurry.clear()
             try:
                 await self.refresh()
                 self.sweep()
             except Exception:  # noqa: BLE001 - a watch that ended would leave every door as it is
                 LOGGER.exception("access watch failed")
 
-    async def refresh(self, *, at_once: bool = False) -> None:
+    async def refresh(self) -> None:
         """Read the files that have changed.
 
         A file is read when two looks, one period apart, saw the same of it: it may be written in
         place, and half of it would lock people out. What cannot be used is logged once, and what
         was read before stays in force.
-
-        Parameters
-        ----------
-        at_once
-            Read every file now, changed or not: an operator asked for it.
         """
+        at_once, self._at_once = self._at_once, False
         for file in self._files:
-            seen = await asyncio.to_thread(_stamp, file.path)
+            seen = await asyncio.to_thread(_stamps, file.paths)
             quiet = seen == file.seen and seen != file.used
             file.seen = seen
             if quiet or at_once:
                 file.used = seen
                 await self._read(file)
+
+    def refresh_soon(self) -> None:
+        """Read every file at the next look, changed or not: an operator asked for it."""
+        self._at_once = True
+        self._hurry.set()
 
     def sweep(self) -> None:
         """End the sessions whose token opens their scene no more."""
@@ -162,10 +186,13 @@ class AccessWatch:
         log("access file read", file=file.name)
 
 
-def _stamp(path: Path) -> _Stamp:
-    """Time, size and inode of a file; None where there is none."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return (status.st_mtime_ns, status.st_size, status.st_ino)
+def _stamps(paths: tuple[Path, ...]) -> _Stamps:
+    found: list[tuple[int, int, int] | None] = []
+    for path in paths:
+        try:
+            status = path.stat()
+        except OSError:
+            found.append(None)
+        else:
+            found.append((status.st_mtime_ns, status.st_size, status.st_ino))
+    return tuple(found)

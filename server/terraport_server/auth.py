@@ -95,6 +95,8 @@ class Gate:
         SettingsError
             When a file cannot be read or holds something else, or a token is too short.
         """
+        if settings.metrics_token is not None:
+            check_token("metrics_token", settings.metrics_token.get_secret_value())
         if settings.is_open:
             return cls(None)
         keys = None if settings.token_keys_file is None else read_keys(settings.token_keys_file)

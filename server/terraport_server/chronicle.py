@@ -133,6 +133,9 @@ class Chronicle(Observer):
     def aim_judged(self, *, hit: bool) -> None:
         self._metrics.aims.labels("hit" if hit else "miss").inc()
 
+    def grouped(self, event: str) -> None:
+        self._metrics.group_events.labels(event).inc()
+
     def credit_stalled(self, *, stalled: bool) -> None:
         if stalled != self._stalled:
             self._stalled = stalled

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import hmac
 import html
+import logging
+from hashlib import sha256
+from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Any
 
 import xxhash
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse
+from starlette.exceptions import HTTPException
 
 from terraport_server.auth import bearer_token
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError, http_status
+from terraport_server.logs import log
 from terraport_server.metrics import CONTENT_TYPE
 from terraport_server.scenes import ServedScene
 from terraport_server.service import Service
-from terraport_store import StoreError
+from terraport_server.session import INTERNAL_TEXT
+from terraport_store import OriginError, StoreError
 from terraport_store.labels import encode_labels
 from terraport_wire import ErrorCode
 
@@ -27,6 +35,10 @@ _FOREVER = "public, max-age=31536000, immutable"
 _PRIVATE_FOREVER = "private, max-age=31536000, immutable"
 _CHECK = "no-cache"
 
+_REPORT = "report.html"
+_MAX_REPORT_BYTES = 64 << 20
+"""Of a report in object storage: it passes through memory."""
+
 
 def add_routes(app: FastAPI) -> None:
     """Add the endpoints and the answers to their errors; ``app.state.service`` must be set."""
@@ -34,6 +46,9 @@ def add_routes(app: FastAPI) -> None:
     app.add_exception_handler(AccessError, _access_refused)
     app.add_exception_handler(UnknownSceneError, _unknown_scene)
     app.add_exception_handler(RequestError, _refused)
+    app.add_exception_handler(HTTPException, _not_routed)
+    app.add_exception_handler(RequestValidationError, _not_understood)
+    app.add_exception_handler(Exception, _failed)
 
 
 def _service(request: Request) -> Service:
@@ -116,7 +131,7 @@ def get_labels(request: Request, served: _Scene) -> Response:
 
 
 @_router.get("/scenes/{scene_id}/segments/{segment}.glb", summary="One segment's GLB")
-def get_segment(
+async def get_segment(
     request: Request, segment: int, served: _Scene, service: _Service, v: str | None = None
 ) -> Response:
     """Return the very bytes that a landing streams."""
@@ -128,22 +143,42 @@ def get_segment(
     if _is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     try:
-        data = served.scene.payload(segment, recheck=True)
+        data = await served.desk.payload(segment)
+    except (OriginError, FileNotFoundError) as error:
+        log(
+            "segment_lost",
+            level=logging.ERROR,
+            scene=served.id,
+            version=served.version,
+            segment=segment,
+            reason=str(error),
+        )
+        text = f"segment {segment} cannot be had now; try again later"
+        raise RequestError(503, "segment_unavailable", text) from None
     except StoreError:
         service.metrics.corrupt_segments.labels(service.metrics.scene_label(served.id)).inc()
         text = f"segment {segment} is not whole on the server's disk"
         raise RequestError(500, "segment_corrupt", text) from None
-    return Response(bytes(data), media_type="model/gltf-binary", headers=headers)
+    return Response(data, media_type="model/gltf-binary", headers=headers)
 
 
 @_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")
-def get_report(served: _Scene) -> Response:
+async def get_report(served: _Scene) -> Response:
     """Return report.html."""
-    path = served.scene.path / "report.html"
-    if not path.is_file():
+    headers = {"Cache-Control": _CHECK}
+    path = served.scene.path / _REPORT
+    if path.is_file():
+        return FileResponse(path, media_type="text/html", headers=headers)
+    try:
+        data = await served.read(_REPORT, _MAX_REPORT_BYTES)
+    except OriginError as error:
+        log("report not read", level=logging.ERROR, scene=served.id, reason=str(error))
+        text = "the report cannot be had now; try again later"
+        raise RequestError(503, "report_unavailable", text) from None
+    except FileNotFoundError:
         text = "this scene has no report, expected report.html from terraport report"
-        raise RequestError(404, "unknown_report", text)
-    return FileResponse(path, media_type="text/html", headers={"Cache-Control": _CHECK})
+        raise RequestError(404, "unknown_report", text) from None
+    return Response(data, media_type="text/html", headers=headers)
 
 
 @_router.get("/healthz", summary="Whether the process runs", response_class=PlainTextResponse)
@@ -162,7 +197,20 @@ def get_readiness(service: _Service) -> PlainTextResponse:
     return PlainTextResponse("ok\n")
 
 
-@_router.get("/metrics", summary="Prometheus metrics")
+def _check_metrics_token(request: Request, service: _Service) -> None:
+    settings = service.settings
+    if settings.serves_metrics:
+        return
+    if settings.metrics_token is None:
+        raise HTTPException(404)
+    given = (_token(request) or "").encode("utf-8", "surrogatepass")
+    right = settings.metrics_token.get_secret_value().encode()
+    # Digests: of one length, whatever was given.
+    if not hmac.compare_digest(sha256(given).digest(), sha256(right).digest()):
+        raise AccessError(ErrorCode.UNAUTHORISED)
+
+
+@_router.get("/metrics", summary="Prometheus metrics", dependencies=[Depends(_check_metrics_token)])
 async def get_metrics(service: _Service) -> Response:
     """Return all metrics, of all processes of the service."""
     return Response(await service.render_metrics(), media_type=CONTENT_TYPE)
@@ -177,7 +225,8 @@ def get_page(service: _Service) -> str:
         name, path = html.escape(served.scene.manifest.name), f"scenes/{html.escape(scene_id)}"
         counts = served.scene.manifest.counts
         report = ""
-        if (Path(served.scene.path) / "report.html").is_file():
+        # Of a scene in object storage it is not known without asking there.
+        if (Path(served.scene.path) / _REPORT).is_file():
             report = f' · <a href="{path}/report">report</a>'
         rows.append(
             f'<li><a href="{path}">{name}</a>: {counts.segments:,} segments, '
@@ -187,8 +236,15 @@ def get_page(service: _Service) -> str:
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>terraport</title>'
         f"<h1>terraport</h1><ul>\n{listed}\n</ul>"
-        '<p><a href="docs">API</a> · <a href="metrics">metrics</a></p></html>\n'
+        f"<p>{' · '.join(_page_links(service))}</p></html>\n"
     )
+
+
+def _page_links(service: Service) -> list[str]:
+    settings = service.settings
+    links = [('<a href="docs">API</a>', settings.serves_docs)]
+    links.append(('<a href="metrics">metrics</a>', settings.serves_metrics))
+    return [link for link, shown in links if shown]
 
 
 def _summary(served: ServedScene) -> dict[str, Any]:
@@ -266,6 +322,24 @@ def _access_refused(_request: Request, error: Exception) -> Response:
 def _unknown_scene(_request: Request, error: Exception) -> Response:
     assert isinstance(error, UnknownSceneError)
     return _error(404, error.code, str(error))
+
+
+def _not_routed(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    status = HTTPStatus(error.status_code)
+    code = status.phrase.lower().replace(" ", "_")
+    return _error(status, code, "got a request that nothing here answers, expected one of the API")
+
+
+def _not_understood(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    places = sorted({str(part["loc"][-1])[:64] for part in error.errors()})
+    return _error(400, ErrorCode.INVALID_FIELD, f"got a wrong value of: {', '.join(places)}")
+
+
+def _failed(_request: Request, _fault: Exception) -> Response:
+    """Answer a fault of our own; uvicorn logs its trace."""
+    return _error(500, ErrorCode.INTERNAL, INTERNAL_TEXT)
 
 
 def _refused(_request: Request, error: Exception) -> Response:

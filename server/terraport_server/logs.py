@@ -10,7 +10,7 @@ import datetime as dt
 import json
 import logging
 import sys
-from typing import Any
+from typing import Any, Final
 
 __all__ = ["LOGGER", "OncePerMinute", "configure_logging", "log"]
 
@@ -45,7 +45,7 @@ def configure_logging(level: str, form: str) -> None:
         logger.setLevel(level.upper())
     # Each request and handshake would be a line: metrics count them.
     logging.getLogger("uvicorn.access").disabled = True
-    logging.getLogger("uvicorn.error").addFilter(_is_no_handshake)
+    logging.getLogger("uvicorn.error").addFilter(_is_ours_to_say)
 
 
 class OncePerMinute:
@@ -93,8 +93,12 @@ class _JsonFormatter(logging.Formatter):
         return json.dumps(line, default=str)
 
 
-def _is_no_handshake(record: logging.LogRecord) -> bool:
-    return "WebSocket" not in str(record.msg)
+_SAID_BY_STRANGERS: Final = ("WebSocket", "Invalid HTTP request", "Unsupported upgrade")
+
+
+def _is_ours_to_say(record: logging.LogRecord) -> bool:
+    """Drop lines that anybody who connects could write without end: refusals are counted."""
+    return not any(words in str(record.msg) for words in _SAID_BY_STRANGERS)
 
 
 def _fields(record: logging.LogRecord) -> dict[str, Any]:

@@ -83,6 +83,11 @@ class Metrics:
         )
         self.picks = self._counter("picks", "Picks by outcome", ["outcome"])
 
+        # Groups
+        self.group_events = self._counter("group_events", "What happened in groups", ["event"])
+        self.groups = self._gauge("groups_active", "Groups that have members now")
+        self.group_members = self._gauge("group_members", "Sessions in a group now")
+
         # Payload
         self.payload_reads = self._counter(
             "payload_reads", "Segments or parts that a thread read or checked before sending"

@@ -18,9 +18,11 @@ from terraport_server.group_desk import GroupDesk
 from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
+from terraport_server.scene_places import place_of
 from terraport_server.scenes import SceneRegistry, ServedScene
 from terraport_server.sender import Priorities, Sender, SenderLimits
 from terraport_server.settings import Settings
+from terraport_store import OriginError
 from terraport_wire import Hit
 
 __all__ = ["Service", "server_name"]
@@ -57,7 +59,7 @@ class Service:
         self.metrics = Metrics()
         self.access = AccessWatch(self.gate, settings, self.metrics)
         self.registry = SceneRegistry(
-            settings.scenes_dir,
+            place_of(settings),
             source=settings.payload_source,
             read_threads=settings.read_threads,
             published=self._published,
@@ -71,6 +73,10 @@ class Service:
         self.priorities = Priorities()
         routing = settings.groups_served
         self.groups = None if routing == "none" else GroupDesk(settings.group_limits(), routing)
+        if self.groups is not None:
+            groups = self.groups.groups
+            self.metrics.groups.set_function(lambda: groups.group_count)
+            self.metrics.group_members.set_function(lambda: groups.member_count)
         self.once = OncePerMinute()
         self.ready = False
         """Whether the scenes were looked at and clients may come."""
@@ -96,9 +102,12 @@ class Service:
 
     async def start(self) -> None:
         """Open the scenes and begin to watch them."""
-        await self.registry.refresh()
+        try:
+            await self.registry.refresh()
+        except OriginError as error:  # it may come back; until then /readyz says that there is none
+            log("scenes not listed", level=logging.ERROR, reason=str(error))
         self._tasks = [
-            asyncio.create_task(self.registry.watch(self.settings.scene_poll_s)),
+            asyncio.create_task(self.registry.watch(self.settings.poll_s)),
             asyncio.create_task(self.access.watch(self.settings.access_check_s)),
             asyncio.create_task(self.metrics.watch_loop()),
         ]
@@ -116,7 +125,8 @@ class Service:
         if self.draining:
             return
         self.draining = True
-        self.metrics.draining.set(1)
+        if not replaced:  # else one of several processes goes, and the service stays
+            self.metrics.draining.set(1)
         settings = self.settings
         loop = asyncio.get_running_loop()
         if self._senders:
@@ -218,7 +228,7 @@ class Service:
             self.metrics.corrupt_segments.labels(self.metrics.scene_label(served.id)).inc()
 
         served.hold()
-        future = asyncio.get_running_loop().run_in_executor(self._pool, work)
+        future = asyncio.get_running_loop().run_in_executor(served.pickers or self._pool, work)
         future.add_done_callback(lambda _: served.release())
         return await asyncio.shield(future)
 

@@ -17,11 +17,13 @@ import uvicorn
 
 from terraport_server.app import create_app
 from terraport_server.errors import ServerError, SettingsError
+from terraport_server.http_connection import http_protocol_class
 from terraport_server.logs import configure_logging
 from terraport_server.service import Service
 from terraport_server.settings import Settings
 from terraport_server.supervisor import Supervisor, open_listeners
 from terraport_server.transport import protocol_class
+from terraport_store import is_url
 
 __all__ = ["BackgroundServer", "TerraportServer", "make_server", "run"]
 
@@ -39,15 +41,24 @@ class TerraportServer(uvicorn.Server):
         self.on_ended: Callable[[], Awaitable[None]] | None = None
         """Awaited at the very end, when every connection is closed."""
         self._retiring = False
+        self._loop: asyncio.AbstractEventLoop | None = None
 
     def retire(self) -> None:
         """End because another process has taken over this one's port: take nobody new from now."""
         self._retiring = True
         self.should_exit = True
 
+    def reread_access(self) -> None:
+        """Read the files of tokens, keys and certificates now; from a signal handler."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self.service.access.refresh_soon)
+
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start to accept clients."""
+        self._loop = asyncio.get_running_loop()
         await super().startup(sockets)
+        if self.config.ssl is not None:
+            self.service.access.watch_certificate(self.config.ssl)
         if self.started and self.on_started is not None:
             await self.on_started()
 
@@ -86,10 +97,14 @@ def make_server(settings: Settings) -> TerraportServer:
         When the settings cannot be served with, or not safely.
     """
     app = create_app(settings)
+    service = app.state.service
+    assert isinstance(service, Service)
     config = uvicorn.Config(
         app,
         host=settings.host,
         port=settings.port,
+        # It bounds connections, too, so uvicorn's limit_concurrency is not needed.
+        http=http_protocol_class(settings, service.note_refusal),
         ws=protocol_class(
             notsent_lowat_bytes=settings.notsent_lowat_bytes,
             send_buffer_bytes=settings.send_buffer_bytes,
@@ -102,7 +117,6 @@ def make_server(settings: Settings) -> TerraportServer:
         # The session's idle_timeout_s decides, with pongs counted; uvicorn only asks for them.
         ws_ping_interval=min(20.0, settings.idle_timeout_s / 3.0),
         ws_ping_timeout=None,
-        limit_concurrency=settings.max_connections,
         timeout_graceful_shutdown=max(1, round(settings.close_timeout_s)),
         forwarded_allow_ips=settings.forwarded_allow_ips,
         ssl_certfile=settings.tls_certificate,
@@ -112,8 +126,6 @@ def make_server(settings: Settings) -> TerraportServer:
         server_header=False,
         lifespan="on",
     )
-    service = app.state.service
-    assert isinstance(service, Service)
     return TerraportServer(config, service)
 
 
@@ -142,6 +154,8 @@ def run(settings: Settings, reread: Callable[[], Settings] | None = None) -> Non
     configure_logging(settings.log_level, settings.log_format)
     try:
         server.run()
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, lambda *_: server.reread_access())
     except KeyboardInterrupt:
         return  # uvicorn raises it again after a graceful end; the end was what was asked for
     except SystemExit:
@@ -178,7 +192,7 @@ class BackgroundServer:
     Parameters
     ----------
     scenes_dir
-        A folder of scenes, or one scene.
+        A folder of scenes, or one scene; or the address of such in object storage, as a str.
     **overrides
         Any other fields of :class:`Settings`.
 
@@ -192,7 +206,11 @@ class BackgroundServer:
         overrides.setdefault("host", "127.0.0.1")
         overrides.setdefault("port", 0)
         overrides["workers"] = 1  # a thread of this process is all there is
-        settings = Settings(scenes_dir=Path(scenes_dir), **overrides)
+        if is_url(scenes_dir):
+            overrides["scenes_url"] = scenes_dir
+        else:
+            overrides["scenes_dir"] = Path(scenes_dir)
+        settings = Settings(**overrides)
         self._server = make_server(settings)
         self._socket = socket.create_server((settings.host, settings.port))
         self._thread = threading.Thread(target=self._run, name="terraport-server", daemon=True)

@@ -12,6 +12,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from terraport_server.access_watch import Visitor
 from terraport_server.actions import Authorise
+from terraport_server.app_guard import host_is_ours
 from terraport_server.auth import TokenPass, bearer_token, origin_is_allowed
 from terraport_server.chronicle import Chronicle, note_error
 from terraport_server.errors import AccessError, UnknownSceneError
@@ -175,8 +176,11 @@ def _let_in(
     if service.draining or not service.ready:
         text = "got a new session while the server goes away, expected none"
         return _Refusal(ErrorCode.DRAINING, text, "draining")
-    headers = websocket.headers
-    allowed = service.settings.allowed_origins
+    headers, settings = websocket.headers, service.settings
+    if settings.checks_host and not host_is_ours(headers.get("host"), settings.allowed_hosts):
+        text = "got a Host that is not this service's, expected an address or localhost"
+        return _Refusal(ErrorCode.FORBIDDEN, text, "host")
+    allowed = settings.allowed_origins
     if not origin_is_allowed(headers.get("origin"), headers.get("host"), allowed):
         text = f"got origin {headers.get('origin', '')[:200]!r}, expected one that is allowed"
         return _Refusal(ErrorCode.FORBIDDEN, text, "origin")

@@ -117,7 +117,7 @@ def test_help_teaches() -> None:
     ("arguments", "text"),
     [
         (["{dir}/nowhere"], "no directory, expected one"),
-        (["{dir}", "--host", "0.0.0.0"], "expected a token or tokens file"),
+        (["{dir}", "--host", "0.0.0.0"], "expected a token, tokens file or token keys"),
         (["{dir}", "--token", "short"], "got a token of 5 characters"),
         (["{dir}", "--max-radius", "-1"], "max_radius_m: Input should be greater than 0"),
         (["{dir}", "--tls-key", "x"], "got one of tls_certificate and tls_key"),

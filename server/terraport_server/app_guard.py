@@ -1,0 +1,129 @@
+"""What holds for every HTTP request, whatever it asks for.
+
+An ASGI middleware: it refuses what is asked by a foreign name or in too many parts, adds the
+headers that keep browsers from guessing, and counts the answers.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+from typing import Final
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from terraport_server.service import Service
+
+__all__ = ["AppGuard", "host_is_ours"]
+
+_EVERYWHERE: Final = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"x-frame-options", b"DENY"),
+)
+
+# Our pages carry their pictures and styles with them, and have no scripts.
+_PAGE_POLICY: Final = (
+    b"default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'; "
+    b"base-uri 'none'; form-action 'none'"
+)
+
+_DOCS: Final = "/docs"
+"""FastAPI's page loads its script from elsewhere."""
+
+
+class AppGuard:
+    """Wraps the application.
+
+    Parameters
+    ----------
+    app
+        What answers.
+    service
+        For settings and metrics.
+    """
+
+    def __init__(self, app: ASGIApp, service: Service) -> None:
+        self._app = app
+        self._service = service
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request; WebSockets pass, their endpoint checks for itself."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def counted(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                self._service.metrics.answered(message["status"])
+                message["headers"] = [*message.get("headers", ()), *_added(scope, message)]
+            await send(message)
+
+        refusal = self._refusal(scope)
+        if refusal is None:
+            await self._app(scope, receive, counted)
+        else:
+            await _answer(counted, *refusal)
+
+    def _refusal(self, scope: Scope) -> tuple[int, str, str] | None:
+        settings = self._service.settings
+        host, ranges = None, 0
+        for name, value in scope["headers"]:
+            if name == b"host":
+                host = value.decode("latin-1")
+            elif name == b"range":
+                ranges += value.count(b",") + 1
+        if settings.checks_host and not host_is_ours(host, settings.allowed_hosts):
+            text = (
+                "got a Host that is not this service's, expected an address, localhost, or one of "
+                "allowed_hosts"
+            )
+            self._service.note_refusal("host", text, _client(scope))
+            return 421, "forbidden", text
+        if ranges > settings.http_ranges:
+            text = f"got {ranges} ranges, expected at most {settings.http_ranges}"
+            self._service.note_refusal("http_ranges", text, _client(scope))
+            return 416, "too_many", text
+        return None
+
+
+def host_is_ours(host: str | None, allowed: tuple[str, ...]) -> bool:
+    """Whether a ``Host`` header names a service of this machine.
+
+    A web page can point a name of its own at 127.0.0.1 and then reads an open service as its own
+    origin (DNS rebinding); it cannot make the browser call it by an address or ``localhost``.
+    """
+    if host is None:
+        return True  # HTTP/1.0, or a program: browsers always send one
+    name = host.strip().lower()
+    if name.startswith("["):
+        name = name[1:].partition("]")[0]
+    elif name.count(":") <= 1:
+        name = name.partition(":")[0]
+    if name == "localhost" or name.endswith(".localhost") or name in allowed or host in allowed:
+        return True
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:
+    added = list(_EVERYWHERE)
+    content_type = next((v for k, v in message.get("headers", ()) if k == b"content-type"), b"")
+    if content_type.startswith(b"text/html") and scope["path"] != _DOCS:
+        added.append((b"content-security-policy", _PAGE_POLICY))
+    return added
+
+
+async def _answer(send: Send, status: int, code: str, text: str) -> None:
+    body = json.dumps({"error": {"code": code, "message": text}}).encode()
+    headers = [(b"content-type", b"application/json"), (b"content-length", b"%d" % len(body))]
+    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})
+
+
+def _client(scope: Scope) -> str:
+    client = scope.get("client")
+    return "unknown" if client is None else str(client[0])

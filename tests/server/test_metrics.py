@@ -1,0 +1,115 @@
+"""Metrics: the page that lists them, bounded labels, and values of real sessions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from eventually import eventually
+from prometheus_client.parser import text_string_to_metric_families
+from server.grid_scene import write_grid_scene
+from server.plain_client import PlainClient
+
+from terraport_server import BackgroundServer
+from terraport_server.metrics import MAX_SCENE_LABELS, Metrics
+from terraport_wire import Bye, Credit, Land, Plan, Ready
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "topics" / "metrics.md"
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BackgroundServer]:
+    folder = tmp_path_factory.mktemp("metrics")
+    write_grid_scene(folder / "pit")
+    with BackgroundServer(folder, max_sessions_per_ip=3) as running:
+        yield running
+
+
+def value(server: BackgroundServer, name: str, **labels: str) -> float:
+    """Return a sample's value; 0 where there is none yet."""
+    for family in text_string_to_metric_families(httpx.get(f"{server.url}/metrics").text):
+        for sample in family.samples:
+            if sample.name == name and sample.labels == labels:
+                return float(sample.value)
+    return 0.0
+
+
+def test_the_page_lists_every_metric_with_its_type_and_labels() -> None:
+    page = PAGE.read_text().split("Only with several workers")[0]
+    listed = {}
+    for name, kind, labels in re.findall(r"^\| `(\w+)` \| (\w+) \|([^|]*)\|", page, re.M):
+        listed[name] = (kind, sorted(re.findall(r"(?:^ |; )`(\w+)`", labels)))
+    found = {}
+    for family in Metrics().registry._collector_to_names:
+        described = list(getattr(family, "describe", list)())
+        for one in described:
+            suffix = "_total" if one.type == "counter" else ""
+            found[one.name + suffix] = (one.type, sorted(family._labelnames))
+    assert listed == {name: row for name, row in found.items() if name.startswith("terraport_")}
+
+
+def test_scene_labels_are_bounded() -> None:
+    metrics = Metrics()
+    labels = {metrics.scene_label(f"scene{number}") for number in range(MAX_SCENE_LABELS + 50)}
+    assert len(labels) == MAX_SCENE_LABELS + 1
+    assert "other" in labels
+    assert metrics.scene_label("scene0") == "scene0"
+
+
+def test_a_session_is_counted_from_opening_to_bye(server: BackgroundServer) -> None:
+    before = value(server, "terraport_landings_total", scene="pit")
+    plans = value(server, "terraport_landing_plan_seconds_count")
+    byes = value(server, "terraport_sessions_closed_total", reason="bye")
+    with PlainClient(server.scene_url("pit")) as client:
+        client.hello()
+        assert value(server, "terraport_sessions_active", scene="pit") == 1
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=20.0))
+        ready, _, _ = client.until(Ready)
+        client.send(Bye())
+        client.closed()
+    eventually(lambda: value(server, "terraport_sessions_active", scene="pit") == 0)
+    assert value(server, "terraport_landings_total", scene="pit") == before + 1
+    assert value(server, "terraport_landing_plan_seconds_count") == plans + 1
+    assert value(server, "terraport_payload_bytes_total", kind="land") >= ready.payload_bytes
+    assert value(server, "terraport_sessions_closed_total", reason="bye") == byes + 1
+    assert value(server, "terraport_http_requests_total", status="2xx") > 0
+    assert value(server, "process_resident_memory_bytes") > 1 << 20
+
+
+def test_a_client_without_credit_is_stalled_until_it_grants_or_goes(
+    server: BackgroundServer,
+) -> None:
+    with PlainClient(server.scene_url("pit")) as client:
+        client.hello(credit_bytes=1000)
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=20.0))
+        client.expect(Plan)
+        eventually(lambda: value(server, "terraport_sessions_stalled") == 1)
+        client.send(Credit(bytes=1 << 30))
+        client.until(Ready)
+        assert value(server, "terraport_sessions_stalled") == 0
+        client.send(Land(generation=2, position=(0.0, 0.0, 0.0), radius_m=1.0))
+        client.until(Ready)
+    lost = value(server, "terraport_sessions_closed_total", reason="lost")
+    with PlainClient(server.scene_url("pit")) as client:
+        client.hello(credit_bytes=1000)
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=20.0))
+        eventually(lambda: value(server, "terraport_sessions_stalled") == 1)
+        client.socket.socket.close()
+    eventually(lambda: value(server, "terraport_sessions_stalled") == 0)
+    assert value(server, "terraport_sessions_closed_total", reason="lost") == lost + 1
+
+
+def test_refusals_are_counted_by_reason(server: BackgroundServer) -> None:
+    url = server.scene_url("pit")
+    with PlainClient(url), PlainClient(url), PlainClient(url), PlainClient(url) as fourth:
+        fourth.refused()
+    assert value(server, "terraport_refused_total", reason="sessions_per_ip") == 1
+    with PlainClient(server.scene_url("atlantis")) as client:
+        client.refused()
+    assert value(server, "terraport_refused_total", reason="unknown_scene") == 1
+    with PlainClient(url, origin="http://evil.example") as client:
+        client.refused()
+    assert value(server, "terraport_refused_total", reason="origin") == 1
