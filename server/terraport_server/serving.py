@@ -152,10 +152,10 @@ def run(settings: Settings, reread: Callable[[], Settings] | None = None) -> Non
         return
     server = make_server(settings)
     configure_logging(settings.log_level, settings.log_format)
-    try:
-        server.run()
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, lambda *_: server.reread_access())
+    try:
+        server.run()
     except KeyboardInterrupt:
         return  # uvicorn raises it again after a graceful end; the end was what was asked for
     except SystemExit:
