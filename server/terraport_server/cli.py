@@ -11,12 +11,14 @@ import typer
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.serving import run
 from terraport_server.settings import ENV_PREFIX, Settings
-from terraport_store import StoreError, list_scenes, read_manifest
+from terraport_store import StoreError, is_url, list_scenes, read_manifest
 
 __all__ = ["register", "serve"]
 
 _DIRECTORY = typer.Argument(
-    help="A folder of scenes, or one scene (what terraport build wrote).", show_default=False
+    help="A folder of scenes, or one scene (what terraport build wrote); or its address in object "
+    "storage, s3://BUCKET/PREFIX.",
+    show_default=False,
 )
 
 
@@ -30,6 +32,8 @@ Try it:
 
   terraport serve scenes/
 
+  terraport serve s3://bucket/scenes
+
   terraport land http://127.0.0.1:8080/scenes/quarry 0 0 0 --radius 60
 
   curl http://127.0.0.1:8080/scenes
@@ -40,7 +44,7 @@ TERRAPORT_MAX_RADIUS_M; docs/topics/limits.md lists them. An option given here w
 
 
 def serve(
-    directory: Annotated[Path, _DIRECTORY],
+    directory: Annotated[str, _DIRECTORY],
     host: Annotated[
         str | None, typer.Option(help="Address to listen on. [default: 127.0.0.1]")
     ] = None,
@@ -83,7 +87,7 @@ def serve(
 ) -> None:
     """Serve scenes; the text for people is ``_HELP``."""
     given: dict[str, Any] = {
-        "scenes_dir": directory,
+        "scenes_url" if is_url(directory) else "scenes_dir": directory,
         "host": host,
         "port": port,
         "token": token,
@@ -130,7 +134,11 @@ def _announce(settings: Settings) -> None:
     scheme = "https" if settings.tls_certificate else "http"
     address = f"{scheme}://{settings.host}:{settings.port}"
     access = "open to everyone who can connect" if settings.is_open else "with a token"
-    typer.echo(f"terraport serves {settings.scenes_dir} at {address} ({access})")
+    place = settings.scenes_url or settings.scenes_dir
+    typer.echo(f"terraport serves {place} at {address} ({access})")
+    if settings.scenes_url is not None:
+        typer.echo("  the log names each scene as it is opened")
+        return
     scenes = list_scenes(settings.scenes_dir)
     for scene_id, directory in scenes.items():
         try:

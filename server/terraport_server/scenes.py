@@ -1,8 +1,8 @@
-"""The scenes of a directory, kept open and kept current.
+"""The scenes of a directory, or of a place in object storage, kept open and kept current.
 
-A newer version is noticed by looking at ``scene.json`` again and again (its size, time and inode),
-opened beside the old one, and served to every session from then on. The old one stays open until
-the last session that began with it has ended.
+A newer version is noticed by looking at ``scene.json`` again and again (its size, time and inode;
+its ETag), opened beside the old one, and served to every session from then on. The old one stays
+open until the last session that began with it has ended.
 
 Labels of regions (``labels.json``) belong to no version: they are looked at in the same way, and
 new ones are used at once, by sessions of every version.
@@ -12,35 +12,20 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Literal
 
 from terraport_server.actions import SceneView
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logs import log
 from terraport_server.payload_desk import PayloadDesk
+from terraport_server.scene_places import FolderPlace, Look, ScenePlace
 from terraport_server.selection import SegmentTable
-from terraport_store import RegionNames, Scene, StoreError, list_scenes, read_labels
+from terraport_store import OriginError, RegionNames, Scene, SceneFiles, StoreError, read_labels
 
 __all__ = ["SceneRegistry", "ServedScene"]
-
-_MANIFEST: Final = "scene.json"
-_LABELS: Final = "labels.json"
-
-_Stamp = tuple[int, int, int]
-
-
-@dataclass(frozen=True, slots=True)
-class _Look:
-    """What is seen of a scene directory without opening anything."""
-
-    directory: Path
-    manifest: _Stamp
-    labels: _Stamp | None
-    """None where nobody has set any."""
 
 
 class ServedScene:
@@ -52,11 +37,32 @@ class ServedScene:
     """
 
     def __init__(
-        self, scene_id: str, scene: Scene, names: RegionNames, readers: Executor | None = None
+        self,
+        scene_id: str,
+        scene: Scene,
+        names: RegionNames,
+        readers: Executor | None = None,
+        *,
+        fetch_threads: int = 0,
+        ahead_bytes: int = 0,
     ) -> None:
         self.id = scene_id
         self.scene = scene
-        self.desk = PayloadDesk(scene, readers, hold=self.hold, release=self.release)
+        self.fetchers: Executor | None = None
+        """Threads that may wait for a network: its own, so that no other scene waits for it."""
+        self.pickers: Executor | None = None
+        """The thread of its picks, for the same reason."""
+        if fetch_threads:
+            self.fetchers = ThreadPoolExecutor(fetch_threads, thread_name_prefix="fetch")
+            self.pickers = ThreadPoolExecutor(1, thread_name_prefix="pick")
+        self.desk = PayloadDesk(
+            scene,
+            readers,
+            hold=self.hold,
+            release=self.release,
+            fetchers=self.fetchers,
+            ahead_bytes=ahead_bytes,
+        )
         """Its payloads, for all clients."""
         self.names = names
         """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
@@ -86,11 +92,17 @@ class ServedScene:
     def open(
         cls,
         scene_id: str,
-        directory: Path,
+        place: Path | SceneFiles,
         source: Literal["file", "mmap"],
         readers: Executor | None = None,
+        *,
+        fetch_threads: int = 0,
+        ahead_bytes: int = 0,
     ) -> ServedScene:
         """Open the published version and build its R-tree. Blocks: call it in a thread.
+
+        ``fetch_threads`` and ``ahead_bytes`` are for scenes behind a network: see
+        :class:`~terraport_server.scene_places.ScenePlace`.
 
         Raises
         ------
@@ -99,7 +111,7 @@ class ServedScene:
         OSError
             When a file cannot be read.
         """
-        scene = Scene.open(directory, source=source)
+        scene = Scene.open(place, source=source)
         # Built here, once, while no other thread knows the scene; asked on the loop's thread only.
         _ = scene.spatial
         try:
@@ -110,7 +122,32 @@ class ServedScene:
             names = RegionNames()
         # The facts are for tools, which read the file; here they would only take memory.
         scene.__dict__.pop("regions", None)
-        return cls(scene_id, scene, names, readers)
+        return cls(
+            scene_id,
+            scene,
+            names,
+            readers,
+            fetch_threads=fetch_threads,
+            ahead_bytes=ahead_bytes,
+        )
+
+    async def read(self, path: str, limit: int) -> bytes:
+        """Read a loose file of the scene in a thread; ``limit`` bytes at most.
+
+        Raises
+        ------
+        FileNotFoundError
+            When there is none.
+        StoreError, OSError
+            When it cannot be read.
+        """
+        self.hold()
+        try:
+            loop = asyncio.get_running_loop()
+            data = await loop.run_in_executor(self.fetchers, self.scene.files.read, path, limit)
+        finally:
+            self.release()
+        return data[:limit]
 
     def hold(self) -> None:
         """Keep it open."""
@@ -130,6 +167,9 @@ class ServedScene:
         if self._retired and self._holders == 0 and not self.closed:
             self.closed = True
             self.scene.close()
+            for pool in (self.fetchers, self.pickers):
+                if pool is not None:
+                    pool.shutdown(wait=False)
 
 
 class SceneRegistry:
@@ -137,8 +177,8 @@ class SceneRegistry:
 
     Parameters
     ----------
-    directory
-        A folder of scenes, or one scene.
+    place
+        Where they lie; a folder of scenes, or one scene, by its path. Closed with this.
     source
         How payloads are read; see ``Scene.open``.
     read_threads
@@ -149,20 +189,20 @@ class SceneRegistry:
 
     def __init__(
         self,
-        directory: Path,
+        place: Path | ScenePlace,
         *,
         source: Literal["file", "mmap"] = "file",
         read_threads: int = 4,
         published: Callable[[ServedScene], None] | None = None,
     ) -> None:
-        self._directory = directory
+        self._place = FolderPlace(place) if isinstance(place, Path) else place
         self._source = source
         self._readers = ThreadPoolExecutor(read_threads, thread_name_prefix="read")
         self._published = published
         self._current: dict[str, ServedScene] = {}
         self._retired: list[ServedScene] = []
-        self._stamps: dict[str, _Stamp] = {}
-        self._label_stamps: dict[str, _Stamp | None] = {}
+        self._stamps: dict[str, Hashable] = {}
+        self._label_stamps: dict[str, Hashable | None] = {}
         self._labels: dict[str, Mapping[int, str]] = {}
 
     def ids(self) -> list[str]:
@@ -188,11 +228,17 @@ class SceneRegistry:
         raise UnknownSceneError(scene_id, version)
 
     async def refresh(self) -> None:
-        """Look at the directory once; open what is new, retire what was replaced or is gone.
+        """Look at the place once; open what is new, retire what was replaced or is gone.
 
-        A scene that cannot be opened is logged once per change, and what was served before stays.
+        A scene that cannot be opened is logged once per change, and what was served before stays;
+        one whose storage does not answer is tried again with every look.
+
+        Raises
+        ------
+        StoreError, OSError
+            When the place cannot be looked at; everything stays as it is.
         """
-        found = await asyncio.to_thread(self._look)
+        found = await asyncio.to_thread(self._place.look)
         for scene_id, seen in found.items():
             await self._refresh_labels(scene_id, seen)
             if self._stamps.get(scene_id) == seen.manifest:
@@ -200,15 +246,23 @@ class SceneRegistry:
             self._stamps[scene_id] = seen.manifest
             try:
                 served = await asyncio.to_thread(
-                    ServedScene.open, scene_id, seen.directory, self._source, self._readers
+                    ServedScene.open,
+                    scene_id,
+                    seen.files,
+                    self._source,
+                    self._readers,
+                    fetch_threads=self._place.fetch_threads,
+                    ahead_bytes=self._place.ahead_bytes,
                 )
             except (StoreError, OSError) as error:
+                if isinstance(error, OriginError):
+                    del self._stamps[scene_id]
                 log("scene not opened", level=logging.ERROR, scene=scene_id, reason=str(error))
                 continue
             served.names = served.names.with_labels(self._labels.get(scene_id, {}))
             self._take(served)
-        for scene_id in self._stamps.keys() - found.keys():
-            del self._stamps[scene_id]
+        for scene_id in (self._stamps.keys() | self._current.keys()) - found.keys():
+            self._stamps.pop(scene_id, None)
             self._label_stamps.pop(scene_id, None)
             self._labels.pop(scene_id, None)
             gone = self._current.pop(scene_id, None)
@@ -228,10 +282,14 @@ class SceneRegistry:
 
     def close(self) -> None:
         """Close every scene that nobody holds; the others follow when they are released."""
+        self._place.interrupt()
         for served in [*self._current.values(), *self._retired]:
+            if not served.closed:
+                served.scene.interrupt()
             served.retire()
         self._current.clear()
         self._retired.clear()
+        self._place.close()
         self._readers.shutdown(wait=False)  # what it still reads holds its scene
 
     def _take(self, served: ServedScene) -> None:
@@ -255,15 +313,17 @@ class SceneRegistry:
         self._retired.append(served)
         served.retire()
 
-    async def _refresh_labels(self, scene_id: str, seen: _Look) -> None:
+    async def _refresh_labels(self, scene_id: str, seen: Look) -> None:
         """Read labels that have changed and hand them to every version that is open."""
         if self._label_stamps.get(scene_id) == seen.labels:
             return
         self._label_stamps[scene_id] = seen.labels
         try:
-            labels = await asyncio.to_thread(read_labels, seen.directory)
+            labels = await asyncio.to_thread(read_labels, seen.files)
         except (StoreError, OSError) as error:
             # Once per change; the labels read before stay.
+            if isinstance(error, OriginError):
+                del self._label_stamps[scene_id]
             log("labels not read", level=logging.ERROR, scene=scene_id, reason=str(error))
             return
         self._labels[scene_id] = labels
@@ -271,20 +331,3 @@ class SceneRegistry:
         for served in [*self._current.values(), *self._retired]:
             if served.id == scene_id:
                 served.names = served.names.with_labels(labels)
-
-    def _look(self) -> dict[str, _Look]:
-        found = {}
-        for scene_id, directory in list_scenes(self._directory).items():
-            manifest = _stamp(directory / _MANIFEST)
-            if manifest is not None:  # else gone since it was listed
-                found[scene_id] = _Look(directory, manifest, _stamp(directory / _LABELS))
-        return found
-
-
-def _stamp(path: Path) -> _Stamp | None:
-    """Time, size and inode of a file; None where there is none."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return (status.st_mtime_ns, status.st_size, status.st_ino)

@@ -7,6 +7,7 @@ most have an option of ``terraport serve``. docs/topics/limits.md lists them all
 from __future__ import annotations
 
 import ipaddress
+import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,6 +17,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from terraport_server.actions import SessionLimits
 from terraport_server.errors import SettingsError
 from terraport_server.groups import GroupLimits
+from terraport_store import is_url
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,
     MAX_DEADLINE_MS,
@@ -52,6 +54,8 @@ class Settings(BaseSettings):
     """A folder of scenes, or one scene."""
     scene_poll_s: _Seconds = 1.0
     """How often scene.json files are looked at for newer versions."""
+    scenes_url: str | None = None
+    """Scenes in object storage (s3://BUCKET/PREFIX), or one scene; in place of scenes_dir."""
     payload_source: Literal["file", "mmap"] = "file"
     """How payloads are read: "file" sends from the page cache by sendfile; "mmap" maps the packs,
     and a pack cut short under it ends the process."""
@@ -59,6 +63,25 @@ class Settings(BaseSettings):
     read_threads: Annotated[int, Field(ge=1, le=64)] = 4
     """Threads that read payloads which are not in the page cache, and check each for the first
     time."""
+
+    object_endpoint: str | None = None
+    """Address of the S3 service; AWS_ENDPOINT_URL or Amazon's by default."""
+    object_region: str | None = None
+    """AWS_REGION or us-east-1 by default."""
+    object_poll_s: _Seconds = 10.0
+    """As scene_poll_s, for scenes_url: each look costs a list and two heads per scene."""
+    object_cache_dir: Path | None = None
+    """Folder of the cache; terraport/objects in XDG_CACHE_HOME or ~/.cache by default."""
+    object_cache_bytes: Annotated[int, Field(ge=0, le=MAX_INTEGER)] = 8 << 30
+    """Payloads kept on disk, over all processes that share the folder; 0 = in memory alone."""
+    object_memory_bytes: Annotated[int, Field(ge=0, le=MAX_INTEGER)] = 64 << 20
+    """Payloads kept in memory while the disk takes none."""
+    object_requests: Annotated[int, Field(ge=1, le=256)] = 16
+    """Requests under way at once for one scene, and as many ahead of need."""
+    object_read_ahead_bytes: Annotated[int, Field(ge=0, le=MAX_INTEGER)] = 8 << 20
+    """What is fetched ahead for one landing; 0 = nothing."""
+    object_timeout_s: _Seconds = 20.0
+    """No attempt at a request begins later than this after the first, and none takes longer."""
 
     host: str = "127.0.0.1"
     port: Annotated[int, Field(ge=0, le=65_535)] = 8080
@@ -216,7 +239,11 @@ class Settings(BaseSettings):
             When the directory is missing, when TLS is half configured, or when anyone on the
             network could read the scenes and nobody said so.
         """
-        if not self.scenes_dir.is_dir():
+        if self.scenes_url is not None:
+            if not is_url(self.scenes_url):
+                what = f"got {self.scenes_url!r}, expected an address like s3://BUCKET/PREFIX"
+                raise SettingsError("scenes_url", what)
+        elif not self.scenes_dir.is_dir():
             raise SettingsError("scenes_dir", f"{self.scenes_dir} is no directory, expected one")
         if (self.tls_certificate is None) != (self.tls_key is None):
             raise SettingsError("tls_key", "got one of tls_certificate and tls_key, expected both")
@@ -226,6 +253,21 @@ class Settings(BaseSettings):
                 f"got none while listening on {self.host}, expected a token, tokens file or "
                 "token keys; set allow_open (--allow-open) if everyone may read these scenes",
             )
+
+    @property
+    def poll_s(self) -> float:
+        """How often the scenes are looked at, where they lie."""
+        return self.scene_poll_s if self.scenes_url is None else self.object_poll_s
+
+    @property
+    def object_cache_folder(self) -> Path | None:
+        """The cache's folder; None where nothing is kept on disk."""
+        if not self.object_cache_bytes:
+            return None
+        if self.object_cache_dir is not None:
+            return self.object_cache_dir
+        caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        return Path(caches) / "terraport" / "objects"
 
     @property
     def is_open(self) -> bool:

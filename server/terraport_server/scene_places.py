@@ -1,0 +1,192 @@
+"""Where the scenes that are served lie: a folder, or a place in object storage."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Hashable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol
+
+from terraport_server.errors import SettingsError
+from terraport_server.logs import log
+from terraport_server.settings import Settings
+from terraport_store import FolderFiles, OriginError, SceneFiles, list_scenes
+
+if TYPE_CHECKING:
+    from terraport_store.object_files import ObjectFiles, ObjectStorage
+
+__all__ = ["FolderPlace", "Look", "ObjectPlace", "ScenePlace", "place_of"]
+
+_MANIFEST: Final = "scene.json"
+_LABELS: Final = "labels.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What is seen of a scene without opening anything."""
+
+    files: SceneFiles
+    manifest: Hashable
+    """Another one when scene.json was replaced."""
+    labels: Hashable | None
+    """None where nobody has set any."""
+
+
+class ScenePlace(Protocol):
+    """A place with scenes. :meth:`look` is called in a thread, by one at a time."""
+
+    @property
+    def fetch_threads(self) -> int:
+        """Threads of each scene that may wait for a network; 0 = there is none to wait for."""
+        ...
+
+    @property
+    def ahead_bytes(self) -> int:
+        """What is fetched ahead for each landing."""
+        ...
+
+    def look(self) -> dict[str, Look]:
+        """Look at every scene; by id, ascending.
+
+        Raises
+        ------
+        StoreError, OSError
+            When the place cannot be looked at.
+        """
+        ...
+
+    def interrupt(self) -> None:
+        """Let a look that waits fail soon."""
+        ...
+
+    def close(self) -> None:
+        """Free what the place holds; may be called again."""
+        ...
+
+
+class FolderPlace:
+    """A folder of scenes, or one scene."""
+
+    fetch_threads = 0
+    ahead_bytes = 0
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+
+    def look(self) -> dict[str, Look]:
+        """Look at every scene; see :class:`ScenePlace`."""
+        found = {}
+        for scene_id, directory in list_scenes(self._directory).items():
+            files = FolderFiles(directory)
+            manifest = files.stamp(_MANIFEST)
+            if manifest is not None:  # else gone since it was listed
+                found[scene_id] = Look(files, manifest, files.stamp(_LABELS))
+        return found
+
+    def interrupt(self) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class ObjectPlace:
+    """An address of scenes, or of one scene, in object storage.
+
+    Parameters
+    ----------
+    url
+        For example ``s3://bucket/scenes``.
+    storage
+        Closed with this.
+    """
+
+    def __init__(self, url: str, storage: ObjectStorage) -> None:
+        self._url = url
+        self._storage = storage
+        self._files: dict[str, ObjectFiles] = {}
+        self._seen: dict[str, Look] = {}
+
+    @property
+    def fetch_threads(self) -> int:
+        """As many as requests may be under way."""
+        return self._storage.options.requests
+
+    @property
+    def ahead_bytes(self) -> int:
+        """As set."""
+        return self._storage.options.read_ahead_bytes
+
+    @property
+    def storage(self) -> ObjectStorage:
+        """What all its scenes share: counts, cache."""
+        return self._storage
+
+    def look(self) -> dict[str, Look]:
+        """Look at every scene; see :class:`ScenePlace`.
+
+        One that cannot be looked at is as it was before.
+        """
+        urls = self._storage.folders(self._url)
+        self._files = {url: self._files[url] for url in urls.values() if url in self._files}
+        found = {}
+        for scene_id, url in urls.items():
+            try:
+                files = self._files.get(url)
+                if files is None:
+                    files = self._files[url] = self._storage.files(url)
+                manifest = files.stamp(_MANIFEST)
+                if manifest is not None:
+                    found[scene_id] = Look(files, manifest, files.stamp(_LABELS))
+            except OriginError as error:
+                log("scene not looked at", level=logging.ERROR, scene=scene_id, reason=str(error))
+                if scene_id in self._seen:
+                    found[scene_id] = self._seen[scene_id]
+        self._seen = found
+        return found
+
+    def interrupt(self) -> None:
+        """Let a look that waits fail soon."""
+        self._storage.interrupt()
+        for files in list(self._files.values()):
+            files.interrupt()
+
+    def close(self) -> None:
+        """Close the storage; the cache on disk stays."""
+        self._storage.close()
+
+
+def place_of(settings: Settings) -> ScenePlace:
+    """Return the place that the settings name.
+
+    Raises
+    ------
+    SettingsError
+        When the package for object storage is missing, or the cache's folder cannot be written to.
+    """
+    if settings.scenes_url is None:
+        return FolderPlace(settings.scenes_dir)
+    try:
+        from terraport_store.object_files import ObjectStorage  # needs an extra
+        from terraport_store.origin import ObjectOptions
+    except ModuleNotFoundError as missing:
+        if missing.name != "obstore":
+            raise
+        what = "needs the package obstore; install it with: pip install 'terraport[s3]'"
+        raise SettingsError("scenes_url", what) from None
+    options = ObjectOptions(
+        endpoint=settings.object_endpoint,
+        region=settings.object_region,
+        cache_dir=settings.object_cache_folder,
+        cache_bytes=settings.object_cache_bytes,
+        memory_bytes=settings.object_memory_bytes,
+        requests=settings.object_requests,
+        read_ahead_bytes=settings.object_read_ahead_bytes,
+        timeout_s=settings.object_timeout_s,
+    )
+    try:
+        return ObjectPlace(settings.scenes_url, ObjectStorage(options))
+    except OSError as error:
+        what = f"{error}; expected a folder to write to, or object_cache_bytes = 0 for none"
+        raise SettingsError("object_cache_dir", what) from None
