@@ -23,9 +23,12 @@ from terraport_server.session import INTERNAL_TEXT
 from terraport_wire import (
     HELD_DTYPE,
     MAX_CHUNK_BYTES,
+    MAX_HELD_SEGMENTS,
     CloseCode,
     ErrorCode,
     Evict,
+    Held,
+    HeldChecked,
     Pick,
     Picked,
     Prefetch,
@@ -233,3 +236,64 @@ def test_too_many_picks_at_once_are_refused_one_by_one() -> None:
         client.tell(Pick(request=request, origin=(0.0, 1.0, 0.0)))
     error = last_error(client)
     assert (error.code, error.request, error.fatal) == ("too_many", 5, False)
+
+
+# More held than one table takes.
+
+
+def test_held_goes_on_after_hello_and_is_answered_before_the_plan() -> None:
+    client = make_client(greet=False)
+    client.greet(held=np.array([(0, 7000)], dtype=HELD_DTYPE))
+    client.tell(Held(segments=np.array([(1, 7001), (2, 1), (5000, 7005)], dtype=HELD_DTYPE)))
+    client.tell(Held(segments=np.array([(2, 7002)], dtype=HELD_DTYPE)))
+    client.tell(land(1))
+    client.held = {0, 1, 2}
+    first, second, plan, _ = client.run()
+    assert isinstance(first, HeldChecked)
+    assert (sorted(first.dropped.tolist()), first.held_count) == ([2, 5000], 2)
+    assert second == HeldChecked(dropped=ids(), held_count=3)
+    assert (plan.keep.tolist(), plan.load_bytes) == ([0, 1, 2], 0)
+
+
+def test_a_row_that_is_offered_again_replaces_the_one_before() -> None:
+    client = make_client(greet=False)
+    client.greet(held=np.array([(0, 7000), (1, 7001)], dtype=HELD_DTYPE))
+    client.tell(Held(segments=np.array([(1, 5), (0, 7000)], dtype=HELD_DTYPE)))
+    (checked,) = client.run()
+    assert (checked.dropped.tolist(), checked.held_count) == ([1], 1)
+
+
+def test_a_whole_scene_can_be_held() -> None:
+    count = 3 * MAX_HELD_SEGMENTS // 2
+    scene = make_scene(count)
+    offer = np.zeros(count, dtype=HELD_DTYPE)
+    offer["id"] = np.arange(count)
+    offer["xxh3"] = scene.encodings["glb"].hashes
+    client = make_client(scene, greet=False)
+    assert client.greet(held=offer[:MAX_HELD_SEGMENTS]).held_count == MAX_HELD_SEGMENTS
+    client.held = set(range(count))
+    client.tell(Held(segments=offer[MAX_HELD_SEGMENTS:]))
+    (checked,) = client.run()
+    assert (checked.held_count, len(checked.dropped)) == (count, 0)
+    client.tell(land(1, 10.0 * (count - 5), radius_m=100.0))
+    plan, ready = client.run()
+    assert (len(plan.load), ready.payload_bytes) == (0, 0)
+
+
+def test_held_after_an_aim_or_a_landing_is_fatal() -> None:
+    for message in (land(1), aim(1)):
+        client = make_client()
+        client.tell(message)
+        client.tell(Held(segments=np.array([(0, 7000)], dtype=HELD_DTYPE)))
+        error = assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
+        assert "before the first one" in error.message
+
+
+def test_held_before_hello_and_too_much_of_it_are_fatal() -> None:
+    rows = np.array([(0, 7000), (1, 7001)], dtype=HELD_DTYPE)
+    client = make_client(greet=False)
+    client.tell(Held(segments=rows))
+    assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
+    client = make_client(max_held_segments=1)
+    client.tell(Held(segments=rows))
+    assert_fatal(client, ErrorCode.TOO_LARGE, CloseCode.TOO_LARGE)

@@ -7,6 +7,7 @@ that keeps the rules, and short words for messages.
 from __future__ import annotations
 
 from server.session_model import (
+    Client,
     kinds,
     land,
     make_client,
@@ -226,3 +227,65 @@ def test_ready_in_time_is_never_degraded() -> None:
     client.run()
     client.session.tick(0.6)
     assert client.run() == []
+
+
+# Deadlines that progress puts off.
+
+
+def started(**fields: object) -> Client:
+    """A landing whose first segment is the inner set; credit for 999 bytes, one short of it."""
+    client = make_client(greet=False)
+    client.greet(credit_bytes=999)
+    client.tell(land(1, inner_radius_m=5.0, **fields))
+    client.run()
+    return client
+
+
+def go_on(client: Client, now_s: float, credit: int) -> list[str]:
+    client.now_s = now_s
+    client.session.tick(now_s)
+    before = kinds(client.run())
+    if credit:
+        client.credit += credit
+        client.tell(Credit(bytes=credit))
+    return before + kinds(client.run())
+
+
+def test_progress_puts_the_deadline_off() -> None:
+    client = started(stall_ms=500)
+    assert client.session.wake_at_s() == 0.5
+    assert go_on(client, 0.4, 1) == ["SendChunk"]
+    assert client.session.wake_at_s() == 0.9
+    assert go_on(client, 0.8, 1000) == ["SendChunk"]
+    assert go_on(client, 1.2, 1003) == ["SendChunk", "SendChunk", "Ready"], "a slow one is no stall"
+    assert go_on(client, 9.0, 0) == []
+
+
+def test_standing_still_brings_the_inner_set() -> None:
+    client = started(stall_ms=500)
+    assert go_on(client, 0.4, 1) == ["SendChunk"]
+    assert go_on(client, 0.91, 0) == ["Degraded"]
+    assert client.session.wake_at_s() > 10.0
+    assert go_on(client, 1.0, 5000) == ["SendChunk", "SendChunk", "Ready"]
+
+
+def test_a_stall_that_has_passed_stays_passed() -> None:
+    client = started(stall_ms=500)
+    assert go_on(client, 0.6, 0) == [], "the inner set is not whole"
+    assert go_on(client, 0.7, 1) == ["SendChunk", "Degraded"]
+
+
+def test_a_stall_that_nobody_ticked_at_counts() -> None:
+    client = started(stall_ms=500)
+    client.now_s = 0.6
+    client.credit += 1
+    client.tell(Credit(bytes=1))
+    assert kinds(client.run()) == ["SendChunk", "Degraded"]
+
+
+def test_progress_does_not_put_off_the_last_deadline() -> None:
+    client = started(stall_ms=500, deadline_ms=800)
+    assert go_on(client, 0.4, 1) == ["SendChunk"]
+    assert client.session.wake_at_s() == 0.8
+    assert go_on(client, 0.7, 1) == ["SendChunk"]
+    assert go_on(client, 0.81, 0) == ["Degraded"]
