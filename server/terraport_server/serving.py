@@ -108,6 +108,8 @@ def make_server(settings: Settings) -> TerraportServer:
         ws=protocol_class(
             notsent_lowat_bytes=settings.notsent_lowat_bytes,
             send_buffer_bytes=settings.send_buffer_bytes,
+            max_messages_per_s=settings.max_messages_per_s,
+            close_timeout_s=settings.close_timeout_s,
         ),
         # A message beyond it is cut off by the WebSocket layer (1009); between max_message_bytes
         # and this, the client is told too_large.
