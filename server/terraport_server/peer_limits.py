@@ -22,8 +22,8 @@ FRAMES_PER_MESSAGE: Final = 20
 of 50 KB."""
 
 MAX_UNREAD_BYTES: Final = 64 << 10
-"""What may wait for a client and still be followed by a pong. Beyond it only the newest ping is
-answered (RFC 6455, section 5.5.3), when the client has read."""
+"""What may wait for a client and still be followed by a pong. Beyond it only the newest pings,
+those that came in one piece, are answered when the client has read (RFC 6455, section 5.5.3)."""
 
 _BAD_TEXT: Final = 1007
 
@@ -42,6 +42,8 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         if not self._may_send_frame():
             return
         pong = b"".join(self.conn.data_to_send())
+        if not pong:  # went with the first ping of those that came together
+            return
         if self.transport.get_write_buffer_size() > MAX_UNREAD_BYTES:
             self._newest_pong = pong
         else:

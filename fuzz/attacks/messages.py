@@ -1,0 +1,196 @@
+"""Messages that are nearly right: the conformance corpus, taken apart, edited, put together again.
+
+New messages of the protocol come in by themselves, with their conformance files.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import msgpack
+import numpy as np
+from attacks.mutation import mutate
+
+from terraport_wire import (
+    HELD_DTYPE,
+    Aim,
+    Budgets,
+    Bye,
+    Credit,
+    Evict,
+    Hello,
+    Land,
+    Message,
+    Pick,
+    Reject,
+    Subprotocol,
+    encode,
+)
+
+__all__ = ["Corpus", "Data", "sensible"]
+
+Data = bytes | str
+"""One message as the WebSocket carries it."""
+
+CORPUS: Final = Path(__file__).resolve().parents[2] / "tests" / "conformance" / "wire"
+LONGEST_SEED: Final = 8192
+
+EDGES: Final[tuple[Any, ...]] = (
+    None, True, False, 0, 1, -1, 127, 128, 255, 256, 65_535, 65_536, 2**31 - 1, 2**31, 2**32 - 1,
+    2**32, 2**53 - 1, 2**53, 2**63 - 1, -(2**63), 0.0, -0.0, 1e-320, 1e7, 1.0000001e7, 1e308,
+    math.inf, -math.inf, math.nan, "", "a", "\0", "x" * 4097, "\U0001f5ff" * 20, [], [[]], {},
+    [0] * 3, [1e9, 0.0, 0.0], [math.nan] * 3, b"", b"\0" * 4, b"\xff" * 12, b"\0" * 48, b"\0" * 7,
+)  # fmt: skip
+
+
+class Corpus:
+    """The conformance files, as bytes and as plain values."""
+
+    def __init__(self) -> None:
+        self.raw: dict[Subprotocol, list[bytes]] = {form: [] for form in Subprotocol}
+        self.plain: dict[Subprotocol, list[dict[str, Any]]] = {form: [] for form in Subprotocol}
+        self.good: dict[Subprotocol, list[bytes]] = {form: [] for form in Subprotocol}
+        """Of these: what is valid, in both directions; every truncation of each is tried."""
+        forms = {"msgpack": Subprotocol.MSGPACK, "json": Subprotocol.JSON}
+        for path in sorted(CORPUS.rglob("*.bin")):
+            data = path.read_bytes()
+            form = forms.get(path.name.partition("-")[0])
+            if len(data) > LONGEST_SEED:
+                continue
+            for one in [form] if form is not None else list(Subprotocol):
+                self.raw[one].append(data)
+            if form is None or path.parent.name != "good":
+                continue
+            self.good[form].append(data)
+            plain = _loads(data, form)
+            if isinstance(plain, dict):
+                self.plain[form].append(plain)
+
+    def truncations(self, form: Subprotocol) -> Iterator[Data]:
+        """Every proper prefix of every valid message."""
+        for data in self.good[form]:
+            for length in range(len(data)):
+                yield _as_data(data[:length], form)
+
+    def edited(self, form: Subprotocol, draw: random.Random) -> Data:
+        """Return a message with one to three fields changed, dropped, added or of another type."""
+        plain = dict(draw.choice(self.plain[form]))
+        for _ in range(draw.randint(1, 3)):
+            names = list(plain) or ["type"]
+            name, way = draw.choice(names), draw.randrange(6)
+            if way == 0:
+                plain.pop(name, None)
+            elif way == 1:
+                plain[draw.choice(["", "x", "type", "Type", "generation", "\0"])] = _edge(
+                    draw, form
+                )
+            elif way == 2:
+                other = draw.choice(self.plain[form])
+                plain[name] = other.get(name, draw.choice(list(other.values())))
+            elif way == 3:
+                plain[name] = _nested(_edge(draw, form), draw.randint(1, 40))
+            else:
+                plain[name] = _edge(draw, form)
+        return _dumps(plain, form)
+
+    def broken(self, form: Subprotocol, draw: random.Random) -> Data:
+        """Return a message with random edits of its bytes."""
+        return _as_data(mutate(draw.choice(self.raw[form]), self.raw[form], draw), form)
+
+
+def sensible(draw: random.Random, generation: int, *, segments: int, edge_m: float) -> Message:
+    """Return a valid message that leads somewhere: states that random bytes never reach."""
+    place = (draw.uniform(-10, edge_m + 10), draw.uniform(-5, 5), draw.uniform(-10, edge_m + 10))
+    ids = np.array(sorted(draw.sample(range(segments), draw.randint(0, 6))), dtype=np.uint32)
+    match draw.randrange(12):
+        case 0 | 1 | 2:
+            inner_m = draw.choice([None, 1.0, 5.0])
+            deadline_ms = None if inner_m is None else draw.choice([None, 1, 500])
+            return Land(
+                generation=generation,
+                position=place,
+                radius_m=draw.choice([5.0, 20.0, 60.0, 1e6]),
+                inner_radius_m=inner_m,
+                deadline_ms=deadline_ms,
+            )
+        case 3 | 4:
+            return Aim(generation=generation, position=place, radius_m=draw.choice([5.0, 30.0]))
+        case 5 | 6:
+            return Credit(bytes=draw.choice([1, 1000, 1 << 20, 2**53 - 1]))
+        case 7:
+            return Evict(segments=ids)
+        case 8:
+            return Reject(
+                generation=draw.randrange(generation + 1),
+                segment=draw.randrange(segments + (draw.random() < 0.02)),
+                reason=draw.choice(["hash_mismatch", "undecodable", "?"]),
+            )
+        case 9 | 10:
+            direction = draw.choice([None, (0.0, -1.0, 0.0), (1e-9, 0.0, 1.0)])
+            return Pick(request=draw.randrange(100), origin=place, direction=direction)
+        case _:
+            if draw.random() < 0.8:  # most sessions should go on
+                return Credit(bytes=1)
+            return Bye() if draw.random() < 0.5 else sensible_hello(draw, segments)
+
+
+def sensible_hello(draw: random.Random, segments: int) -> Hello:
+    """Return a hello that is mostly accepted."""
+    held = np.zeros(draw.randrange(5), dtype=HELD_DTYPE)
+    held["id"] = draw.sample(range(segments + 3), len(held))
+    return Hello(
+        protocol=draw.choice([(1, 0), (1, 7), (1, 0), (2, 0)]) if draw.random() < 0.1 else (1, 0),
+        client="fuzz",
+        encoding="glb" if draw.random() < 0.95 else "arrays",
+        budgets=Budgets(
+            max_segments=draw.choice([None, 0, 5]), max_bytes=draw.choice([None, 9999])
+        ),
+        credit_bytes=draw.choice([0, 1000, 1 << 20, 2**53 - 1]),
+        held=held,
+    )
+
+
+def encoded(message: Message, form: Subprotocol) -> Data:
+    """Encode a message."""
+    return encode(message, form)
+
+
+def _edge(draw: random.Random, form: Subprotocol) -> Any:
+    value = draw.choice(EDGES)
+    if form is Subprotocol.JSON and isinstance(value, bytes):
+        return list(value)
+    return value
+
+
+def _nested(value: Any, depth: int) -> Any:
+    for _ in range(depth):
+        value = [value]
+    return value
+
+
+def _loads(data: bytes, form: Subprotocol) -> Any:
+    if form is Subprotocol.JSON:
+        return json.loads(data)
+    return msgpack.unpackb(data, strict_map_key=False)
+
+
+def _dumps(plain: dict[str, Any], form: Subprotocol) -> Data:
+    if form is Subprotocol.JSON:
+        return json.dumps(plain)  # NaN and Infinity among it: no JSON, as wanted
+    try:
+        packed = msgpack.packb(plain)
+    except OverflowError:
+        packed = msgpack.packb({"type": "credit", "bytes": 2**64 - 1})
+    assert isinstance(packed, bytes)
+    return packed
+
+
+def _as_data(data: bytes, form: Subprotocol) -> Data:
+    if form is Subprotocol.JSON:
+        return data.decode("utf-8", "replace")
+    return data

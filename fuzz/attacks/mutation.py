@@ -1,0 +1,44 @@
+"""Random edits of bytes: flips, cuts, splices, number edges."""
+
+from __future__ import annotations
+
+import random
+
+__all__ = ["EDGES", "mutate"]
+
+EDGES = (b"\x00", b"\xff", b"\x80", b"\x7f", b"\xff\xff\xff\xff", b"\xc1", b"\xdd\xff\xff\xff\xff")
+EDGES += (
+    b"\xcb\x7f\xf8" + bytes(6),
+    b"NaN",
+    b"1e999",
+    b"null",
+    b"[",
+    b"}",
+    b'"',
+    b"\\ud800",
+    b"-0",
+)
+
+
+def mutate(data: bytes, seeds: list[bytes], draw: random.Random) -> bytes:
+    """Return `data` with one to four random changes."""
+    changed = bytearray(data)
+    for _ in range(draw.randint(1, 4)):
+        place = draw.randrange(len(changed) + 1)
+        way = draw.randrange(6)
+        if way == 0 and place < len(changed):
+            changed[place] ^= 1 << draw.randrange(8)
+        elif way == 1:
+            del changed[place:]
+        elif way == 2:
+            changed[place:place] = draw.choice(EDGES)
+        elif way == 3:
+            edge = draw.choice(EDGES)
+            changed[place : place + len(edge)] = edge
+        elif way == 4:
+            other = draw.choice(seeds)
+            start = draw.randrange(len(other) + 1)
+            changed[place:] = other[start:]
+        else:
+            del changed[place : place + draw.randint(1, 8)]
+    return bytes(changed)
