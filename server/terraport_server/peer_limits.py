@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from uvicorn._types import ASGISendEvent
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
 
@@ -36,6 +38,24 @@ class BoundedPeer(WebSocketsSansIOProtocol):
 
     _frame_rate: RateLimit | None = None
     _newest_pong: bytes | None = None
+    _is_over = False
+    """Whether the peer broke the rules of WebSocket, or a bound, and was closed for it."""
+
+    def handle_parser_exception(self) -> None:
+        """Close, and remember that it was not the application that did."""
+        self._is_over = True
+        super().handle_parser_exception()
+
+    async def send(self, message: ASGISendEvent) -> None:
+        """Send; a connection that was closed below the application is lost, not misused."""
+        try:
+            if self._is_over:
+                raise ClientDisconnected
+            await super().send(message)
+        except RuntimeError:
+            if self._is_over:
+                raise ClientDisconnected from None
+            raise
 
     def handle_ping(self) -> None:
         """Answer now, or later where the client does not read what it was sent."""

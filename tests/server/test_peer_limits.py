@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import socket
 import struct
@@ -11,9 +12,10 @@ from pathlib import Path
 import pytest
 from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
+from uvicorn.protocols.utils import ClientDisconnected
 
 from terraport_server import BackgroundServer
-from terraport_server.peer_limits import FRAMES_PER_MESSAGE
+from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
 
 PING, TEXT, CONT = 9, 1, 0
 
@@ -124,3 +126,21 @@ def test_pings_between_messages_are_answered(scenes: Path) -> None:
         client.hello()
         for _ in range(20):
             assert client.socket.ping().wait(5)
+
+
+def test_an_answer_to_who_broke_the_rules_is_lost_not_misused(scenes: Path) -> None:
+    """uvicorn has closed, the application does not know it yet and answers a message before that.
+
+    Found by fuzz/server.py (one connection in thirty): it was logged as a failure of ours.
+    """
+    with BackgroundServer(scenes) as server, raw_connect(server.port) as found:
+        (connection,) = server._server.server_state.connections
+        assert isinstance(connection, BoundedPeer)
+
+        async def break_and_answer() -> None:
+            connection.data_received(frame(3, b"no such opcode"))
+            with pytest.raises(ClientDisconnected):
+                await connection.send({"type": "websocket.send", "bytes": b"answer"})
+
+        asyncio.run_coroutine_threadsafe(break_and_answer(), connection.loop).result(5)
+        assert close_code(drained(found)) == 1002
