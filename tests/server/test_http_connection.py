@@ -1,0 +1,250 @@
+"""Bounds of HTTP connections, each met by a real socket that goes beyond it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import httpx
+import pytest
+from eventually import eventually
+from server.grid_scene import write_grid_scene
+from server.plain_client import PlainClient
+
+from terraport_server import BackgroundServer
+from terraport_server.http_connection import MAX_PIPELINED, ClientAddresses
+
+HOST = b"Host: localhost\r\n"
+BIG = 24 << 20
+"""Bytes of a report, more than the sockets' buffers of both sides take."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("http")
+    grid = write_grid_scene(folder / "pit", cells=2)
+    with (grid.path / "report.html").open("wb") as report:
+        report.truncate(BIG)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def server(folder: Path) -> Iterator[BackgroundServer]:
+    limits = {
+        "http_header_timeout_s": 0.5,
+        "http_keep_alive_s": 0.4,
+        "http_stall_timeout_s": 0.6,
+        "http_header_bytes": 8192,
+        "http_body_bytes": 1000,
+        "max_connections": 12,
+        "max_connections_per_ip": 12,
+    }
+    with BackgroundServer(folder, **limits) as running:
+        yield running
+
+
+def connect(server: BackgroundServer, **options: int) -> socket.socket:
+    raw = socket.socket()
+    for name, setting in options.items():
+        raw.setsockopt(socket.SOL_SOCKET, getattr(socket, name), setting)
+    raw.settimeout(10)
+    raw.connect(("127.0.0.1", server.port))
+    return raw
+
+
+def answer(raw: socket.socket) -> bytes:
+    """Read until the server closes."""
+    data = b""
+    try:
+        while part := raw.recv(1 << 16):
+            data += part
+    except ConnectionResetError:
+        pass
+    return data
+
+
+def refusal(data: bytes) -> tuple[int, str]:
+    """Return status and code of a refusal in the form of all refusals."""
+    head, _, body = data.partition(b"\r\n\r\n")
+    assert b"connection: close" in head
+    return int(head.split()[1]), json.loads(body)["error"]["code"]
+
+
+def open_connections(server: BackgroundServer) -> int:
+    return len(server._server.server_state.connections)
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [b"", b"GET / HTTP/1.1\r\n" + HOST, b"GET /scenes/pit/stream HTTP/1.1\r\nUpgrade: websocket"],
+    ids=["silent", "half", "half a handshake"],
+)
+def test_a_request_that_is_never_whole(server: BackgroundServer, sent: bytes) -> None:
+    began_s = time.monotonic()
+    with connect(server) as raw:
+        raw.sendall(sent)
+        assert refusal(answer(raw)) == (408, "http_slow")
+    assert 0.4 < time.monotonic() - began_s < 5
+
+
+def test_a_request_by_the_byte(server: BackgroundServer) -> None:
+    """Slow-loris: bytes that keep coming do not put the end off."""
+    began_s = time.monotonic()
+    with connect(server) as raw, contextlib.suppress(OSError):
+        for _ in range(200):
+            raw.sendall(b"X")
+            time.sleep(0.05)
+    assert time.monotonic() - began_s < 5
+
+
+def test_silence_after_an_answer(server: BackgroundServer) -> None:
+    with connect(server) as raw:
+        raw.sendall(b"GET /healthz HTTP/1.1\r\n" + HOST + b"\r\n")
+        data = answer(raw)
+    assert data.startswith(b"HTTP/1.1 200")
+    assert data.endswith(b"ok\n")
+
+
+def test_half_a_second_request(server: BackgroundServer) -> None:
+    with connect(server) as raw:
+        raw.sendall(b"GET /healthz HTTP/1.1\r\n" + HOST + b"\r\n")
+        assert raw.recv(1 << 16).endswith(b"ok\n")
+        raw.sendall(b"GET /hea")
+        assert refusal(answer(raw)) == (408, "http_slow")
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_headers_that_are_too_large(server: BackgroundServer, ended: bool) -> None:
+    line = b"X-Filler: " + b"a" * 1000 + b"\r\n"
+    with connect(server) as raw:
+        raw.sendall(b"GET / HTTP/1.1\r\n" + HOST + line * 9 + (b"\r\n" if ended else b""))
+        assert refusal(answer(raw)) == (431, "http_headers")
+    with connect(server) as raw:
+        raw.sendall(b"GET /" + b"a" * 9000 + b" HTTP/1.1\r\n" + HOST + b"\r\n")
+        assert refusal(answer(raw)) == (431, "http_headers")
+
+
+def test_endless_headers_hold_no_memory(server: BackgroundServer) -> None:
+    sent = 0
+    with connect(server) as raw, contextlib.suppress(OSError):
+        raw.sendall(b"GET / HTTP/1.1\r\n" + HOST)
+        while sent < 64 << 20:
+            raw.sendall((b"X-Filler: " + b"a" * 1012 + b"\r\n") * 64)
+            sent += 1 << 16
+    assert sent < 32 << 20  # what the sockets' buffers take, and no more
+
+
+@pytest.mark.parametrize(
+    "head",
+    [b"Content-Length: 5000\r\n\r\n" + b"b" * 5000, b"Transfer-Encoding: chunked\r\n\r\n"],
+    ids=["announced", "chunked"],
+)
+def test_a_body_that_is_too_large(server: BackgroundServer, head: bytes) -> None:
+    chunks = b"" if b"Length" in head else (b"3e8\r\n" + b"c" * 1000 + b"\r\n") * 5
+    with connect(server) as raw:
+        # A route that takes its time, so that the body comes before the answer.
+        raw.sendall(b"GET /scenes/pit/segments/0.glb HTTP/1.1\r\n" + HOST + head + chunks)
+        data = answer(raw)
+    assert b"413" in data.split(b"\r\n")[0] or data == b"", data[:200]
+
+
+def test_what_is_no_http(server: BackgroundServer) -> None:
+    for words in (b"\x16\x03\x01\x02\x00", b"GET\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n"):
+        with connect(server) as raw:
+            raw.sendall(words)
+            assert refusal(answer(raw)) == (400, "http_malformed")
+
+
+def test_requests_far_ahead_of_their_answers(server: BackgroundServer) -> None:
+    one = b"GET /scenes HTTP/1.1\r\n" + HOST + b"\r\n"
+    with connect(server) as raw:
+        raw.sendall(one * (MAX_PIPELINED // 2))
+        assert answer(raw).count(b"HTTP/1.1 200") == MAX_PIPELINED // 2
+    with connect(server) as raw:
+        raw.sendall(one * 500)
+        assert answer(raw).count(b"HTTP/1.1 200") < 100
+
+
+def test_an_answer_that_is_not_read(server: BackgroundServer) -> None:
+    before = open_connections(server)
+    with connect(server, SO_RCVBUF=4096) as raw:
+        raw.sendall(b"GET /scenes/pit/report HTTP/1.1\r\n" + HOST + b"\r\n")
+        eventually(lambda: open_connections(server) == before + 1)
+        began_s = time.monotonic()
+        eventually(lambda: open_connections(server) == before, 5)
+        assert time.monotonic() - began_s < 4
+        raw.settimeout(5)
+        assert len(answer(raw)) < BIG
+
+
+def test_a_slow_reader_gets_everything(server: BackgroundServer) -> None:
+    """Progress counts, not the whole time."""
+    got = 0
+    with connect(server, SO_RCVBUF=1 << 20) as raw:
+        raw.sendall(b"GET /scenes/pit/report HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n")
+        began_s = time.monotonic()
+        while part := raw.recv(1 << 20):
+            got += len(part)
+            time.sleep(0.05)
+    assert time.monotonic() - began_s > 1.0
+    assert got > BIG
+
+
+def test_too_many_connections_of_one_address(folder: Path) -> None:
+    with (
+        BackgroundServer(folder, max_connections_per_ip=3, forwarded_allow_ips="") as running,
+        ExitStack() as held,
+    ):
+        for _ in range(3):
+            held.enter_context(connect(running))
+        eventually(lambda: open_connections(running) == 3)
+        answered = httpx.get(f"{running.url}/healthz")
+        assert (answered.status_code, answered.json()["error"]["code"]) == (503, "connections")
+        held.close()
+        eventually(lambda: open_connections(running) == 0)
+        assert httpx.get(f"{running.url}/healthz").status_code == 200
+
+
+def test_too_many_connections_and_the_flood_behind_them(server: BackgroundServer) -> None:
+    eventually(lambda: open_connections(server) == 0)
+    with ExitStack() as held:
+        for _ in range(12):
+            held.enter_context(connect(server))
+        assert httpx.get(f"{server.url}/healthz").status_code == 503
+        with pytest.raises(Exception, match="503"):
+            PlainClient(server.scene_url("pit"))
+        for _ in range(30):
+            held.enter_context(connect(server))
+        # Twice as many at most are kept, whatever comes.
+        eventually(lambda: 0 < open_connections(server) <= 24)
+    eventually(lambda: open_connections(server) == 0)
+    assert httpx.get(f"{server.url}/healthz").status_code == 200
+
+
+def test_descriptors_are_given_back(server: BackgroundServer) -> None:
+    eventually(lambda: open_connections(server) == 0)
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    for _ in range(20):
+        with connect(server) as raw:
+            raw.sendall(b"nonsense\r\n\r\n")
+            answer(raw)
+    eventually(lambda: len(list(Path("/proc/self/fd").iterdir())) <= before)
+
+
+def test_addresses_that_are_counted() -> None:
+    addresses = ClientAddresses("127.0.0.1, 10.0.0.0/8, localhost")
+    assert addresses.counted("127.0.0.1") is None
+    assert addresses.counted("10.1.2.3") is None
+    assert addresses.counted("192.0.2.1") == "192.0.2.1"
+    assert addresses.counted("not an address") is None
+    assert addresses.counted(None) is None
+    assert ClientAddresses("*").counted("192.0.2.1") is None
+    assert addresses.enter("192.0.2.1") == 1
+    assert addresses.enter("192.0.2.1") == 2
+    addresses.leave("192.0.2.1")
+    assert addresses.enter("192.0.2.1") == 2
