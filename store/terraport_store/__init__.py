@@ -50,6 +50,7 @@ from terraport_store.manifest import (
     TextureInfo,
     manifest_digest,
 )
+from terraport_store.packed_rtree import PackedRTree
 from terraport_store.reader import Scene, list_scenes, read_manifest
 from terraport_store.regions import RegionNames
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
@@ -82,6 +83,7 @@ __all__ = [
     "MmapSource",
     "OriginError",
     "OutOfSpaceError",
+    "PackedRTree",
     "PayloadRange",
     "PayloadSource",
     "PublishError",

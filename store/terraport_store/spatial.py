@@ -1,7 +1,8 @@
-"""Which segments lie within a radius: one small interface, two implementations.
+"""Which segments lie within a radius: one small interface, and two models of it.
 
-Both answer exactly, by the same float64 arithmetic (:func:`box_distances_m`), so they agree to the
-last segment.
+Scenes are searched by :class:`~terraport_store.packed_rtree.PackedRTree`. The two here are what it
+is tested and measured against. All answer exactly, by the same float64 arithmetic
+(:func:`box_distances_m`), so they agree to the last segment.
 
 References
 ----------
@@ -20,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 from rtree import index as rtree_index
 
-__all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "box_distances_m"]
+__all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "box_distances_m", "validate_query"]
 
 
 class SpatialIndex(Protocol):
@@ -66,7 +67,7 @@ class BruteForceIndex:
 
     def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
         """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
-        point = _validate_query(centre, radius_m)
+        point = validate_query(centre, radius_m)
         return np.flatnonzero(box_distances_m(self._bounds, point) <= radius_m).astype(np.int64)
 
 
@@ -99,7 +100,7 @@ class RTreeIndex:
 
     def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
         """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
-        point = _validate_query(centre, radius_m)
+        point = validate_query(centre, radius_m)
         if self._tree is None:
             return np.zeros(0, dtype=np.int64)
         # The tree finds the boxes that meet the cube about the sphere, one rounding step wider than
@@ -138,11 +139,13 @@ def box_distances_m(
     point = np.asarray(centre, dtype=np.float64)
     wide = bounds.astype(np.float64)
     gap = np.maximum(np.maximum(wide[:, :3] - point, point - wide[:, 3:]), 0.0)
-    distances: npt.NDArray[np.float64] = np.sqrt((gap * gap).sum(axis=1))
+    squared = gap * gap
+    distances: npt.NDArray[np.float64] = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
     return distances
 
 
-def _validate_query(centre: Sequence[float], radius_m: float) -> npt.NDArray[np.float64]:
+def validate_query(centre: Sequence[float], radius_m: float) -> npt.NDArray[np.float64]:
+    """Return the centre as an array; ValueError as :meth:`SpatialIndex.within` has it."""
     point = np.asarray(centre, dtype=np.float64)
     if point.shape != (3,) or not bool(np.isfinite(point).all()):
         raise ValueError(f"centre is {centre!r}, expected three finite numbers")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from terraport_store import BruteForceIndex, RTreeIndex, SpatialIndex, box_distances_m
+from terraport_store import BruteForceIndex, PackedRTree, RTreeIndex, SpatialIndex, box_distances_m
 
 BOXES = np.array(
     [
@@ -21,8 +21,8 @@ BOXES = np.array(
 )
 
 
-@pytest.fixture(params=[BruteForceIndex, RTreeIndex])
-def kind(request: pytest.FixtureRequest) -> type[BruteForceIndex | RTreeIndex]:
+@pytest.fixture(params=[BruteForceIndex, RTreeIndex, PackedRTree])
+def kind(request: pytest.FixtureRequest) -> type[RTreeIndex]:
     return request.param
 
 
@@ -91,6 +91,9 @@ def test_rtree_equals_brute_force(
 ) -> None:
     expected = BruteForceIndex(boxes).within(centre, radius)
     assert RTreeIndex(boxes).within(centre, radius).tolist() == expected.tolist()
+    for fanout in (2, 3, 8, 64):
+        found = PackedRTree(boxes, fanout).within(centre, radius)
+        assert found.tolist() == expected.tolist()
 
 
 @given(boxes_strategy(wide), st.tuples(wide, wide, wide), st.integers(0, 59))
@@ -100,17 +103,20 @@ def test_rtree_equals_brute_force_at_the_very_distance(
 ) -> None:
     """The radius is exactly some box's distance: inclusive in both, to the last bit."""
     radius = float(box_distances_m(boxes, centre)[which % len(boxes)])
-    tree = RTreeIndex(boxes)
+    tree, packed = RTreeIndex(boxes), PackedRTree(boxes, 3)
     for exact in (radius, math.nextafter(radius, 0), math.nextafter(radius, math.inf)):
         expected = BruteForceIndex(boxes).within(centre, exact)
         assert tree.within(centre, exact).tolist() == expected.tolist()
+        assert packed.within(centre, exact).tolist() == expected.tolist()
 
 
 def test_many_boxes_and_queries() -> None:
     rng = np.random.default_rng(5)
     low = rng.uniform(-500, 500, (5000, 3)).astype(np.float32)
     boxes = np.hstack([low, low + rng.uniform(0, 20, (5000, 3)).astype(np.float32)])
-    tree, model = RTreeIndex(boxes), BruteForceIndex(boxes)
+    tree, packed, model = RTreeIndex(boxes), PackedRTree(boxes), BruteForceIndex(boxes)
     for _ in range(50):
         centre, radius = rng.uniform(-600, 600, 3), float(rng.uniform(0, 200))
-        assert np.array_equal(tree.within(centre, radius), model.within(centre, radius))
+        expected = model.within(centre, radius)
+        assert np.array_equal(tree.within(centre, radius), expected)
+        assert np.array_equal(packed.within(centre, radius), expected)
