@@ -40,6 +40,11 @@ class Outbox:
         """Return how many actions wait, news not counted."""
         return len(self._actions)
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing waits, and something may still come."""
+        return not (self._actions or self._news or self.closing)
+
     def pop(self) -> Action | None:
         """Return the next action, once."""
         if self._actions:

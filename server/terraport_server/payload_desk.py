@@ -67,7 +67,7 @@ class PayloadDesk:
         self._fetching: dict[tuple[str, int, int], asyncio.Future[None]] = {}
 
     def part(
-        self, chunk: SendChunk, encoding: str, *, as_file: bool
+        self, chunk: SendChunk, encoding: str, *, as_file: bool, probe: bool = True
     ) -> PayloadRange | memoryview | None:
         """Return the chunk's bytes, or where they lie; ``None`` where that would take a wait.
 
@@ -79,6 +79,9 @@ class PayloadDesk:
         encoding
         as_file
             Whether the caller can send from a file; bytes are returned otherwise.
+        probe
+            Whether to ask the system if the first page is in memory; not needed right after it said
+            so for the bytes before.
         """
         scene, segment = self._scene, chunk.segment
         if not scene.is_verified(segment, encoding):
@@ -87,7 +90,7 @@ class PayloadDesk:
         if found is None:
             data = scene.held(segment, encoding, chunk.offset, chunk.length)
             return None if data is None else memoryview(data)
-        if not _is_cached(found):
+        if probe and not _is_cached(found):
             return None
         if as_file:
             return found

@@ -26,6 +26,7 @@ from terraport_server.metrics import Metrics
 from terraport_server.scenes import ServedScene
 from terraport_server.session import Session
 from terraport_server.transport import connection_of
+from terraport_server.turns import Rank, Turns
 from terraport_store import CorruptPayloadError, PayloadRange, StoreError
 from terraport_wire import (
     DecodeError,
@@ -39,10 +40,10 @@ from terraport_wire import (
     frame_header,
 )
 
-__all__ = ["Priorities", "Sender", "SenderLimits"]
+__all__ = ["Sender", "SenderLimits"]
 
-_YIELD_S: Final = 0.001
-"""How long an aim's chunk waits before it looks again whether a landing is being sent."""
+_NEW_LANDING_BYTES: Final = 1 << 20
+"""So much of a landing goes before what is left of others'."""
 
 _SHORTEST_TICK_S: Final = 0.002
 
@@ -52,23 +53,13 @@ _MOST_AHEAD: Final = 512
 PickRunner = Callable[[ServedScene, RunPick], Awaitable[Hit | None]]
 
 
-class Priorities:
-    """Shared by all senders of a process: landings before aims.
-
-    Counts the landing chunks that are on their way to a socket at this moment. A landing that waits
-    for its client's credit does not count: it does not use what an aim would.
-    """
-
-    def __init__(self) -> None:
-        self.landing_chunks = 0
-
-
 @dataclass(frozen=True, slots=True)
 class SenderLimits:
     """What bounds one sender."""
 
     max_message_bytes: int
     max_pending_actions: int
+    max_burst_bytes: int
     close_timeout_s: float
 
 
@@ -89,7 +80,7 @@ class Sender:
         Bounds.
     metrics
         Counters.
-    priorities
+    turns
         Shared with the other senders of the process.
     run_pick
         Answers picks.
@@ -104,7 +95,7 @@ class Sender:
         *,
         limits: SenderLimits,
         metrics: Metrics,
-        priorities: Priorities,
+        turns: Turns,
         run_pick: PickRunner,
     ) -> None:
         self.session = session
@@ -113,7 +104,7 @@ class Sender:
         self._served = served
         self._limits = limits
         self._metrics = metrics
-        self._priorities = priorities
+        self._turns = turns
         self._run_pick = run_pick
         self._connection = connection_of(websocket.scope)
         self._loop = asyncio.get_running_loop()
@@ -128,6 +119,12 @@ class Sender:
         self._ahead_segment = -1
         self._ahead_bytes = 0
         """What the desk was told of and was not sent yet."""
+        self._absent: SendChunk | None = None
+        """What has to be fetched before it can be sent."""
+        self._under_way = SendChunk(-1, 0, 0, 0, 0, landing=False)
+        """What was sent last."""
+        self._generation_bytes = 0
+        """Payload bytes sent for its generation."""
 
     async def run(self) -> None:
         """Serve until the connection is over; returns also when the client vanishes.
@@ -209,7 +206,7 @@ class Sender:
                 self._wake.clear()
                 await self._wake.wait()
             elif isinstance(action, SendChunk):
-                await self._send_chunk(action)
+                await self._send_chunks(action)
             elif isinstance(action, SendMessage):
                 await self._send_message(action.message)
             elif isinstance(action, RunPick):
@@ -218,23 +215,68 @@ class Sender:
                 await self._close(action)
                 return
 
-    async def _send_chunk(self, chunk: SendChunk) -> None:
-        if not chunk.landing and self._priorities.landing_chunks:
-            await asyncio.sleep(_YIELD_S)
-            return  # and ask again: a landing of this client may have come too
+    async def _send_chunks(self, chunk: SendChunk) -> None:
+        """Send payload until the session wants something else, or the client takes no more."""
+        connection = self._connection
+        try:
+            if connection is None:
+                await self._turns.take(self._rank(chunk), self._look)
+                await self._send_plainly()
+            elif await connection.until_clear():
+                await self._turns.take(self._rank(chunk), self._burst)
+                await connection.until_clear()
+            else:  # closing: what the client says last ends this sender
+                self._wake.clear()
+                await self._wake.wait()
+                return
+        except OSError as error:
+            # The frame was begun: the connection is gone. Who comes back is told more.
+            self._served.desk.distrust(self._under_way.segment)
+            self._tell_failure(self._under_way, error)
+            raise WebSocketDisconnect(1006) from error
+        if self._absent is not None:
+            absent, self._absent = self._absent, None
+            await self._fetch(absent)
+
+    def _burst(self) -> Rank | None:
+        """Hand chunks to the socket; the rank of what is left where there is room for more.
+
+        Ends at once when the client says something: it may want something else.
+        """
+        connection = self._connection
+        assert connection is not None
+        room_bytes = most_bytes = self._limits.max_burst_bytes
+        goes_on = connection.is_clear
+        while goes_on:
+            taken = self._next_part(is_first=room_bytes == most_bytes)
+            if taken is None:
+                return None
+            header, part = taken
+            goes_on = connection.send_part(header, part)
+            room_bytes -= self._under_way.length
+            if goes_on and (room_bytes <= 0 or connection.has_news()):
+                return self._rank(self._under_way)
+        return None
+
+    def _next_part(self, *, is_first: bool) -> tuple[bytes, PayloadRange | memoryview] | None:
+        """Take the next chunk and book it as sent; None where something else comes first."""
         session, desk = self.session, self._served.desk
+        chunk = session.next_chunk()
+        if chunk is None:
+            return None
         if self._failed == chunk.segment:
             self._failed = None
             session.payload_failed(chunk, self._loop.time())
-            return
+            return None
         if desk.ahead_bytes:
             self._look_ahead(chunk)
         connection = self._connection
         as_file = connection is not None and connection.takes_files
-        part = desk.part(chunk, session.encoding, as_file=as_file)
+        probe = is_first or not chunk.offset
+        part = desk.part(chunk, session.encoding, as_file=as_file, probe=probe)
         if part is None:
-            await self._fetch(chunk)
-            return
+            self._absent = chunk
+            return None
         header = frame_header(
             generation=chunk.generation,
             segment=chunk.segment,
@@ -243,16 +285,30 @@ class Sender:
             length=chunk.length,
         )
         session.chunk_sent(chunk, self._loop.time())
-        counted = self._metrics.land_bytes if chunk.landing else self._metrics.aim_bytes
-        counted.inc(chunk.length)
-        self._priorities.landing_chunks += chunk.landing
-        try:
-            await self._send_part(chunk, header, part)
-            # The send does not suspend while the socket keeps up: without this, one fast client
-            # would hold everybody else, and its own next message, until its landing is whole.
-            await asyncio.sleep(0)
-        finally:
-            self._priorities.landing_chunks -= chunk.landing
+        (self._metrics.land_bytes if chunk.landing else self._metrics.aim_bytes).inc(chunk.length)
+        if chunk.generation != self._under_way.generation:
+            self._generation_bytes = 0
+        self._generation_bytes += chunk.length
+        self._under_way = chunk
+        return header, part
+
+    def _rank(self, chunk: SendChunk) -> Rank:
+        if not chunk.landing:
+            return Rank.AIM
+        is_new = chunk.generation != self._under_way.generation
+        if is_new or self._generation_bytes < _NEW_LANDING_BYTES:
+            return Rank.NEW_LANDING
+        return Rank.LANDING
+
+    def _look(self) -> None:
+        """Take a turn and send afterwards: for a connection that cannot send without waiting."""
+
+    async def _send_plainly(self) -> None:
+        taken = self._next_part(is_first=True)
+        if taken is not None:
+            header, part = taken
+            assert isinstance(part, memoryview)
+            await self._websocket.send_bytes(header + part)
 
     def _look_ahead(self, chunk: SendChunk) -> None:
         """Let the desk fetch what follows, so much at a time that neighbours go together."""
@@ -291,25 +347,6 @@ class Sender:
             reason=str(error),
         )
         self._metrics.corrupt_segments.labels(self._metrics.scene_label(self._served.id)).inc()
-
-    async def _send_part(
-        self, chunk: SendChunk, header: bytes, part: PayloadRange | memoryview
-    ) -> None:
-        """Send one chunk by the shortest way that this connection has."""
-        connection = self._connection
-        if connection is None:
-            assert isinstance(part, memoryview)
-            await self._websocket.send_bytes(header + part)
-        elif isinstance(part, memoryview):
-            await connection.send_parts(header, part)
-        else:
-            try:
-                await connection.send_file(header, part)
-            except OSError as error:
-                # The frame was begun: the connection is gone. Who comes back is told more.
-                self._served.desk.distrust(chunk.segment)
-                self._tell_failure(chunk, error)
-                raise WebSocketDisconnect(1006) from error
 
     async def _send_message(self, message: Message) -> None:
         data = encode(message, self._subprotocol)

@@ -20,8 +20,9 @@ from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
 from terraport_server.scene_places import place_of
 from terraport_server.scenes import SceneRegistry, ServedScene
-from terraport_server.sender import Priorities, Sender, SenderLimits
+from terraport_server.sender import Sender, SenderLimits
 from terraport_server.settings import Settings
+from terraport_server.turns import Turns
 from terraport_store import OriginError
 from terraport_wire import Hit
 
@@ -68,15 +69,16 @@ class Service:
         self.sender_limits = SenderLimits(
             max_message_bytes=settings.max_message_bytes,
             max_pending_actions=settings.max_pending_actions,
+            max_burst_bytes=settings.max_burst_bytes,
             close_timeout_s=settings.close_timeout_s,
         )
-        self.priorities = Priorities()
         routing = settings.groups_served
         self.groups = None if routing == "none" else GroupDesk(settings.group_limits(), routing)
         if self.groups is not None:
             groups = self.groups.groups
             self.metrics.groups.set_function(lambda: groups.group_count)
             self.metrics.group_members.set_function(lambda: groups.member_count)
+        self.turns = Turns()
         self.once = OncePerMinute()
         self.ready = False
         """Whether the scenes were looked at and clients may come."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import os
 import signal
 import socket
@@ -40,6 +41,8 @@ class TerraportServer(uvicorn.Server):
         """Awaited once clients are accepted."""
         self.on_ended: Callable[[], Awaitable[None]] | None = None
         """Awaited at the very end, when every connection is closed."""
+        self.owns_process = False
+        """Whether nothing else lives here: then what was loaded is never searched for garbage."""
         self._retiring = False
         self._loop: asyncio.AbstractEventLoop | None = None
 
@@ -59,6 +62,10 @@ class TerraportServer(uvicorn.Server):
         await super().startup(sockets)
         if self.config.ssl is not None:
             self.service.access.watch_certificate(self.config.ssl)
+        if self.owns_process:
+            # A search through all modules stops the loop for tens of milliseconds.
+            gc.collect()
+            gc.freeze()
         if self.started and self.on_started is not None:
             await self.on_started()
 
@@ -153,6 +160,7 @@ def run(settings: Settings, reread: Callable[[], Settings] | None = None) -> Non
         _run_workers(settings, reread)
         return
     server = make_server(settings)
+    server.owns_process = True
     configure_logging(settings.log_level, settings.log_format)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, lambda *_: server.reread_access())

@@ -154,8 +154,12 @@ class Session:
         A :class:`SendChunk` is returned again until it is answered; everything else once.
         """
         action = self._out.pop()
-        if action is not None or self._out.closing or self._deliveries is None:
-            return action
+        return self.next_chunk() if action is None else action
+
+    def next_chunk(self) -> SendChunk | None:
+        """Return the payload to send next; ``None`` while anything else goes first."""
+        if self._deliveries is None or not self._out.is_idle:
+            return None
         return self._deliveries.next_chunk()
 
     def receive(self, message: Message | Unknown, now_s: float) -> None:

@@ -140,7 +140,7 @@ async def _serve(
         served,
         limits=service.sender_limits,
         metrics=service.metrics,
-        priorities=service.priorities,
+        turns=service.turns,
         run_pick=service.run_pick,
     )
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import select
 import socket
 import ssl
 from asyncio.transports import BaseTransport
@@ -54,7 +55,10 @@ class Connection(BoundedPeer):
     _guard: FrameGuard
     _direct: socket.socket | None = None
     """Our own descriptor of the same socket: the loop refuses to watch the transport's."""
+    _news: select.poll | None = None
     _may_go_direct = False
+    _frame: tuple[bytes, PayloadRange] | None = None
+    """What is left of the frame that is under way past the transport."""
     _room: asyncio.Future[None] | None = None
 
     def connection_made(self, transport: BaseTransport) -> None:
@@ -95,30 +99,19 @@ class Connection(BoundedPeer):
 
     @property
     def takes_files(self) -> bool:
-        """Whether :meth:`send_file` is possible: not under TLS, not on every system."""
+        """Whether :meth:`send_part` takes ranges of files: not under TLS, not on every system."""
         return self._may_go_direct
 
-    async def send_parts(self, header: bytes, part: memoryview) -> None:
-        """Send one binary message of two parts without joining them first.
+    @property
+    def is_clear(self) -> bool:
+        """Whether :meth:`send_part` may be called now."""
+        return self.writable.is_set() and self._frame is None and self._is_open()
 
-        Waits until the transport's buffer is empty and then writes without waiting, so at most one
-        frame is in it. Not to overlap with another call; safe to cancel: a frame is written whole
-        or not at all.
+    async def until_clear(self) -> bool:
+        """Wait until :meth:`send_part` may be called; False where that will not be, after a close.
 
-        Raises
-        ------
-        WebSocketDisconnect
-            When the client is gone.
-        """
-        if await self._is_open():
-            self._guard.writelines([_frame_header(len(header) + len(part)), header, part])
-
-    async def send_file(self, header: bytes, part: PayloadRange) -> None:
-        """Send one binary message: a header, and bytes of a file that no one copies.
-
-        Returns when the kernel has taken the whole frame. Not to overlap with another call. Safe to
-        cancel: the rest of a frame that was begun is handed to the transport, and what others wrote
-        meanwhile (pongs) follows it.
+        Sends the rest of a frame that was begun. Safe to cancel: the rest of a frame is handed to
+        the transport, and what others wrote meanwhile (pongs) follows it.
 
         Raises
         ------
@@ -128,58 +121,104 @@ class Connection(BoundedPeer):
             When the disk fails, or the file ends too soon (ShortFileError). The connection is
             dropped, because the client was promised more.
         """
-        if not await self._is_open():
-            return
-        if self._guard.get_write_buffer_size():  # a transport that does not keep to our limit
-            data = _read(part)
-            self._guard.writelines([_frame_header(len(header) + len(data)), header, data])
-            return
-        if self._direct is None:
-            raw = self._guard.get_extra_info("socket")
-            self._direct = socket.socket(fileno=os.dup(raw.fileno()))
-            self._direct.setblocking(False)
-        frame = memoryview(_frame_header(len(header) + part.length) + header)
-        self._guard.begin()
         try:
-            while frame:
-                try:
-                    frame = frame[self._direct.send(frame, _MSG_MORE) :]
-                except BlockingIOError:
-                    await self._until_room()
-            while part.length:
-                try:
-                    sent = os.sendfile(
-                        self._direct.fileno(), part.descriptor, part.offset, part.length
-                    )
-                except BlockingIOError:
-                    await self._until_room()
-                else:
-                    part = _after(part, sent)
+            while self._frame is not None:
+                await self._until_room()
+                self._push()
+            await self.writable.wait()
         except asyncio.CancelledError:
-            self._hand_over(frame, part)
+            self._hand_over()
             raise
-        except (ConnectionError, WebSocketDisconnect):
-            self._guard.abort()
-            raise WebSocketDisconnect(1006) from None
-        except OSError:  # the disk's, or a pack cut short: the client was promised more
-            self._guard.abort()
+        except WebSocketDisconnect:
+            self._drop_frame()
             raise
-        finally:
-            self._guard.end()
-            if self.disconnected:
-                self._close_direct()
+        if self.disconnected:
+            raise WebSocketDisconnect(1006)
+        return self._is_open()
+
+    def send_part(self, header: bytes, part: PayloadRange | memoryview) -> bool:
+        """Send one binary message of a header and payload that no one joins; never waits.
+
+        Only while :attr:`is_clear`. At most one frame is under way: what the socket does not take
+        waits, as bytes in the transport, or as a range of the file (:meth:`until_clear` sends it).
+
+        Parameters
+        ----------
+        header
+        part
+            A range of a file only where :attr:`takes_files`.
+
+        Returns
+        -------
+        bool
+            Whether the socket took it all.
+
+        Raises
+        ------
+        WebSocketDisconnect
+            When the client is gone.
+        OSError
+            As :meth:`until_clear`.
+        """
+        guard = self._guard
+        if self._news is None and hasattr(select, "poll"):
+            self._news = select.poll()
+            self._news.register(guard.get_extra_info("socket").fileno(), select.POLLIN)
+        if isinstance(part, PayloadRange):
+            if not guard.get_write_buffer_size():
+                head = _frame_header(len(header) + part.length) + header
+                self._frame = (head, part)
+                return self._push()
+            part = memoryview(_read(part))  # a transport that does not keep to our limit
+        guard.writelines([_frame_header(len(header) + len(part)), header, part])
+        return not guard.get_write_buffer_size()
+
+    def has_news(self) -> bool:
+        """Whether bytes of the client wait to be read, as far as that can be told."""
+        return self._news is not None and bool(self._news.poll(0))
 
     def abort(self) -> None:
         """Drop the connection and everything buffered."""
         self._guard.abort()
 
-    async def _is_open(self) -> bool:
-        """Wait for an empty buffer; tell whether frames may still be sent."""
-        await self.writable.wait()
-        if self.disconnected:
-            raise WebSocketDisconnect(1006)
+    def _is_open(self) -> bool:
         # What comes after a close is dropped, as uvicorn does.
-        return not self.close_sent and self.conn.state is State.OPEN
+        return not (self.disconnected or self.close_sent) and self.conn.state is State.OPEN
+
+    def _push(self) -> bool:
+        """Hand the socket what it takes of the frame; tell whether that was all."""
+        assert self._frame is not None
+        direct, (head, part) = self._own_socket(), self._frame
+        descriptor = direct.fileno()
+        try:
+            while head:
+                head = head[direct.send(head, _MSG_MORE) :]
+            while part.length:
+                sent = os.sendfile(descriptor, part.descriptor, part.offset, part.length)
+                if sent == part.length:
+                    break
+                part = _after(part, sent)
+        except BlockingIOError:
+            self._frame = (head, part)
+            self._guard.begin()
+            return False
+        except ConnectionError:
+            self._drop_frame()
+            raise WebSocketDisconnect(1006) from None
+        except OSError:  # the disk's, or a pack cut short: the client was promised more
+            self._drop_frame()
+            raise
+        self._frame = None
+        if self._guard.in_frame:
+            self._guard.end()
+        return True
+
+    def _own_socket(self) -> socket.socket:
+        if self._direct is None:
+            raw = self._guard.get_extra_info("socket")
+            self._direct = socket.socket(fileno=os.dup(raw.fileno()))
+            self._direct.setblocking(False)
+        return self._direct
 
     async def _until_room(self) -> None:
         """Wait until the socket takes more."""
@@ -197,12 +236,27 @@ class Connection(BoundedPeer):
         if self.disconnected:
             raise WebSocketDisconnect(1006)
 
-    def _hand_over(self, frame: memoryview, part: PayloadRange) -> None:
+    def _hand_over(self) -> None:
         """Leave the rest of a frame to the transport; where it cannot be read, drop the rest."""
+        if self._frame is None:
+            return
+        (head, part), self._frame = self._frame, None
         try:
-            self._guard.finish(bytes(frame), _read(part))
+            self._guard.finish(head, _read(part))
         except OSError:
             self._guard.abort()
+        self._end_frame()
+
+    def _drop_frame(self) -> None:
+        if self._frame is not None:
+            self._frame = None
+            self._guard.abort()
+            self._end_frame()
+
+    def _end_frame(self) -> None:
+        self._guard.end()
+        if self.disconnected:
+            self._close_direct()
 
     def _wake(self) -> None:
         if self._room is not None and not self._room.done():

@@ -118,6 +118,7 @@ def main(arguments: list[str]) -> int:
     configure_logging(settings.log_level, settings.log_format)
     listeners = [socket.socket(fileno=number) for number in start["listeners"]]
     server = make_server(settings)
+    server.owns_process = True
     _Worker(server, end)
     with contextlib.suppress(KeyboardInterrupt, SystemExit):
         server.run(sockets=listeners)

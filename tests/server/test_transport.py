@@ -148,13 +148,14 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
 ) -> None:
     """A client that does not read stalls a frame; its pings come then; the stream stays whole."""
     sent_files = []
-    send_file = Connection.send_file
+    send_part = Connection.send_part
 
-    async def counted(self: Connection, header: bytes, part: PayloadRange) -> None:
-        sent_files.append(part.length)
-        await send_file(self, header, part)
+    def counted(self: Connection, header: bytes, part: PayloadRange | memoryview) -> bool:
+        if isinstance(part, PayloadRange):
+            sent_files.append(part.length)
+        return send_part(self, header, part)
 
-    monkeypatch.setattr(Connection, "send_file", counted)
+    monkeypatch.setattr(Connection, "send_part", counted)
     pit = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
     with BackgroundServer(tmp_path, payload_source=source, max_radius_m=1e4) as server:
         client = SlowClient(server.port)

@@ -21,6 +21,7 @@ from terraport_wire import (
     HELD_DTYPE,
     Credit,
     Error,
+    Evict,
     Land,
     Notice,
     Pick,
@@ -97,14 +98,16 @@ def test_a_byte_that_flips_after_it_was_sent_once(own: GridScene, source: str) -
         flip(own.path, 20)
         second.hello()
         second.send(land(1))
-        ready, frames, _ = second.until(Ready)
-        assert ready.missing.tolist() == [20]
-        assert 20 not in assemble(frames)
-        first.send(Reject(generation=1, segment=20, reason="hash_mismatch"))
-        assert first.until(Ready)[0].missing.tolist() == [20], "read anew, found bad"
-        flip(own.path, 20)
+        _, frames, _ = second.until(Ready)
+        assert assemble(frames)[20] != own.payloads[20], "checked before: sent unread"
+        second.send(Reject(generation=1, segment=20, reason="hash_mismatch"))
+        assert second.until(Ready)[0].missing.tolist() == [20], "read anew, found bad"
+        first.send(Evict(segments=np.array([20], dtype=np.uint32)))
         first.send(land(2))
-        ready, frames, _ = first.until(Ready)
+        assert first.until(Ready)[0].missing.tolist() == [20], "and not sent to anybody else"
+        flip(own.path, 20)
+        first.send(land(3))
+        _, frames, _ = first.until(Ready)
         assert assemble(frames) == {20: own.payloads[20]}, "mended on disk: sent again"
 
 

@@ -94,24 +94,37 @@ def frame_header(*, generation: int, segment: int, offset: int, total: int, leng
     InvalidMessageError
         If a number is out of range or the chunk lies outside the segment.
     """
-    for name, value in (("generation", generation), ("segment", segment)):
-        if not 0 <= value <= _U32:
-            raise InvalidMessageError("frame", name, f"got {value}, expected 0 to {_U32}")
-    if not 1 <= total <= MAX_SEGMENT_BYTES:
-        raise InvalidMessageError(
-            "frame", "total", f"got {total}, expected 1 to {MAX_SEGMENT_BYTES}"
-        )
-    if not 1 <= length <= MAX_CHUNK_BYTES:
-        raise InvalidMessageError(
-            "frame", "length", f"got {length}, expected 1 to {MAX_CHUNK_BYTES}"
-        )
-    if offset < 0 or offset + length > total:
-        text = f"got {offset} with {length} bytes, expected to end within {total}"
-        raise InvalidMessageError("frame", "offset", text)
+    # One comparison for all, because it is made for every chunk.
+    if not (
+        0 <= generation <= _U32
+        and 0 <= segment <= _U32
+        and 0 < length <= MAX_CHUNK_BYTES
+        and 0 <= offset <= total - length
+        and total <= MAX_SEGMENT_BYTES
+    ):
+        raise _header_error(generation, segment, offset, total, length)
     flags = FLAG_LAST if offset + length == total else 0
     return _HEADER.pack(
         KIND_SEGMENT_CHUNK, flags, HEADER_BYTES, generation, segment, offset, total, 0
     )
+
+
+def _header_error(
+    generation: int, segment: int, offset: int, total: int, length: int
+) -> InvalidMessageError:
+    for name, value in (("generation", generation), ("segment", segment)):
+        if not 0 <= value <= _U32:
+            return InvalidMessageError("frame", name, f"got {value}, expected 0 to {_U32}")
+    if not 1 <= total <= MAX_SEGMENT_BYTES:
+        return InvalidMessageError(
+            "frame", "total", f"got {total}, expected 1 to {MAX_SEGMENT_BYTES}"
+        )
+    if not 1 <= length <= MAX_CHUNK_BYTES:
+        return InvalidMessageError(
+            "frame", "length", f"got {length}, expected 1 to {MAX_CHUNK_BYTES}"
+        )
+    text = f"got {offset} with {length} bytes, expected to end within {total}"
+    return InvalidMessageError("frame", "offset", text)
 
 
 def encode_frame(frame: PayloadFrame) -> bytes:

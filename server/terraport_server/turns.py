@@ -1,0 +1,101 @@
+"""Whose payload goes next: one burst at a time, new landings first.
+
+Sockets take payload faster than clients ask for it, so without an order the first client to be
+served would be served whole, and a landing that came a moment later would wait behind it. Here
+every client that has something to send asks for a turn. One turn is one burst of bounded size;
+between two of them the event loop looks at the network once, so that a new landing is seen within
+one burst of whatever is under way.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Final
+
+__all__ = ["Rank", "Turns"]
+
+_FIRST_IN_A_ROW: Final = 8
+"""Turns of new landings before another landing gets one: landing anew all the time starves nobody.
+"""
+
+
+class Rank(IntEnum):
+    """What a turn is asked for."""
+
+    NEW_LANDING = 0
+    """The first bytes of a landing, which somebody waits for in the dark."""
+    LANDING = 1
+    AIM = 2
+    """May come to nothing: goes when no landing could use the turn."""
+
+
+Burst = Callable[[], Rank | None]
+"""Sends a bounded amount without waiting; returns the rank of what is left, ``None`` where there is
+nothing to send or no room to send it."""
+
+
+class Turns:
+    """Gives the senders of one event loop their turns."""
+
+    def __init__(self) -> None:
+        self._waiting: tuple[deque[tuple[asyncio.Future[None], Burst]], ...] = tuple(
+            deque() for _ in Rank
+        )
+        self._running = False
+        self._new_in_a_row = 0
+
+    def __len__(self) -> int:
+        """Return how many senders wait."""
+        return sum(len(queue) for queue in self._waiting)
+
+    async def take(self, rank: Rank, burst: Burst) -> None:
+        """Send by *burst*, turn by turn, until it returns ``None``.
+
+        Cancelling it gives the place up.
+
+        Raises
+        ------
+        Exception
+            Whatever *burst* raises.
+        """
+        loop = asyncio.get_running_loop()
+        done = loop.create_future()
+        self._waiting[rank].append((done, burst))
+        if not self._running:
+            self._running = True
+            loop.call_soon(self._turn, loop)
+        await done
+
+    def _turn(self, loop: asyncio.AbstractEventLoop) -> None:
+        entry = self._next()
+        if entry is None:
+            self._running = False
+            return
+        done, burst = entry
+        try:
+            rank = burst()
+        except Exception as error:  # noqa: BLE001 - handed to who asked for the turn
+            done.set_exception(error)
+        else:
+            if rank is None:
+                done.set_result(None)
+            else:
+                self._waiting[rank].append(entry)
+        loop.call_soon(self._turn, loop)
+
+    def _next(self) -> tuple[asyncio.Future[None], Burst] | None:
+        """Take the next entry whose sender still waits."""
+        new, old, aims = self._waiting
+        while new or old or aims:
+            if new and (self._new_in_a_row < _FIRST_IN_A_ROW or not old):
+                self._new_in_a_row += 1
+                entry = new.popleft()
+            else:
+                self._new_in_a_row = 0
+                entry = (old or aims).popleft()
+            if not entry[0].done():
+                return entry
+        return None

@@ -1,0 +1,117 @@
+"""Whose payload goes next."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+import pytest
+
+from terraport_server.turns import Rank, Turns
+
+Burst = Callable[[], Rank | None]
+
+
+def bursts(said: list[str], name: str, *ranks: Rank | None) -> Burst:
+    """A burst that notes its name, and says one rank after the other; ``None`` at the end."""
+    left = [*ranks, None]
+
+    def burst() -> Rank | None:
+        said.append(name)
+        return left.pop(0)
+
+    return burst
+
+
+def test_new_landings_go_before_landings_and_landings_before_aims() -> None:
+    async def story() -> list[str]:
+        turns, said = Turns(), list[str]()
+        await asyncio.gather(
+            turns.take(Rank.AIM, bursts(said, "aim", Rank.AIM)),
+            turns.take(Rank.LANDING, bursts(said, "old", Rank.LANDING)),
+            turns.take(Rank.NEW_LANDING, bursts(said, "new", Rank.NEW_LANDING, Rank.LANDING)),
+        )
+        assert len(turns) == 0
+        return said
+
+    assert asyncio.run(story()) == ["new", "new", "old", "new", "old", "aim", "aim"]
+
+
+def test_landing_anew_all_the_time_starves_nobody() -> None:
+    async def story() -> list[str]:
+        turns, said = Turns(), list[str]()
+        await asyncio.gather(
+            turns.take(Rank.LANDING, bursts(said, "old", Rank.LANDING)),
+            turns.take(Rank.NEW_LANDING, bursts(said, "new", *[Rank.NEW_LANDING] * 20)),
+        )
+        return said
+
+    said = asyncio.run(story())
+    assert [place for place, name in enumerate(said) if name == "old"] == [8, 17]
+
+
+def test_equals_go_round() -> None:
+    async def story() -> list[str]:
+        turns, said = Turns(), list[str]()
+        await asyncio.gather(
+            *(
+                turns.take(Rank.LANDING, bursts(said, name, *[Rank.LANDING] * 2))
+                for name in ("a", "b", "c")
+            )
+        )
+        return said
+
+    assert asyncio.run(story()) == ["a", "b", "c"] * 3
+
+
+def test_a_newcomer_waits_for_one_turn_only() -> None:
+    """Between two turns the loop does everything else that is due."""
+
+    async def story() -> None:
+        turns, said = Turns(), list[str]()
+        busy = [
+            asyncio.create_task(turns.take(Rank.LANDING, bursts(said, "busy", *[Rank.LANDING] * 9)))
+            for _ in range(5)
+        ]
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        before = len(said)
+        await turns.take(Rank.NEW_LANDING, bursts(said, "new"))
+        assert said.index("new") <= before + 1
+        await asyncio.gather(*busy)
+        assert said.count("busy") == 50
+
+    asyncio.run(story())
+
+
+def test_who_goes_away_gives_the_place_up() -> None:
+    async def story() -> list[str]:
+        turns, said = Turns(), list[str]()
+        gone = asyncio.create_task(turns.take(Rank.LANDING, bursts(said, "gone")))
+        stays = asyncio.create_task(turns.take(Rank.LANDING, bursts(said, "stays")))
+        await asyncio.sleep(0)
+        gone.cancel()
+        await stays
+        assert gone.cancelled()
+        await turns.take(Rank.AIM, bursts(said, "later"))
+        return said
+
+    assert asyncio.run(story()) in (["stays", "later"], ["gone", "stays", "later"])
+
+
+def test_a_failure_is_the_asker_s_and_nobody_else_s() -> None:
+    async def story() -> list[str]:
+        turns, said = Turns(), list[str]()
+
+        def fails() -> Rank | None:
+            raise OSError("disk")
+
+        failing = turns.take(Rank.NEW_LANDING, fails)
+        done = await asyncio.gather(
+            failing, turns.take(Rank.LANDING, bursts(said, "well")), return_exceptions=True
+        )
+        with pytest.raises(OSError, match="disk"):
+            raise done[0] or AssertionError
+        return said
+
+    assert asyncio.run(story()) == ["well"]
