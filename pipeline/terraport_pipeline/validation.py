@@ -24,7 +24,7 @@ from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.scene_model import WHOLE_FACES, load_scene_model
 from terraport_pipeline.scene_windows import prove_in_windows, segments_around
 from terraport_pipeline.worst_place import compare_at
-from terraport_store import Manifest, Scene, StoreError, read_manifest
+from terraport_store import Manifest, Scene, SceneFiles, StoreError, read_manifest, scene_files
 from terraport_store.validate import Finding, validate_scene
 
 __all__ = ["ValidationOptions", "ValidationResult", "validate"]
@@ -50,7 +50,7 @@ class ValidationOptions:
 class ValidationResult:
     """What was found."""
 
-    path: Path
+    path: Path | str
     manifest: Manifest | None
     """None when it cannot be read."""
     findings: tuple[Finding, ...]
@@ -75,7 +75,7 @@ class ValidationResult:
 
 
 def validate(
-    scene_path: Path,
+    scene_path: Path | str,
     options: ValidationOptions | None = None,
     *,
     progress: Progress | None = None,
@@ -84,8 +84,8 @@ def validate(
 
     Parameters
     ----------
-    scene_path : Path
-        The scene directory.
+    scene_path : Path or str
+        The scene directory, or the address of a scene in object storage.
     options : ValidationOptions, optional
         Everything, by default.
     progress : Progress, optional
@@ -109,18 +109,22 @@ def validate(
             f"received the picture {chosen.picture}, expected an existing folder "
             f"{chosen.picture.parent}"
         )
-    findings = tuple(validate_scene(scene_path, progress=_by_segment(watcher)))
-    watcher.done({"findings": len(findings)})
-    found = _Looked(None, "left out")
-    if chosen.hand_off is not None:
-        found = _look(scene_path, chosen.hand_off, chosen.picture, watcher)
-    gltf = GltfCheck(0, not_run="left out")
-    if chosen.khronos is not False:
-        gltf = _judge(scene_path, chosen.gltf_sample, watcher)
+    files = scene_files(scene_path)
     try:
-        manifest = read_manifest(scene_path)
-    except StoreError:
-        manifest = None  # it is among the findings
+        findings = tuple(validate_scene(files, progress=_by_segment(watcher)))
+        watcher.done({"findings": len(findings)})
+        found = _Looked(None, "left out")
+        if chosen.hand_off is not None:
+            found = _look(files, chosen.hand_off, chosen.picture, watcher)
+        gltf = GltfCheck(0, not_run="left out")
+        if chosen.khronos is not False:
+            gltf = _judge(files, chosen.gltf_sample, watcher)
+        try:
+            manifest = read_manifest(files)
+        except StoreError:
+            manifest = None  # it is among the findings
+    finally:
+        files.close()
     return ValidationResult(
         scene_path,
         manifest,
@@ -155,11 +159,11 @@ class _Looked:
 
 
 def _look(
-    scene_path: Path, options: HandOffOptions, picture: Path | None, watcher: Progress
+    files: SceneFiles, options: HandOffOptions, picture: Path | None, watcher: Progress
 ) -> _Looked:
     """Cast the rays; a scene too damaged for it is a reason, not an error."""
     try:
-        with Scene.open(scene_path) as scene:
+        with Scene.open(files) as scene:
             if int(scene.index.face_count.sum(dtype=np.int64)) > WHOLE_FACES:
                 return _look_in_windows(scene, options, picture, watcher)
             model = load_scene_model(scene, progress=watcher)
@@ -194,11 +198,11 @@ def _look_in_windows(
     return _Looked(report, "", seconds, picture)
 
 
-def _judge(scene_path: Path, sample: int, watcher: Progress) -> GltfCheck:
+def _judge(files: SceneFiles, sample: int, watcher: Progress) -> GltfCheck:
     watcher.start("Khronos glTF validator", None, "payloads")
     payloads: dict[str, bytes | memoryview] = {}
     try:
-        with Scene.open(scene_path) as scene:
+        with Scene.open(files) as scene:
             payloads["base"] = scene.base_path.read_bytes()
             count = len(scene.index)
             for segment in np.unique(np.linspace(0, count - 1, min(sample, count)).astype(int)):

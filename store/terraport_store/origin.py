@@ -32,7 +32,7 @@ from obstore.exceptions import (
 )
 from obstore.store import HTTPStore, LocalStore, MemoryStore, S3Store, from_url
 
-from terraport_store.errors import OriginError
+from terraport_store.errors import OriginError, StoreError
 
 __all__ = ["ObjectCounts", "ObjectOptions", "Origin", "Seen"]
 
@@ -80,6 +80,9 @@ class ObjectOptions:
     """What one landing is read ahead at most; 0 = nothing."""
     timeout_s: float = 20.0
     """No attempt begins later than so long after the first, and none takes longer."""
+
+    part_retries: int = 0
+    """Times that a part of an upload is tried again."""
 
     @property
     def stall_s(self) -> float:
@@ -243,23 +246,56 @@ class Origin:
 
         return self._tried(folder, attempt)
 
-    def put(self, path: str, data: Any, attributes: dict[str, str] | None = None) -> None:
-        """Write an object: bytes, or an iterator of bytes (in parts; not tried again).
+    def put(self, path: str, data: bytes, attributes: dict[str, str] | None = None) -> None:
+        """Write an object; tried again ``part_retries`` times.
 
         Raises
         ------
         OriginError
-            When it cannot be written; nothing is there then, or what was there before.
+            When it cannot be written; what was there before stands.
         """
-
-        def attempt() -> None:
-            obstore.put(self._store, path, data, attributes=attributes or {}, chunk_size=8 << 20)
-
-        if isinstance(data, bytes):
-            self._tried(path, attempt)
-            return
         with self._named(path):
-            attempt()
+            self._put(path, data, len(data) + 1, attributes)
+
+    def put_parts(
+        self, path: str, parts: Iterator[bytes], part_bytes: int, attributes: dict[str, str]
+    ) -> None:
+        """Write an object in parts, each tried again ``part_retries`` times.
+
+        Raises
+        ------
+        OriginError
+            When it cannot be written; what was there before stands.
+        StoreError
+            Whatever the iterator raises.
+        """
+        wrong: list[StoreError] = []
+
+        def watched() -> Iterator[bytes]:
+            try:
+                yield from parts
+            except StoreError as error:  # obstore would tell it as its own
+                wrong.append(error)
+                raise
+
+        try:
+            with self._named(path):
+                self._put(path, watched(), part_bytes, attributes)
+        except (OriginError, StoreError):
+            if wrong:
+                raise wrong[0] from None
+            raise
+
+    def _put(
+        self, path: str, data: Any, part_bytes: int, attributes: dict[str, str] | None
+    ) -> None:
+        sizes: dict[str, Any] = {"chunk_size": part_bytes, "max_concurrency": 4}
+        try:
+            obstore.put(self._store, path, data, attributes=attributes or {}, **sizes)
+        except NotSupportedError:
+            if not attributes or not isinstance(data, bytes):
+                raise
+            obstore.put(self._store, path, data, **sizes)  # a folder has no metadata
 
     def delete(self, paths: list[str]) -> None:
         """Delete objects. Raises OriginError as above."""
@@ -351,7 +387,10 @@ def _make_store(url: str, options: ObjectOptions) -> _Store:
         "read_timeout": timedelta(seconds=options.stall_s),
         "connect_timeout": timedelta(seconds=min(_CONNECT_S, options.timeout_s)),
     }
-    retry: dict[str, Any] = {"max_retries": 0, "retry_timeout": timedelta(0)}
+    retry: dict[str, Any] = {
+        "max_retries": options.part_retries,
+        "retry_timeout": timedelta(seconds=options.timeout_s if options.part_retries else 0.0),
+    }
     if parts.scheme == "file":
         return LocalStore(prefix=parts.path)
     if parts.scheme in {"http", "https"}:

@@ -90,6 +90,8 @@ class Scene:
         self._indexes = indexes
         self._sources = sources
         self._copy = copy
+        self.owns_files = False
+        """Whether :meth:`close` closes the files too: nobody else has them."""
         self._verified = {name: np.zeros(len(index), dtype=bool) for name, index in indexes.items()}
 
     @classmethod
@@ -123,24 +125,27 @@ class Scene:
         """
         files = scene_files(path)
         try:
-            return cls._open_newest(files, source)
+            return cls._open_newest(files, source, owned=files is not path)
         except BaseException:
             if files is not path:
                 files.close()
             raise
 
     @classmethod
-    def _open_newest(cls, files: SceneFiles, source: SourceKind) -> Scene:
+    def _open_newest(cls, files: SceneFiles, source: SourceKind, *, owned: bool) -> Scene:
         manifest = read_manifest(files)
         for _ in range(_OPEN_ATTEMPTS):
             try:
-                return cls._open_version(files, manifest, source)
+                scene = cls._open_version(files, manifest, source)
             except FileNotFoundError as error:
                 newer = read_manifest(files)
                 if newer.version == manifest.version and newer.folder == manifest.folder:
                     what = "no such file, expected by scene.json"
                     raise DamagedSceneError(str(error.filename), what) from None
                 manifest = newer
+            else:
+                scene.owns_files = owned
+                return scene
         raise DamagedSceneError(MANIFEST_NAME, f"{_OPEN_ATTEMPTS} versions vanished while opening")
 
     @classmethod
@@ -352,7 +357,8 @@ class Scene:
         for source in self._sources.values():
             source.close()
         self._copy.close()
-        self.files.close()
+        if self.owns_files:
+            self.files.close()
 
     def __enter__(self) -> Self:
         return self

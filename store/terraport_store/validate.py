@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import xxhash
@@ -35,6 +36,9 @@ from terraport_store.regions import RegionNames
 from terraport_store.validate_mesh import box_of, check_mesh_fits, check_segment
 
 __all__ = ["Finding", "validate_scene"]
+
+_AHEAD: Final = 64
+"""Segments that are fetched ahead, where that takes a network."""
 
 
 def validate_scene(
@@ -200,6 +204,10 @@ class _SceneCheck:
                 segment=int(regions[0]),
             )
         for segment in range(len(index)):
+            if segment % _AHEAD == 0:
+                coming = range(segment, min(segment + 2 * _AHEAD, len(index)))
+                for name in manifest.encodings:
+                    scene.expect(coming, name)
             check_segment(self.out, scene, segment)
             if progress is not None:
                 progress(segment + 1, len(index))

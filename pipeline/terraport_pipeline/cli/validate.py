@@ -18,6 +18,7 @@ from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.validation import ValidationOptions, ValidationResult, validate
 from terraport_pipeline.worst_place import describe, to_survey
+from terraport_store import is_url
 
 __all__ = ["register", "validate_command"]
 
@@ -31,7 +32,12 @@ def register(app: typer.Typer) -> None:
 
 
 def validate_command(
-    scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
+    scene: Annotated[
+        str,
+        typer.Argument(
+            help="Scene directory, or a scene's address (s3://...).", show_default=False
+        ),
+    ],
     rays: Annotated[int, typer.Option(help="Rays that look for holes; 0: none.")] = 1_000_000,
     subsets: Annotated[int, typer.Option(help="Random sets of loaded segments.")] = 100,
     seed: Annotated[int, typer.Option(help="Same seed, same rays.")] = 0,
@@ -75,7 +81,7 @@ def validate_command(
             HandOffOptions(rays, subsets, seed) if rays else None, khronos, sample, picture
         )
         with RichProgress(errors) as progress:
-            result = validate(scene, options, progress=progress)
+            result = validate(scene if is_url(scene) else Path(scene), options, progress=progress)
     seconds = time.perf_counter() - start
     if as_json:
         typer.echo(json.dumps(_plain(result), indent=1))
@@ -87,7 +93,7 @@ def validate_command(
 
 def _show(console: Console, result: ValidationResult, seconds: float) -> None:
     version = result.manifest.version[:12] if result.manifest else "not readable"
-    table = Table(title=f"{result.path.name}  version {version}", title_justify="left")
+    table = Table(title=f"{Path(result.path).name}  version {version}", title_justify="left")
     table.add_column("check")
     table.add_column("result")
     table.add_column("found", overflow="fold")

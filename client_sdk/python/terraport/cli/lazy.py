@@ -82,6 +82,12 @@ VERBS: Final = (
         "Check that a scene is whole, and that its hand-off has no holes.",
     ),
     Verb(
+        "upload",
+        "terraport_pipeline.cli.upload",
+        "pipeline",
+        "Put a scene into object storage (S3), for terraport serve s3://...",
+    ),
+    Verb(
         "report",
         "terraport_pipeline.cli.report",
         "pipeline",
