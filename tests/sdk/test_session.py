@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -274,5 +273,5 @@ def test_whatever_happens_the_last_landing_alone_decides_what_is_visible(
     pair.client.land(MIDDLE, 3.3)
     pair.settle()
     assert pair.server is not None
-    believed = set(np.flatnonzero(pair.server.deliveries.held).tolist())
+    believed = set(pair.server.deliveries.held.array().tolist())
     assert {segment for segment in believed if segment not in pair.client.held} == set()

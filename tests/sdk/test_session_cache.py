@@ -5,7 +5,6 @@ What the files share stands in ``conftest.py`` and ``pairing.py``, both state ma
 
 from __future__ import annotations
 
-import numpy as np
 import xxhash
 from sdk.pairing import MIDDLE, FakeDisk, Pair, ToyScene, expected
 from store.tiny_scene import SCALES, STEP_M, lattice_mesh
@@ -49,7 +48,7 @@ def test_evictions_are_told_before_the_next_landing(toy: ToyScene) -> None:
         for data in pair.client.data_to_send()
     ]
     assert [type(message) for message in messages] == [Evict, Land]
-    assert set(messages[0].segments.tolist()) == set(np.flatnonzero(held)) - set(
+    assert set(messages[0].segments.tolist()) == set(held.array().tolist()) - set(
         pair.client.visible
     )
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from terraport.base import BaseMesh
     from terraport.client import connect
     from terraport.errors import LandingSuperseded, TerraportError
+    from terraport.group import Arrivals, Group, GroupLanding
     from terraport.landing import Landing, LandingStats
     from terraport.live import Session, SessionStats
     from terraport.mesh import mixed_model, to_trimesh, write_glb
@@ -35,7 +36,10 @@ if TYPE_CHECKING:
     from terraport.version import __version__
 
 __all__ = [
+    "Arrivals",
     "BaseMesh",
+    "Group",
+    "GroupLanding",
     "Landing",
     "LandingStats",
     "LandingSuperseded",
@@ -57,7 +61,10 @@ __all__ = [
 ]
 
 _HOMES: Final = {
+    "Arrivals": "group",
     "BaseMesh": "base",
+    "Group": "group",
+    "GroupLanding": "group",
     "Landing": "landing",
     "LandingStats": "landing",
     "LandingSuperseded": "errors",

@@ -27,13 +27,13 @@ from terraport.disk_cache import DEFAULT_DISK_BYTES, DiskCache
 from terraport.errors import UsageError
 from terraport.http import SceneHttp
 from terraport.live import Session, SessionStats
-from terraport.options import SessionOptions
+from terraport.options import SessionOptions, checked
 from terraport.payloads import ENCODINGS
 from terraport.session import ClientSession
 from terraport.timeouts import Timeouts
 from terraport.urls import SceneUrl
 from terraport.version import __version__
-from terraport_wire import Subprotocol
+from terraport_wire import Join, Subprotocol
 
 __all__ = ["DEFAULT_CACHE_BYTES", "Connecting", "Session", "SessionStats", "connect"]
 
@@ -53,6 +53,7 @@ class Connecting:
         cache_bytes: int,
         cache_dir: Path | None,
         disk_bytes: int,
+        group: str | None,
     ) -> None:
         self._url = url
         self._token = token
@@ -61,6 +62,7 @@ class Connecting:
         self._cache_bytes = cache_bytes
         self._cache_dir = cache_dir
         self._disk_bytes = disk_bytes
+        self._group = group
         self._session: Session | None = None
 
     async def __aenter__(self) -> Session:
@@ -74,7 +76,7 @@ class Connecting:
                 )
                 on_disk = await asyncio.to_thread(disk.catalogue)
             state = ClientSession(self._options, SegmentCache(self._cache_bytes), on_disk)
-            session = Session(state, http, url, self._token, self._timeouts, disk)
+            session = Session(state, http, url, self._token, self._timeouts, disk, self._group)
         except BaseException:
             await http.aclose()
             raise
@@ -111,6 +113,7 @@ def connect(
     release_factor: float | None = None,
     subprotocol: str = "msgpack",
     timeouts: Timeouts | None = None,
+    group: str | None = None,
 ) -> Connecting:
     """Connect to a scene: ``async with connect(...) as session``.
 
@@ -139,6 +142,9 @@ def connect(
         The same messages, packed or readable.
     timeouts : Timeouts, optional
         How long to wait for what.
+    group : str, optional
+        Group that the session will join: named in the address, by which a proxy may bring all of
+        it to one server. :meth:`Session.join_group` joins it.
 
     Returns
     -------
@@ -160,6 +166,8 @@ def connect(
     names = {member.name.lower(): member for member in Subprotocol}
     if subprotocol not in names:
         raise UsageError(f"subprotocol is {subprotocol!r}, expected one of: {', '.join(names)}")
+    if group is not None:
+        checked(lambda: Join(request=0, group=group, role="member"))
     options = SessionOptions(
         client=f"terraport-python {__version__}",
         encoding=encoding,
@@ -178,4 +186,5 @@ def connect(
         cache_bytes,
         None if cache_dir is None else Path(cache_dir),
         disk_bytes,
+        group,
     )

@@ -14,6 +14,7 @@
     │   ├── LandingSupersededError            a newer landing took its place
     │   ├── LandingTimeoutError (also TimeoutError)
     │   └── LandingIncompleteError            some segments could not be delivered whole
+    ├── GroupError                            a group landing or a group is over
     └── CorruptSegmentError                   bytes that do not have the promised hash
 
 PURE: no I/O, no clock.
@@ -27,6 +28,7 @@ from dataclasses import dataclass
 __all__ = [
     "ConnectionFailedError",
     "CorruptSegmentError",
+    "GroupError",
     "HttpError",
     "LandingError",
     "LandingIncompleteError",
@@ -123,6 +125,16 @@ class HttpError(TerraportError):
     def __str__(self) -> str:
         answered = f"answered {self.status}" if self.status else "did not answer"
         return f"{self.url} {answered}: {self.message}"
+
+
+@dataclass(eq=False)
+class GroupError(TerraportError):
+    """A group landing, or the group, is over for this member; the session lives on."""
+
+    message: str
+
+    def __str__(self) -> str:
+        return self.message
 
 
 class LandingError(TerraportError):

@@ -8,12 +8,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from terraport.cache import CachedSegment
-from terraport_wire import Hit, Plan, SceneInfo, ServerLimits
+from terraport_wire import Gathering, Hit, Member, Plan, SceneInfo, ServerLimits
 
 __all__ = [
     "Degraded",
     "Dropped",
     "Event",
+    "GroupCalled",
+    "GroupGathered",
+    "GroupJoined",
+    "GroupRefused",
+    "GroupRoster",
     "Noticed",
     "Opened",
     "PickAnswered",
@@ -167,6 +172,49 @@ class Noticed:
     reconnect_after_ms: int | None
 
 
+@dataclass(frozen=True, slots=True)
+class GroupJoined:
+    """The session has a seat in its group, or has it again after a reconnect."""
+
+    request: int
+    group: str
+    member: int
+    role: str
+
+
+@dataclass(frozen=True, slots=True)
+class GroupRefused:
+    """The server refused to let the session join or gather."""
+
+    request: int
+    code: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class GroupRoster:
+    """Who is in the group now."""
+
+    members: tuple[Member, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GroupCalled:
+    """The guide lands the group; older group landings are over."""
+
+    gathering: Gathering
+
+
+@dataclass(frozen=True, slots=True)
+class GroupGathered:
+    """The barrier of a group landing is open; members by number."""
+
+    gathering: int
+    ready: tuple[int, ...]
+    degraded: tuple[int, ...]
+    missing: tuple[int, ...]
+
+
 Event = (
     Opened
     | Dropped
@@ -182,4 +230,9 @@ Event = (
     | PickRefused
     | Refused
     | Noticed
+    | GroupJoined
+    | GroupRefused
+    | GroupRoster
+    | GroupCalled
+    | GroupGathered
 )

@@ -129,8 +129,8 @@ class Holdings:
     def offer(self) -> npt.NDArray[Any]:
         """Return the held table of ``hello`` and take every eviction as told by it.
 
-        Memory first, most recently used first, then the disk; at most `MAX_HELD_SEGMENTS` rows.
-        What does not fit would be sent again.
+        Memory first, most recently used first, then the disk. What does not fit into one message
+        goes into the ``held`` messages after it.
         """
         self._gone.clear()
         rows: dict[int, int] = {}
@@ -140,4 +140,4 @@ class Holdings:
             rows[segment] = entry.facts.xxh3
         for segment, xxh3 in self._disk.items():
             rows.setdefault(segment, xxh3)
-        return np.array(list(rows.items())[:MAX_HELD_SEGMENTS], dtype=HELD_DTYPE)
+        return np.array(list(rows.items()), dtype=HELD_DTYPE)

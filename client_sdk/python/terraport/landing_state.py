@@ -27,6 +27,7 @@ class LandingState:
     radius_m: float
     inner_radius_m: float | None
     deadline_ms: int | None
+    stall_ms: int | None = None
     generation: int = -1
     """Generation on the present connection; -1 before it was sent there."""
     plan: Plan | None = None
@@ -57,6 +58,7 @@ class LandingState:
             radius_m=self.radius_m,
             inner_radius_m=self.inner_radius_m,
             deadline_ms=self.deadline_ms,
+            stall_ms=self.stall_ms,
         )
 
     def begin(self, plan: Plan) -> None:

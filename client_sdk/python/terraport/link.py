@@ -101,6 +101,10 @@ class Link:
         self._attempt = 0
         self._first_wait_s: float | None = None
         self._refusal: Refused | None = None
+        self.group: str | None = None
+        """Group that the URL names from the next connection on, for proxies that route by it."""
+        self._rerouting = False
+        self._websocket: ClientConnection | None = None
         self._pacer = Pacer(1.0, now_s=time.monotonic())
         self._next_aim_s = 0.0
 
@@ -116,6 +120,13 @@ class Link:
         self._leaving = True
         self._session.bye()
         self.pump()
+
+    def reroute(self, group: str) -> None:
+        """Connect anew, at once, by a URL that names a group."""
+        self.group = group
+        self._rerouting = True
+        if self._websocket is not None:
+            self._websocket.transport.abort()
 
     async def run(self) -> None:
         """Connect, and connect again, until :meth:`leave` or a failure that is final.
@@ -141,6 +152,9 @@ class Link:
             self.pump()
             if self._leaving:
                 return
+            if self._rerouting:
+                self._rerouting = False
+                continue
             if self._refusal is not None and self._retry_without_held(self._refusal):
                 continue
             if not lost.temporary and lost.error is not None:
@@ -171,7 +185,7 @@ class Link:
         try:
             async with asyncio.timeout(timeouts.connect_s):
                 websocket = await connect(
-                    self._url,
+                    self._url if self.group is None else f"{self._url}?group={self.group}",
                     subprotocols=[WebSocketSubprotocol(session.options.subprotocol.value)],
                     additional_headers=self._headers,
                     user_agent_header=session.options.client,
@@ -184,11 +198,13 @@ class Link:
             return _lost_before(error)
         session.connected(offer_held=self._offer_held)
         self.pump()
+        self._websocket = websocket
         writer = asyncio.create_task(self._write(websocket), name="terraport-writer")
         patience = asyncio.create_task(self._expect_welcome(websocket), name="terraport-welcome")
         try:
             return await self._read(websocket)
         finally:
+            self._websocket = None
             for task in (writer, patience):
                 task.cancel()
             await asyncio.gather(writer, patience, return_exceptions=True)

@@ -19,6 +19,7 @@ from terraport.cache import CachedSegment, SegmentFacts
 from terraport.disk_cache import DiskCache
 from terraport.disk_worker import DiskWorker
 from terraport.errors import (
+    GroupError,
     LandingSupersededError,
     ServerError,
     SessionClosedError,
@@ -33,7 +34,6 @@ from terraport.events import (
     PickAnswered,
     PickRefused,
     Planned,
-    Prefetched,
     Ready,
     Refused,
     RestoreNeeded,
@@ -41,6 +41,7 @@ from terraport.events import (
     SegmentRejected,
     Superseded,
 )
+from terraport.group import Group, GroupEvent, GroupRecord
 from terraport.http import SceneHttp
 from terraport.landing import Landing, LandingRecord
 from terraport.link import Link
@@ -63,12 +64,23 @@ class SessionStats:
     """Payload bytes of whole segments that the server sent."""
     prefetched_bytes: int
     """Those of them that aims brought."""
+    prefetch_used_bytes: int
+    """Those of them that the next landing kept; the others came to nothing, or not yet."""
+    aimed_landings: int
+    """Landings that had an aim before them."""
+    aim_hits: int
+    """Those of them that had nothing left to load."""
     repeated_bytes: int
     """Payload bytes of segments that were in memory already; 0 with a right server."""
     rejected: int
     """Segments with a wrong hash, from the stream or the disk cache."""
     cache_bytes: int
     """Payload bytes in memory now."""
+
+    @property
+    def aim_hit_rate(self) -> float | None:
+        """Share of landings after an aim that had nothing left to load; None before the first."""
+        return self.aim_hits / self.aimed_landings if self.aimed_landings else None
 
 
 class Session:
@@ -82,6 +94,7 @@ class Session:
         token: str | None,
         timeouts: Timeouts,
         disk: DiskCache | None,
+        group: str | None = None,
     ) -> None:
         self._state = state
         self._http = http
@@ -89,6 +102,7 @@ class Session:
         self._timeouts = timeouts
         self._disk = disk
         self._link = Link(state, url.stream, token, timeouts, self._take)
+        self._link.group = group
         self._worker = (
             None
             if disk is None
@@ -108,7 +122,8 @@ class Session:
         self._base: BaseMesh | None = None
         self._base_lock = asyncio.Lock()
         self._tasks: list[asyncio.Task[None]] = []
-        self._payload_bytes = self._prefetched_bytes = self._rejected = 0
+        self._payload_bytes = self._rejected = 0
+        self._group: GroupRecord | None = None
         self.newest_version: str | None = None
         """A newer scene version that the server has announced; served from the next connection."""
 
@@ -140,11 +155,15 @@ class Session:
     @property
     def stats(self) -> SessionStats:
         """Counts so far."""
+        aims = self._state.aims
         return SessionStats(
             connections=self._link.connections,
             received_bytes=self._link.received_bytes,
             payload_bytes=self._payload_bytes,
-            prefetched_bytes=self._prefetched_bytes,
+            prefetched_bytes=aims.prefetched_bytes,
+            prefetch_used_bytes=aims.used_bytes,
+            aimed_landings=aims.landings,
+            aim_hits=aims.hits,
             repeated_bytes=self._state.repeated_bytes,
             rejected=self._rejected,
             cache_bytes=self._state.held.cache_bytes,
@@ -187,6 +206,7 @@ class Session:
         *,
         inner_radius_m: float | None = None,
         deadline_s: float | None = None,
+        stall_s: float | None = None,
         timeout_s: float | None = None,
     ) -> Landing:
         """Land: ask for everything within a radius, and return when the plan is there.
@@ -203,6 +223,9 @@ class Session:
         inner_radius_m, deadline_s : float, optional
             After `deadline_s` the segments within `inner_radius_m` alone are presentable; see
             :meth:`Landing.presentable`.
+        stall_s : float, optional
+            So are they after so long without progress; beside `deadline_s` whichever comes first.
+            Alone it gives a landing that makes progress all the time it needs.
         timeout_s : float, optional
             Bound on the wait for the plan; the session's ``timeouts.plan_s`` without it.
 
@@ -220,9 +243,12 @@ class Session:
             The session has ended.
         """
         self._require_open()
-        deadline_ms = None if deadline_s is None else max(1, round(deadline_s * 1000))
         number = self._state.land(
-            position, radius_m, inner_radius_m=inner_radius_m, deadline_ms=deadline_ms
+            position,
+            radius_m,
+            inner_radius_m=inner_radius_m,
+            deadline_ms=_milliseconds(deadline_s),
+            stall_ms=_milliseconds(stall_s),
         )
         encoding, now_s = self._state.options.encoding, time.monotonic()
         record = LandingRecord(number, encoding, time.monotonic, started_s=now_s)
@@ -293,6 +319,60 @@ class Session:
         finally:
             self._picks.pop(request, None)
             self._state.drop_pick(request)
+
+    async def join_group(
+        self,
+        group: str,
+        *,
+        role: str = "member",
+        name: str | None = None,
+        timeout_s: float | None = 30.0,
+    ) -> Group:
+        """Take a seat in a group of this scene; a seat held before is left.
+
+        Where the server asks for it, the connection is made anew by a URL that names the group, so
+        that a proxy can bring all of it to one server; ``connect(..., group=...)`` spares that.
+
+        Parameters
+        ----------
+        group : str
+            1 to 64 of ``A-Z a-z 0-9 _ . ~ -``.
+        role : {"member", "guide"}
+            The guide lands the group; there is at most one.
+        name : str, optional
+            What the others see.
+        timeout_s : float or None
+            Bound on the wait for the seat.
+
+        Raises
+        ------
+        UsageError
+            A name or role that the protocol does not allow.
+        ServerError
+            ``group_refused``: no groups here, the group is full or has a guide, or the token does
+            not allow to guide.
+        TimeoutError
+            No answer in time.
+        SessionClosedError
+            The session has ended.
+        """
+        self._require_open()
+        served, named = self.limits.groups, self._link.group
+        if served not in {"here", "query"}:
+            raise ServerError("group_refused", "no groups are served at this address")
+        reroute = named != group if served == "query" else named not in {None, group}
+        request = self._state.group.join(group, role, name)
+        if self._group is not None:
+            self._group.end(GroupError(f"group {self._group.name} was left"))
+        record = GroupRecord(
+            group, self._state.group, land=self.land, pump=self._link.pump, request=request
+        )
+        self._group = record
+        if reroute:
+            self._link.reroute(group)
+        self._link.pump()
+        await record.until(lambda: record.member > 0, timeout_s)
+        return Group(record)
 
     async def visible_set_hash(self) -> str:
         """Return what identifies the picture of the last ready landing: 16 hexadecimal digits.
@@ -366,6 +446,8 @@ class Session:
             if not answer.done():
                 answer.set_exception(error)
         self._picks.clear()
+        if self._group is not None:
+            self._group.end(error)
 
     def _require_open(self) -> None:
         if self._failure is not None:
@@ -418,8 +500,8 @@ class Session:
             self._on_dropped(event)
         elif isinstance(event, Noticed) and event.kind == "scene_published":
             self.newest_version = event.version
-        elif isinstance(event, Prefetched):
-            self._prefetched_bytes += event.payload_bytes
+        elif self._group is not None and isinstance(event, GroupEvent):
+            self._group.take(event)
 
     def _on_arrived(self, event: SegmentArrived) -> None:
         entry = event.entry
@@ -459,3 +541,7 @@ class Session:
 
     def _on_removed(self, segments: list[int]) -> None:
         self._state.removed_from_disk(segments)
+
+
+def _milliseconds(seconds: float | None) -> int | None:
+    return None if seconds is None else max(1, round(seconds * 1000))

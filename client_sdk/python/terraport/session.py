@@ -22,7 +22,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from typing import Any
 
+import numpy.typing as npt
+
+from terraport.aim_counts import AimCounts
+from terraport.aim_state import AimState
 from terraport.cache import CachedSegment, SegmentCache, SegmentFacts
 from terraport.errors import ProtocolViolationError
 from terraport.events import (
@@ -35,19 +40,21 @@ from terraport.events import (
     Refused,
     Superseded,
 )
+from terraport.group_state import GroupState
 from terraport.holdings import Holdings
 from terraport.landing_state import LandingState
+from terraport.offer import HeldOffer
 from terraport.options import SessionOptions, checked, point
 from terraport.transfers import Transfers
 from terraport_wire import (
     PROTOCOL,
-    Aim,
     Bye,
     Credit,
     DecodeError,
     Degraded,
     Direction,
     Error,
+    HeldChecked,
     Message,
     Notice,
     PayloadFrame,
@@ -100,7 +107,15 @@ class ClientSession:
         self._open = self._greeting = False
         self._generation = self._landings = self._requests = 0
         self._queued: LandingState | None = None
-        self._aim: tuple[tuple[float, float, float], float] | None = None
+        self._aim = AimState()
+        self._offer = HeldOffer()
+        self.group = GroupState(
+            say=self._outbox.append,
+            report=self._events.append,
+            is_open=lambda: self._open,
+            take_request=self._take_request,
+        )
+        """The seat in a group; to be given commands by the shell."""
         self._picks: dict[int, Pick] = {}
         self._credit_step = 1
         self._taken_bytes = 0
@@ -113,7 +128,7 @@ class ClientSession:
     @property
     def has_aim(self) -> bool:
         """Whether an aim waits for :meth:`flush_aim`."""
-        return self._aim is not None and self._open
+        return self._aim.waits and self._open
 
     @property
     def visible(self) -> tuple[int, ...]:
@@ -124,6 +139,11 @@ class ClientSession:
     def repeated_bytes(self) -> int:
         """Payload bytes received of segments in memory already; 0 with a right server."""
         return self._transfers.repeated_bytes
+
+    @property
+    def aims(self) -> AimCounts:
+        """What aims have brought, and what of it was used."""
+        return self._transfers.aims
 
     @property
     def unfinished(self) -> int | None:
@@ -153,24 +173,27 @@ class ClientSession:
         Parameters
         ----------
         offer_held : bool
-            False after a server found the offer too large.
+            False after a server found the offer too large: it is made after its welcome, which
+            says how large it may be.
         """
         self._outbox.clear()
         self._open = False
         self._greeting = True
-        held = self.held.offer()
-        self._outbox.append(self.options.hello(held if offer_held else held[:0]))
+        held = self._offer.first(self.held.offer(), in_hello=offer_held)
+        self._outbox.append(self.options.hello(held))
 
     def connection_lost(self) -> None:
         """Note that the connection is gone.
 
-        The newest landing that is not ready waits for the next connection; picks do, too. Parts of
-        segments are forgotten (10.2).
+        The newest landing that is not ready waits for the next connection, and so do the newest aim
+        after it, picks and the seat in a group. Parts of segments are forgotten (10.2).
         """
         self._open = self._greeting = False
         self._outbox.clear()
         self._taken_bytes = 0
+        self._aim.connection_lost(self._transfers.aim_done)
         self._queue(self._transfers.connection_lost())
+        self.group.connection_lost()
 
     def receive(self, data: bytes | str) -> None:
         """Take one whole WebSocket message.
@@ -204,6 +227,7 @@ class ClientSession:
         *,
         inner_radius_m: float | None = None,
         deadline_ms: int | None = None,
+        stall_ms: int | None = None,
     ) -> int:
         """Ask for a landing; it supersedes every one before that is not ready.
 
@@ -220,10 +244,10 @@ class ClientSession:
         """
         self._landings += 1
         landing = LandingState(
-            self._landings, point(position), radius_m, inner_radius_m, deadline_ms
+            self._landings, point(position), radius_m, inner_radius_m, deadline_ms, stall_ms
         )
         checked(lambda: landing.message(0))
-        self._aim = None
+        self._aim.clear()
         if self._open:
             self._send_landing(landing)
         else:
@@ -238,18 +262,14 @@ class ClientSession:
         UsageError
             A number that the protocol does not allow; nothing has changed.
         """
-        centre = point(position)
-        checked(lambda: Aim(generation=0, position=centre, radius_m=radius_m))
-        self._aim = (centre, radius_m)
+        self._aim.note(position, radius_m)
 
     def flush_aim(self) -> None:
         """Send the newest aim, if there is one and the connection is open."""
-        if self._aim is None or not self._open:
-            return
-        (position, radius_m), self._aim = self._aim, None
-        self._send_evictions()
-        self._generation += 1
-        self._outbox.append(Aim(generation=self._generation, position=position, radius_m=radius_m))
+        if self.has_aim:
+            self._send_evictions()
+            self._generation += 1
+            self._outbox.append(self._aim.take(self._generation))
 
     def pick(self, origin: Sequence[float], direction: Sequence[float] | None = None) -> int:
         """Ask what lies along a ray; return the request's number in the events.
@@ -259,8 +279,7 @@ class ClientSession:
         UsageError
             A number that the protocol does not allow.
         """
-        self._requests += 1
-        request, start = self._requests, point(origin)
+        request, start = self._take_request(), point(origin)
         along = None if direction is None else point(direction)
         pick = checked(lambda: Pick(request=request, origin=start, direction=along))
         self._picks[request] = pick
@@ -322,6 +341,10 @@ class ClientSession:
         elif isinstance(message, Notice):
             news = Noticed(message.kind, message.version, message.reconnect_after_ms)
             self._events.append(news)
+        elif isinstance(message, HeldChecked):
+            self._on_dropped(message.dropped)
+        else:
+            self.group.receive(message)
 
     def _on_welcome(self, welcome: Welcome) -> None:
         if self._open or not self._greeting:
@@ -332,9 +355,6 @@ class ClientSession:
                 f"expected {PROTOCOL[0]}.x"
             )
         self._open, self._greeting = True, False
-        dropped = tuple(int(segment) for segment in welcome.dropped)
-        on_disk = self.held.disk_hashes(dropped)
-        self.held.forget(dropped)
         changed = self.version is not None and self.version != welcome.scene.version
         self.version = welcome.scene.version
         if changed:
@@ -344,23 +364,39 @@ class ClientSession:
         self._events.append(
             Opened(welcome.scene, welcome.limits, welcome.session, welcome.held_count, changed)
         )
-        if dropped:
-            self._events.append(Dropped(dropped, on_disk))
+        self._on_dropped(welcome.dropped)
+        self._outbox.extend(self._offer.rest(welcome, self.options.subprotocol))
         self._outbox.extend(self._picks.values())
+        self.group.connected()
         if self._queued is not None:
             landing, self._queued = self._queued, None
             self._send_landing(landing)
+
+    def _on_dropped(self, segments: npt.NDArray[Any]) -> None:
+        """Free what this scene version does not have."""
+        dropped = tuple(segments.tolist())
+        if dropped:
+            on_disk = self.held.disk_hashes(dropped)
+            self.held.forget(dropped)
+            self._events.append(Dropped(dropped, on_disk))
 
     def _on_error(self, error: Error) -> None:
         if error.request is not None and self._picks.pop(error.request, None) is not None:
             self._events.append(PickRefused(error.request, error.code, error.message))
             if not error.fatal:
                 return
+        if self.group.refused(error.request, error.code, error.message) and not error.fatal:
+            return
+        self._aim.refused(error.generation)
         refused = None if error.fatal else self._transfers.refused(error.generation)
         number = None if refused is None else refused.number
         self._events.append(Refused(error.code, error.message, error.fatal, number))
 
     # ---- state
+
+    def _take_request(self) -> int:
+        self._requests += 1
+        return self._requests
 
     def _queue(self, landing: LandingState | None) -> None:
         """Keep the newest landing for the next connection; what waited before is superseded."""

@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection
 
 import xxhash
 
+from terraport.aim_counts import AimCounts
 from terraport.assembly import Assembler
 from terraport.cache import CachedSegment, SegmentFacts
 from terraport.errors import ProtocolViolationError
@@ -66,6 +67,10 @@ class Transfers:
         """Ids that the last ready landing shows, ascending."""
         self.repeated_bytes = 0
         """Payload bytes received of segments that were in memory already."""
+        self.aims = AimCounts()
+        """What aims have brought."""
+        self.aim_done = -1
+        """Generation of the newest aim of which everything has come."""
         self._encoding = encoding
         self._say = say
         self._report = report
@@ -109,7 +114,7 @@ class Transfers:
     def connection_lost(self) -> LandingState | None:
         """Forget parts (10.2); return the newest landing that is not ready, to ask again."""
         self._parts.clear()
-        self._prefetch = None
+        self._prefetch, self.aim_done = None, -1
         current, self._current = self._current, None
         waiting = [] if current is None or current.done else [current]
         waiting += self._asked
@@ -142,6 +147,7 @@ class Transfers:
         self._retried.clear()
         landing.begin(plan)
         self._parts.keep_only(landing.facts)
+        self.aims.planned(plan.keep.tolist(), loads=len(plan.load) > 0)
         kept: list[CachedSegment] = []
         restore: list[int] = []
         gone: list[int] = []
@@ -195,6 +201,7 @@ class Transfers:
     def on_prefetch(self, prefetch: Prefetch) -> None:
         """Begin to take what an aim brings."""
         self._prefetch = PrefetchState.of(prefetch)
+        self.aims.prefetching()
         self._retried.clear()
         self._parts.keep_only(self._prefetch.facts)
         self._end_prefetch_if_done(self._prefetch)
@@ -227,6 +234,7 @@ class Transfers:
             landing.waiting.discard(frame.segment)
             self._finish_if_complete()
         elif prefetch is not None:
+            self.aims.arrived(frame.segment, len(payload))
             prefetch.waiting.discard(frame.segment)
             self._end_prefetch_if_done(prefetch)
 
@@ -311,6 +319,7 @@ class Transfers:
 
     def _end_prefetch_if_done(self, prefetch: PrefetchState) -> None:
         if not prefetch.waiting:
+            self.aim_done = prefetch.generation
             self._report(
                 Prefetched(prefetch.generation, len(prefetch.facts), prefetch.payload_bytes)
             )
