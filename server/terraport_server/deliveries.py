@@ -69,6 +69,7 @@ class Deliveries:
         self.encoding = hello.encoding
         self._table = scene.encodings[hello.encoding]
         self._budgets = _budgets(hello, limits)
+        self._timings = bool(hello.timings)
         self.release_factor = hello.release_factor or limits.release_factor
         """Release radius / load radius in use."""
         self.held = IdSet()
@@ -312,6 +313,7 @@ class Deliveries:
             delivered=min(landing.delivered, len(landing.plan)),
             payload_bytes=landing.payload_bytes,
             missing=np.array(sorted(landing.missing), dtype=ID_DTYPE),
+            timings=landing.timings(now_s) if self._timings else None,
         )
         landing.ready = True
         self._show(landing.plan.array())

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from terraport_server.id_set import IdSet
 from terraport_server.selection import Selection
+from terraport_wire import Timings
 
 __all__ = ["Landing", "Transfer"]
 
@@ -139,6 +140,22 @@ class Landing(Transfer):
         due_s = self.deadline_s
         self.deadline_passed = self.deadline_passed or (due_s is not None and now_s >= due_s)
         return self.deadline_passed
+
+    def timings(self, now_s: float) -> Timings:
+        """Return when what was done, for a landing that becomes ready now (6.4, rule 8)."""
+
+        def since_us(moment_s: float | None) -> int | None:
+            if moment_s is None:
+                return None
+            return max(0, round((moment_s - self.received_s) * 1e6))
+
+        return Timings(
+            plan_us=since_us(self.planned_s),
+            first_byte_us=since_us(self.first_byte_s),
+            last_byte_us=since_us(self.last_byte_s),
+            ready_us=since_us(now_s) or 0,
+            credit_wait_us=max(0, round(self.credit_wait_s * 1e6)),
+        )
 
     def inner_is_whole(self, held: IdSet) -> bool:
         """Whether the client holds all of the inner set that can be delivered."""

@@ -89,6 +89,7 @@ FULL: tuple[m.Message, ...] = (
         release_factor=1.25,
         scene_version="00c0ffee1234",
         held=[(0, 0), (3, 0x0123456789ABCDEF), (4_294_967_295, 2**64 - 1)],
+        timings=True,
     ),
     m.Aim(generation=4_294_967_295, position=(1e7, -1e7, 0.1), radius_m=1e6),
     m.Land(
@@ -149,7 +150,19 @@ FULL: tuple[m.Message, ...] = (
         omitted_by="max_triangles",
     ),
     m.Prefetch(generation=78, segments=_ROWS[:2], bytes=1_001),
-    m.Ready(generation=77, delivered=2, payload_bytes=1_001, missing=[4_294_967_295]),
+    m.Ready(
+        generation=77,
+        delivered=2,
+        payload_bytes=1_001,
+        missing=[4_294_967_295],
+        timings=m.Timings(
+            plan_us=310,
+            first_byte_us=402,
+            last_byte_us=98_765,
+            ready_us=98_770,
+            credit_wait_us=12_000,
+        ),
+    ),
     m.Degraded(generation=77, segments=[7, 1]),
     m.Superseded(generation=77, by=79, unsent_bytes=67_108_864),
     m.Picked(

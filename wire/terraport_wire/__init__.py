@@ -96,6 +96,7 @@ from .messages import (
     SceneInfo,
     ServerLimits,
     Superseded,
+    Timings,
     Unknown,
     Welcome,
 )
@@ -179,6 +180,7 @@ __all__ = [
     "ServerLimits",
     "Subprotocol",
     "Superseded",
+    "Timings",
     "TooLargeError",
     "Unknown",
     "UnknownFrame",

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from numpy.typing import NDArray
 
-from .kinds import Choice, Integer, Number, Position, Text, Version
+from .kinds import Choice, Flag, Integer, Number, Position, Text, Version
 from .limits import (
     MAX_DEADLINE_MS,
     MAX_HELD_SEGMENTS,
@@ -91,6 +91,9 @@ class Hello(ClientMessage):
         NDArray[Any] | None,
         HeldTable(MAX_HELD_SEGMENTS),
         "Segments that the client holds whole, with their hashes",
+    ] = None
+    timings: Annotated[
+        bool | None, Flag(), "True: send timings with every ready; absent means false (1.1)"
     ] = None
 
 

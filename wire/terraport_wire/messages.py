@@ -34,6 +34,7 @@ from .server_messages import (
     SceneInfo,
     ServerLimits,
     Superseded,
+    Timings,
     Welcome,
 )
 
@@ -74,6 +75,7 @@ __all__ = [
     "SceneInfo",
     "ServerLimits",
     "Superseded",
+    "Timings",
     "Unknown",
     "Welcome",
 ]
@@ -116,7 +118,7 @@ MESSAGES: dict[Direction, dict[str, type[Message]]] = {
 }
 """Message class by direction and type on the wire."""
 
-PARTS: tuple[type[Part], ...] = (Budgets, SceneInfo, ServerLimits, Hit, Member)
+PARTS: tuple[type[Part], ...] = (Budgets, SceneInfo, ServerLimits, Hit, Timings, Member)
 """Maps that stand inside messages."""
 
 

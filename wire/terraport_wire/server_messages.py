@@ -34,6 +34,7 @@ __all__ = [
     "SceneInfo",
     "ServerLimits",
     "Superseded",
+    "Timings",
     "Welcome",
 ]
 
@@ -218,6 +219,29 @@ class Prefetch(ServerMessage):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Timings(Part):
+    """When the server did what for one landing, in microseconds since it received land."""
+
+    plan_us: Annotated[
+        int | None,
+        Integer(0, MAX_INTEGER),
+        "Plan handed to the socket; absent where the plan was still waiting for that",
+    ] = None
+    first_byte_us: Annotated[
+        int | None, Integer(0, MAX_INTEGER), "First chunk on its way; absent where there was none"
+    ] = None
+    last_byte_us: Annotated[
+        int | None, Integer(0, MAX_INTEGER), "Last chunk on its way; absent where there was none"
+    ] = None
+    ready_us: Annotated[int, Integer(0, MAX_INTEGER), "Ready decided"]
+    credit_wait_us: Annotated[
+        int,
+        Integer(0, MAX_INTEGER),
+        "How long there was payload to send and no credit: time that the client took",
+    ]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Ready(ServerMessage):
     """Every segment of the plan was sent whole, or is listed as missing."""
 
@@ -233,6 +257,7 @@ class Ready(ServerMessage):
     missing: Annotated[
         NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "Segments of the plan that cannot be delivered"
     ]
+    timings: Annotated[Timings | None, PartKind(Timings), "Where hello asked for them (1.1)"] = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
