@@ -1,0 +1,180 @@
+"""A client that lands on everything and throws it away, as fast as a socket can be read.
+
+Blocking, for a thread of its own: reading releases the interpreter. It reads frame headers and
+skips payload; it answers no pings.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from contextlib import suppress
+from typing import Final
+
+import numpy as np
+from websockets.client import ClientProtocol
+from websockets.frames import Opcode
+from websockets.http11 import Response
+from websockets.typing import Subprotocol as SubprotocolName
+from websockets.uri import parse_uri
+
+from terraport_wire import (
+    HEADER_BYTES,
+    Budgets,
+    Direction,
+    Evict,
+    Hello,
+    Land,
+    Message,
+    Plan,
+    Ready,
+    Subprotocol,
+    Welcome,
+    decode,
+    encode,
+)
+
+__all__ = ["PLENTY", "DrainClient"]
+
+PLENTY: Final = 1 << 40
+
+
+class DrainClient:
+    """One connection.
+
+    Parameters
+    ----------
+    host, port
+        Of the service.
+    scene : str
+    receive_buffer : int, optional
+        SO_RCVBUF.
+    """
+
+    def __init__(self, host: str, port: int, scene: str, *, receive_buffer: int = 0) -> None:
+        self.socket = socket.socket()
+        if receive_buffer:
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+        self.socket.settimeout(60)
+        self.socket.connect((host, port))
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        uri = parse_uri(f"ws://{host}:{port}/scenes/{scene}/stream")
+        self._protocol = ClientProtocol(
+            uri, subprotocols=[SubprotocolName(Subprotocol.MSGPACK)], max_size=None
+        )
+        self._scratch = bytearray(1 << 18)
+        self._generation = 0
+        self._protocol.send_request(self._protocol.connect())
+        self._flush()
+        head = b""
+        while not head.endswith(b"\r\n\r\n"):
+            head += self._exactly(1)
+        self._protocol.receive_data(head)
+        (response,) = self._protocol.events_received()
+        assert isinstance(response, Response), response
+        assert response.status_code == 101, response
+
+    def hello(self, credit_bytes: int = PLENTY) -> Welcome:
+        """Open the session."""
+        self.send(
+            Hello(
+                protocol=(1, 0),
+                client="trial",
+                encoding="glb",
+                budgets=Budgets(),
+                credit_bytes=credit_bytes,
+            )
+        )
+        self.welcome = welcome = self.message()
+        assert isinstance(welcome, Welcome), welcome
+        return welcome
+
+    def send(self, *messages: Message) -> None:
+        """Send messages in one write."""
+        for message in messages:
+            data = encode(message, Subprotocol.MSGPACK)
+            assert isinstance(data, bytes)
+            self._protocol.send_binary(data)
+        self._flush()
+
+    def message(self) -> Message:
+        """Receive up to the next message; payload before it is skipped."""
+        while True:
+            found = self._next()
+            if isinstance(found, Message):
+                return found
+
+    def forget(self) -> None:
+        """Evict every segment."""
+        count = self.welcome.scene.segment_count
+        for first in range(0, count, 32_768):
+            self.send(Evict(segments=np.arange(first, min(count, first + 32_768), dtype=np.uint32)))
+
+    def begin(self, position: tuple[float, float, float], radius_m: float) -> Plan:
+        """Land and read the plan."""
+        self._generation += 1
+        self.send(Land(generation=self._generation, position=position, radius_m=radius_m))
+        while True:
+            plan = self.message()
+            if isinstance(plan, Plan):
+                return plan
+
+    def drain(self) -> int:
+        """Read up to `ready` and forget it; return the payload bytes."""
+        total = 0
+        while True:
+            found = self._next()
+            if isinstance(found, Ready) and found.generation == self._generation:
+                return total
+            if isinstance(found, int):
+                total += found
+
+    def land(self, position: tuple[float, float, float], radius_m: float) -> tuple[int, float]:
+        """Land and drain; return payload bytes and seconds."""
+        began_s = time.perf_counter()
+        plan = self.begin(position, radius_m)
+        got = self.drain()
+        assert got == plan.load_bytes, f"{got} bytes, expected {plan.load_bytes}"
+        return got, time.perf_counter() - began_s
+
+    def close(self) -> None:
+        """Drop the connection."""
+        with suppress(OSError):
+            self.socket.close()
+
+    def _next(self) -> Message | int | None:
+        """Receive one frame: a message, the number of payload bytes skipped, or a control frame."""
+        head = self._exactly(2)
+        length = head[1] & 0x7F
+        if length >= 126:
+            length = int.from_bytes(self._exactly(2 if length == 126 else 8), "big")
+        if head[0] & 0x0F != Opcode.BINARY or not length:
+            self._exactly(length)
+            return None
+        first = self._exactly(1)
+        if first[0] < 0x80:
+            self._skip(length - 1)
+            return length - HEADER_BYTES
+        data = first + self._exactly(length - 1)
+        found = decode(data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT)
+        assert isinstance(found, Message)
+        return found
+
+    def _exactly(self, count: int) -> bytes:
+        data = b""
+        while len(data) < count:
+            more = self.socket.recv(count - len(data))
+            assert more, "the service closed the connection"
+            data += more
+        return data
+
+    def _skip(self, count: int) -> None:
+        while count > 0:
+            got = self.socket.recv_into(self._scratch, min(len(self._scratch), count))
+            assert got, "the service closed the connection"
+            count -= got
+
+    def _flush(self) -> None:
+        for data in self._protocol.data_to_send():
+            if data:
+                self.socket.sendall(data)
