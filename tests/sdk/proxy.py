@@ -30,6 +30,9 @@ class Proxy:
         """Bytes from the server so far, over all connections."""
         self.refuse = False
         """Close new connections at once."""
+        self.flows = asyncio.Event()
+        """Cleared: nothing from the server goes through, as on a line that stalls."""
+        self.flows.set()
         self._writers: set[asyncio.StreamWriter] = set()
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -98,6 +101,7 @@ class Proxy:
         sent = 0
         with contextlib.suppress(OSError):
             while data := await reader.read(1 << 16):
+                await self.flows.wait()
                 if self.flip_at is not None and self.flip_at < self.down_bytes + len(data):
                     spoilt = bytearray(data)
                     spoilt[self.flip_at - self.down_bytes] ^= 1

@@ -133,6 +133,10 @@ class GroupRecord:
                 self._waiters.append(waiter)
                 await waiter
 
+    async def until_called_or_over(self, seen: int) -> None:
+        """Wait until more group landings were told than that, or nothing more will happen."""
+        await self.until(lambda: self.called > seen or self.error is not None, None)
+
 
 class GroupLanding:
     """One landing of the whole group, as this member is told of it.
@@ -409,10 +413,11 @@ class Group:
     async def _iterate(self) -> AsyncIterator[GroupLanding]:
         record, seen = self._record, 0
         while True:
-            try:
-                await record.until(lambda: record.called > seen, None)  # noqa: B023 - awaited here
-            except GroupError:
+            await record.until_called_or_over(seen)
+            if isinstance(record.error, GroupError):
                 return
+            if record.error is not None:
+                raise record.error
             seen = record.called
             assert record.newest is not None
             yield record.newest

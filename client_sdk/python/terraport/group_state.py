@@ -74,7 +74,7 @@ class GroupState:
         """
         request = self._take_request()
         join = checked(lambda: Join(request=request, group=group, role=role, name=name))
-        self._reset()
+        self.leave()  # also where the new seat is refused: the caller has given the old one up
         self._join = join
         if self._is_open():
             self._say(join)

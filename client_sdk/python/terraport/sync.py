@@ -18,7 +18,7 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import threading
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self, TypeVar
@@ -27,13 +27,12 @@ from terraport import client
 from terraport.base import BaseMesh
 from terraport.disk_cache import DEFAULT_DISK_BYTES
 from terraport.errors import SessionClosedError
-from terraport.landing import Landing as AsyncLanding
-from terraport.landing import LandingStats
-from terraport.segment import Segment
+from terraport.sync_group import Group, GroupLanding
+from terraport.sync_landing import Landing
 from terraport.timeouts import Timeouts
-from terraport_wire import Hit, Plan, SceneInfo, ServerLimits
+from terraport_wire import Hit, SceneInfo, ServerLimits
 
-__all__ = ["Landing", "Session", "connect"]
+__all__ = ["Group", "GroupLanding", "Landing", "Session", "connect"]
 
 _T = TypeVar("_T")
 
@@ -113,6 +112,7 @@ class Session:
         *,
         inner_radius_m: float | None = None,
         deadline_s: float | None = None,
+        stall_s: float | None = None,
         timeout_s: float | None = None,
     ) -> Landing:
         """Land, and return when the plan is there; see :meth:`terraport.Session.land`."""
@@ -122,6 +122,7 @@ class Session:
                 radius_m,
                 inner_radius_m=inner_radius_m,
                 deadline_s=deadline_s,
+                stall_s=stall_s,
                 timeout_s=timeout_s,
             )
         )
@@ -145,6 +146,18 @@ class Session:
     ) -> Hit | None:
         """Ask what lies along a ray; see :meth:`terraport.Session.pick`."""
         return self._wait(self._open.pick(origin, direction, timeout_s=timeout_s))
+
+    def join_group(
+        self,
+        group: str,
+        *,
+        role: str = "member",
+        name: str | None = None,
+        timeout_s: float | None = 30.0,
+    ) -> Group:
+        """Take a seat in a group; see :meth:`terraport.Session.join_group`."""
+        joined = self._wait(self._open.join_group(group, role=role, name=name, timeout_s=timeout_s))
+        return Group(joined, self._wait)
 
     def base(self) -> BaseMesh:
         """Return the base mesh with its cover; see :meth:`terraport.Session.base`."""
@@ -199,73 +212,6 @@ class Session:
             raise
 
 
-class Landing:
-    """A :class:`terraport.Landing` whose methods block."""
-
-    def __init__(
-        self, landing: AsyncLanding, wait: Callable[[Coroutine[Any, Any, Any]], Any]
-    ) -> None:
-        self._landing = landing
-        self._wait = wait
-
-    @property
-    def number(self) -> int:
-        """1 for the session's first landing, and so on."""
-        return self._landing.number
-
-    @property
-    def plan(self) -> Plan:
-        """The server's plan."""
-        return self._landing.plan
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether it is whole (but for :attr:`missing`)."""
-        return self._landing.is_ready
-
-    @property
-    def missing(self) -> tuple[int, ...]:
-        """Ids of the plan that could not be delivered; empty until ready."""
-        return self._landing.missing
-
-    @property
-    def segments(self) -> tuple[Segment, ...]:
-        """What of the plan is here, ascending id."""
-        return self._landing.segments
-
-    @property
-    def stats(self) -> LandingStats:
-        """Times, counts and bytes so far."""
-        return self._landing.stats
-
-    def ready(
-        self, timeout_s: float | None = None, *, allow_missing: bool = False
-    ) -> tuple[Segment, ...]:
-        """Wait until every segment is here; see :meth:`terraport.Landing.ready`."""
-        segments: tuple[Segment, ...] = self._wait(
-            self._landing.ready(timeout_s, allow_missing=allow_missing)
-        )
-        return segments
-
-    def presentable(self, timeout_s: float | None = None) -> tuple[Segment, ...]:
-        """Wait until something whole can be shown; see :meth:`terraport.Landing.presentable`."""
-        segments: tuple[Segment, ...] = self._wait(self._landing.presentable(timeout_s))
-        return segments
-
-    def __iter__(self) -> Iterator[Segment]:
-        """Iterate over the segments as they arrive."""
-        arriving = self._landing.__aiter__()
-
-        async def following() -> Segment | None:
-            return await anext(arriving, None)
-
-        while (segment := self._wait(following())) is not None:
-            yield segment
-
-    def __repr__(self) -> str:
-        return repr(self._landing)
-
-
 def connect(
     url: str,
     token: str | None = None,
@@ -281,6 +227,7 @@ def connect(
     release_factor: float | None = None,
     subprotocol: str = "msgpack",
     timeouts: Timeouts | None = None,
+    group: str | None = None,
 ) -> Session:
     """Connect to a scene: ``with connect(...) as session``.
 
@@ -302,5 +249,6 @@ def connect(
             release_factor=release_factor,
             subprotocol=subprotocol,
             timeouts=timeouts,
+            group=group,
         )
     )
