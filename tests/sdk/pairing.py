@@ -109,6 +109,8 @@ class Pair:
     ) -> None:
         """Make a pair; `lag` messages of the server are on their way before one arrives."""
         self.lag = lag
+        self.offer_held = True
+        """False: nothing is offered in hello, as after a server that found it too large."""
         self.down: deque[bytes | str] = deque()
         self.scene = scene
         self.disk = disk
@@ -141,7 +143,7 @@ class Pair:
         """Begin a connection; nothing flows before :meth:`step`."""
         self.server = ServerSession(self.scene.view, self.limits, session_id="s", now_s=self.now_s)
         self.closed = None
-        self.client.connected()
+        self.client.connected(offer_held=self.offer_held)
 
     def disconnect(self) -> None:
         """Lose the connection with everything that was on its way."""

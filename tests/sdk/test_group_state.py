@@ -1,0 +1,228 @@
+"""The client's half of groups against the server's, without a socket: cuts and refusals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from terraport.cache import SegmentCache
+from terraport.errors import UsageError
+from terraport.events import (
+    GroupCalled,
+    GroupGathered,
+    GroupJoined,
+    GroupRefused,
+    GroupRoster,
+)
+from terraport.session import ClientSession, SessionOptions
+from terraport_server.groups import GroupLimits, Groups
+from terraport_wire import (
+    Arrived,
+    Direction,
+    Error,
+    Gather,
+    Join,
+    Leave,
+    Message,
+    Subprotocol,
+    Welcome,
+    decode,
+    encode,
+)
+
+MSGPACK = Subprotocol.MSGPACK
+
+
+class Client:
+    """One client state machine on one hall of groups; `cut` swallows what is on its way."""
+
+    def __init__(self, groups: Groups, key: str, welcome: Welcome) -> None:
+        self.groups = groups
+        self.key, self.connections = key, 0
+        self.welcome = welcome
+        self.state = ClientSession(SessionOptions(client="t"), SegmentCache(0))
+        self.events: list[Any] = []
+        self.said: list[Message] = []
+        self.connect()
+
+    def connect(self) -> None:
+        self.connections += 1
+        self.state.connected()
+        self.state.data_to_send()
+        self.state.receive(encode(self.welcome, MSGPACK))
+
+    def cut(self) -> None:
+        self.groups.lost((self.key, self.connections), 0.0)
+        self.state.connection_lost()
+
+    def hear(self, message: Message) -> None:
+        self.state.receive(encode(message, MSGPACK))
+        self.events += [e for e in self.state.events() if type(e).__name__.startswith("Group")]
+
+    def speak(self) -> None:
+        key = (self.key, self.connections)
+        for data in self.state.data_to_send():
+            message = decode(data, MSGPACK, Direction.CLIENT_TO_SERVER)
+            assert isinstance(message, Message)
+            self.said.append(message)
+            refusal = None
+            if isinstance(message, Join):
+                refusal = self.groups.join(
+                    key, "pit", message, 0.0, new_secret=f"{key}", may_guide=True
+                )
+            elif isinstance(message, Gather):
+                refusal = self.groups.gather(key, message, 0.0)
+            elif isinstance(message, Leave):
+                self.groups.leave(key, 0.0)
+            elif isinstance(message, Arrived):
+                self.groups.arrived(key, message.gathering, message.state)
+            if refusal is not None:
+                request = message.request  # type: ignore[attr-defined]
+                self.hear(
+                    Error(code="group_refused", message=refusal, fatal=False, request=request)
+                )
+
+    def heard(self, kind: type) -> list[Any]:
+        return [event for event in self.events if isinstance(event, kind)]
+
+
+def settle(*clients: Client) -> None:
+    """Let everything be said and heard; time passes for rosters."""
+    for _ in range(6):
+        for client in clients:
+            client.speak()
+        clients[0].groups.tick(10.0)
+        for key, message in clients[0].groups.take_posts():
+            for client in clients:
+                if key == (client.key, client.connections):
+                    client.hear(message)
+
+
+@pytest.fixture
+def welcome() -> Welcome:
+    from conformance.wire_samples import FULL, by_type
+
+    found = by_type(FULL)["welcome"]
+    assert isinstance(found, Welcome)
+    return found
+
+
+@pytest.fixture
+def two(welcome: Welcome) -> tuple[Client, Client]:
+    groups = Groups(GroupLimits(group_absence_s=100.0))
+    guide, member = Client(groups, "g", welcome), Client(groups, "m", welcome)
+    guide.state.group.join("tour", "guide", "Ann")
+    member.state.group.join("tour", "member")
+    settle(guide, member)
+    return guide, member
+
+
+def test_joined_rostered_called_and_gathered(two: tuple[Client, Client]) -> None:
+    guide, member = two
+    assert [(e.member, e.role) for e in guide.heard(GroupJoined)] == [(1, "guide")]
+    assert [(m.name, m.role) for m in member.heard(GroupRoster)[-1].members] == [
+        ("Ann", "guide"),
+        (None, "member"),
+    ]
+    guide.state.group.gather((1, 2, 3), 9.0, deadline_ms=50_000)
+    settle(guide, member)
+    (called,) = member.heard(GroupCalled)
+    assert (called.gathering.position, called.gathering.left_ms) == ((1.0, 2.0, 3.0), 50_000)
+    for client in two:
+        client.state.group.arrived(1, "ready")
+    settle(guide, member)
+    assert member.heard(GroupGathered) == [GroupGathered(1, (1, 2), (), ())]
+
+
+def test_what_a_cut_swallowed_is_said_again_and_told_once(two: tuple[Client, Client]) -> None:
+    guide, member = two
+    guide.state.group.gather((1, 2, 3), 9.0)
+    settle(guide, member)
+    guide.state.group.arrived(1, "ready")
+    member.state.group.arrived(1, "ready")
+    member.state.data_to_send()  # swallowed
+    member.cut()
+    settle(guide, member)
+    assert guide.heard(GroupGathered) == []
+    member.connect()
+    settle(guide, member)
+    assert [(e.member, e.role) for e in member.heard(GroupJoined)] == [(2, "member")] * 2
+    assert len(member.heard(GroupCalled)) == 1
+    assert guide.heard(GroupGathered) == [GroupGathered(1, (1, 2), (), ())]
+
+
+def test_what_is_said_without_a_connection_is_said_later(two: tuple[Client, Client]) -> None:
+    guide, member = two
+    guide.cut()
+    guide.state.group.gather((1, 2, 3), 9.0)
+    settle(guide, member)
+    assert member.heard(GroupCalled) == []
+    guide.connect()
+    settle(guide, member)
+    assert len(member.heard(GroupCalled)) == 1
+
+
+def test_a_new_seat_counts_group_landings_anew(two: tuple[Client, Client]) -> None:
+    """The server was replaced: numbers begin at 1, and mean other landings."""
+    guide, member = two
+    guide.state.group.gather((1, 2, 3), 9.0)
+    settle(guide, member)
+    for client in two:
+        client.state.group.arrived(1, "ready")
+    fresh = Groups(GroupLimits())
+    for client in two:
+        client.cut()
+        client.groups = fresh
+        client.connect()
+    settle(guide, member)
+    guide.state.group.gather((7, 0, 0), 9.0)
+    settle(guide, member)
+    assert [e.gathering.position[0] for e in member.heard(GroupCalled)] == [1.0, 7.0]
+    assert guide.heard(GroupGathered) == [], "what was said of the old one does not count"
+
+
+def test_refused_and_left(two: tuple[Client, Client], welcome: Welcome) -> None:
+    guide, member = two
+    request = member.state.group.gather((1, 2, 3), 9.0)
+    settle(guide, member)
+    (refused,) = member.heard(GroupRefused)
+    assert (refused.request, refused.code) == (request, "group_refused")
+    third = Client(guide.groups, "x", welcome)
+    asked = third.state.group.join("tour", "guide")
+    settle(guide, member, third)
+    assert [e.request for e in third.heard(GroupRefused)] == [asked]
+    third.cut()
+    third.connect()
+    assert not any(isinstance(m, Join) for m in map(_c2s, third.state.data_to_send()))
+    member.state.group.leave()
+    settle(guide, member)
+    assert guide.groups.member_count == 1
+    member.cut()
+    member.connect()
+    settle(guide, member)
+    assert guide.groups.member_count == 1
+
+
+def test_a_second_join_gives_the_first_seat_up_even_where_it_is_refused(
+    two: tuple[Client, Client],
+) -> None:
+    guide, member = two
+    member.state.group.join("tour", "guide")
+    settle(guide, member)
+    assert guide.groups.member_count == 1
+
+
+def test_names_are_checked_before_anything_is_sent(two: tuple[Client, Client]) -> None:
+    guide, _ = two
+    with pytest.raises(UsageError):
+        guide.state.group.join("../../etc", "guide")
+    with pytest.raises(UsageError):
+        guide.state.group.join("tour", "owner")
+    with pytest.raises(UsageError):
+        guide.state.group.gather((1, 2), 9.0)
+    assert guide.state.data_to_send() == []
+
+
+def _c2s(data: bytes | str) -> Any:
+    return decode(data, MSGPACK, Direction.CLIENT_TO_SERVER)
