@@ -16,7 +16,6 @@ import asyncio
 import os
 import select
 import socket
-import ssl
 from asyncio.transports import BaseTransport
 from typing import Any, Final, cast
 
@@ -66,14 +65,16 @@ class Connection(BoundedPeer):
         self._guard = FrameGuard(cast("asyncio.Transport", transport))
         super().connection_made(cast("BaseTransport", self._guard))
         self.heard_s = self.loop.time()
-        # Empty between two frames: then the next may go past it, straight into the socket.
-        self._guard.set_write_buffer_limits(0)
+        secret = transport.get_extra_info("ssl_object") is not None
+        if not secret:
+            # Empty between two frames: then the next may go past it, straight into the socket.
+            # Under TLS nothing may go past, and uvloop's transport, asked for this, tells that its
+            # buffer is empty only when the client sends something.
+            self._guard.set_write_buffer_limits(0)
         raw = transport.get_extra_info("socket")
         if raw is None or raw.family not in {socket.AF_INET, socket.AF_INET6}:
             return
-        self._may_go_direct = hasattr(os, "sendfile") and not isinstance(
-            transport.get_extra_info("ssl_object"), ssl.SSLObject | ssl.SSLSocket
-        )
+        self._may_go_direct = hasattr(os, "sendfile") and not secret
         if self.notsent_lowat_bytes:
             _set_option(raw, socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
         if self.send_buffer_bytes:

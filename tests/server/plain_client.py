@@ -72,8 +72,11 @@ class PlainClient:
 
     def hello(self, **fields: Any) -> Welcome:
         """Say hello, expect to be welcome."""
-        self.send(make_hello(**fields))
+        self.send_hello(**fields)
         return self.expect(Welcome)
+
+    def send_hello(self, **fields: Any) -> None:
+        self.send(make_hello(**fields))
 
     def receive(self, timeout_s: float = TIMEOUT_S) -> Message | PayloadFrame:
         data = self.socket.recv(timeout=timeout_s)
