@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from server.grid_scene import STEP_M, GridScene
 
+from terraport import sync
 from terraport.cli import app
 from terraport_payload import decode_glb
 from terraport_server import BackgroundServer
@@ -135,3 +137,45 @@ def test_refusals_are_one_line(
         assert "wrong-wrong" not in failed.stderr
         monkeypatch.setenv("TERRAPORT_TOKEN", token)
         assert land(url, 0, 0, 0).returncode == 0
+
+
+def test_a_guide_lands_a_group(land, server: BackgroundServer) -> None:
+    """The guide waits for its member, which a thread plays; both stand at the same place."""
+    url, seen = server.scene_url("grid"), []
+
+    def follow() -> None:
+        with sync.connect(url) as session:
+            group = session.join_group("cli", name="Ben")
+            call = next(iter(group))
+            call.land().ready(20)
+            seen.append((call.position, call.all_there(20), session.visible_set_hash()))
+
+    with ThreadPoolExecutor(1) as pool:
+        following = pool.submit(follow)
+        shown = land(
+            url, 30, 1, 30, "--radius", 12, "--group", "cli", "--guide", "--as", "Ann",
+            "--members", 2, "--timeout", 20, "--json",
+        )  # fmt: skip
+        following.result(20)
+    assert shown.returncode == 0, shown.stderr
+    facts = json.loads(shown.stdout)
+    assert (facts["group"]["role"], facts["group"]["complete"]) == ("guide", True)
+    assert sorted(facts["group"]["ready"]) == ["Ann", "Ben"]
+    ((position, arrivals, picture),) = seen
+    assert list(position) == facts["position"] == [30, 1, 30]
+    assert arrivals.complete
+    assert picture == facts["visible_set_hash"]
+
+
+def test_a_group_that_does_not_come_is_said(land, server: BackgroundServer) -> None:
+    url = server.scene_url("grid")
+    alone = land(url, 3, 1, 3, "--group", "x", "--guide", "--members", 9, "--timeout", 0.3)
+    assert alone.returncode == 1
+    assert "did not get together in 0.3 s: 1 present" in alone.stderr
+    for arguments, text in (
+        ((url, 3, 1, 3, "--group", "x"), "the guide says"),
+        ((url, 3, 1, 3, "--group", "x", "--guide", "--repeat", 2), "--repeat"),
+        ((url,), "expected x, y and z"),
+    ):
+        refused = land(*arguments)
+        assert (refused.returncode, text in refused.stderr) == (2, True), refused.stderr

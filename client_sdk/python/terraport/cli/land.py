@@ -15,6 +15,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, Trans
 from rich.table import Table
 
 from terraport.base import BaseMesh
+from terraport.cli.group import GroupOptions, land_together, place_of
 from terraport.client import connect
 from terraport.errors import LandingTimeoutError, MissingExtraError, UsageError
 from terraport.frames import to_crs, to_scene
@@ -44,9 +45,15 @@ def land(
         str,
         typer.Argument(help="The scene: http(s)://HOST:PORT/scenes/ID.", show_default=False),
     ],
-    x: Annotated[float, typer.Argument(help="Metres east of the origin.", show_default=False)],
-    y: Annotated[float, typer.Argument(help="Metres above the origin.", show_default=False)],
-    z: Annotated[float, typer.Argument(help="Metres south of the origin.", show_default=False)],
+    x: Annotated[
+        float | None, typer.Argument(help="Metres east of the origin.", show_default=False)
+    ] = None,
+    y: Annotated[
+        float | None, typer.Argument(help="Metres above the origin.", show_default=False)
+    ] = None,
+    z: Annotated[
+        float | None, typer.Argument(help="Metres south of the origin.", show_default=False)
+    ] = None,
     radius: Annotated[float, typer.Option(help="Metres around the place.")] = 60.0,
     crs: Annotated[
         bool, typer.Option("--crs", help="X Y Z are easting, northing, height of the survey's CRS.")
@@ -70,6 +77,16 @@ def land(
         Path | None, typer.Option(help="Keep segments here from one run to the next.")
     ] = None,
     timeout: Annotated[float, typer.Option(help="Seconds for each landing.")] = 300.0,
+    group: Annotated[
+        str | None, typer.Option(help="Land with this group; its guide says where.")
+    ] = None,
+    guide: Annotated[
+        bool, typer.Option("--guide", help="Be the group's guide, who says where.")
+    ] = False,
+    members: Annotated[
+        int, typer.Option(min=1, help="Members that a guide waits for, itself included.")
+    ] = 1,
+    known_as: Annotated[str | None, typer.Option("--as", help="What the group calls you.")] = None,
     glb: Annotated[
         Path | None,
         typer.Option(help="Write base and detail at that landing as GLB, or FILE.obj as OBJ."),
@@ -88,7 +105,15 @@ def land(
         terraport land http://127.0.0.1:8080 --crs 500012 8000040 103.5 --repeat 2 --png here.png
 
     The second landing at the same place costs no bytes: its segments are held.
+
+        terraport land http://127.0.0.1:8080/scenes/pit --group tour --as Ben
+
+        terraport land http://127.0.0.1:8080/scenes/pit 12 0 -40 --group tour --guide --members 2
+
+    The first waits until the second, the guide, lands them both.
     """
+    together = None if group is None else GroupOptions(group, guide, known_as, members)
+    place = place_of((x, y, z), together, repeat)
     if png is not None:
         _require_pictures()
     for file in (glb, png):
@@ -100,12 +125,14 @@ def land(
         "max_bytes": max_bytes,
         "cache_dir": cache_dir,
         "timeouts": Timeouts(plan_s=timeout),
+        "group": group,
     }
     asyncio.run(
         _land(
             url,
-            (x, y, z),
+            place,
             radius,
+            together=together,
             crs=crs,
             ground=ground,
             token=token,
@@ -121,9 +148,10 @@ def land(
 
 async def _land(
     url: str,
-    place: tuple[float, float, float],
+    place: tuple[float, float, float] | None,
     radius_m: float,
     *,
+    together: GroupOptions | None,
     crs: bool,
     ground: bool,
     token: str | None,
@@ -136,17 +164,35 @@ async def _land(
 ) -> None:
     async with connect(url, token, **options) as session:
         manifest = await session.manifest()
-        position = to_scene(place, manifest["origin"]) if crs else place
-        if ground:
+
+        async def position_of_place() -> tuple[float, float, float]:
+            assert place is not None
+            position = to_scene(place, manifest["origin"]) if crs else place
+            if not ground:
+                return position
             hit = await session.pick(position)
             if hit is None:
                 raise UsageError(f"no surface above or below {position}, expected a place on it")
-            position = hit.position
-        landings = []
-        for number in range(1, repeat + 1):
-            landing = await session.land(position, radius_m)
-            await _watch(landing, number, timeout_s)
+            return hit.position
+
+        landings, party = [], None
+        if together is not None:
+            landing, party = await land_together(
+                session,
+                together,
+                position_of_place,
+                radius_m,
+                lambda landing: _watch(landing, 1, timeout_s),
+                timeout_s,
+            )
+            position = landing.plan.position
             landings.append(_facts(landing))
+        else:
+            position = await position_of_place()
+            for number in range(1, repeat + 1):
+                landing = await session.land(position, radius_m)
+                await _watch(landing, number, timeout_s)
+                landings.append(_facts(landing))
         facts = {
             "scene": {
                 "id": session.scene.id,
@@ -159,6 +205,8 @@ async def _land(
             "landings": landings,
             "visible_set_hash": await session.visible_set_hash(),
         }
+        if party is not None:
+            facts["group"] = party
         if glb is not None or png is not None:
             base = await session.base()
             facts["files"] = await asyncio.to_thread(
@@ -294,6 +342,13 @@ def _print(facts: dict[str, Any], landing: Landing) -> None:
     for label, cell in _ROWS:
         table.add_row(label, *(cell(one) for one in landings))
     console.print(table)
+    party = facts.get("group")
+    if party is not None:
+        there = ", ".join(party["ready"]) or "nobody"
+        console.print(f"group {party['name']} ({party['role']}): {there} ready")
+        for state in ("degraded", "missing"):
+            if party[state]:
+                console.print(f"{state}: {', '.join(party[state])}", style="yellow")
     console.print(f"visible set {facts['visible_set_hash']}", style="dim")
     if landing.plan.omitted_segments:
         console.print(
