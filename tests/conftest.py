@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -21,3 +22,21 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip(f"no real surveys at {SHARED_DATA}")
     return SHARED_DATA
+
+
+@pytest.fixture(scope="session")
+def moto() -> Iterator[str]:
+    """Address of moto's S3, in this process."""
+    from store.s3_servers import moto_server
+
+    with moto_server() as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def weed() -> Iterator[str]:
+    """Address of a SeaweedFS, a process of its own; skips where it cannot run."""
+    from store.s3_servers import weed_server
+
+    with weed_server() as url:
+        yield url

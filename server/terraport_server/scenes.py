@@ -195,7 +195,8 @@ class SceneRegistry:
         read_threads: int = 4,
         published: Callable[[ServedScene], None] | None = None,
     ) -> None:
-        self._place = FolderPlace(place) if isinstance(place, Path) else place
+        self.place = FolderPlace(place) if isinstance(place, Path) else place
+        """Where the scenes lie."""
         self._source = source
         self._readers = ThreadPoolExecutor(read_threads, thread_name_prefix="read")
         self._published = published
@@ -238,7 +239,7 @@ class SceneRegistry:
         StoreError, OSError
             When the place cannot be looked at; everything stays as it is.
         """
-        found = await asyncio.to_thread(self._place.look)
+        found = await asyncio.to_thread(self.place.look)
         for scene_id, seen in found.items():
             await self._refresh_labels(scene_id, seen)
             if self._stamps.get(scene_id) == seen.manifest:
@@ -251,8 +252,8 @@ class SceneRegistry:
                     seen.files,
                     self._source,
                     self._readers,
-                    fetch_threads=self._place.fetch_threads,
-                    ahead_bytes=self._place.ahead_bytes,
+                    fetch_threads=self.place.fetch_threads,
+                    ahead_bytes=self.place.ahead_bytes,
                 )
             except (StoreError, OSError) as error:
                 if isinstance(error, OriginError):
@@ -282,14 +283,14 @@ class SceneRegistry:
 
     def close(self) -> None:
         """Close every scene that nobody holds; the others follow when they are released."""
-        self._place.interrupt()
+        self.place.interrupt()
         for served in [*self._current.values(), *self._retired]:
             if not served.closed:
                 served.scene.interrupt()
             served.retire()
         self._current.clear()
         self._retired.clear()
-        self._place.close()
+        self.place.close()
         self._readers.shutdown(wait=False)  # what it still reads holds its scene
 
     def _take(self, served: ServedScene) -> None:

@@ -185,4 +185,9 @@ def _object_files(url: str) -> ObjectFiles:
             raise
         what = "needs the package obstore; install it with: pip install 'terraport[s3]'"
         raise OriginError(url, what) from None
-    return ObjectStorage().files(url, owned=True)
+    storage = ObjectStorage()
+    try:
+        return storage.files(url, owned=True)
+    except BaseException:
+        storage.close()
+        raise

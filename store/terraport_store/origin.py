@@ -40,10 +40,6 @@ _FIRST_PAUSE_S: Final = 0.1
 _LONGEST_PAUSE_S: Final = 2.0
 _CONNECT_S: Final = 3.0
 
-_COOL_DOWN_S: Final = 5.0
-"""How long an origin that gave nothing at all is left alone: whoever asks meanwhile is told so at
-once, instead of waiting out every retry for each of 200 segments."""
-
 _FINAL: Final = (
     PermissionDeniedError,
     UnauthenticatedError,
@@ -87,6 +83,15 @@ class ObjectOptions:
     @property
     def stall_s(self) -> float:
         """Silence in the middle of an answer after which the attempt is given up."""
+        return self.timeout_s / 4.0
+
+    @property
+    def cool_down_s(self) -> float:
+        """How long a place that gave nothing at all is left alone.
+
+        Whoever asks meanwhile is told so at once, instead of waiting out every retry for each of
+        200 segments.
+        """
         return self.timeout_s / 4.0
 
 
@@ -342,12 +347,12 @@ class Origin:
             if failed_s is None:
                 return True
             since_s = now_s - failed_s
-            if since_s < _COOL_DOWN_S:
+            if since_s < self.options.cool_down_s:
                 self.counts.add(failures=1)
                 raise OriginError(
                     f"{self.url}/{path}",
                     f"not asked for: nothing came from there {since_s:.1f} s ago, "
-                    f"asked again after {_COOL_DOWN_S:g} s",
+                    f"asked again after {self.options.cool_down_s:g} s",
                 )
             return False
 

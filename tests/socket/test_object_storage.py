@@ -1,0 +1,377 @@
+"""Landings from object storage over real sockets: a real S3 service, and what may befall it.
+
+Each fault has a stated outcome (docs/how-to/object-storage.md has the table).
+"""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import httpx
+import pytest
+from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
+from server.plain_client import PlainClient, assemble
+from store.s3_servers import Asked, Fault, FaultProxy, s3_environment
+
+from terraport_server import BackgroundServer
+from terraport_server.scene_places import ObjectPlace
+from terraport_store import change_labels
+from terraport_store.origin import ObjectCounts, ObjectOptions, Origin
+from terraport_store.upload import upload_scene
+from terraport_wire import Credit, Land, Notice, PayloadFrame, Pick, Picked, Plan, Ready
+
+CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
+EVERYWHERE_M = 100.0
+
+TIMEOUT_S = 1.2
+"""object_timeout_s: everything of it scales with it."""
+
+
+@pytest.fixture
+def proxy(weed: str) -> Iterator[FaultProxy]:
+    with FaultProxy(weed) as between, s3_environment(between.url):
+        yield between
+
+
+@pytest.fixture(scope="module")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> tuple[GridScene, GridScene]:
+    """Two scenes of different bytes."""
+    root = tmp_path_factory.mktemp("local")
+    return (
+        write_grid_scene(root / "pit", with_arrays=True, stable_ids=(4, 2, 9)),
+        write_grid_scene(root / "well", seed=3),
+    )
+
+
+@pytest.fixture
+def place(proxy: FaultProxy, scenes: tuple[GridScene, GridScene], tmp_path: Path) -> str:
+    url = f"s3://scenes/{tmp_path.name}"
+    for scene in scenes:
+        upload_scene(scene.path, f"{url}/{scene.path.name}")
+    return url
+
+
+def serve(place: str, tmp_path: Path, **settings: object) -> BackgroundServer:
+    return BackgroundServer(
+        place,
+        **{
+            "object_timeout_s": TIMEOUT_S,
+            "object_poll_s": 0.1,
+            "object_cache_dir": tmp_path / "cache",
+            **settings,
+        },
+    )
+
+
+def counts(server: BackgroundServer) -> ObjectCounts:
+    found = server.service.registry.place
+    assert isinstance(found, ObjectPlace)
+    return found.storage.counts
+
+
+def pack_of(scene: str, fault: Fault) -> Callable[[Asked], Fault | None]:
+    """The fault for all reads of a scene's packs."""
+
+    def rule(asked: Asked) -> Fault | None:
+        wanted = asked.method == "GET" and f"/{scene}/" in asked.path
+        return fault if wanted and asked.path.endswith(".pack") else None
+
+    return rule
+
+
+def some(number: int, rule: Callable[[Asked], Fault | None]) -> Callable[[Asked], Fault | None]:
+    """The first so many faults of a rule."""
+    left = [number]
+
+    def limited(asked: Asked) -> Fault | None:
+        fault = rule(asked)
+        if fault is None or left[0] <= 0:
+            return None
+        left[0] -= 1
+        return fault
+
+    return limited
+
+
+def land(
+    client: PlainClient, generation: int = 1, radius_m: float = EVERYWHERE_M
+) -> tuple[Ready, dict[int, bytes]]:
+    client.send(Land(generation=generation, position=CENTRE, radius_m=radius_m))
+    ready, frames, _ = client.until(Ready)
+    return ready, assemble(frames)
+
+
+def all_of(scene: GridScene) -> dict[int, bytes]:
+    return dict(enumerate(scene.payloads))
+
+
+def test_a_landing_brings_the_same_bytes_cold_warm_and_after_a_restart(
+    proxy: FaultProxy, place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
+) -> None:
+    pit = scenes[0]
+    for start in range(2):
+        proxy.asked.clear()
+        with serve(place, tmp_path, object_poll_s=60.0) as server:
+            for _ in range(2):
+                with PlainClient(server.scene_url("pit")) as client:
+                    client.hello()
+                    ready, received = land(client)
+                assert ready.missing.tolist() == []
+                assert received == all_of(pit)
+        reads = [asked for asked in proxy.of(".pack") if "/pit/" in asked.path]
+        # Headers of two packs as they are opened; then neighbours by few requests; warm: none.
+        assert len(reads) <= (2 + 8 if start == 0 else 2)
+
+
+def test_everything_beside_the_stream_is_there_too(
+    place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
+) -> None:
+    pit = scenes[0]
+    Origin(f"{place}/pit", ObjectOptions()).put("report.html", b"<p>fine</p>")
+    with serve(place, tmp_path) as server, httpx.Client(base_url=server.url) as http:
+        listed = http.get("/scenes").json()["scenes"]
+        assert [scene["id"] for scene in listed] == ["pit", "well"]
+        for key in ("base.glb", "base.cover", "regions.json"):
+            file = pit.path / pit.manifest.files[key].path
+            assert http.get(f"/scenes/pit/{key}").content == file.read_bytes()
+        part = http.get("/scenes/pit/base.glb", headers={"range": "bytes=10-29"})
+        assert part.status_code == 206
+        assert len(part.content) == 20
+        assert http.get("/scenes/pit/segments/5.glb").content == pit.payloads[5]
+        assert http.get("/scenes/pit/report").text == "<p>fine</p>"
+        assert http.get("/scenes/well/report").status_code == 404
+        with PlainClient(server.scene_url("pit")) as client:
+            client.hello()
+            client.send(Pick(request=1, origin=(5.0, 50.0, 5.0), direction=(0.0, -1.0, 0.0)))
+            assert client.expect(Picked).hit is not None
+
+
+def test_labels_are_noticed(proxy: FaultProxy, tmp_path: Path) -> None:
+    scene = write_grid_scene(tmp_path / "own", cells=2, stable_ids=(4, 2, 9))
+    url = f"s3://scenes/{tmp_path.name}/own"
+    upload_scene(scene.path, url)
+    with serve(url, tmp_path) as server, httpx.Client(base_url=server.url) as http:
+        assert http.get("/scenes/own/labels.json").json()["labels"] == []
+        change_labels(scene.path, {2: "bench"})
+        upload_scene(scene.path, url)
+        wait_for(lambda: len(http.get("/scenes/own/labels.json").json()["labels"]) == 1)
+
+
+def wait_for(what: Callable[[], bool], timeout_s: float = 10.0) -> None:
+    due_s = time.monotonic() + timeout_s
+    while not what():
+        assert time.monotonic() < due_s, "did not happen in time"
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [Fault(status=503), Fault(cut_at=500), Fault(flip_at=100)],
+    ids=["503", "cut in mid-body", "wrong bytes"],
+)
+def test_a_fault_that_passes_costs_time_only(
+    proxy: FaultProxy,
+    place: str,
+    scenes: tuple[GridScene, GridScene],
+    tmp_path: Path,
+    fault: Fault,
+) -> None:
+    with serve(place, tmp_path) as server, PlainClient(server.scene_url("pit")) as client:
+        client.hello()
+        proxy.rule = some(2, pack_of("pit", fault))
+        ready, received = land(client)
+        assert ready.missing.tolist() == []
+        assert received == all_of(scenes[0])
+        seen = counts(server)
+        assert (seen.wrong if fault.flip_at else seen.retries) >= 1
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [Fault(status=503), Fault(cut_at=500), Fault(delay_s=1.0)],
+    ids=["503", "cut in mid-body", "stalled"],
+)
+def test_a_fault_without_end_costs_its_own_scene_only(
+    proxy: FaultProxy,
+    place: str,
+    scenes: tuple[GridScene, GridScene],
+    tmp_path: Path,
+    fault: Fault,
+) -> None:
+    """Its segments are missing in a bounded time, the session goes on, and others notice nothing;
+    once it is over, the same session lands there whole."""
+    with (
+        serve(place, tmp_path, read_threads=1) as server,
+        PlainClient(server.scene_url("pit")) as client,
+        PlainClient(server.scene_url("well")) as other,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        client.hello()
+        other.hello()
+        proxy.rule = pack_of("pit", fault)
+        began_s = time.monotonic()
+        landing = pool.submit(land, client)
+        while not any("/pit/" in asked.path for asked in proxy.of(".pack")[3:]):
+            time.sleep(0.01)
+        ready, received = land(other)
+        took_s = time.monotonic() - began_s
+        assert received == all_of(scenes[1])
+        assert ready.missing.tolist() == []
+        assert took_s < 1.0
+        assert not landing.done()
+        ready, received = landing.result(20)
+        assert time.monotonic() - began_s < 4.0 * TIMEOUT_S
+        assert received == {}
+        assert ready.missing.tolist() == list(range(SIDE * SIDE))
+        assert httpx.get(f"{server.url}/scenes/pit/segments/1.glb").status_code == 503
+        proxy.rule = lambda _: None
+        time.sleep(TIMEOUT_S / 4 + 0.05)
+        ready, received = land(client, 2)
+        assert received == all_of(scenes[0])
+
+
+def test_wrong_bytes_are_never_sent_or_kept(
+    proxy: FaultProxy, place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
+) -> None:
+    with serve(place, tmp_path) as server, PlainClient(server.scene_url("pit")) as client:
+        client.hello()
+        proxy.rule = pack_of("pit", Fault(flip_at=100))
+        ready, received = land(client)
+        missing = set(ready.missing.tolist())
+        assert missing
+        # Neighbours in one answer are each judged by their own hash.
+        assert received == {n: data for n, data in all_of(scenes[0]).items() if n not in missing}
+        kept = {path.name.partition("-")[0] for path in (tmp_path / "cache").glob("*/*/*-*")}
+        client.send(Land(generation=9, position=CENTRE, radius_m=1.0))
+        client.until(Ready)
+        plan = plan_of(server)
+        assert kept.isdisjoint(f"{plan[segment]:016x}" for segment in missing)
+        proxy.rule = lambda _: None
+        ready, received = land(client, 10)
+        assert set(received) >= missing
+
+
+def plan_of(server: BackgroundServer) -> list[int]:
+    hashes = server.service.registry.get("pit").scene.index.xxh3
+    return [int(found) for found in hashes]
+
+
+def test_a_full_cache_disk_costs_nobody_a_segment(
+    place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
+) -> None:
+    """A file system of 192 KiB, of which the scenes' small files take most."""
+    disk = tmp_path / "small"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=192k", "tmpfs", str(disk)]
+    if subprocess.run(mount, capture_output=True, check=False, timeout=10).returncode:
+        pytest.skip("needs the right to mount a small file system")
+    try:
+        with (
+            serve(f"{place}/pit", tmp_path, object_cache_dir=disk) as server,
+            PlainClient(server.scene_url("pit")) as client,
+        ):
+            client.hello()
+            ready, received = land(client)
+            assert ready.missing.tolist() == []
+            assert received == all_of(scenes[0])
+            assert counts(server).uncached > 0
+    finally:
+        subprocess.run(["umount", "-l", str(disk)], check=True, timeout=10)
+
+
+def test_without_any_cache_on_disk(
+    place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
+) -> None:
+    with (
+        serve(place, tmp_path, object_cache_bytes=0, object_memory_bytes=1) as server,
+        PlainClient(server.scene_url("pit")) as client,
+    ):
+        client.hello()
+        _, received = land(client)
+        assert received == all_of(scenes[0])
+        assert not (tmp_path / "cache").exists()
+
+
+def test_the_bucket_is_gone(
+    proxy: FaultProxy, place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
+) -> None:
+    """What is open stays served: cached segments arrive, the others are missing."""
+    with serve(place, tmp_path) as server, PlainClient(server.scene_url("pit")) as client:
+        client.hello()
+        _, near = land(client, 1, 8.0)
+        proxy.rule = lambda _: Fault(status=404)
+        ready, received = land(client, 2)
+        missing = set(ready.missing.tolist())
+        assert missing.isdisjoint(near)
+        assert set(near) | set(received) | missing == set(range(SIDE * SIDE))
+        time.sleep(0.3)  # three looks at what is not there
+        with PlainClient(server.scene_url("pit")) as late:
+            late.hello()
+            _, again = land(late, 1, 8.0)
+        assert again == near
+
+
+def test_a_scene_republished_in_mid_landing(proxy: FaultProxy, tmp_path: Path) -> None:
+    """The landing ends with the version that it began with, and its client gets a notice."""
+    first = write_grid_scene(tmp_path / "own")
+    url = f"s3://scenes/{tmp_path.name}/own"
+    upload_scene(first.path, url)
+    with serve(url, tmp_path) as server, PlainClient(server.scene_url("own")) as client:
+        welcome = client.hello(credit_bytes=20_000)
+        client.send(Land(generation=1, position=CENTRE, radius_m=EVERYWHERE_M))
+        plan = client.expect(Plan)
+        frames = []
+        while sum(len(frame.chunk) for frame in frames) < 20_000:
+            got = client.receive()
+            assert isinstance(got, PayloadFrame)
+            frames.append(got)
+        second = write_grid_scene(tmp_path / "own", seed=1)
+        upload_scene(second.path, url)
+        _, more, _ = client.until(Notice)
+        frames += more
+        client.send(Credit(bytes=1 << 30))
+        ready, more, _ = client.until(Ready)
+        frames += more
+        assert plan.load_bytes == ready.payload_bytes
+        assert assemble(frames) == all_of(first)
+        assert welcome.scene.version == first.manifest.version
+        with PlainClient(server.scene_url("own")) as late:
+            assert late.hello().scene.version == second.manifest.version
+            assert land(late)[1] == all_of(second)
+
+
+def test_storage_that_comes_late(
+    proxy: FaultProxy, place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
+) -> None:
+    """The service starts without it, says that it has no scene, and serves once it is there."""
+    proxy.rule = lambda _: Fault(status=503)
+    with serve(place, tmp_path, object_timeout_s=0.4) as server:
+        assert httpx.get(f"{server.url}/readyz").status_code == 503
+        proxy.rule = lambda _: None
+        wait_for(lambda: httpx.get(f"{server.url}/scenes/well").status_code == 200)
+        assert httpx.get(f"{server.url}/readyz").status_code == 200
+        with PlainClient(server.scene_url("well")) as client:
+            client.hello()
+            assert land(client)[1] == all_of(scenes[1])
+
+
+def test_it_stops_in_bounded_time_whatever_storage_does(
+    proxy: FaultProxy, place: str, tmp_path: Path
+) -> None:
+    with serve(
+        place, tmp_path, object_timeout_s=8.0, drain_timeout_s=0.2, close_timeout_s=0.5
+    ) as server:
+        client = PlainClient(server.scene_url("pit"))
+        client.hello()
+        proxy.rule = pack_of("pit", Fault(status=503))
+        client.send(Land(generation=1, position=CENTRE, radius_m=EVERYWHERE_M))
+        client.expect(Plan)
+        wait_for(lambda: counts(server).retries > 0)
+        began_s = time.monotonic()
+        server.stop()
+        assert time.monotonic() - began_s < 4.0
+        client.socket.close()
