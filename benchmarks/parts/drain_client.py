@@ -21,6 +21,7 @@ from websockets.uri import parse_uri
 from terraport_wire import (
     HEADER_BYTES,
     Budgets,
+    Credit,
     Direction,
     Evict,
     Hello,
@@ -63,7 +64,8 @@ class DrainClient:
             uri, subprotocols=[SubprotocolName(Subprotocol.MSGPACK)], max_size=None
         )
         self._scratch = bytearray(1 << 18)
-        self._generation = 0
+        self.generation = 0
+        """Of the newest landing."""
         self._protocol.send_request(self._protocol.connect())
         self._flush()
         head = b""
@@ -100,7 +102,7 @@ class DrainClient:
     def message(self) -> Message:
         """Receive up to the next message; payload before it is skipped."""
         while True:
-            found = self._next()
+            found = self.next()
             if isinstance(found, Message):
                 return found
 
@@ -112,19 +114,23 @@ class DrainClient:
 
     def begin(self, position: tuple[float, float, float], radius_m: float) -> Plan:
         """Land and read the plan."""
-        self._generation += 1
-        self.send(Land(generation=self._generation, position=position, radius_m=radius_m))
+        self.generation += 1
+        self.send(Land(generation=self.generation, position=position, radius_m=radius_m))
         while True:
             plan = self.message()
             if isinstance(plan, Plan):
                 return plan
 
+    def grant(self, count: int) -> None:
+        """Grant credit."""
+        self.send(Credit(bytes=count))
+
     def drain(self) -> int:
         """Read up to `ready` and forget it; return the payload bytes."""
         total = 0
         while True:
-            found = self._next()
-            if isinstance(found, Ready) and found.generation == self._generation:
+            found = self.next()
+            if isinstance(found, Ready) and found.generation == self.generation:
                 return total
             if isinstance(found, int):
                 total += found
@@ -142,7 +148,7 @@ class DrainClient:
         with suppress(OSError):
             self.socket.close()
 
-    def _next(self) -> Message | int | None:
+    def next(self) -> Message | int | None:
         """Receive one frame: a message, the number of payload bytes skipped, or a control frame."""
         head = self._exactly(2)
         length = head[1] & 0x7F

@@ -79,7 +79,8 @@ class ServiceProcess:
         self.address = address
         self._prefix = prefix
         self._command = [*prefix, sys.executable, "-c", _COMMAND, "serve", str(scenes_dir)]
-        self._command += ["--host", address, "--port", str(self.port)]
+        host = str(settings.pop("host", address))
+        self._command += ["--host", host, "--port", str(self.port)]
         self._environment = os.environ | {
             f"TERRAPORT_{name.upper()}": str(value) for name, value in settings.items()
         }
