@@ -76,6 +76,7 @@ async def check_groups(url: str, token: str, servers: list[Container], say: Say)
                 additional_headers={
                     "Authorization": f"Bearer {token}",
                     "X-Terraport-Group": "forged",
+                    "X-Forwarded-For": "203.0.113.9",
                 },
             ):
                 await asyncio.sleep(0.02)
@@ -85,6 +86,8 @@ async def check_groups(url: str, token: str, servers: list[Container], say: Say)
         ]
         assert sorted(grown) == [0] * (len(servers) - 1) + [4], (name, grown)
         homes.add(grown.index(4))
+    seen = {line["client"] for server in servers for line in _opened(server)}
+    assert seen == {servers[0].network.gateway}, f"a client chose its own address: {seen}"
     say(f"ok: each of 6 groups meets in one replica; {len(homes)} replicas used")
 
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -109,10 +110,19 @@ def check_files() -> None:
     check([*promtool, "test", "rules", str(folder / "alerts.test.yml")], "alert rules' tests")
     named = {line.split("alert:")[1].strip() for line in _lines(folder / "alerts.yml", "alert:")}
     tests = (folder / "alerts.test.yml").read_text()
+    documented = (ROOT / "docs/topics/metrics.md").read_text()
+    dashboard = (HERE / "grafana/dashboards/terraport.json").read_text()
+    names = re.findall(r"\bterraport_[a-z_]+[a-z]", (folder / "alerts.yml").read_text() + dashboard)
+    unknown = {name for name in map(_family, names) if f"`{name}`" not in documented}
+    assert not unknown, f"metrics that docs/topics/metrics.md does not know: {unknown}"
     untested = {
         name for name in named if f"alertname: {name}\n        exp_alerts: [{{" not in tests
     }
     assert not untested, f"alerts without a test in which they fire: {untested}"
+
+
+def _family(series: str) -> str:
+    return re.sub(r"_(bucket|count|sum)$", "", series)
 
 
 def _lines(path: Path, word: str) -> list[str]:
