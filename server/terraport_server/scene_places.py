@@ -107,6 +107,7 @@ class ObjectPlace:
         self._storage = storage
         self._files: dict[str, ObjectFiles] = {}
         self._seen: dict[str, Look] = {}
+        self._doubted: set[str] = set()
 
     @property
     def fetch_threads(self) -> int:
@@ -126,7 +127,8 @@ class ObjectPlace:
     def look(self) -> dict[str, Look]:
         """Look at every scene; see :class:`ScenePlace`.
 
-        One that cannot be looked at is as it was before.
+        One that cannot be looked at is as it was before. One that is not there counts as gone when
+        it is not there twice in a row: the place may be vanishing as a whole, or its lists be late.
         """
         urls = self._storage.folders(self._url)
         self._files = {url: self._files[url] for url in urls.values() if url in self._files}
@@ -143,8 +145,10 @@ class ObjectPlace:
                 log("scene not looked at", level=logging.ERROR, scene=scene_id, reason=str(error))
                 if scene_id in self._seen:
                     found[scene_id] = self._seen[scene_id]
-        self._seen = found
-        return found
+        doubted = {name for name in self._seen if name not in found} - self._doubted
+        found |= {name: self._seen[name] for name in doubted}
+        self._seen, self._doubted = dict(sorted(found.items())), doubted
+        return self._seen
 
     def interrupt(self) -> None:
         """Let a look that waits fail soon."""

@@ -1,0 +1,93 @@
+"""Where scenes lie: what a look sees, and what it makes of what it cannot see."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+from server.grid_scene import write_grid_scene
+
+from terraport_server.errors import SettingsError
+from terraport_server.scene_places import FolderPlace, ObjectPlace, place_of
+from terraport_server.settings import Settings
+from terraport_store import OriginError
+from terraport_store.object_files import ObjectStorage
+from terraport_store.origin import ObjectOptions, Origin
+
+
+class Moody(Origin):
+    """An origin that can be told not to answer."""
+
+    silent: ClassVar[set[str]] = set()
+
+    def head(self, path: str):  # type: ignore[no-untyped-def]
+        if any(word in f"{self.url}/{path}" for word in self.silent):
+            raise OriginError(self.url, "said nothing")
+        return super().head(path)
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    for name in ("pit", "well"):
+        write_grid_scene(tmp_path / "scenes" / name, cells=2)
+    return tmp_path / "scenes"
+
+
+@pytest.fixture
+def place(root: Path) -> Iterator[ObjectPlace]:
+    Moody.silent = set()
+    made = ObjectPlace(
+        f"file://{root}",
+        ObjectStorage(make_origin=lambda url: Moody(url, ObjectOptions(timeout_s=1.0))),
+    )
+    yield made
+    made.close()
+
+
+def test_a_folder_and_an_address_show_the_same_scenes(root: Path, place: ObjectPlace) -> None:
+    assert list(FolderPlace(root).look()) == list(place.look()) == ["pit", "well"]
+
+
+def test_what_says_nothing_is_as_before(place: ObjectPlace) -> None:
+    before = place.look()
+    Moody.silent = {"/pit"}
+    for _ in range(3):
+        assert place.look() == before
+
+
+def test_what_is_not_there_is_gone_when_looked_for_twice(root: Path, place: ObjectPlace) -> None:
+    assert list(place.look()) == ["pit", "well"]
+    shutil.rmtree(root / "pit")
+    assert list(place.look()) == ["pit", "well"]
+    assert list(place.look()) == ["well"]
+    write_grid_scene(root / "pit", cells=2)
+    assert list(place.look()) == ["pit", "well"]
+
+
+def test_a_place_that_says_nothing_is_an_error(place: ObjectPlace) -> None:
+    Moody.silent = {"scenes/scene.json"}
+    with pytest.raises(OriginError):
+        place.look()
+
+
+def test_settings_name_the_place(root: Path, tmp_path: Path) -> None:
+    assert isinstance(place_of(Settings(scenes_dir=root)), FolderPlace)
+    made = place_of(Settings(scenes_url=f"file://{root}", object_cache_dir=tmp_path / "cache"))
+    assert isinstance(made, ObjectPlace)
+    assert made.ahead_bytes == 8 << 20
+    assert list(made.look()) == ["pit", "well"]
+    made.close()
+
+
+def test_a_cache_that_cannot_be_written_is_refused(root: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(SettingsError, match=r"object_cache_dir: .* object_cache_bytes = 0"):
+        place_of(Settings(scenes_url="file:///x", object_cache_dir=tmp_path / "file" / "cache"))
+
+
+def test_an_address_must_be_one() -> None:
+    with pytest.raises(SettingsError, match="scenes_url: got 'scenes', expected an address"):
+        Settings(scenes_url="scenes").check()
