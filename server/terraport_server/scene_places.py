@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol
 
+from prometheus_client import CollectorRegistry
+
 from terraport_server.errors import SettingsError
 from terraport_server.logs import log
+from terraport_server.object_metrics import ObjectMetrics
 from terraport_server.settings import Settings
 from terraport_store import FolderFiles, OriginError, SceneFiles, list_scenes
 
@@ -56,6 +59,10 @@ class ScenePlace(Protocol):
         """
         ...
 
+    def show_counts(self, registry: CollectorRegistry) -> None:
+        """Add what the place counts to the metrics."""
+        ...
+
     def interrupt(self) -> None:
         """Let a look that waits fail soon."""
         ...
@@ -83,6 +90,9 @@ class FolderPlace:
             if manifest is not None:  # else gone since it was listed
                 found[scene_id] = Look(files, manifest, files.stamp(_LABELS))
         return found
+
+    def show_counts(self, registry: CollectorRegistry) -> None:
+        """Add nothing."""
 
     def interrupt(self) -> None:
         """Do nothing."""
@@ -149,6 +159,10 @@ class ObjectPlace:
         found |= {name: self._seen[name] for name in doubted}
         self._seen, self._doubted = dict(sorted(found.items())), doubted
         return self._seen
+
+    def show_counts(self, registry: CollectorRegistry) -> None:
+        """Add requests, bytes, retries and the like."""
+        ObjectMetrics(self._storage, registry)
 
     def interrupt(self) -> None:
         """Let a look that waits fail soon."""

@@ -59,8 +59,10 @@ class Service:
         self.gate = Gate.from_settings(settings)
         self.metrics = Metrics()
         self.access = AccessWatch(self.gate, settings, self.metrics)
+        place = place_of(settings)
+        place.show_counts(self.metrics.registry)
         self.registry = SceneRegistry(
-            place_of(settings),
+            place,
             source=settings.payload_source,
             read_threads=settings.read_threads,
             published=self._published,
