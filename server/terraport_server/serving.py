@@ -7,7 +7,6 @@ import gc
 import os
 import signal
 import socket
-import sys
 import threading
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -176,7 +175,7 @@ def run(settings: Settings, reread: Callable[[], Settings] | None = None) -> Non
 
 
 def _run_workers(settings: Settings, reread: Callable[[], Settings] | None) -> None:
-    if not hasattr(signal, "SIGHUP"):
+    if os.name == "nt":
         raise SettingsError("workers", f"got {settings.workers} on Windows, expected 1")
     settings.check()
     configure_logging(settings.log_level, settings.log_format)
@@ -186,9 +185,8 @@ def _run_workers(settings: Settings, reread: Callable[[], Settings] | None) -> N
 
 def _core_count() -> int:
     """Cores that this process may use; a container's quota of CPU time is not looked at."""
-    if sys.platform == "linux":
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux alone has it
+    return os.cpu_count() or 1 if affinity is None else len(affinity(0))
 
 
 class BackgroundServer:
