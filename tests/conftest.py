@@ -27,7 +27,7 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def moto() -> Iterator[str]:
     """Address of moto's S3, in this process."""
-    from store.s3_servers import moto_server
+    from s3_servers import moto_server
 
     with moto_server() as url:
         yield url
@@ -36,7 +36,7 @@ def moto() -> Iterator[str]:
 @pytest.fixture(scope="session")
 def weed() -> Iterator[str]:
     """Address of a SeaweedFS, a process of its own; skips where it cannot run."""
-    from store.s3_servers import weed_server
+    from s3_servers import weed_server
 
     with weed_server() as url:
         yield url

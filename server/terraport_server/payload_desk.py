@@ -180,10 +180,16 @@ class PayloadDesk:
         encoding: str,
     ) -> None:
         """Do the work where it may wait: what the local disk has is not held up by a network."""
+
+        def work_if_local() -> bool:
+            local = self._scene.recall(chunk.segment, encoding)
+            if local:
+                work(chunk, encoding)
+            return local
+
         loop = asyncio.get_running_loop()
-        recall = self._scene.recall
-        recalled = await loop.run_in_executor(self._readers, recall, chunk.segment, encoding)
-        await loop.run_in_executor(self._readers if recalled else fetchers, work, chunk, encoding)
+        if not await loop.run_in_executor(self._readers, work_if_local):
+            await loop.run_in_executor(fetchers, work, chunk, encoding)
 
     def _check(self, chunk: SendChunk, encoding: str) -> None:
         self._scene.payload(chunk.segment, encoding)

@@ -276,6 +276,8 @@ class Scene:
     def is_verified(self, segment_id: int, encoding: str = "glb") -> bool:
         """Tell whether :meth:`payload` found the segment's hash right when it last looked.
 
+        True always where nothing is handed out unchecked: see :meth:`payload_range`.
+
         Raises
         ------
         IndexError
@@ -283,11 +285,13 @@ class Scene:
         KeyError
             When the scene has no such encoding.
         """
-        return bool(self._verified[encoding][segment_id])
+        verified = bool(self._verified[encoding][segment_id])
+        return verified or self._sources[encoding].checks_hashes
 
     def distrust(self, segment_id: int, encoding: str = "glb") -> None:
         """Let the next :meth:`payload` compare the hash again; raises as :meth:`is_verified`."""
         self._verified[encoding][segment_id] = False
+        self._sources[encoding].distrust(*self._place(segment_id, encoding))
 
     def payload_range(
         self, segment_id: int, encoding: str, start: int, length: int

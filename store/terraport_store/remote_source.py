@@ -155,6 +155,17 @@ class RemoteSource:
         piece = self._piece(offset, length)
         return piece is not None and self._recall(self._key(piece))
 
+    @property
+    def checks_hashes(self) -> bool:
+        """Return True; see :class:`PayloadSource`."""
+        return True
+
+    def distrust(self, offset: int, length: int) -> None:
+        """Open the payload's cache file anew before it is handed out again."""
+        piece = self._piece(offset, length)
+        if piece is not None:
+            self._shelf.drop(self._key(piece))
+
     def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
         """Fetch what is not kept, in the background; see :class:`PayloadSource`."""
         pieces = []
@@ -238,9 +249,9 @@ class RemoteSource:
         return None
 
     def _plan_ahead(self, pieces: list[int]) -> None:
-        """Put payloads that are not kept into groups, and have them fetched."""
+        """Open what is kept; put the other payloads into groups, and have them fetched."""
         if self._cache is not None:
-            pieces = [piece for piece in pieces if not self._cache.has(self._key(piece))]
+            pieces = self._open_ahead(self._cache, pieces)
         order = {piece: place for place, piece in enumerate(pieces)}
         groups: list[_Group] = []
         with self._lock:
@@ -255,6 +266,18 @@ class RemoteSource:
         # What is wanted first is fetched first.
         for group in sorted(groups, key=lambda group: min(order[piece] for piece in group.pieces)):
             self._submit(self._run_if_waiting, group)
+
+    def _open_ahead(self, cache: ByteCache, pieces: list[int]) -> list[int]:
+        """Open the first payloads that are kept; return those that are not."""
+        missing = []
+        room = self._shelf.max_files // 4  # what is opened must still be open when it is sent
+        for piece in pieces:
+            key = self._key(piece)
+            if room > 0 and self._recall(key):
+                room -= 1
+            elif not cache.has(key):
+                missing.append(piece)
+        return missing
 
     def _may_join(self, group: _Group, piece: int) -> bool:
         first, last = group.pieces[0], group.pieces[-1]

@@ -6,6 +6,7 @@ by the system, which knows better how much of it there is room for.
 
 from __future__ import annotations
 
+import resource
 import threading
 from collections import OrderedDict
 from typing import Final
@@ -14,8 +15,9 @@ from terraport_store.byte_cache import CachedFile, CacheKey
 
 __all__ = ["Shelf"]
 
-MAX_OPEN_FILES: Final = 128
-"""Descriptors are few (1,024 by default, sockets among them) and opening again costs 0.1 ms."""
+MAX_OPEN_FILES: Final = 1024
+"""And a quarter of the descriptors that the process may have, if that is less: sockets need them
+too, and opening a file again costs 0.1 ms."""
 
 _NEWEST: Final = 32
 """Payloads in memory that stay whatever their size: what was just read is about to be sent."""
@@ -32,6 +34,8 @@ class Shelf:
 
     def __init__(self, max_bytes: int) -> None:
         self._max_bytes = max_bytes
+        self.max_files = min(MAX_OPEN_FILES, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 4)
+        """Files that are open at once."""
         self._bytes = 0
         self._files: OrderedDict[CacheKey, CachedFile] = OrderedDict()
         self._memory: OrderedDict[CacheKey, bytes] = OrderedDict()
@@ -68,7 +72,7 @@ class Shelf:
             if isinstance(held, CachedFile):
                 self._files[key] = held
                 self._files.move_to_end(key)
-                while len(self._files) > MAX_OPEN_FILES:
+                while len(self._files) > self.max_files:
                     self._files.popitem(last=False)
                 return
             before = self._memory.pop(key, None)

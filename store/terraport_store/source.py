@@ -86,6 +86,15 @@ class PayloadSource(Protocol):
         """Bring to hand what takes no network, and tell whether it is. May read a disk."""
         ...
 
+    @property
+    def checks_hashes(self) -> bool:
+        """Whether nothing is handed out whose hash was not compared by the source itself."""
+        ...
+
+    def distrust(self, offset: int, length: int) -> None:
+        """Compare the hash again before this is handed out once more, where the source does."""
+        ...
+
     def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
         """Hear that these ranges (offset, length) will be read soon, in this order. Never waits."""
         ...
@@ -109,6 +118,14 @@ class LocalSource:
     def recall(self, offset: int, length: int) -> bool:  # noqa: ARG002 - any
         """Return True; see :class:`PayloadSource`."""
         return True
+
+    @property
+    def checks_hashes(self) -> bool:
+        """Return False: the reader does; see :class:`PayloadSource`."""
+        return False
+
+    def distrust(self, offset: int, length: int) -> None:
+        """Do nothing; see :class:`PayloadSource`."""
 
     def expect(self, ranges: Sequence[tuple[int, int]]) -> None:
         """Do nothing; see :class:`PayloadSource`."""

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import httpx
 import pytest
+from s3_servers import Asked, Fault, FaultProxy, s3_environment
 from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
 from server.plain_client import PlainClient, assemble
-from store.s3_servers import Asked, Fault, FaultProxy, s3_environment
 
 from terraport_server import BackgroundServer
 from terraport_server.scene_places import ObjectPlace

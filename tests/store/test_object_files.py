@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from store.s3_servers import s3_environment
+from s3_servers import s3_environment
 from store.tiny_scene import TinyScene, write_tiny_scene
 
 from terraport_payload import decode_glb

@@ -3,7 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from terraport_store.byte_cache import ByteCache, CacheKey
-from terraport_store.shelf import MAX_OPEN_FILES, Shelf
+from terraport_store.shelf import Shelf
 
 
 def key(number: int) -> CacheKey:
@@ -37,11 +37,12 @@ def test_the_same_again_counts_once() -> None:
 
 def test_open_files_are_bounded_and_stay_open_for_their_users(tmp_path: Path) -> None:
     cache, shelf = ByteCache(tmp_path, 1 << 20), Shelf(0)
+    shelf.max_files = 20
     first = cache.put(key(0), bytes(100))
-    for number in range(MAX_OPEN_FILES + 1):
+    for number in range(shelf.max_files + 1):
         shelf.add(key(number), first if number == 0 else cache.put(key(number), bytes(100)))
     assert shelf.file(key(0)) is None
-    assert shelf.file(key(MAX_OPEN_FILES)) is not None
+    assert shelf.file(key(shelf.max_files)) is not None
     assert first.read() == bytes(100)
     shelf.clear()
-    assert shelf.file(key(MAX_OPEN_FILES)) is None
+    assert shelf.file(key(shelf.max_files)) is None

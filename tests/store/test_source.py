@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xxhash
-from store.s3_servers import s3_environment
+from s3_servers import s3_environment
 
 from terraport_store import (
     FileSource,

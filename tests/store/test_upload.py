@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from store.s3_servers import Asked, Fault, FaultProxy, s3_environment
+from s3_servers import Asked, Fault, FaultProxy, s3_environment
 from store.tiny_scene import TinyScene, write_tiny_scene
 
 from terraport_store import DamagedSceneError, OriginError, Scene, SceneNotFoundError, change_labels
