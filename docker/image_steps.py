@@ -2,8 +2,8 @@
 
 ::
 
-    python docker/image_steps.py             # the server's image: about a minute
-    python docker/image_steps.py --pipeline  # the pipeline's too, with a small build: minutes
+    python docker/image_steps.py                   # the server's image: two minutes
+    python docker/image_steps.py server pipeline   # the pipeline's too, with a small build
 
 A Debian root of the base image's release with its Python takes the base's place (mmdebstrap; no
 image registry is asked). Each stage is an overlay on it, so that its size is that of the layers.
@@ -180,7 +180,8 @@ cd /tmp; touch /opt/x 2>/dev/null && exit 9
 TERRAPORT_TOKEN=sixteen-characters {command} >log 2>&1 &
 for i in $(seq 100); do python /health.py 2>/dev/null && break; sleep 0.2; done
 python /health.py || {{ cat log >&2; exit 8; }}
-terraport land http://127.0.0.1:8080/scenes/big 30 1 30 --radius 100 --token sixteen-characters
+terraport land http://127.0.0.1:8080/scenes/big 30 1 30 --radius 100 --token sixteen-characters \\
+  || {{ cat log >&2; exit 5; }}
 kill $!; wait $! || true
 if python /health.py 2>/dev/null; then exit 7; fi
 test -z "$(find /opt/terraport -name "pip*" -maxdepth 5)" || exit 6
@@ -212,7 +213,7 @@ def _megabytes(folder: Path) -> float:
 def main() -> int:
     """Run the steps."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pipeline", action="store_true", help="the pipeline's image too")
+    parser.add_argument("images", nargs="*", default=["server"], help="server, pipeline")
     parser.add_argument("--base", type=Path, help="keep the clean root there, and use it again")
     options = parser.parse_args()
     if sys.platform != "linux" or os.geteuid() != 0 or shutil.which("mmdebstrap") is None:
@@ -229,8 +230,9 @@ def main() -> int:
         release = images.stages["server"].base.rsplit("-", 1)[1]
         base = images.base(release, options.base)
         say(f"a clean root of {release}: {_megabytes(base):.0f} MB")
-        check_server(images, work / "scenes")
-        if options.pipeline:
+        if "server" in options.images:
+            check_server(images, work / "scenes")
+        if "pipeline" in options.images:
             (work / "built").mkdir()
             check_pipeline(images, work / "built")
     finally:

@@ -97,7 +97,8 @@ class Supervisor:
         self._failures = [0] * settings.workers
         self._tasks: set[asyncio.Task[None]] = set()
         self._told = asyncio.Event()
-        self._rolling = False
+        self._rolling = True
+        """Nothing is rolled before all of them are ready for the first time."""
         self._collecting: asyncio.Task[str] | None = None
         self._counted = EndedWorkers()
         self._restarts = 0
@@ -125,6 +126,7 @@ class Supervisor:
                     if failure is not None:
                         raise failure
                 log("workers ready", workers=len(self._workers))
+                self._rolling = False
                 await self._told.wait()
         finally:
             await self._end_all()
@@ -137,7 +139,7 @@ class Supervisor:
 
     def _roll_soon(self) -> None:
         if self._rolling or self._told.is_set():
-            return  # one is under way; what it starts from now on is as new
+            return  # one is under way, or the first start: what comes up is new
         self._rolling = True
         self._spawn(self._roll())
 

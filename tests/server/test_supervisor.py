@@ -163,7 +163,8 @@ def test_a_scrape_counts_all_workers_whoever_answers(service: Supervised, pit: G
 def test_a_worker_that_dies_is_replaced_and_its_clients_resume(
     service: Supervised, big: GridScene
 ) -> None:
-    victim = service.worker_pids()[-1]
+    victims = service.worker_pids()[-2:]
+    killed = []
 
     async def client(number: int) -> int:
         async with terraport.connect(f"{service.url}/scenes/big", credit_bytes=300_000) as session:
@@ -171,27 +172,29 @@ def test_a_worker_that_dies_is_replaced_and_its_clients_resume(
             seen = 0
             async for _ in landing:
                 seen += 1
-                if seen == 5 and number == 0:
-                    os.kill(victim, signal.SIGKILL)
+                # Nobody knows which of the two the first client sits on: if not on the one that
+                # is killed first, then on the other one.
+                if number == 0 and seen in {5, 20} and session.stats.connections == 1:
+                    killed.append(victims[len(killed)])
+                    os.kill(killed[-1], signal.SIGKILL)
             assert [segment.payload for segment in landing.segments] == big.payloads
             assert seen == 36
             assert session.stats.repeated_bytes == 0
             return session.stats.connections
 
     async def work() -> list[int]:
-        return await asyncio.gather(*map(client, range(12)))
+        return await asyncio.gather(*map(client, range(6)))
 
     before = service.metrics()
     connections = asyncio.run(asyncio.wait_for(work(), 60))
-    # Some sat on the one that died, some on the other one.
-    assert set(connections) == {1, 2}
+    assert connections[0] == 2
     service.until(lambda: service.metrics()["terraport_workers{state=serving}"] == 2.0, 30)
     after = service.metrics()
     name = "terraport_worker_restarts_total{}"
-    assert after[name] - before[name] == 1.0
+    assert after[name] - before[name] == len(killed)
     name = "terraport_landings_total{scene=big}"
     assert after[name] >= before[name]
-    assert service.log.count("worker died") == 1
+    assert service.log.count("worker died") == len(killed)
 
 
 def test_workers_that_cannot_start_end_the_service(
