@@ -50,8 +50,9 @@ from terraport_store.manifest import (
     TextureInfo,
     manifest_digest,
 )
+from terraport_store.opening import list_scenes, read_manifest
 from terraport_store.packed_rtree import PackedRTree
-from terraport_store.reader import Scene, list_scenes, read_manifest
+from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
 from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex, box_distances_m

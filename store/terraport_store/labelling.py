@@ -22,13 +22,13 @@ from terraport_store.errors import DamagedSceneError, LabelError
 from terraport_store.files import SceneFiles, scene_files
 from terraport_store.labels import MAX_LABELS, encode_labels, label_fault, parse_labels
 from terraport_store.layout import LABELS, MAX_LABELS_BYTES, MAX_REGIONS_BYTES, REGIONS
+from terraport_store.opening import read_manifest
 from terraport_store.publishing import (
     PublishLock,
     out_of_space_named,
     replace_file,
     sweep_left_overs,
 )
-from terraport_store.reader import read_manifest
 from terraport_store.regions import RegionNames
 
 __all__ = ["change_labels", "read_labels", "read_names"]

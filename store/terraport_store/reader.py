@@ -8,23 +8,22 @@ segment, and 29 for the R-tree.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self, TypeVar
+from typing import Any, Final, Self
 
 import numpy as np
 import numpy.typing as npt
 import xxhash
 
-from terraport_payload import Cover, PayloadError
+from terraport_payload import Cover
 from terraport_store.errors import (
     CorruptPayloadError,
     DamagedSceneError,
     RangeError,
-    SceneNotFoundError,
 )
 from terraport_store.files import LocalCopy, SceneFiles, SourceKind, scene_files
 from terraport_store.index import SegmentIndex
@@ -33,24 +32,27 @@ from terraport_store.layout import (
     COVER,
     MANIFEST_NAME,
     MAX_INDEX_BYTES,
-    MAX_MANIFEST_BYTES,
     MAX_REGIONS_BYTES,
-    PACK_HEADER_BYTES,
     REGIONS,
-    check_pack_header,
 )
-from terraport_store.manifest import EncodingInfo, Manifest
+from terraport_store.manifest import Manifest
+from terraport_store.opening import (
+    check_agreement,
+    check_size,
+    open_pack,
+    read_checked,
+    read_manifest,
+    read_parsed,
+)
 from terraport_store.packed_rtree import PackedRTree
 from terraport_store.source import PayloadRange, PayloadSource
 from terraport_store.spatial import SpatialIndex
 
-__all__ = ["Scene", "list_scenes", "read_manifest"]
+__all__ = ["Scene"]
 
 _OPEN_ATTEMPTS: Final = 5
 """A version can vanish between reading scene.json and opening its files only if two newer ones were
 published in between; five times in a row means something else is wrong."""
-
-_T = TypeVar("_T")
 
 
 class Scene:
@@ -152,17 +154,19 @@ class Scene:
     def _open_version(cls, files: SceneFiles, manifest: Manifest, source: SourceKind) -> Scene:
         with ExitStack() as undo:
             indexes = {
-                name: _parsed(files, manifest, info.index, MAX_INDEX_BYTES, SegmentIndex.from_bytes)
+                name: read_parsed(
+                    files, manifest, info.index, MAX_INDEX_BYTES, SegmentIndex.from_bytes
+                )
                 for name, info in manifest.encodings.items()
             }
-            cover = _parsed(files, manifest, COVER, MAX_INDEX_BYTES, Cover.from_bytes)
-            _check_agreement(manifest, indexes, cover)
+            cover = read_parsed(files, manifest, COVER, MAX_INDEX_BYTES, Cover.from_bytes)
+            check_agreement(manifest, indexes, cover)
             sources: dict[str, PayloadSource] = {}
             for name, info in manifest.encodings.items():
-                sources[name] = _open_pack(files, manifest, name, info, indexes[name], source)
+                sources[name] = open_pack(files, manifest, name, info, indexes[name], source)
                 undo.callback(sources[name].close)
             for key in (BASE, REGIONS):
-                _check_size(files, manifest, key)
+                check_size(files, manifest, key)
             copy = files.local_copy(manifest)
             undo.pop_all()
         return cls(files, manifest, indexes, cover, sources, copy)
@@ -186,7 +190,7 @@ class Scene:
         DamagedSceneError
             When it is not what the manifest says, or not a JSON object.
         """
-        data = _read_checked(self.files, self.manifest, REGIONS, MAX_REGIONS_BYTES)
+        data = read_checked(self.files, self.manifest, REGIONS, MAX_REGIONS_BYTES)
         try:
             document = json.loads(data)
         except (ValueError, RecursionError) as error:
@@ -381,139 +385,3 @@ class Scene:
 
     def _relative(self, key: str) -> str:
         return self.manifest.files[key].path
-
-
-def read_manifest(directory: str | Path | SceneFiles) -> Manifest:
-    """Read ``scene.json`` alone: which version is published now.
-
-    Parameters
-    ----------
-    directory : str, Path or SceneFiles
-        The scene directory, or where else the scene lies.
-
-    Returns
-    -------
-    Manifest
-
-    Raises
-    ------
-    SceneNotFoundError
-        When there is none.
-    DamagedSceneError
-        When it is not a manifest of format 1.x.
-    """
-    files = scene_files(directory)
-    try:
-        data = files.read(MANIFEST_NAME, MAX_MANIFEST_BYTES)
-    except FileNotFoundError:
-        raise SceneNotFoundError(files.place) from None
-    finally:
-        if files is not directory:
-            files.close()
-    return Manifest.from_bytes(data)
-
-
-def list_scenes(directory: str | Path) -> dict[str, Path]:
-    """Find the scenes in a directory.
-
-    Parameters
-    ----------
-    directory : str or Path
-        A folder of scenes, or one scene itself.
-
-    Returns
-    -------
-    dict of str to Path
-        Scene directory by its id (the folder's name), ascending. Whether they are whole is not
-        looked at. Hidden folders are left out.
-
-    Raises
-    ------
-    SceneNotFoundError
-        When *directory* is not a directory.
-    """
-    root = Path(directory)
-    if not root.is_dir():
-        raise SceneNotFoundError(str(directory))
-    if (root / MANIFEST_NAME).is_file():
-        return {root.resolve().name: root}
-    found = (child for child in root.iterdir() if not child.name.startswith("."))
-    return {child.name: child for child in sorted(found) if (child / MANIFEST_NAME).is_file()}
-
-
-def _read_checked(files: SceneFiles, manifest: Manifest, key: str, limit: int) -> bytes:
-    info = manifest.files[key]
-    if info.bytes > limit:
-        raise DamagedSceneError(info.path, f"{info.bytes} bytes, expected at most {limit}")
-    data = files.fetch(info)
-    if len(data) != info.bytes:
-        raise DamagedSceneError(info.path, f"not the {info.bytes} bytes that scene.json expects")
-    actual = f"{xxhash.xxh3_64_intdigest(data):016x}"
-    if actual != info.xxh3:
-        raise DamagedSceneError(info.path, f"hash {actual}, expected {info.xxh3} by scene.json")
-    return data
-
-
-def _parsed(
-    files: SceneFiles, manifest: Manifest, key: str, limit: int, parse: Callable[[bytes], _T]
-) -> _T:
-    try:
-        return parse(_read_checked(files, manifest, key, limit))
-    except PayloadError as error:
-        raise DamagedSceneError(manifest.files[key].path, error.what, offset=error.offset) from None
-
-
-def _check_size(files: SceneFiles, manifest: Manifest, key: str) -> None:
-    info = manifest.files[key]
-    size = files.size(info.path)
-    if size != info.bytes:
-        raise DamagedSceneError(info.path, f"{size} bytes, expected {info.bytes} by scene.json")
-
-
-def _open_pack(
-    files: SceneFiles,
-    manifest: Manifest,
-    encoding: str,
-    info: EncodingInfo,
-    index: SegmentIndex,
-    kind: SourceKind,
-) -> PayloadSource:
-    file = manifest.files[info.pack]
-    _check_size(files, manifest, info.pack)
-    source = files.open_pack(file, index, kind)
-    try:
-        check_pack_header(source.read(0, min(PACK_HEADER_BYTES, source.size)), encoding)
-    except PayloadError as error:
-        source.close()
-        raise DamagedSceneError(file.path, error.what, offset=error.offset) from None
-    except BaseException:
-        source.close()
-        raise
-    if index.end > source.size:
-        source.close()
-        raise DamagedSceneError(
-            file.path, f"{source.size} bytes, expected {index.end} by the index"
-        )
-    return source
-
-
-def _check_agreement(manifest: Manifest, indexes: dict[str, SegmentIndex], cover: Cover) -> None:
-    """Check that manifest, indexes and cover count the same segments and base faces."""
-    segments = manifest.counts.segments
-    for name, index in indexes.items():
-        if len(index) != segments:
-            key = manifest.encodings[name].index
-            raise DamagedSceneError(
-                manifest.files[key].path,
-                f"{len(index)} segments, expected {segments} by scene.json",
-            )
-    path = manifest.files[COVER].path
-    if cover.base_faces != manifest.counts.base_faces:
-        raise DamagedSceneError(
-            path,
-            f"{cover.base_faces} base faces, expected {manifest.counts.base_faces} by scene.json",
-        )
-    if len(cover.segments) and int(cover.segments.max()) >= segments:
-        raise DamagedSceneError(
-            path, f"segment {int(cover.segments.max())}, expected below {segments}"
-        )

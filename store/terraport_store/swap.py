@@ -7,8 +7,8 @@ from pathlib import Path
 
 from terraport_store.errors import DamagedSceneError, SceneNotFoundError
 from terraport_store.manifest import FileInfo, Manifest
+from terraport_store.opening import read_manifest
 from terraport_store.publishing import hash_file, remove_versions, replace_manifest, sync_folder
-from terraport_store.reader import read_manifest
 
 __all__ = ["swap_in"]
 

@@ -31,7 +31,8 @@ from terraport_store.layout import (
     REGIONS,
 )
 from terraport_store.manifest import Manifest, manifest_digest
-from terraport_store.reader import Scene, read_manifest
+from terraport_store.opening import read_manifest
+from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
 from terraport_store.validate_mesh import box_of, check_mesh_fits, check_segment
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from terraport_store import (
     DamagedSceneError,
     Scene,
     SceneNotFoundError,
-    list_scenes,
     read_manifest,
 )
 from terraport_store.files import FolderFiles
@@ -200,20 +198,6 @@ def test_no_scene(tmp_path: Path) -> None:
         Scene.open(tmp_path)
     with pytest.raises(SceneNotFoundError):
         read_manifest(tmp_path / "nothing")
-    with pytest.raises(SceneNotFoundError):
-        list_scenes(tmp_path / "nothing")
-
-
-def test_list_scenes(tmp_path: Path, tiny: TinyScene) -> None:
-    root = tmp_path / "root"
-    root.mkdir()
-    for name in ("b", "a", ".hidden"):
-        shutil.copytree(tiny.path, root / name)
-    (root / "no-scene").mkdir()
-    (root / "file").write_text("x")
-    assert list_scenes(root) == {"a": root / "a", "b": root / "b"}
-    assert list(list_scenes(root)) == ["a", "b"]
-    assert list_scenes(tiny.path) == {"tiny": tiny.path}
 
 
 def test_close_twice_is_fine(tiny: TinyScene) -> None:
