@@ -297,6 +297,9 @@ class Origin:
         sizes: dict[str, Any] = {"chunk_size": part_bytes, "max_concurrency": 4}
         try:
             obstore.put(self._store, path, data, attributes=attributes or {}, **sizes)
+        except FileNotFoundError:
+            what = "cannot be written there, expected a bucket that exists"
+            raise OriginError(f"{self.url}/{path}", what, passing=False) from None
         except NotSupportedError:
             if not attributes or not isinstance(data, bytes):
                 raise
@@ -372,6 +375,8 @@ class Origin:
             yield
         except FileNotFoundError:
             raise FileNotFoundError(2, "no such object", path) from None
+        except OriginError:
+            raise
         except (BaseError, ValueError, OSError) as error:
             status = _STATUS.search(str(error))
             refused = (
