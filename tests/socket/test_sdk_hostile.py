@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed
 
 import terraport
 from terraport import Timeouts, backoff
+from terraport.access import Access
 from terraport.errors import (
     ConnectionFailedError,
     HttpError,
@@ -272,7 +273,7 @@ BASE = b"no mesh"
 def test_a_base_mesh_that_is_not_as_promised_is_refused(answers, error, text: str) -> None:
     async def work() -> None:
         with pages(answers) as server:
-            http_side = SceneHttp(SceneUrl.parse(f"{server}/scenes/x"), None, 5.0)
+            http_side = SceneHttp(SceneUrl.parse(f"{server}/scenes/x"), Access(None), 5.0)
             try:
                 with pytest.raises(error, match=text):
                     await http_side.base("v", None)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from terraport.segment import Segment
     from terraport.textures import decode_texture, vertex_colours
     from terraport.timeouts import Timeouts
+    from terraport.trace import LandingTrace, write_trace
     from terraport.version import __version__
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "Landing",
     "LandingStats",
     "LandingSuperseded",
+    "LandingTrace",
     "Segment",
     "Session",
     "SessionStats",
@@ -58,6 +60,7 @@ __all__ = [
     "vertex_colours",
     "write_glb",
     "write_obj",
+    "write_trace",
 ]
 
 _HOMES: Final = {
@@ -68,6 +71,7 @@ _HOMES: Final = {
     "Landing": "landing",
     "LandingStats": "landing",
     "LandingSuperseded": "errors",
+    "LandingTrace": "trace",
     "Segment": "segment",
     "Session": "live",
     "SessionStats": "live",
@@ -81,6 +85,7 @@ _HOMES: Final = {
     "vertex_colours": "textures",
     "write_glb": "mesh",
     "write_obj": "obj",
+    "write_trace": "trace",
 }
 """Module of each name; modules themselves stand for themselves."""
 

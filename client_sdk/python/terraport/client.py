@@ -22,6 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
+from terraport.access import Access, Token
 from terraport.cache import SegmentCache
 from terraport.disk_cache import DEFAULT_DISK_BYTES, DiskCache
 from terraport.errors import UsageError
@@ -47,7 +48,7 @@ class Connecting:
     def __init__(
         self,
         url: SceneUrl,
-        token: str | None,
+        token: Token,
         options: SessionOptions,
         timeouts: Timeouts,
         cache_bytes: int,
@@ -56,7 +57,7 @@ class Connecting:
         group: str | None,
     ) -> None:
         self._url = url
-        self._token = token
+        self._access = Access(token)
         self._options = options
         self._timeouts = timeouts
         self._cache_bytes = cache_bytes
@@ -66,7 +67,7 @@ class Connecting:
         self._session: Session | None = None
 
     async def __aenter__(self) -> Session:
-        http = SceneHttp(self._url, self._token, self._timeouts.http_s)
+        http = SceneHttp(self._url, self._access, self._timeouts.http_s)
         try:
             url = await http.resolve()
             disk, on_disk = None, {}
@@ -76,7 +77,7 @@ class Connecting:
                 )
                 on_disk = await asyncio.to_thread(disk.catalogue)
             state = ClientSession(self._options, SegmentCache(self._cache_bytes), on_disk)
-            session = Session(state, http, url, self._token, self._timeouts, disk, self._group)
+            session = Session(state, http, url, self._access, self._timeouts, disk, self._group)
         except BaseException:
             await http.aclose()
             raise
@@ -100,7 +101,7 @@ class Connecting:
 
 def connect(
     url: str,
-    token: str | None = None,
+    token: Token = None,
     *,
     encoding: str = "glb",
     max_triangles: int | None = None,
@@ -121,8 +122,10 @@ def connect(
     ----------
     url : str
         ``http(s)`` or ``ws(s)``, ending in ``/scenes/ID``; or a server with only one scene.
-    token : str, optional
-        Bearer token; sent in a header, to that server alone.
+    token : str or callable, optional
+        Bearer token; sent in a header, to that server alone. What is called gives the present one,
+        on the event loop and without waiting: then a token that expires is replaced while the
+        session goes on.
     encoding : {"glb", "arrays"}
         Of the payloads; ``"arrays"`` only where the scene was built with it.
     max_triangles, max_bytes, max_segments : int, optional

@@ -5,10 +5,10 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from terraport.cache import CachedSegment
-from terraport_wire import Gathering, Hit, Member, Plan, SceneInfo, ServerLimits
+from terraport_wire import Gathering, Hit, Member, Plan, SceneInfo, ServerLimits, Timings
 
 __all__ = [
     "Degraded",
@@ -19,8 +19,10 @@ __all__ = [
     "GroupJoined",
     "GroupRefused",
     "GroupRoster",
+    "LandingSent",
     "Noticed",
     "Opened",
+    "PayloadBegan",
     "PickAnswered",
     "PickRefused",
     "Planned",
@@ -58,6 +60,13 @@ class Dropped:
 
 
 @dataclass(frozen=True, slots=True)
+class LandingSent:
+    """A landing's ``land`` is on its way."""
+
+    landing: int
+
+
+@dataclass(frozen=True, slots=True)
 class Planned:
     """A landing has its plan; after a reconnect it gets another one."""
 
@@ -65,6 +74,13 @@ class Planned:
     plan: Plan
     kept: tuple[CachedSegment, ...]
     """What of ``plan.keep`` is in memory, ascending id."""
+
+
+@dataclass(frozen=True, slots=True)
+class PayloadBegan:
+    """The first chunk of a landing is here."""
+
+    landing: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +133,8 @@ class Ready:
     shown: tuple[int, ...]
     """Visible ids, ascending: load and keep of the plan, less the missing ones."""
     missing: tuple[int, ...]
+    timings: Timings | None = field(default=None, compare=False)
+    """When the server did what, where it says so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +241,8 @@ Event = (
     | SegmentRejected
     | RestoreNeeded
     | Degraded
+    | LandingSent
+    | PayloadBegan
     | Ready
     | Superseded
     | Prefetched

@@ -13,6 +13,7 @@ from typing import Any, Final
 import httpx
 import xxhash
 
+from terraport.access import Access
 from terraport.base import BaseMesh
 from terraport.disk_cache import DiskCache
 from terraport.errors import HttpError, ProtocolViolationError, UsageError
@@ -34,15 +35,15 @@ class SceneHttp:
     ----------
     url : SceneUrl
         Of the server or the scene.
-    token : str or None
-        Sent as bearer token to that server alone: redirects are not followed.
+    access : Access
+        Its token is sent to that server alone: redirects are not followed.
     timeout_s : float or None
         Bound on connecting, and on each wait for more bytes; None waits for ever.
     """
 
-    def __init__(self, url: SceneUrl, token: str | None, timeout_s: float | None) -> None:
-        headers = {} if token is None else {"Authorization": f"Bearer {token}"}
-        self._client = httpx.AsyncClient(headers=headers, timeout=timeout_s)
+    def __init__(self, url: SceneUrl, access: Access, timeout_s: float | None) -> None:
+        self._client = httpx.AsyncClient(timeout=timeout_s)
+        self._access = access
         self._url = url
 
     async def resolve(self) -> SceneUrl:
@@ -137,7 +138,10 @@ class SceneHttp:
         parts, size = [], 0
         try:
             async with self._client.stream(
-                "GET", url, params=None if version is None else {"v": version}
+                "GET",
+                url,
+                params=None if version is None else {"v": version},
+                headers=self._access.headers(),
             ) as response:
                 async for part in response.aiter_bytes():
                     size += len(part)

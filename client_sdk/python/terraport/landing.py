@@ -14,6 +14,7 @@ from terraport.errors import (
     UsageError,
 )
 from terraport.segment import Segment
+from terraport.trace import LandingTrace, SegmentMark
 from terraport_wire import Plan
 
 __all__ = ["Landing", "LandingRecord", "LandingStats"]
@@ -62,7 +63,11 @@ class LandingRecord:
     ready_s: float | None = None
     rejected: int = 0
     plans: int = 0
+    trace: LandingTrace = field(init=False)
     _waiters: list[asyncio.Future[None]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.trace = LandingTrace(self.number, self.started_s)
 
     @property
     def over(self) -> bool:
@@ -73,8 +78,11 @@ class LandingRecord:
         """Take a plan; after a reconnect it replaces the one before."""
         self.plan = plan
         self.plans += 1
+        now_s, trace = self.clock(), self.trace
         if self.plan_s is None:
-            self.plan_s = self.clock() - self.started_s
+            self.plan_s = now_s - self.started_s
+        trace.plan_s, trace.generation = now_s, plan.generation
+        trace.position, trace.radius_m = plan.position, plan.radius_m
         before, self.segments = self.segments, {}
         for entry in kept:
             known = before.get(entry.facts.segment)
@@ -94,18 +102,21 @@ class LandingRecord:
     def degrade(self, segments: tuple[int, ...]) -> None:
         """Note that the deadline has passed and these may be shown."""
         self.degraded = segments
+        self.trace.degraded_s = self.clock()
         self.changed()
 
     def ready(self, shown: tuple[int, ...], missing: tuple[int, ...]) -> None:
         """Note that it is whole."""
         self.shown, self.missing = shown, missing
-        self.ready_s = self.clock() - self.started_s
+        self.trace.ready_s = self.clock()
+        self.ready_s = self.trace.ready_s - self.started_s
         self.changed()
 
     def fail(self, error: TerraportError) -> None:
         """Note that it will not be."""
         if not self.over:
             self.error = error
+            self.trace.ended_by, self.trace.ended_s = type(error).__name__, self.clock()
             self.changed()
 
     def changed(self) -> None:
@@ -125,6 +136,8 @@ class LandingRecord:
         segment = Segment(entry, self.encoding, source)
         self.segments[segment.id] = segment
         self.arrived.append(segment)
+        mark = SegmentMark(segment.id, self.clock(), len(entry.payload), source)
+        self.trace.segments.append(mark)
 
 
 class Landing:
@@ -189,6 +202,15 @@ class Landing:
             rejected=record.rejected,
             plans=record.plans,
         )
+
+    @property
+    def trace(self) -> LandingTrace:
+        """What happened when, here and on the server; for :func:`terraport.write_trace`."""
+        return self._record.trace
+
+    def swapped(self) -> None:
+        """Note that the application shows this landing from now on, for :attr:`trace`."""
+        self._record.trace.swapped_s = self._record.clock()
 
     async def planned(self, timeout_s: float | None = None) -> Plan:
         """Wait for the plan; :meth:`terraport.Session.land` has done so.

@@ -12,7 +12,7 @@ from typing import Any
 import numpy.typing as npt
 
 from terraport.cache import SegmentFacts
-from terraport_wire import Land, Plan, Prefetch
+from terraport_wire import Land, Plan, Prefetch, Timings
 
 __all__ = ["LandingState", "PrefetchState", "facts_of_table"]
 
@@ -47,6 +47,10 @@ class LandingState:
     missing: set[int] = field(default_factory=set)
     """Ids of the latest ``ready.missing``."""
     ready_seen: bool = False
+    timings: Timings | None = None
+    """Of the newest ``ready``."""
+    began: bool = False
+    """Whether a chunk of it has come, in any of its generations."""
     done: bool = False
     """Whether it became ready for the client."""
 

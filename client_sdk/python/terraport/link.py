@@ -23,6 +23,7 @@ from websockets.exceptions import (
 )
 from websockets.typing import Subprotocol as WebSocketSubprotocol
 
+from terraport.access import Access
 from terraport.backoff import is_temporary, wait_s
 from terraport.errors import (
     ConnectionFailedError,
@@ -69,8 +70,8 @@ class Link:
         The state; commands may be given to it at any time, followed by :meth:`pump`.
     url : str
         ``ws(s)://.../stream``.
-    token : str or None
-        Bearer token.
+    access : Access
+        Token of each connection.
     timeouts : Timeouts
         Of these: connect_s, reconnect_s, close_s.
     handle : callable
@@ -81,7 +82,7 @@ class Link:
         self,
         session: ClientSession,
         url: str,
-        token: str | None,
+        access: Access,
         timeouts: Timeouts,
         handle: Callable[[Event], None],
     ) -> None:
@@ -91,7 +92,7 @@ class Link:
         """Bytes of WebSocket messages received, payload and headers, over all connections."""
         self._session = session
         self._url = url
-        self._headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+        self._access = access
         self._timeouts = timeouts
         self._handle = handle
         self._wake = asyncio.Event()
@@ -157,7 +158,8 @@ class Link:
                 continue
             if self._refusal is not None and self._retry_without_held(self._refusal):
                 continue
-            if not lost.temporary and lost.error is not None:
+            final = not lost.temporary and not self._has_newer_token(lost)
+            if final and lost.error is not None:
                 raise lost.error
             if self._attempt == 0:
                 lost_at_s = now_s
@@ -170,6 +172,14 @@ class Link:
                 raise lost.error or ConnectionFailedError(self._url, self._attempt, lost.cause)
             _log.info("connection lost (%s), next attempt in %.1f s", lost.cause, pause_s)
             await asyncio.sleep(pause_s)
+
+    def _has_newer_token(self, lost: _Lost) -> bool:
+        """Whether the token was refused, expired for example, and there is another one by now.
+
+        Only after a first welcome: a service that never knew the token needs no second attempt.
+        """
+        refused = isinstance(lost.error, ServerError) and lost.error.code == ErrorCode.UNAUTHORISED
+        return refused and self.connections > 0 and self._access.has_newer()
 
     def _pause_s(self) -> float:
         """Return how long to wait before the next attempt."""
@@ -187,7 +197,7 @@ class Link:
                 websocket = await connect(
                     self._url if self.group is None else f"{self._url}?group={self.group}",
                     subprotocols=[WebSocketSubprotocol(session.options.subprotocol.value)],
-                    additional_headers=self._headers,
+                    additional_headers=self._access.headers(),
                     user_agent_header=session.options.client,
                     compression=None,
                     max_size=MAX_SERVER_MESSAGE_BYTES,
@@ -237,6 +247,8 @@ class Link:
                     if pause_s > 0:
                         await asyncio.sleep(pause_s)
                     await websocket.send(data)
+                if self._session.sent():
+                    self.pump()
                 if self._leaving:
                     await websocket.close()  # behind bye; does not wait for the server's own close
         except ConnectionClosed:

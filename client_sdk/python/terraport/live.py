@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import xxhash
 
+from terraport.access import Access
 from terraport.base import BaseMesh
 from terraport.cache import CachedSegment, SegmentFacts
 from terraport.disk_cache import DiskCache
@@ -29,8 +30,10 @@ from terraport.events import (
     Degraded,
     Dropped,
     Event,
+    LandingSent,
     Noticed,
     Opened,
+    PayloadBegan,
     PickAnswered,
     PickRefused,
     Planned,
@@ -91,7 +94,7 @@ class Session:
         state: ClientSession,
         http: SceneHttp,
         url: SceneUrl,
-        token: str | None,
+        access: Access,
         timeouts: Timeouts,
         disk: DiskCache | None,
         group: str | None = None,
@@ -101,7 +104,7 @@ class Session:
         self._url = url
         self._timeouts = timeouts
         self._disk = disk
-        self._link = Link(state, url.stream, token, timeouts, self._take)
+        self._link = Link(state, url.stream, access, timeouts, self._take)
         self._link.group = group
         self._worker = (
             None
@@ -468,9 +471,19 @@ class Session:
         if isinstance(event, SegmentArrived):
             self._on_arrived(event)
         elif isinstance(event, Planned):
-            self._record(event.landing).planned(event.plan, event.kept)
+            record = self._record(event.landing)
+            record.planned(event.plan, event.kept)
+            record.trace.server_session = self._welcomed.session
         elif isinstance(event, Ready):
-            self._finish(event.landing).ready(event.shown, event.missing)
+            record = self._finish(event.landing)
+            record.trace.server = event.timings
+            record.ready(event.shown, event.missing)
+        elif isinstance(event, LandingSent):
+            record = self._record(event.landing)
+            record.trace.sent_s = record.clock()
+        elif isinstance(event, PayloadBegan):
+            record = self._record(event.landing)
+            record.trace.first_byte_s = record.clock()
         elif isinstance(event, Degraded):
             self._record(event.landing).degrade(event.segments)
         elif isinstance(event, Superseded):

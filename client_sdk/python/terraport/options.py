@@ -67,6 +67,7 @@ class SessionOptions:
             credit_bytes=self.credit_bytes,
             release_factor=self.release_factor,
             held=held,
+            timings=True,
         )
 
 

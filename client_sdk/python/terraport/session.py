@@ -33,6 +33,7 @@ from terraport.errors import ProtocolViolationError
 from terraport.events import (
     Dropped,
     Event,
+    LandingSent,
     Noticed,
     Opened,
     PickAnswered,
@@ -101,6 +102,10 @@ class ClientSession:
         """What is held here, in memory and on disk."""
         self._events: deque[Event] = deque()
         self._outbox: deque[Message] = deque()
+        self._unsent: list[int] = []
+        """Numbers of the landings whose ``land`` is in the outbox."""
+        self._leaving: list[int] = []
+        """Those whose ``land`` was given out to be sent."""
         self._transfers = Transfers(
             self.held, options.encoding, say=self._outbox.append, report=self._events.append
         )
@@ -163,7 +168,16 @@ class ClientSession:
         """Return, once, the WebSocket messages to send, in order."""
         data = [encode(message, self.options.subprotocol) for message in self._outbox]
         self._outbox.clear()
+        self._leaving.extend(self._unsent)
+        self._unsent.clear()
         return data
+
+    def sent(self) -> bool:
+        """Note that what :meth:`data_to_send` gave is on its way; whether that is an event."""
+        self._events.extend(LandingSent(number) for number in self._leaving)
+        told = bool(self._leaving)
+        self._leaving.clear()
+        return told
 
     # ---- connection
 
@@ -190,6 +204,8 @@ class ClientSession:
         """
         self._open = self._greeting = False
         self._outbox.clear()
+        self._unsent.clear()
+        self._leaving.clear()
         self._taken_bytes = 0
         self._aim.connection_lost(self._transfers.aim_done)
         self._queue(self._transfers.connection_lost())
@@ -412,6 +428,7 @@ class ClientSession:
         landing.generation = self._generation
         self._transfers.ask(landing)
         self._outbox.append(landing.message(self._generation))
+        self._unsent.append(landing.number)
 
     def _send_evictions(self) -> None:
         # What may not be told now (6.7, rule 2) is told before the next land or aim.

@@ -24,6 +24,7 @@ from types import TracebackType
 from typing import Any, Final, Self, TypeVar
 
 from terraport import client
+from terraport.access import Token
 from terraport.base import BaseMesh
 from terraport.disk_cache import DEFAULT_DISK_BYTES
 from terraport.errors import SessionClosedError
@@ -214,7 +215,7 @@ class Session:
 
 def connect(
     url: str,
-    token: str | None = None,
+    token: Token = None,
     *,
     encoding: str = "glb",
     max_triangles: int | None = None,

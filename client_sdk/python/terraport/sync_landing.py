@@ -8,6 +8,7 @@ from typing import Any
 from terraport.landing import Landing as AsyncLanding
 from terraport.landing import LandingStats
 from terraport.segment import Segment
+from terraport.trace import LandingTrace
 from terraport_wire import Plan
 
 __all__ = ["Landing"]
@@ -51,6 +52,15 @@ class Landing:
     def stats(self) -> LandingStats:
         """Times, counts and bytes so far."""
         return self._landing.stats
+
+    @property
+    def trace(self) -> LandingTrace:
+        """What happened when; see :attr:`terraport.Landing.trace`."""
+        return self._landing.trace
+
+    def swapped(self) -> None:
+        """Note that the application shows this landing; see :meth:`terraport.Landing.swapped`."""
+        self._landing.swapped()
 
     def ready(
         self, timeout_s: float | None = None, *, allow_missing: bool = False

@@ -20,6 +20,7 @@ from terraport.errors import ProtocolViolationError
 from terraport.events import (
     Degraded,
     Event,
+    PayloadBegan,
     Planned,
     Prefetched,
     Ready,
@@ -178,6 +179,7 @@ class Transfers:
             )
         landing.ready_seen = True
         landing.missing = {int(segment) for segment in ready.missing}
+        landing.timings = ready.timings
         self._finish_if_complete()
 
     def on_degraded(self, degraded: DegradedMessage) -> None:
@@ -212,6 +214,9 @@ class Transfers:
         if landing is not None and landing.generation != frame.generation:
             landing = None
         facts, xxh3 = self._expected(frame, landing)
+        if landing is not None and not landing.began:
+            landing.began = True
+            self._report(PayloadBegan(landing.number))
         if self.held.in_memory(frame.segment):
             self.repeated_bytes += len(frame.chunk)
         payload = self._parts.take(frame, None if facts is None else facts.length)
@@ -314,7 +319,8 @@ class Transfers:
             return
         landing.done = True
         self.visible = landing.shown
-        self._report(Ready(landing.number, self.visible, tuple(sorted(landing.waiting))))
+        missing = tuple(sorted(landing.waiting))
+        self._report(Ready(landing.number, self.visible, missing, landing.timings))
         self._pin_and_trim()
 
     def _end_prefetch_if_done(self, prefetch: PrefetchState) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import importlib
 import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -24,6 +26,7 @@ from terraport.mesh import mixed_model, write_glb
 from terraport.obj import write_obj
 from terraport.textures import vertex_colours
 from terraport.timeouts import Timeouts
+from terraport.trace import LandingTrace, write_trace
 from terraport_payload import AttributeScale, SegmentMesh
 
 __all__ = ["land", "register"]
@@ -94,6 +97,10 @@ def land(
     png: Annotated[
         Path | None, typer.Option(help='Write a picture of it (needs "terraport[pipeline]").')
     ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(help="Write what happened when, for https://ui.perfetto.dev (JSON)."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Land in a served scene: print the plan, times and bytes, and write what was received.
@@ -116,7 +123,7 @@ def land(
     place = place_of((x, y, z), together, repeat)
     if png is not None:
         _require_pictures()
-    for file in (glb, png):
+    for file in (glb, png, trace):
         if file is not None and not file.absolute().parent.is_dir():
             raise UsageError(f"no directory {file.absolute().parent} to write {file.name} into")
     options: dict[str, Any] = {
@@ -141,6 +148,7 @@ def land(
             options=options,
             glb=glb,
             png=png,
+            trace=trace,
             as_json=as_json,
         )
     )
@@ -160,9 +168,11 @@ async def _land(
     options: dict[str, Any],
     glb: Path | None,
     png: Path | None,
+    trace: Path | None,
     as_json: bool,
 ) -> None:
-    async with connect(url, token, **options) as session:
+    traces: list[LandingTrace] = []
+    async with connect(url, token, **options) as session, _traced(trace, traces):
         manifest = await session.manifest()
 
         async def position_of_place() -> tuple[float, float, float]:
@@ -186,14 +196,16 @@ async def _land(
                 timeout_s,
             )
             position = landing.plan.position
+            traces.append(landing.trace)
             landings.append(_facts(landing))
         else:
             position = await position_of_place()
             for number in range(1, repeat + 1):
                 landing = await session.land(position, radius_m)
+                traces.append(landing.trace)
                 await _watch(landing, number, timeout_s)
                 landings.append(_facts(landing))
-        facts = {
+        facts: dict[str, Any] = {
             "scene": {
                 "id": session.scene.id,
                 "name": session.scene.name,
@@ -212,10 +224,22 @@ async def _land(
             facts["files"] = await asyncio.to_thread(
                 _write, base, landing, manifest, glb=glb, png=png
             )
+        if trace is not None:
+            facts.setdefault("files", []).append({"file": str(trace)})
         if as_json:
             typer.echo(json.dumps(facts, indent=1))
         else:
             _print(facts, landing)
+
+
+@asynccontextmanager
+async def _traced(path: Path | None, traces: list[LandingTrace]) -> AsyncIterator[None]:
+    """Write the traces at the end, also of landings that failed: those are asked about."""
+    try:
+        yield
+    finally:
+        if path is not None:
+            await asyncio.to_thread(write_trace, path, traces)
 
 
 async def _watch(landing: Landing, number: int, timeout_s: float) -> None:
@@ -357,7 +381,8 @@ def _print(facts: dict[str, Any], landing: Landing) -> None:
             style="yellow",
         )
     for file in facts.get("files", []):
-        console.print(f"wrote {file['file']}  {_bytes(file['bytes'])}", highlight=False)
+        size = f"  {_bytes(file['bytes'])}" if "bytes" in file else ""
+        console.print(f"wrote {file['file']}{size}", highlight=False)
 
 
 def _bytes(count: float) -> str:
