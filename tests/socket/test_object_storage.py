@@ -47,12 +47,21 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> tuple[GridScene, GridSce
     )
 
 
-@pytest.fixture
-def place(proxy: FaultProxy, scenes: tuple[GridScene, GridScene], tmp_path: Path) -> str:
-    url = f"s3://scenes/{tmp_path.name}"
-    for scene in scenes:
-        upload_scene(scene.path, f"{url}/{scene.path.name}")
+@pytest.fixture(scope="module")
+def stored(weed: str, scenes: tuple[GridScene, GridScene]) -> str:
+    """Where both were uploaded to."""
+    url = "s3://scenes/both"
+    with s3_environment(weed):
+        for scene in scenes:
+            upload_scene(scene.path, f"{url}/{scene.path.name}")
     return url
+
+
+@pytest.fixture
+def place(stored: str, proxy: FaultProxy) -> str:
+    """The same, with the proxy in between."""
+    assert proxy.url
+    return stored
 
 
 def serve(place: str, tmp_path: Path, **settings: object) -> BackgroundServer:
