@@ -17,8 +17,8 @@ import numpy.typing as npt
 from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
 from terraport_server.aim_ledger import AimLedger
 from terraport_server.id_set import IdSet
-from terraport_server.plans import make_plan, make_prefetch
-from terraport_server.selection import Budgets, Selection, select
+from terraport_server.plans import budgets_of, make_plan, make_prefetch
+from terraport_server.selection import Selection, select
 from terraport_server.transfer import Landing, Transfer
 from terraport_wire import (
     ID_DTYPE,
@@ -68,7 +68,7 @@ class Deliveries:
         self._observer = observer
         self.encoding = hello.encoding
         self._table = scene.encodings[hello.encoding]
-        self._budgets = _budgets(hello, limits)
+        self._budgets = budgets_of(hello, limits)
         self._timings = bool(hello.timings)
         self.release_factor = hello.release_factor or limits.release_factor
         """Release radius / load radius in use."""
@@ -238,7 +238,8 @@ class Deliveries:
         self.credit_bytes -= chunk.length
         transfer.payload_bytes += chunk.length
         if isinstance(transfer, Landing):
-            transfer.look_at_clock(now_s)  # before this chunk counts as progress
+            if transfer.has_deadline:
+                transfer.look_at_clock(now_s)  # before this chunk counts as progress
             transfer.last_byte_s = now_s
             if transfer.first_byte_s is None:
                 transfer.first_byte_s = now_s
@@ -252,7 +253,7 @@ class Deliveries:
             return
         transfer.queue.popleft()
         self._parts.pop(chunk.segment, None)
-        self.held.add(chunk.segment)
+        self.held.add_new(chunk.segment)  # what is held is never queued
         transfer.delivered += 1
         self.settle(now_s)
 
@@ -324,13 +325,13 @@ class Deliveries:
 
     def _degrade(self, landing: Landing) -> None:
         landing.degraded = True
-        self._show(landing.inner)
+        self._show(np.sort(landing.inner))
         ids = landing.inner[self.held.contains(landing.inner)]
         self._say(Degraded(generation=landing.generation, segments=ids))
 
     def _show(self, segments: npt.NDArray[np.uint32]) -> None:
         """Show what is held of these and nothing else: missing and evicted ones are not held."""
-        self.shown = IdSet(segments[self.held.contains(segments)])
+        self.shown = IdSet.of_sorted(segments[self.held.contains(segments)])
 
     def _start_aim(self, aim: Aim) -> None:
         self._waiting_aim = None
@@ -389,11 +390,3 @@ class Deliveries:
         for segment in forgotten:
             del self._parts[segment]
         self._ahead.waste(forgotten)
-
-
-def _budgets(hello: Hello, limits: SessionLimits) -> Budgets:
-    asked = hello.budgets
-    most = limits.max_plan_segments
-    if asked.max_segments is not None:
-        most = min(most, asked.max_segments)
-    return Budgets(max_triangles=asked.max_triangles, max_bytes=asked.max_bytes, max_segments=most)

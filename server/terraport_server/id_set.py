@@ -17,6 +17,8 @@ __all__ = ["IdSet"]
 _MOST_ADDED: Final = 1024
 """Ids kept in a Python set (some 60 bytes each) before they are sorted in among the others."""
 
+_NONE: Final = np.zeros(0, dtype=ID_DTYPE)
+
 
 class IdSet:
     """Segment ids: 4 bytes each, added one by one, asked for many at a time.
@@ -43,10 +45,19 @@ class IdSet:
 
     __slots__ = ("_added", "_sorted")
 
-    def __init__(self, ids: npt.ArrayLike = ()) -> None:
-        self._sorted: npt.NDArray[np.uint32] = np.unique(np.asarray(ids, dtype=ID_DTYPE))
+    def __init__(self, ids: npt.ArrayLike | None = None) -> None:
+        self._sorted: npt.NDArray[np.uint32] = (
+            _NONE if ids is None else np.unique(np.asarray(ids, dtype=ID_DTYPE))
+        )
         self._added: set[int] = set()
         """Disjoint from the sorted ones."""
+
+    @classmethod
+    def of_sorted(cls, ids: npt.NDArray[np.uint32]) -> IdSet:
+        """Return a set of ids that are ascending, each once, and not written to any more."""
+        made = cls()
+        made._sorted = ids
+        return made
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -71,23 +82,27 @@ class IdSet:
         """Return all ids, ascending. The caller must not write to it."""
         if self._added:
             new = np.fromiter(self._added, dtype=ID_DTYPE, count=len(self._added))
-            new.sort()
-            self._sorted = np.insert(self._sorted, np.searchsorted(self._sorted, new), new)
             self._added.clear()
+            new.sort()
+            self._sorted = _merged(self._sorted, new)
         return self._sorted
 
     def add(self, segment: int) -> None:
         """Put one id in."""
         if not self._is_sorted_in(segment):
-            self._added.add(segment)
-            if len(self._added) > _MOST_ADDED:
-                self.array()
+            self.add_new(segment)
+
+    def add_new(self, segment: int) -> None:
+        """Put one id in that the caller knows not to be in."""
+        self._added.add(segment)
+        if len(self._added) > _MOST_ADDED:
+            self.array()
 
     def update(self, ids: npt.NDArray[Any]) -> None:
         """Put many ids in."""
         new = np.unique(ids.astype(ID_DTYPE, copy=False))
-        new = new[~self.contains(new)]
-        self._sorted = np.insert(self._sorted, np.searchsorted(self._sorted, new), new)
+        new = new[~self.contains(new)]  # which also sorts in what was added
+        self._sorted = _merged(self._sorted, new)
 
     def discard(self, segment: int) -> None:
         """Take one id out, where it is in."""
@@ -107,6 +122,13 @@ class IdSet:
         known = self._sorted
         place = int(known.searchsorted(_id(segment)))
         return place < len(known) and int(known[place]) == segment
+
+
+def _merged(one: npt.NDArray[np.uint32], other: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+    """Return two ascending arrays as one; NumPy's stable sort merges runs."""
+    both = np.concatenate((one, other))
+    both.sort(kind="stable")
+    return both
 
 
 def _id(segment: int) -> np.uint32:

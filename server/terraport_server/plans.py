@@ -10,17 +10,27 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from terraport_server.selection import SegmentTable, Selection
-from terraport_wire import LOAD_DTYPE, Aim, Land, Plan, Prefetch
+from terraport_server.actions import SessionLimits
+from terraport_server.selection import Budgets, SegmentTable, Selection
+from terraport_wire import LOAD_DTYPE, Aim, Hello, Land, Plan, Prefetch
 
-__all__ = ["make_plan", "make_prefetch"]
+__all__ = ["budgets_of", "make_plan", "make_prefetch"]
+
+
+def budgets_of(hello: Hello, limits: SessionLimits) -> Budgets:
+    """Return what bounds every plan of a client: its own budgets and the server's."""
+    asked = hello.budgets
+    most = limits.max_plan_segments
+    if asked.max_segments is not None:
+        most = min(most, asked.max_segments)
+    return Budgets(max_triangles=asked.max_triangles, max_bytes=asked.max_bytes, max_segments=most)
 
 
 def make_plan(
     land: Land, chosen: Selection, table: SegmentTable, *, release_radius_m: float
 ) -> Plan:
     """Return the answer to a landing."""
-    return Plan(
+    return Plan.trusted(
         generation=land.generation,
         position=land.position,
         radius_m=land.radius_m,
@@ -42,7 +52,7 @@ def make_plan(
 def make_prefetch(aim: Aim, chosen: Selection, table: SegmentTable) -> Prefetch:
     """Return the answer to an aim."""
     rows = _load_table(chosen, table)
-    return Prefetch(generation=aim.generation, segments=rows, bytes=chosen.load_bytes)
+    return Prefetch.trusted(generation=aim.generation, segments=rows, bytes=chosen.load_bytes)
 
 
 def _load_table(chosen: Selection, table: SegmentTable) -> npt.NDArray[Any]:

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from terraport_server.id_set import IdSet
+
 __all__ = ["NO_BUDGETS", "Budgets", "SegmentTable", "Selection", "box_distances", "select"]
 
 
@@ -62,8 +64,10 @@ class Selection:
     """Wanted and already held by the client, ascending."""
     release: npt.NDArray[np.uint32]
     """Shown until now and not wanted any more, ascending."""
+    plan: IdSet
+    """The ids of the plan, loaded and kept."""
     order: npt.NDArray[np.uint32]
-    """The ids of the plan, loaded and kept, nearest first."""
+    """The same, nearest first."""
     inner: npt.NDArray[np.uint32]
     """The ids of the plan within ``inner_radius_m`` (none without one), nearest first."""
     effective_radius_m: float
@@ -170,11 +174,12 @@ def select(
     load, keep = plan[~held[:count]], plan[held[:count]]
     within_inner = plan_distances <= (-1.0 if inner_radius_m is None else inner_radius_m)
     plan_order = plan.astype(np.uint32)
-    released = np.setdiff1d(shown, plan_order, assume_unique=True)
+    plan_set = IdSet.of_sorted(np.sort(plan_order))
     return Selection(
         load=load.astype(np.uint32),
         keep=np.sort(keep).astype(np.uint32),
-        release=released,
+        release=shown[~plan_set.contains(shown)],
+        plan=plan_set,
         order=plan_order,
         inner=plan_order[within_inner],
         effective_radius_m=effective_radius_m,

@@ -34,7 +34,7 @@ class Transfer:
         self.generation = generation
         self.queue: deque[int] = deque(selection.load.tolist())
         """Ids not yet sent whole; the first may be partly sent."""
-        self.plan = IdSet(selection.load)
+        self.plan = IdSet.of_sorted(np.sort(selection.load))
         """Ids that this generation answers for."""
         self._order = selection.order
         self.delivered = 0
@@ -90,10 +90,11 @@ class Landing(Transfer):
         stall_s: float | None = None,
     ) -> None:
         super().__init__(generation, selection)
-        self.plan.update(selection.keep)
+        self.plan = selection.plan
         self.received_s = received_s
         self._deadline_s = deadline_s
         self._stall_s = stall_s
+        self.has_deadline = deadline_s is not None or stall_s is not None
         self.inner = selection.inner
         """Ids of the declared degraded set, nearest first."""
         self.missing: set[int] = set()
@@ -132,8 +133,7 @@ class Landing(Transfer):
     @property
     def deadline_is_open(self) -> bool:
         """Whether a deadline may still bring ``degraded``."""
-        has_deadline = self._deadline_s is not None or self._stall_s is not None
-        return has_deadline and self.unfinished and not self.degraded
+        return self.has_deadline and self.unfinished and not self.degraded
 
     def look_at_clock(self, now_s: float) -> bool:
         """Return whether a deadline has passed, now or before; what has passed stays passed."""
