@@ -1,15 +1,23 @@
-"""Landings over loopback: latency, and throughput against plain asyncio TCP streams.
+"""Landings over loopback: throughput against plain asyncio TCP streams, latency, plans.
 
 ::
 
-    python benchmarks/landing.py            # about a minute
-    python benchmarks/landing.py --smoke    # seconds, small numbers, only to see that it works
+    python benchmarks/landing.py                       # about four minutes
+    python benchmarks/landing.py --only throughput
+    python benchmarks/landing.py --smoke               # seconds, to see that it works
 
-Server and client are two processes. The payload is random bytes (what compression leaves), laid
-out as one scene; both servers send the same chunks in the same order, in interleaved rounds of one
-run, to the same client, which only drains its socket. Reported: medians and percentiles, the ratio
-of throughputs (median of the ratios within rounds), server CPU seconds per GB, and how many bytes
-of a superseded landing still arrive.
+Server and clients are processes of their own. The payload is random bytes (what compression
+leaves), laid out as one scene of segments of two whole chunks, 128 KiB each with their header.
+
+* **throughput**: one client, and 64 clients, land on everything. Both servers send frames of the
+  same lengths in interleaved rounds of one run to the same client, which only drains its sockets.
+  Ratios are medians of the ratios within rounds; CPU is the server's, user and system, per byte.
+* **latency**: land to first payload byte, idle; while 64 clients stream at 4 MB/s each; while they
+  stream as fast as they can.
+* **supersede**: payload bytes of a landing that still arrive after the client sent the next one,
+  beyond the credit that the client had granted.
+* **plan**: a landing on 1,000 of a million segments: index query, selection, plan, encoding; and
+  the query alone against libspatialindex in the same run.
 """
 
 from __future__ import annotations
@@ -24,117 +32,91 @@ import socket
 import statistics
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from websockets.client import ClientProtocol
-from websockets.frames import Frame, Opcode
-from websockets.http11 import Response
-from websockets.typing import Subprotocol as SubprotocolName
-from websockets.uri import parse_uri
+from parts.drain_client import DrainClient
+from parts.random_scene import TILE_M, write_random_scene
+from parts.service_process import ServiceProcess, free_port
+from parts.swarm import drain_all, drain_paced
 
-from terraport_payload import Cover, SegmentMesh, encode_glb
-from terraport_server.serving import run
-from terraport_server.settings import Settings
-from terraport_store import BuildInfo, HandOff, SceneInfo, SceneWriter
+from terraport_server.actions import SceneView, SendMessage, SessionLimits
+from terraport_server.selection import SegmentTable
+from terraport_server.session import Session
+from terraport_store import PackedRTree, RTreeIndex
 from terraport_wire import (
     HEADER_BYTES,
     MAX_CHUNK_BYTES,
     Budgets,
     Direction,
-    Evict,
     Hello,
     Land,
-    Message,
-    PayloadFrame,
     Plan,
-    Ready,
     Subprotocol,
-    Welcome,
     decode,
-    decode_frame,
     encode,
-    is_payload,
 )
 
 PLENTY = 1 << 40
-TILE_M = 10.0
+CHUNK = MAX_CHUNK_BYTES
 
 
 @dataclass(frozen=True)
 class Size:
     """How much is measured."""
 
-    segments: int
-    segment_bytes: int
+    side: int
     rounds: int
+    clients: int
+    segments_of_many: int
+    """Segments per client and round where there are many clients."""
     landings: int
+    plan_side: int
+    """Square root of the segments of the planned scene."""
 
 
-FULL = Size(segments=400, segment_bytes=256 * 1024, rounds=9, landings=400)
-SMOKE = Size(segments=25, segment_bytes=200 * 1024, rounds=2, landings=10)
+FULL = Size(side=20, rounds=9, clients=64, segments_of_many=49, landings=400, plan_side=1000)
+SMOKE = Size(side=6, rounds=2, clients=8, segments_of_many=9, landings=10, plan_side=100)
 
 
-def write_scene(path: Path, size: Size) -> None:
-    """Publish a square grid of segments of random bytes."""
-    side = round(size.segments**0.5)
+def settings(changed: dict[str, Any]) -> dict[str, Any]:
+    """Bounds that do not come into play."""
+    return {
+        "max_sessions_per_ip": 256,
+        "max_radius_m": 10_000.0,
+        "max_credit_bytes": PLENTY,
+        "max_messages_per_s": 1e6,
+        "log_level": "error",
+        "idle_timeout_s": 600.0,
+    } | changed
+
+
+def frame_bytes(chunk: int) -> int:
+    """Bytes of one payload frame on the wire, WebSocket header included."""
+    length = chunk + HEADER_BYTES
+    return length + (2 if length < 126 else 4 if length < 1 << 16 else 10)
+
+
+def wire_bytes(plan: Plan) -> int:
+    """Bytes on the wire of the payload of a plan whose segments are whole chunks."""
+    return plan.load_bytes // CHUNK * frame_bytes(CHUNK)
+
+
+def serve_raw(lengths: list[int], port: int) -> None:
+    """Child process: asyncio streams that send frames of these lengths for each request.
+
+    A request is four bytes: how many frames.
+    """
     rng = np.random.default_rng(1)
-    positions = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0]], dtype=np.float32)
-    triangle = SegmentMesh(
-        positions=positions,
-        faces=np.array([[0, 1, 2]], dtype=np.uint32),
-        normals=np.tile(np.array([0, 1, 0], dtype=np.float32), (3, 1)),
-    )
-    with SceneWriter(path) as writer:
-        for number in range(side * side):
-            x, z = TILE_M * (number % side), TILE_M * (number // side)
-            writer.add_segment(
-                rng.bytes(size.segment_bytes),
-                region=0,
-                bounds=(x, 0.0, z, x + TILE_M, 1.0, z + TILE_M),
-                vertices=6000,
-                faces=10_000,
-            )
-        base = encode_glb(triangle, step_m=2.0**-10, attribute_scales={}, keep_face_order=True)
-        offsets = np.array([0, 0], dtype=np.uint32)
-        writer.set_base(base, Cover(offsets, np.zeros(0, dtype=np.uint32)))
-        writer.publish(
-            SceneInfo(
-                name="benchmark",
-                origin=(0.0, 0.0, 0.0),
-                step_m=2.0**-10,
-                points=1,
-                regions=1,
-                hand_off=HandOff(deviation_m=0.0, tolerance_m=0.0),
-                build=BuildInfo(terraport="benchmark"),
-            )
-        )
-
-
-def serve(scenes_dir: Path, port: int, changed: dict[str, Any]) -> None:
-    """Child process: the service."""
-    run(
-        Settings(
-            scenes_dir=scenes_dir,
-            port=port,
-            log_level="error",
-            max_messages_per_s=1e6,
-            max_radius_m=10_000.0,
-            max_credit_bytes=PLENTY,
-            **changed,
-        )
-    )
-
-
-def serve_raw(chunks: list[bytes], port: int) -> None:
-    """Child process: asyncio streams that send all chunks for each byte received."""
+    frames = [rng.bytes(length) for length in lengths]
 
     async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        while await reader.read(1):
-            for chunk in chunks:
-                writer.write(chunk)
+        while request := await reader.read(4):
+            for frame in frames[: int.from_bytes(request, "big")]:
+                writer.write(frame)
                 await writer.drain()
         writer.close()
 
@@ -143,74 +125,6 @@ def serve_raw(chunks: list[bytes], port: int) -> None:
         await server.serve_forever()
 
     asyncio.run(forever())
-
-
-class RawClient:
-    """A WebSocket client on a blocking socket: no thread, no queue, no task."""
-
-    def __init__(self, port: int) -> None:
-        uri = parse_uri(f"ws://127.0.0.1:{port}/scenes/pit/stream")
-        self.protocol = ClientProtocol(
-            uri, subprotocols=[SubprotocolName(Subprotocol.MSGPACK)], max_size=None
-        )
-        self.socket = connect(port)
-        self.events: list[Any] = []
-        self.protocol.send_request(self.protocol.connect())
-        self._flush()
-        while not any(isinstance(event, Response) for event in self.events):
-            self._fill()
-        self.events.clear()
-
-    def send(self, *messages: Message) -> None:
-        """Send messages in one write."""
-        for message in messages:
-            data = encode(message, Subprotocol.MSGPACK)
-            assert isinstance(data, bytes)
-            self.protocol.send_binary(data)
-        self._flush()
-
-    def receive(self) -> Message | PayloadFrame:
-        """Receive one message or frame."""
-        while True:
-            while not self.events:
-                self._fill()
-            event = self.events.pop(0)
-            if not isinstance(event, Frame) or event.opcode is not Opcode.BINARY:
-                continue
-            if is_payload(event.data):
-                frame = decode_frame(event.data)
-                assert isinstance(frame, PayloadFrame)
-                return frame
-            message = decode(event.data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT)
-            assert isinstance(message, Message)
-            return message
-
-    def hello(self) -> Welcome:
-        """Open the session."""
-        self.send(
-            Hello(
-                protocol=(1, 0),
-                client="benchmark",
-                encoding="glb",
-                budgets=Budgets(),
-                credit_bytes=PLENTY,
-            )
-        )
-        welcome = self.receive()
-        assert isinstance(welcome, Welcome), welcome
-        return welcome
-
-    def _fill(self) -> None:
-        data = self.socket.recv(1 << 20)
-        assert data, "the server closed the connection"
-        self.protocol.receive_data(data)
-        self.events.extend(self.protocol.events_received())
-        self._flush()  # pongs
-
-    def _flush(self) -> None:
-        for data in self.protocol.data_to_send():
-            if data:
-                self.socket.sendall(data)
 
 
 def connect(port: int) -> socket.socket:
@@ -229,159 +143,242 @@ def connect(port: int) -> socket.socket:
             return found
 
 
-def drain(found: socket.socket, count: int) -> None:
-    """Read so many bytes and forget them."""
-    buffer = bytearray(1 << 18)
-    while count > 0:
-        got = found.recv_into(buffer, min(len(buffer), count))
-        assert got, "the server closed the connection"
-        count -= got
-
-
-def chunk_lengths(size: Size) -> list[int]:
-    """Payload bytes of each frame, in order."""
-    full, rest = divmod(size.segment_bytes, MAX_CHUNK_BYTES)
-    one = [MAX_CHUNK_BYTES] * full + ([rest] if rest else [])
-    return one * size.segments
-
-
-def frame_bytes(chunk: int) -> int:
-    """Bytes of one frame on the wire, WebSocket header included."""
-    length = chunk + HEADER_BYTES
-    return length + (2 if length < 126 else 4 if length < 1 << 16 else 10)
-
-
 def cpu_s(pid: int) -> float:
     """CPU seconds that a process has used."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def measure_latency(port: int, size: Size) -> dict[str, list[float]]:
-    """Land again and again at random places, holding nothing; ms."""
-    rng = np.random.default_rng(2)
-    side = round(size.segments**0.5)
-    client = RawClient(port)
-    client.hello()
-    everything = np.arange(size.segments, dtype=np.uint32)
-    first_ms, plan_ms, ready_ms = [], [], []
-    for generation in range(size.landings):
-        x, z = rng.uniform(0, side * TILE_M, size=2)
-        client.send(Evict(segments=everything))
-        began = time.perf_counter()
-        land = Land(generation=generation, position=(x, 0.5, z), radius_m=12.0)
-        client.send(land)
-        assert isinstance(client.receive(), Plan)
-        plan_ms.append(1e3 * (time.perf_counter() - began))
-        assert isinstance(client.receive(), PayloadFrame)
-        first_ms.append(1e3 * (time.perf_counter() - began))
-        while not isinstance(client.receive(), Ready):
-            pass
-        ready_ms.append(1e3 * (time.perf_counter() - began))
-        time.sleep(0.002)  # idle between landings
-    client.socket.close()
-    return {"plan": plan_ms, "first_byte": first_ms, "ready": ready_ms}
-
-
-def measure_supersede(port: int, size: Size) -> list[int]:
-    """Land everywhere, then elsewhere after the third frame; bytes of the old one after that."""
-    client = RawClient(port)
-    client.hello()
-    everything = np.arange(size.segments, dtype=np.uint32)
-    late: list[int] = []
-    for generation in range(0, 2 * min(30, size.landings), 2):
-        client.send(
-            Evict(segments=everything),
-            Land(generation=generation, position=(0.0, 0.0, 0.0), radius_m=9000.0),
-        )
-        for _ in range(4):
-            client.receive()
-        client.send(Land(generation=generation + 1, position=(-50.0, 0.0, 0.0), radius_m=1.0))
-        old = 0
-        while True:
-            got = client.receive()
-            if isinstance(got, PayloadFrame):
-                old += len(got.chunk)
-            elif isinstance(got, Ready) and got.generation == generation + 1:
-                break
-        late.append(old)
-    client.socket.close()
-    return late
-
-
-def time_stream(client: RawClient, size: Size, generation: int) -> float:
-    """Land everywhere and drain; seconds from land to the last payload byte."""
-    lengths = chunk_lengths(size)
-    client.send(Evict(segments=np.arange(size.segments, dtype=np.uint32)))
-    began = time.perf_counter()
-    side_m = TILE_M * round(size.segments**0.5)
-    centre = (side_m / 2, 0.0, side_m / 2)
-    client.send(Land(generation=generation, position=centre, radius_m=9000.0))
-    # The plan is parsed, the payload is not: what was read with the plan is taken off the rest.
-    plan_bytes = b""
-    while len(plan_bytes) < 10:
-        plan_bytes += client.socket.recv(1 << 16)
-    plan_length = ws_length(plan_bytes)
-    total = plan_length + sum(frame_bytes(length) for length in lengths)
-    drain(client.socket, total - len(plan_bytes))
-    seconds = time.perf_counter() - began
-    ready = b""
-    while len(ready) < 2 or len(ready) < ws_length(ready):
-        ready += client.socket.recv(1 << 16)
-    return seconds
-
-
-def ws_length(data: bytes) -> int:
-    """Bytes of the WebSocket frame that data begins with, header included."""
-    short = data[1] & 0x7F
-    if short < 126:
-        return 2 + short
-    width = 2 if short == 126 else 8
-    return 2 + width + int.from_bytes(data[2 : 2 + width], "big")
-
-
-def time_raw(found: socket.socket, total: int) -> float:
-    """Ask for everything and drain; seconds."""
-    began = time.perf_counter()
-    found.sendall(b"x")
-    drain(found, total)
-    return time.perf_counter() - began
-
-
 def measure_throughput(
-    port: int, raw_port: int, pids: tuple[int, int], size: Size
+    service: ServiceProcess, raw: tuple[int, int], size: Size, count: int, segments: int
 ) -> dict[str, float]:
-    """Interleaved rounds of service and raw streams."""
-    client, raw = RawClient(port), connect(raw_port)
-    client.hello()
-    payload_gb = size.segments * size.segment_bytes / 1e9
-    raw_total = sum(frame_bytes(length) for length in chunk_lengths(size))
-    ours, theirs, ours_cpu, theirs_cpu = [], [], [], []
+    """Interleaved rounds of service and raw streams; *raw* is the port and pid of the latter."""
+    plain = [connect(raw[0]) for _ in range(count)]
+    side_m = TILE_M * size.side
+    # A square of segments about the centre, whole where all are wanted.
+    radius_m = side_m if segments == size.side**2 else TILE_M * (segments**0.5 - 1) / 2 - 1
+    centre = (side_m / 2 + TILE_M / 2, 0.5, side_m / 2 + TILE_M / 2)
+    rows = []
     for number in range(size.rounds + 1):
-        cpu = [cpu_s(pid) for pid in pids]
-        seconds = time_stream(client, size, number)
-        raw_seconds = time_raw(raw, raw_total)
+        # New ones in each round: bytes are only counted, and a ping (every 20 s) would be taken for
+        # payload.
+        clients = [DrainClient("127.0.0.1", service.port, "pit") for _ in range(count)]
+        for client in clients:
+            client.hello()
+        left = [0] * count
+
+        before = service.cpu_s(), cpu_s(raw[1])
+        began_s = time.perf_counter()
+        for which in range(count):
+            left[which] = wire_bytes(clients[which].begin(centre, radius_m))
+        ours = drain_all([client.socket for client in clients], left)
+        seconds = time.perf_counter() - began_s
+        for client in clients:
+            client.drain()
+            client.close()
+        frames = left[0] // frame_bytes(CHUNK)
+        middle = service.cpu_s(), cpu_s(raw[1])
+        began_s = time.perf_counter()
+        for one in plain:
+            one.sendall(frames.to_bytes(4, "big"))
+        theirs = drain_all(plain, [frames * frame_bytes(CHUNK)] * count)
+        raw_seconds = time.perf_counter() - began_s
+        after = service.cpu_s(), cpu_s(raw[1])
+        gb = count * frames * CHUNK / 1e9
         if number:  # the first round warms the page cache
-            ours.append(payload_gb / seconds)
-            theirs.append(payload_gb / raw_seconds)
-            ours_cpu.append((cpu_s(pids[0]) - cpu[0]) / payload_gb)
-            theirs_cpu.append((cpu_s(pids[1]) - cpu[1]) / payload_gb)
-    client.socket.close()
-    raw.close()
+            rows.append(
+                (
+                    gb / seconds,
+                    gb / raw_seconds,
+                    (middle[0] - before[0]) / gb,
+                    (after[1] - middle[1]) / gb,
+                    ours,
+                    theirs,
+                )
+            )
+    for one in plain:
+        one.close()
+    table = np.array(rows)
     return {
-        "service_gb_per_s": statistics.median(ours),
-        "raw_gb_per_s": statistics.median(theirs),
-        "ratio": statistics.median(a / b for a, b in zip(ours, theirs, strict=True)),
-        "service_cpu_s_per_gb": statistics.median(ours_cpu),
-        "raw_cpu_s_per_gb": statistics.median(theirs_cpu),
+        "clients": count,
+        "gb_per_client": gb / count,
+        "service_gb_per_s": statistics.median(table[:, 0]),
+        "raw_gb_per_s": statistics.median(table[:, 1]),
+        "ratio": statistics.median(table[:, 0] / table[:, 1]),
+        "service_cpu_s_per_gb": float(table[:, 2].mean()),
+        "raw_cpu_s_per_gb": float(table[:, 3].mean()),
+        "cpu_ratio": float(table[:, 2].mean() / max(1e-9, table[:, 3].mean())),
+        "fairness": statistics.median(table[:, 4]),
+        "raw_fairness": statistics.median(table[:, 5]),
     }
 
 
-def free_port() -> int:
-    """Find a port that is free now."""
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port: int = probe.getsockname()[1]
-        return port
+def measure_latency(service: ServiceProcess, size: Size, pause_s: float) -> dict[str, Any]:
+    """Land again and again at random places, holding nothing; ms."""
+    rng = np.random.default_rng(2)
+    client = DrainClient("127.0.0.1", service.port, "pit")
+    client.hello()
+    plan_ms, first_ms, ready_ms = [], [], []
+    for _ in range(size.landings):
+        x, z = rng.uniform(0, size.side * TILE_M, size=2)
+        client.forget()
+        time.sleep(pause_s)
+        began_s = time.perf_counter()
+        client.begin((x, 0.5, z), 12.0)
+        plan_ms.append(1e3 * (time.perf_counter() - began_s))
+        client.next()
+        first_ms.append(1e3 * (time.perf_counter() - began_s))
+        client.drain()
+        ready_ms.append(1e3 * (time.perf_counter() - began_s))
+    client.close()
+    return {
+        "landings": size.landings,
+        "plan": percentiles(plan_ms),
+        "first_byte": percentiles(first_ms),
+        "ready": percentiles(ready_ms),
+    }
+
+
+def keep_busy(
+    port: int, size: Size, bytes_per_s: float | None, going: Any, enough: Any, amount: Any
+) -> None:
+    """Child process: many clients that stream until told to stop."""
+    clients = [DrainClient("127.0.0.1", port, "pit") for _ in range(size.clients)]
+    side_m = TILE_M * size.side
+    for client in clients:
+        client.hello()
+    began_s = time.perf_counter()
+    received = 0
+
+    def begin() -> list[int]:
+        for client in clients:
+            client.forget()
+        centre = (side_m / 2, 0.5, side_m / 2)
+        return [wire_bytes(client.begin(centre, side_m)) for client in clients]
+
+    if bytes_per_s is None:
+        while not enough.is_set():
+            left = begin()
+            going.set()
+            drain_all([client.socket for client in clients], left)
+            received += sum(left)
+            for client in clients:
+                client.drain()
+    else:
+        begin()
+        going.set()
+        began_s = time.perf_counter()
+        received = sum(
+            drain_paced([client.socket for client in clients], bytes_per_s, enough.is_set)
+        )
+    amount.value = received / 1e6 / (time.perf_counter() - began_s)
+
+
+def measure_busy(service: ServiceProcess, size: Size, bytes_per_s: float | None) -> dict[str, Any]:
+    """Measure latency while others stream."""
+    context = multiprocessing.get_context("spawn")
+    going, enough, amount = context.Event(), context.Event(), context.Value("d", 0.0)
+    crowd = context.Process(
+        target=keep_busy, args=(service.port, size, bytes_per_s, going, enough, amount)
+    )
+    crowd.start()
+    assert going.wait(60)
+    time.sleep(0.3)
+    found = measure_latency(service, size, 0.002)
+    enough.set()
+    crowd.join(120)
+    return found | {"others": size.clients, "others_mb_per_s": amount.value}
+
+
+def measure_supersede(service: ServiceProcess, size: Size) -> dict[str, Any]:
+    """Land everywhere, then elsewhere in the middle of it; old bytes beyond the credit granted."""
+    late: list[int] = []
+    side_m = TILE_M * size.side
+    credit = 8 * CHUNK
+    for _ in range(min(30, size.landings)):
+        client = DrainClient("127.0.0.1", service.port, "pit")
+        client.hello(credit_bytes=credit)
+        left = wire_bytes(client.begin((side_m / 2, 0.5, side_m / 2), side_m))
+        buffer = bytearray(1 << 18)
+        got = 0
+        while got < 2 * CHUNK:
+            got += client.socket.recv_into(buffer, 2 * CHUNK - got)
+        client.send(Land(generation=2, position=(-50.0, 0.0, 0.0), radius_m=1.0))
+        client.socket.settimeout(0.2)
+        try:
+            while got < left:
+                got += client.socket.recv_into(buffer)
+        except TimeoutError:
+            pass
+        late.append(max(0, got - credit - credit // CHUNK * (frame_bytes(CHUNK) - CHUNK)))
+        client.close()
+    return {"bytes_beyond_credit": percentiles([float(count) for count in late]), "chunk": CHUNK}
+
+
+def measure_plan(size: Size) -> dict[str, Any]:
+    """Plan landings on about a thousand segments of a large scene, in this process."""
+    side = size.plan_side
+    number = np.arange(side * side)
+    bounds = np.zeros((side * side, 6), dtype=np.float32)
+    bounds[:, 0], bounds[:, 2] = TILE_M * (number % side), TILE_M * (number // side)
+    bounds[:, 3:] = bounds[:, :3] + np.array([TILE_M, 1.0, TILE_M], dtype=np.float32)
+    rng = np.random.default_rng(3)
+    count = len(bounds)
+    table = SegmentTable(
+        bounds=bounds,
+        lengths=rng.integers(50_000, 300_000, count, dtype=np.uint32),
+        hashes=rng.integers(0, 1 << 63, count, dtype=np.uint64),
+        faces=rng.integers(2_000, 20_000, count, dtype=np.uint32),
+        vertices=rng.integers(1_000, 12_000, count, dtype=np.uint32),
+    )
+    began_s = time.perf_counter()
+    tree = PackedRTree(bounds)
+    packed_s = time.perf_counter() - began_s
+    began_s = time.perf_counter()
+    library = RTreeIndex(bounds)
+    library_s = time.perf_counter() - began_s
+    view = SceneView("pit", "1", "pit", {"glb": table}, tree.within)
+    limits = SessionLimits(max_messages_per_s=1e9)
+    session = Session(view, limits, session_id="benchmark", now_s=0.0)
+    hello = Hello(
+        protocol=(1, 0), client="benchmark", encoding="glb", budgets=Budgets(), credit_bytes=PLENTY
+    )
+    session.receive(hello, 0.0)
+    session.next_action()
+    plan_ms, query_ms, library_ms, loaded = [], [], [], []
+    for generation in range(size.landings + 10):
+        x, z = rng.uniform(0.2, 0.8, 2) * side * TILE_M
+        land = Land(generation=generation, position=(x, 0.5, z), radius_m=171.0)
+        data = encode(land, Subprotocol.MSGPACK)
+        began_s = time.perf_counter()
+        message = decode(data, Subprotocol.MSGPACK, Direction.CLIENT_TO_SERVER, max_bytes=1 << 20)
+        session.receive(message, 0.0)
+        while True:
+            action = session.next_action()
+            assert isinstance(action, SendMessage)
+            if isinstance(action.message, Plan):
+                break
+        encode(action.message, Subprotocol.MSGPACK)
+        plan_ms.append(1e3 * (time.perf_counter() - began_s))
+        loaded.append(len(action.message.load))
+        query_ms.append(timed_ms(lambda x=x, z=z: tree.within((x, 0.5, z), 171.0)))
+        library_ms.append(timed_ms(lambda x=x, z=z: library.within((x, 0.5, z), 171.0)))
+    return {
+        "segments": count,
+        "loaded": statistics.median(loaded),
+        "land_to_encoded_plan": percentiles(plan_ms[10:]),
+        "query": percentiles(query_ms[10:]),
+        "query_libspatialindex": percentiles(library_ms[10:]),
+        "build_s": packed_s,
+        "build_libspatialindex_s": library_s,
+    }
+
+
+def timed_ms(work: Callable[[], object]) -> float:
+    """Milliseconds of one call."""
+    began_s = time.perf_counter()
+    work()
+    return 1e3 * (time.perf_counter() - began_s)
 
 
 def percentiles(values: list[float]) -> dict[str, float]:
@@ -393,49 +390,71 @@ def percentiles(values: list[float]) -> dict[str, float]:
     }
 
 
+PARTS = ("throughput", "latency", "supersede", "plan")
+
+
 def main() -> None:
     """Measure and print."""
     form = argparse.RawTextHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")
+    parser.add_argument("--only", choices=PARTS, help="one part")
     parser.add_argument("--source", default="file", choices=["file", "mmap"])
-    parser.add_argument("--lowat", type=int, default=None, help="notsent_lowat_bytes")
+    parser.add_argument("--lowat", type=int, help="notsent_lowat_bytes; the default's is measured")
+    parser.add_argument("--burst", type=int, help="max_burst_bytes; the default's is measured")
     arguments = parser.parse_args()
     size = SMOKE if arguments.smoke else FULL
+    parts = (arguments.only,) if arguments.only else PARTS
     changed: dict[str, Any] = {"payload_source": arguments.source}
     if arguments.lowat is not None:
         changed["notsent_lowat_bytes"] = arguments.lowat
-    context = multiprocessing.get_context("spawn")
-    with tempfile.TemporaryDirectory() as folder:
-        write_scene(Path(folder) / "pit", size)
-        rng = np.random.default_rng(1)
-        chunks = [rng.bytes(frame_bytes(length)) for length in chunk_lengths(size)]
-        port, raw_port = free_port(), free_port()
-        service = context.Process(target=serve, args=(Path(folder), port, changed), daemon=True)
-        streams = context.Process(target=serve_raw, args=(chunks, raw_port), daemon=True)
-        service.start()
-        streams.start()
-        assert service.pid is not None
-        assert streams.pid is not None
-        try:
-            latency = measure_latency(port, size)
-            late = measure_supersede(port, size)
-            throughput = measure_throughput(port, raw_port, (service.pid, streams.pid), size)
-        finally:
-            service.terminate()
-            streams.terminate()
-            service.join(20)
-            streams.join(5)
-    result = {
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+    if arguments.burst is not None:
+        changed["max_burst_bytes"] = arguments.burst
+    result: dict[str, Any] = {
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, Linux {platform.release()}",
         "python": platform.python_version(),
         "settings": changed,
         "size": asdict(size),
-        "latency_ms": {name: percentiles(values) for name, values in latency.items()},
-        "superseded_late_bytes": percentiles([float(count) for count in late]),
-        "throughput": throughput,
     }
+    if parts != ("plan",):
+        with tempfile.TemporaryDirectory() as folder:
+            write_random_scene(
+                Path(folder) / "pit", side=size.side, segment_bytes=2 * CHUNK, spread=1.0
+            )
+            with ServiceProcess(Path(folder), **settings(changed)) as service:
+                measure_service(service, size, parts, result)
+    if "plan" in parts:
+        result["plan_ms"] = measure_plan(size)
     print(json.dumps(result, indent=1))
+
+
+def measure_service(
+    service: ServiceProcess, size: Size, parts: tuple[str, ...], result: dict[str, Any]
+) -> None:
+    """Fill in what needs a running service."""
+    if "throughput" in parts:
+        raw_port = free_port()
+        lengths = [frame_bytes(CHUNK)] * (2 * size.side**2)
+        streams = multiprocessing.get_context("spawn").Process(
+            target=serve_raw, args=(lengths, raw_port), daemon=True
+        )
+        streams.start()
+        assert streams.pid is not None
+        raw = (raw_port, streams.pid)
+        result["throughput"] = [
+            measure_throughput(service, raw, size, 1, size.side**2),
+            measure_throughput(service, raw, size, size.clients, size.segments_of_many),
+        ]
+        streams.terminate()
+        streams.join(5)
+    if "latency" in parts:
+        result["latency_ms"] = {
+            "idle": measure_latency(service, size, 0.002),
+            "others_at_4_mb_per_s": measure_busy(service, size, 4e6),
+            "others_as_fast_as_they_can": measure_busy(service, size, None),
+        }
+    if "supersede" in parts:
+        result["supersede"] = measure_supersede(service, size)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,9 @@ def scene_info(name: str) -> SceneInfo:
     )
 
 
-def write_random_scene(path: Path, *, side: int, segment_bytes: int, seed: int = 1) -> Manifest:
+def write_random_scene(
+    path: Path, *, side: int, segment_bytes: int, spread: float = 2.0, seed: int = 1
+) -> Manifest:
     """Publish a grid of side x side segments; segment row * side + column lies at column, row.
 
     Parameters
@@ -48,7 +50,9 @@ def write_random_scene(path: Path, *, side: int, segment_bytes: int, seed: int =
     side : int
         Segments along each edge, 10 m each.
     segment_bytes : int
-        Median length of a payload; lengths vary by a factor of two either way.
+        Median length of a payload.
+    spread : float, optional
+        Lengths vary by that factor either way; 1 = all are equal.
     seed : int, optional
         Another seed is another version.
     """
@@ -56,7 +60,7 @@ def write_random_scene(path: Path, *, side: int, segment_bytes: int, seed: int =
     with SceneWriter(path) as writer:
         for number in range(side * side):
             x, z = TILE_M * (number % side), TILE_M * (number // side)
-            length = int(segment_bytes * 2.0 ** rng.uniform(-1.0, 1.0))
+            length = round(segment_bytes * spread ** rng.uniform(-1.0, 1.0))
             writer.add_segment(
                 rng.bytes(max(1, length)),
                 region=0,
