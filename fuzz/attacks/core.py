@@ -160,7 +160,7 @@ def _act(
             if draw.random() < 0.03:
                 session.payload_failed(action, now_s)
             else:
-                session.chunk_sent(action, now_s)
+                session.chunks_sent([action], now_s)
             assert deliveries.credit_bytes >= 0
             run.chunks += 1
         elif isinstance(action, SendMessage):

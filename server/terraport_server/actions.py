@@ -85,7 +85,7 @@ class SendMessage:
 class SendChunk(NamedTuple):
     """Send ``length`` payload bytes of a segment from ``offset``.
 
-    Before anything else is called on the session, answer with ``chunk_sent`` (the bytes are whole,
+    Before anything else is called on the session, answer with ``chunks_sent`` (the bytes are whole,
     right, and on their way) or ``payload_failed``.
     """
 

@@ -7,7 +7,7 @@ numbers in comments are those of spec/wire-protocol.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Any
 
@@ -215,50 +215,54 @@ class Deliveries:
         transfer = self._sending()
         return [] if transfer is None else list(islice(transfer.queue, most))
 
-    def next_chunk(self) -> SendChunk | None:
-        """Return the chunk to send now, the same until it is answered."""
-        transfer = self._sending()
-        if transfer is None or self.credit_bytes <= 0:
-            return None
-        segment = transfer.queue[0]
-        total = int(self._table.lengths[segment])
-        offset = self._parts.get(segment, 0)
-        return SendChunk(
-            generation=transfer.generation,
-            segment=segment,
-            offset=offset,
-            length=min(MAX_CHUNK_BYTES, total - offset, self.credit_bytes),
-            total=total,
-            landing=transfer is self._landing,
-        )
+    def next_chunks(self, most_bytes: int) -> list[SendChunk]:
+        """Return chunks to send one after the other; they end where *most_bytes* are reached."""
+        transfer, credit_bytes = self._sending(), self.credit_bytes
+        if transfer is None or credit_bytes <= 0:
+            return []
+        chunks, lengths = [], self._table.lengths
+        generation, landing = transfer.generation, transfer is self._landing
+        for segment in transfer.queue:
+            total, offset = int(lengths[segment]), self._parts.get(segment, 0)
+            while offset < total:
+                length = min(MAX_CHUNK_BYTES, total - offset, credit_bytes)
+                chunks.append(SendChunk(generation, segment, offset, length, total, landing))
+                offset += length
+                credit_bytes -= length
+                most_bytes -= length
+                if credit_bytes <= 0 or most_bytes <= 0:
+                    return chunks
+        return chunks
 
-    def chunk_sent(self, chunk: SendChunk, now_s: float) -> None:
-        """Book the chunk that :meth:`next_chunk` returned last."""
-        transfer = self._answering(chunk)
-        self.credit_bytes -= chunk.length
-        transfer.payload_bytes += chunk.length
+    def chunks_sent(self, chunks: Sequence[SendChunk], now_s: float) -> None:
+        """Book the first so many of the chunks that :meth:`next_chunks` returned last."""
+        transfer = self._answering(chunks[0])
+        sent_bytes = sum(chunk.length for chunk in chunks)
+        self.credit_bytes -= sent_bytes
+        transfer.payload_bytes += sent_bytes
         if isinstance(transfer, Landing):
             if transfer.has_deadline:
-                transfer.look_at_clock(now_s)  # before this chunk counts as progress
+                transfer.look_at_clock(now_s)  # before this counts as progress
             transfer.last_byte_s = now_s
             if transfer.first_byte_s is None:
                 transfer.first_byte_s = now_s
                 self._observer.first_byte(now_s - transfer.received_s)
         else:
-            self._ahead.sent(chunk.segment, chunk.length)
-        end = chunk.offset + chunk.length
-        if end < chunk.total:
-            self._parts[chunk.segment] = end
-            self._note_stall(now_s)
-            return
-        transfer.queue.popleft()
-        self._parts.pop(chunk.segment, None)
-        self.held.add_new(chunk.segment)  # what is held is never queued
-        transfer.delivered += 1
+            for chunk in chunks:
+                self._ahead.sent(chunk.segment, chunk.length)
+        for chunk in chunks:
+            end = chunk.offset + chunk.length
+            if end < chunk.total:
+                self._parts[chunk.segment] = end
+                continue
+            transfer.queue.popleft()
+            self._parts.pop(chunk.segment, None)
+            self.held.add_new(chunk.segment)  # what is held is never queued
+            transfer.delivered += 1
         self.settle(now_s)
 
     def payload_failed(self, chunk: SendChunk, now_s: float) -> None:
-        """Give up the segment of the chunk that :meth:`next_chunk` returned last."""
+        """Give up the segment of the chunk that :meth:`next_chunks` returned first."""
         transfer = self._answering(chunk)
         transfer.queue.popleft()
         self._parts.pop(chunk.segment, None)

@@ -241,56 +241,66 @@ class Sender:
     def _burst(self) -> Rank | None:
         """Hand chunks to the socket; the rank of what is left where there is room for more.
 
-        Ends at once when the client says something: it may want something else.
+        Everything is made ready first, so that the socket gets one after the other: a client that
+        catches up in between goes to sleep, and to wake it costs more than to send. Ends at once
+        when the client says something: it may want something else.
         """
         connection = self._connection
         assert connection is not None
-        room_bytes = most_bytes = self._limits.max_burst_bytes
-        goes_on = connection.is_clear
-        while goes_on:
-            taken = self._next_part(is_first=room_bytes == most_bytes)
-            if taken is None:
-                return None
-            header, part = taken
-            goes_on = connection.send_part(header, part)
-            room_bytes -= self._under_way.length
-            if goes_on and (room_bytes <= 0 or connection.has_news()):
-                return self._rank(self._under_way)
-        return None
+        if not connection.is_clear:
+            return None
+        chunks, frames = self._next_frames(self._limits.max_burst_bytes)
+        if not chunks:
+            return None
+        try:
+            sent = connection.send_frames(frames)
+        except OSError:
+            self._under_way = chunks[connection.frames_begun - 1]
+            raise
+        self._note_sent(chunks[:sent])
+        return self._rank(chunks[0]) if connection.is_clear else None
 
-    def _next_part(self, *, is_first: bool) -> tuple[bytes, PayloadRange | memoryview] | None:
-        """Take the next chunk and book it as sent; None where something else comes first."""
-        session, desk = self.session, self._served.desk
-        chunk = session.next_chunk()
-        if chunk is None:
-            return None
-        if self._failed == chunk.segment:
+    def _next_frames(
+        self, most_bytes: int
+    ) -> tuple[list[SendChunk], list[tuple[bytes, PayloadRange | memoryview]]]:
+        """Make frames of the next chunks; none where something else comes first."""
+        session, desk, connection = self.session, self._served.desk, self._connection
+        chunks = session.next_chunks(most_bytes)
+        if chunks and chunks[0].segment == self._failed:
             self._failed = None
-            session.payload_failed(chunk, self._loop.time())
-            return None
-        if desk.ahead_bytes:
-            self._look_ahead(chunk)
-        connection = self._connection
+            session.payload_failed(chunks[0], self._loop.time())
+            return [], []
+        if chunks and desk.ahead_bytes:
+            self._look_ahead(chunks[0])
         as_file = connection is not None and connection.takes_files
-        probe = is_first or not chunk.offset
-        part = desk.part(chunk, session.encoding, as_file=as_file, probe=probe)
-        if part is None:
-            self._absent = chunk
-            return None
-        header = frame_header(
-            generation=chunk.generation,
-            segment=chunk.segment,
-            offset=chunk.offset,
-            total=chunk.total,
-            length=chunk.length,
-        )
-        session.chunk_sent(chunk, self._loop.time())
-        (self._metrics.land_bytes if chunk.landing else self._metrics.aim_bytes).inc(chunk.length)
-        if chunk.generation != self._under_way.generation:
+        frames: list[tuple[bytes, PayloadRange | memoryview]] = []
+        for chunk in chunks:
+            probe = not frames or not chunk.offset
+            part = desk.part(chunk, session.encoding, as_file=as_file, probe=probe)
+            if part is None:
+                if not frames:
+                    self._absent = chunk
+                break
+            header = frame_header(
+                generation=chunk.generation,
+                segment=chunk.segment,
+                offset=chunk.offset,
+                total=chunk.total,
+                length=chunk.length,
+            )
+            frames.append((header, part))
+        return chunks[: len(frames)], frames
+
+    def _note_sent(self, chunks: list[SendChunk]) -> None:
+        """Book chunks as sent, the last one perhaps in part."""
+        self.session.chunks_sent(chunks, self._loop.time())
+        last = chunks[-1]
+        sent_bytes = sum(chunk.length for chunk in chunks)
+        (self._metrics.land_bytes if last.landing else self._metrics.aim_bytes).inc(sent_bytes)
+        if last.generation != self._under_way.generation:
             self._generation_bytes = 0
-        self._generation_bytes += chunk.length
-        self._under_way = chunk
-        return header, part
+        self._generation_bytes += sent_bytes
+        self._under_way = last
 
     def _rank(self, chunk: SendChunk) -> Rank:
         if not chunk.landing:
@@ -304,10 +314,11 @@ class Sender:
         """Take a turn and send afterwards: for a connection that cannot send without waiting."""
 
     async def _send_plainly(self) -> None:
-        taken = self._next_part(is_first=True)
-        if taken is not None:
-            header, part = taken
+        chunks, frames = self._next_frames(1)
+        if frames:
+            header, part = frames[0]
             assert isinstance(part, memoryview)
+            self._note_sent(chunks)
             await self._websocket.send_bytes(header + part)
 
     def _look_ahead(self, chunk: SendChunk) -> None:

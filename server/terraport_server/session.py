@@ -10,6 +10,8 @@ aim's. Section numbers in comments are those of spec/wire-protocol.md.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from terraport_server.actions import (
     Action,
     Authorise,
@@ -154,13 +156,18 @@ class Session:
         A :class:`SendChunk` is returned again until it is answered; everything else once.
         """
         action = self._out.pop()
-        return self.next_chunk() if action is None else action
+        if action is None and (chunks := self.next_chunks(1)):
+            return chunks[0]
+        return action
 
-    def next_chunk(self) -> SendChunk | None:
-        """Return the payload to send next; ``None`` while anything else goes first."""
+    def next_chunks(self, most_bytes: int) -> list[SendChunk]:
+        """Return payload to send, ending with the chunk that reaches so many bytes.
+
+        None while anything else goes first. Answer for those sent by :meth:`chunks_sent`.
+        """
         if self._deliveries is None or not self._out.is_idle:
-            return None
-        return self._deliveries.next_chunk()
+            return []
+        return self._deliveries.next_chunks(most_bytes)
 
     def receive(self, message: Message | Unknown, now_s: float) -> None:
         """Take one decoded message."""
@@ -225,10 +232,10 @@ class Session:
         else:
             deliveries.settle(now_s)
 
-    def chunk_sent(self, chunk: SendChunk, now_s: float) -> None:
-        """Book the chunk that :meth:`next_action` returned last as sent."""
+    def chunks_sent(self, chunks: Sequence[SendChunk], now_s: float) -> None:
+        """Book as sent the chunk of :meth:`next_action`, or the first of :meth:`next_chunks`."""
         assert self._deliveries is not None
-        self._deliveries.chunk_sent(chunk, now_s)
+        self._deliveries.chunks_sent(chunks, now_s)
         self._close_if_drained()
 
     def payload_failed(self, chunk: SendChunk, now_s: float) -> None:

@@ -17,6 +17,7 @@ import os
 import select
 import socket
 from asyncio.transports import BaseTransport
+from collections.abc import Callable, Sequence
 from typing import Any, Final, cast
 
 from starlette.websockets import WebSocketDisconnect
@@ -51,10 +52,15 @@ class Connection(BoundedPeer):
     heard_s: float = 0.0
     """When bytes last came from the client, pongs included; the event loop's clock."""
 
+    frames_begun = 0
+    """Of the last call of :meth:`send_frames`."""
+
     _guard: FrameGuard
     _direct: socket.socket | None = None
     """Our own descriptor of the same socket: the loop refuses to watch the transport's."""
-    _news: select.poll | None = None
+    _number = -1
+    _poll_client: Callable[[int], list[Any]] = staticmethod(lambda _ms: [])
+    """Whether bytes of the client wait to be read, as far as that can be told."""
     _may_go_direct = False
     _frame: tuple[bytes, PayloadRange] | None = None
     """What is left of the frame that is under way past the transport."""
@@ -75,6 +81,10 @@ class Connection(BoundedPeer):
         if raw is None or raw.family not in {socket.AF_INET, socket.AF_INET6}:
             return
         self._may_go_direct = hasattr(os, "sendfile") and not secret
+        if hasattr(select, "poll"):
+            poll = select.poll()
+            poll.register(raw.fileno(), select.POLLIN)
+            self._poll_client = poll.poll
         if self.notsent_lowat_bytes:
             _set_option(raw, socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
         if self.send_buffer_bytes:
@@ -100,16 +110,16 @@ class Connection(BoundedPeer):
 
     @property
     def takes_files(self) -> bool:
-        """Whether :meth:`send_part` takes ranges of files: not under TLS, not on every system."""
+        """Whether :meth:`send_frames` takes ranges of files: not under TLS, not on every system."""
         return self._may_go_direct
 
     @property
     def is_clear(self) -> bool:
-        """Whether :meth:`send_part` may be called now."""
+        """Whether :meth:`send_frames` may be called now."""
         return self.writable.is_set() and self._frame is None and self._is_open()
 
     async def until_clear(self) -> bool:
-        """Wait until :meth:`send_part` may be called; False where that will not be, after a close.
+        """Wait until :meth:`send_frames` may be called; False where it never may, after a close.
 
         Sends the rest of a frame that was begun. Safe to cancel: the rest of a frame is handed to
         the transport, and what others wrote meanwhile (pongs) follows it.
@@ -137,22 +147,22 @@ class Connection(BoundedPeer):
             raise WebSocketDisconnect(1006)
         return self._is_open()
 
-    def send_part(self, header: bytes, part: PayloadRange | memoryview) -> bool:
-        """Send one binary message of a header and payload that no one joins; never waits.
+    def send_frames(self, frames: Sequence[tuple[bytes, PayloadRange | memoryview]]) -> int:
+        """Send binary messages, each of a header and payload that no one joins; never waits.
 
-        Only while :attr:`is_clear`. At most one frame is under way: what the socket does not take
-        waits, as bytes in the transport, or as a range of the file (:meth:`until_clear` sends it).
+        Only while :attr:`is_clear`. Ends before the next frame when the client says something, or
+        when the socket is full: at most one frame is then under way, as bytes in the transport, or
+        as a range of the file (:meth:`until_clear` sends it).
 
         Parameters
         ----------
-        header
-        part
-            A range of a file only where :attr:`takes_files`.
+        frames
+            Header and payload; a range of a file only where :attr:`takes_files`.
 
         Returns
         -------
-        bool
-            Whether the socket took it all.
+        int
+            How many were sent, the last one perhaps in part.
 
         Raises
         ------
@@ -161,22 +171,21 @@ class Connection(BoundedPeer):
         OSError
             As :meth:`until_clear`.
         """
-        guard = self._guard
-        if self._news is None and hasattr(select, "poll"):
-            self._news = select.poll()
-            self._news.register(guard.get_extra_info("socket").fileno(), select.POLLIN)
-        if isinstance(part, PayloadRange):
-            if not guard.get_write_buffer_size():
-                head = _frame_header(len(header) + part.length) + header
-                self._frame = (head, part)
-                return self._push()
-            part = memoryview(_read(part))  # a transport that does not keep to our limit
-        guard.writelines([_frame_header(len(header) + len(part)), header, part])
-        return not guard.get_write_buffer_size()
-
-    def has_news(self) -> bool:
-        """Whether bytes of the client wait to be read, as far as that can be told."""
-        return self._news is not None and bool(self._news.poll(0))
+        poll = self._poll_client
+        for number, (header, part) in enumerate(frames, start=1):
+            self.frames_begun = number
+            if isinstance(part, PayloadRange):
+                self._frame = (_frame_header(len(header) + part.length) + header, part)
+                if not self._push():
+                    return number
+            else:
+                head = _frame_header(len(header) + len(part))
+                self._guard.writelines([head, header, part])
+                if self._guard.get_write_buffer_size():
+                    return number
+            if poll(0):
+                return number
+        return len(frames)
 
     def abort(self) -> None:
         """Drop the connection and everything buffered."""
@@ -189,13 +198,12 @@ class Connection(BoundedPeer):
     def _push(self) -> bool:
         """Hand the socket what it takes of the frame; tell whether that was all."""
         assert self._frame is not None
-        direct, (head, part) = self._own_socket(), self._frame
-        descriptor = direct.fileno()
+        direct, (head, part) = self._direct or self._own_socket(), self._frame
         try:
             while head:
                 head = head[direct.send(head, _MSG_MORE) :]
             while part.length:
-                sent = os.sendfile(descriptor, part.descriptor, part.offset, part.length)
+                sent = os.sendfile(self._number, part.descriptor, part.offset, part.length)
                 if sent == part.length:
                     break
                 part = _after(part, sent)
@@ -219,6 +227,7 @@ class Connection(BoundedPeer):
             raw = self._guard.get_extra_info("socket")
             self._direct = socket.socket(fileno=os.dup(raw.fileno()))
             self._direct.setblocking(False)
+            self._number = self._direct.fileno()
         return self._direct
 
     async def _until_room(self) -> None:

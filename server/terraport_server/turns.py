@@ -62,11 +62,15 @@ class Turns:
             Whatever *burst* raises.
         """
         loop = asyncio.get_running_loop()
-        done = loop.create_future()
-        self._waiting[rank].append((done, burst))
-        if not self._running:
+        if not self._running:  # nobody waits: no need to go round the loop first
             self._running = True
             loop.call_soon(self._turn, loop)
+            next_rank = burst()
+            if next_rank is None:
+                return
+            rank = next_rank
+        done = loop.create_future()
+        self._waiting[rank].append((done, burst))
         await done
 
     def _turn(self, loop: asyncio.AbstractEventLoop) -> None:

@@ -209,7 +209,7 @@ class Pair:
                 memoryview(payload)[action.offset : action.offset + action.length],
             )
             data = encode_frame(frame) if self.spoil is None else self.spoil(frame)
-            self.server.chunk_sent(action, self.now_s)
+            self.server.chunks_sent([action], self.now_s)
             self.chunk_bytes += action.length
             self.down.append(data)
         elif isinstance(action, RunPick):

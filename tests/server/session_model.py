@@ -6,6 +6,7 @@ And what the files of the session's tests share: small scenes, clients, short wo
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,8 @@ def make_scene(count: int = 12, *, length: int = 1000, encodings: int = 1) -> Sc
 class Client:
     """Plays the client of one session and checks every action on the way.
 
-    ``corrupt`` are segments that the shell cannot read.
+    ``corrupt`` are segments that the shell cannot read; ``in_runs``, whether it sends several
+    chunks and then books them, as the sender does.
     """
 
     def __init__(self, session: Session, scene: SceneView) -> None:
@@ -73,6 +75,7 @@ class Client:
         self.now_s = 0.0
         self.credit = 0
         self.corrupt: set[int] = set()
+        self.in_runs = False
         self.held: set[int] = set()
         self.parts: dict[int, int] = {}
         self.load: dict[int, list[int]] = {}
@@ -127,7 +130,15 @@ class Client:
             self.session.payload_failed(chunk, self.now_s)
             self.parts.pop(chunk.segment, None)
             return
-        self.session.chunk_sent(chunk, self.now_s)
+        chunks = self.session.next_chunks(chunk.total + 1)
+        assert chunks[0] == chunk, "several begin with the one"
+        chunks = list(takewhile(lambda one: one.segment not in self.corrupt, chunks))
+        chunks = chunks[: 1 + (chunk.segment % len(chunks) if self.in_runs else 0)]
+        self.session.chunks_sent(chunks, self.now_s)
+        for one in chunks:
+            self._note(one)
+
+    def _note(self, chunk: SendChunk) -> None:
         self.chunks.append(chunk)
         assert 0 < chunk.length <= self.credit, "never more than the credit"
         self.credit -= chunk.length

@@ -325,17 +325,20 @@ operations = st.one_of(
         max_bytes=st.none() | st.integers(0, 6000),
         max_segments=st.none() | st.integers(0, 8),
     ),
+    in_runs=st.booleans(),
 )
 @example(
     script=[("land", 0, 1), ("evict", 0, 0), ("aim", 0, 1), ("reject", 0, 0)],
     credit=0,
     budgets=Budgets(),
+    in_runs=True,
 )
 def test_any_history_keeps_the_rules(
-    script: list[tuple[str, int, int]], credit: int, budgets: Budgets
+    script: list[tuple[str, int, int]], credit: int, budgets: Budgets, in_runs: bool
 ) -> None:
     scene = make_scene()
     client = make_client(scene, greet=False)
+    client.in_runs = in_runs
     client.greet(credit_bytes=credit, budgets=budgets)
     generation = 0
     for kind, one, two in script:

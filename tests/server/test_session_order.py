@@ -126,7 +126,7 @@ def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
             assert isinstance(action, SendChunk)
             expected = min(due, key=rank) if partly is None else partly
             assert action.segment == expected
-            client.session.chunk_sent(action, 0.0)
+            client.session.chunks_sent([action], 0.0)
             client.credit -= action.length
             partly = action.segment
             if action.offset + action.length == action.total:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -148,14 +149,16 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
 ) -> None:
     """A client that does not read stalls a frame; its pings come then; the stream stays whole."""
     sent_files = []
-    send_part = Connection.send_part
+    send_frames = Connection.send_frames
 
-    def counted(self: Connection, header: bytes, part: PayloadRange | memoryview) -> bool:
-        if isinstance(part, PayloadRange):
-            sent_files.append(part.length)
-        return send_part(self, header, part)
+    def counted(self: Connection, frames: Sequence[tuple[bytes, PayloadRange | memoryview]]) -> int:
+        count = send_frames(self, frames)
+        sent_files.extend(
+            part.length for _, part in frames[:count] if isinstance(part, PayloadRange)
+        )
+        return count
 
-    monkeypatch.setattr(Connection, "send_part", counted)
+    monkeypatch.setattr(Connection, "send_frames", counted)
     pit = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
     with BackgroundServer(tmp_path, payload_source=source, max_radius_m=1e4) as server:
         client = SlowClient(server.port)
