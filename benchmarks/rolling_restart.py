@@ -8,7 +8,8 @@
 ``terraport serve --workers 2`` over real sockets; clients of the Python SDK land at random places
 without a pause and compare every byte. Reported: landings, connections, time from land to ready
 while nothing happens and while workers are replaced, and what the service's memory is before and
-after. Fails (exit status 1) where a landing failed, or a segment was lost or sent twice.
+after. Meanwhile the base mesh is fetched on one connection and ``/readyz`` on new ones. Fails (exit
+status 1) where a landing or a request failed, or a segment was lost or sent twice.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 
 import terraport
@@ -81,6 +83,25 @@ class Trial:
                 self.repeated_bytes += session.stats.repeated_bytes
 
 
+async def ask(url: str, over: asyncio.Event, *, keep: bool) -> int:
+    """Ask over HTTP all the time, on one connection or on a new one each time; count answers.
+
+    Any failure is raised: a proxy's health check must not see a roll.
+    """
+    answers = 0
+    async with httpx.AsyncClient() as kept:
+        while not over.is_set():
+            if keep:
+                answer = await kept.get(f"{url}/scenes/pit/base.glb")
+            else:
+                async with httpx.AsyncClient() as fresh:
+                    answer = await fresh.get(f"{url}/readyz")
+            answer.raise_for_status()
+            answers += 1
+            await asyncio.sleep(0.05)
+    return answers
+
+
 def resident_bytes(pids: list[int]) -> int:
     """Memory of processes together, what they share counted once for each."""
     pages = sum(int(Path(f"/proc/{pid}/statm").read_text().split()[1]) for pid in pids)
@@ -92,6 +113,9 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
     trial = Trial(folder, clients)
     with Supervised(folder / "scenes", scene_poll_s="0.2", max_messages_per_s="1000") as service:
         tasks = [asyncio.create_task(trial.land(service.url, n)) for n in range(clients)]
+        asking = [
+            asyncio.create_task(ask(service.url, trial.over, keep=keep)) for keep in (True, False)
+        ]
 
         async def story() -> dict[str, Any]:
             await asyncio.sleep(3.0)
@@ -117,12 +141,15 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
             }
 
         telling = asyncio.create_task(story())
-        done, _ = await asyncio.wait([telling, *tasks], return_when=asyncio.FIRST_COMPLETED)
+        done, _ = await asyncio.wait(
+            [telling, *tasks, *asking], return_when=asyncio.FIRST_COMPLETED
+        )
         for task in done:
             task.result()  # a client that failed says why
         told = await telling
         trial.over.set()
         await asyncio.gather(*tasks)
+        http_answers = await asyncio.gather(*asking)
         if "Traceback" in service.log:
             raise AssertionError(service.log)
     quiet = [took for began, took in trial.ready_s if began < told["quiet_until_s"]]
@@ -138,6 +165,8 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
         "workers_died": told["workers_died"],
         "landings": len(trial.ready_s),
         "landings_failed": 0,
+        "http_answers": {"one_connection": http_answers[0], "new_ones": http_answers[1]},
+        "http_failed": 0,
         "connections": trial.connections,
         "repeated_bytes": trial.repeated_bytes,
         "ready_ms": {"quiet": _spread(quiet), "while_rolled": _spread(rolled)},

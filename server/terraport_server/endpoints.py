@@ -190,8 +190,9 @@ def get_health() -> str:
 @_router.get("/readyz", summary="Whether new sessions are taken")
 def get_readiness(service: _Service) -> PlainTextResponse:
     """Say ok, or 503 while starting or draining, or without any scene."""
-    if service.draining or not service.ready:
-        return PlainTextResponse("draining\n" if service.draining else "starting\n", 503)
+    draining = service.draining and not service.replaced
+    if draining or not service.ready:
+        return PlainTextResponse("draining\n" if draining else "starting\n", 503)
     if not service.registry.ids():
         return PlainTextResponse("no scene\n", 503)
     return PlainTextResponse("ok\n")

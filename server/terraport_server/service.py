@@ -85,6 +85,8 @@ class Service:
         self.ready = False
         """Whether the scenes were looked at and clients may come."""
         self.draining = False
+        self.replaced = False
+        """Whether another process serves already: the service as a whole goes on."""
         self.all_metrics: Callable[[], Awaitable[bytes]] | None = None
         """Asks for the metrics of all processes, where there are several."""
         self._senders: dict[Sender, ServedScene] = {}
@@ -129,6 +131,7 @@ class Service:
         if self.draining:
             return
         self.draining = True
+        self.replaced = replaced
         if not replaced:  # else one of several processes goes, and the service stays
             self.metrics.draining.set(1)
         settings = self.settings

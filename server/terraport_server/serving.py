@@ -8,6 +8,7 @@ import os
 import signal
 import socket
 import threading
+import time
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from types import TracebackType
@@ -28,6 +29,8 @@ from terraport_store import is_url
 __all__ = ["BackgroundServer", "TerraportServer", "make_server", "run"]
 
 _START_TIMEOUT_S = 60.0
+_HTTP_GRACE_S = 2.5
+"""A health check every two seconds comes by once."""
 
 
 class TerraportServer(uvicorn.Server):
@@ -80,21 +83,31 @@ class TerraportServer(uvicorn.Server):
             await asyncio.wait({draining}, timeout=0.1)
         draining.cancel()
         await asyncio.gather(draining, return_exceptions=True)
+        if self._retiring:
+            await self._let_http_go()
         await super().shutdown(sockets)
         if self.on_ended is not None:
             await self.on_ended()
 
     def _leave_port(self) -> None:
-        """Accept nobody, and let idle HTTP connections go: their next request is the successor's.
+        """Accept nobody, and ask HTTP clients to come again on another connection.
 
-        Without the second a proxy would ask on a connection of its pool and hear of a service that
-        goes away, while the service as a whole does not.
+        To close theirs would cut off a request that is on its way, which a proxy's pool always may
+        have; said with an answer, the next request goes to the successor.
         """
         for server in self.servers:
             server.close()
-        for connection in list(self.server_state.connections):
-            if isinstance(connection, self.config.http_protocol_class):
-                connection.shutdown()
+        headers = self.server_state.default_headers
+        self.server_state.default_headers = [*headers, (b"connection", b"close")]
+
+    async def _let_http_go(self) -> None:
+        """Wait until they have, not for long: who asks nothing now is not answered either."""
+        until_s = time.monotonic() + _HTTP_GRACE_S
+        kind = self.config.http_protocol_class
+        while time.monotonic() < until_s and not self.force_exit:
+            if not any(isinstance(one, kind) for one in self.server_state.connections):
+                return
+            await asyncio.sleep(0.05)
 
 
 def make_server(settings: Settings) -> TerraportServer:

@@ -87,12 +87,23 @@ def test_a_rolling_restart_costs_no_landing(
     async def work() -> list[tuple[int, int]]:
         over = asyncio.Event()
         clients = [asyncio.create_task(client(number, over)) for number in range(4)]
+        asking = asyncio.create_task(ask(over))
         rolled = asyncio.create_task(asyncio.to_thread(roll))
-        done, _ = await asyncio.wait([rolled, *clients], return_when=asyncio.FIRST_COMPLETED)
+        done, _ = await asyncio.wait(
+            [rolled, asking, *clients], return_when=asyncio.FIRST_COMPLETED
+        )
         for task in done:
             task.result()  # a client that failed says why
         over.set()
+        await asking
         return await asyncio.gather(*clients)
+
+    async def ask(over: asyncio.Event) -> None:
+        """Ask on one connection, as a proxy's pool does; a request that fails is raised."""
+        async with httpx.AsyncClient() as kept:
+            while not over.is_set():
+                (await kept.get(f"{service.url}/readyz")).raise_for_status()
+                await asyncio.sleep(0.01)
 
     def roll() -> None:
         """Roll; see a landing that is open finished by the worker that goes."""
