@@ -1,0 +1,183 @@
+"""Peers that are there no more, and do not say so: the session ends in its time and frees all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from eventually import eventually
+from server.grid_scene import write_grid_scene
+from server.plain_client import PlainClient
+
+from terraport_server import BackgroundServer
+from terraport_wire import Land, Plan
+
+IDLE_S = 1.5
+CLOSE_S = 0.5
+MOST_S = IDLE_S + CLOSE_S + 3.0
+"""And what a busy machine adds."""
+
+CLIENT = """
+import sys, time
+sys.path.insert(0, {tests!r})
+from server.plain_client import PlainClient
+from terraport_wire import Land, Plan
+with PlainClient({url!r}) as client:
+    client.hello(credit_bytes={credit})
+    client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=200.0))
+    client.expect(Plan)
+    print("landed", flush=True)
+    while True:
+        client.receive(60)
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("half-open")
+    write_grid_scene(folder / "pit")
+    return folder
+
+
+@pytest.fixture
+def server(folder: Path) -> Iterator[BackgroundServer]:
+    with BackgroundServer(folder, idle_timeout_s=IDLE_S, close_timeout_s=CLOSE_S) as running:
+        yield running
+
+
+def held(server: BackgroundServer) -> tuple[int, int, int, float]:
+    """Return what sessions hold: seats, descriptors, holds of the scene, stalled ones."""
+    service = server.service
+    served = service.registry.get("pit")
+    return (
+        service.session_count,
+        len(list(Path("/proc/self/fd").iterdir())),
+        served._holders,
+        service.metrics.stalled._value.get(),
+    )
+
+
+def closed(server: BackgroundServer, reason: str) -> float:
+    return float(server.service.metrics.sessions_closed.labels(reason)._value.get())
+
+
+@pytest.mark.parametrize("credit", [0, 1 << 30], ids=["idle", "streaming"])
+def test_a_frozen_client(server: BackgroundServer, credit: int) -> None:
+    """SIGSTOP: its kernel still takes packets and answers, the program does not."""
+    program = CLIENT.format(
+        tests=str(Path(__file__).parents[1]), url=server.scene_url("pit"), credit=credit
+    )
+    before = held(server)
+    process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "landed\n"
+        # Alive, it answers pings and stays, however long it is silent.
+        time.sleep(IDLE_S + 0.7)
+        assert server.service.session_count == 1
+        os.kill(process.pid, signal.SIGSTOP)
+        began_s = time.monotonic()
+        eventually(lambda: server.service.session_count == 0, MOST_S)
+        assert time.monotonic() - began_s > IDLE_S / 2
+        eventually(lambda: held(server)[2:] == before[2:])
+        assert closed(server, "timeout") == 1
+    finally:
+        process.kill()
+        process.communicate()
+    eventually(lambda: held(server) == (before[0], held(server)[1], *before[2:]))
+
+
+class Hole:
+    """A proxy that can stop carrying bytes, in both directions, without closing anything."""
+
+    def __init__(self, port: int) -> None:
+        self._target = port
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port: int = self._listener.getsockname()[1]
+        self._open = threading.Event()
+        self._open.set()
+        self._sockets: list[socket.socket] = []
+        self._threads = [threading.Thread(target=self._accept, daemon=True)]
+        self._threads[0].start()
+
+    def swallow(self) -> None:
+        """From now on nothing arrives any more, on either side."""
+        self._open.clear()
+
+    def close(self) -> None:
+        for one in (self._listener, *self._sockets):
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+            one.close()
+        self._open.set()
+        for thread in self._threads:
+            thread.join(5)
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                here, _ = self._listener.accept()
+                there = socket.create_connection(("127.0.0.1", self._target))
+                self._sockets += [here, there]
+                for one, other in ((here, there), (there, here)):
+                    thread = threading.Thread(target=self._carry, args=(one, other), daemon=True)
+                    self._threads.append(thread)
+                    thread.start()
+
+    def _carry(self, one: socket.socket, other: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while data := one.recv(1 << 16):
+                self._open.wait()
+                other.sendall(data)
+
+
+@pytest.mark.parametrize("credit", [0, 1 << 30], ids=["idle", "streaming"])
+def test_a_link_that_swallows_everything(server: BackgroundServer, credit: int) -> None:
+    before = held(server)
+    hole = Hole(server.port)
+    try:
+        url = f"http://127.0.0.1:{hole.port}/scenes/pit"
+        with PlainClient(url, ping_interval=None) as client:
+            client.hello(credit_bytes=credit)
+            client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=200.0))
+            client.expect(Plan)
+            hole.swallow()
+            began_s = time.monotonic()
+            eventually(lambda: server.service.session_count == 0, MOST_S)
+            assert IDLE_S / 2 < time.monotonic() - began_s < MOST_S
+            assert closed(server, "timeout") == 1
+            hole.close()
+    finally:
+        hole.close()
+    eventually(lambda: held(server) == before)
+
+
+def test_others_go_on_meanwhile(server: BackgroundServer) -> None:
+    hole = Hole(server.port)
+    try:
+        with PlainClient(f"http://127.0.0.1:{hole.port}/scenes/pit", ping_interval=None) as lost:
+            lost.hello()
+            hole.swallow()
+            with PlainClient(server.scene_url("pit")) as client:
+                client.hello()
+                slowest_s = 0.0
+                for generation in range(1, 30):
+                    began_s = time.monotonic()
+                    client.send(Land(generation=generation, position=(0.0, 0.0, 0.0), radius_m=9.0))
+                    client.until(Plan)
+                    slowest_s = max(slowest_s, time.monotonic() - began_s)
+                    time.sleep(0.1)
+                assert slowest_s < IDLE_S, "nobody waits for who is gone"
+            assert closed(server, "timeout") == 1
+            hole.close()
+    finally:
+        hole.close()
