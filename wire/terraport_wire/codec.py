@@ -195,7 +195,7 @@ def _plain_json(data: bytes | bytearray | memoryview | str, limit: int) -> Any:
     except UnicodeEncodeError as error:
         raise MalformedError("got text with a lone surrogate") from error
     try:
-        plain = json.loads(data, object_pairs_hook=_unique_keys, parse_constant=_no_constant)
+        plain = json.loads(data, object_pairs_hook=_unique_names, parse_constant=_no_constant)
     except DecodeError:
         raise
     except json.JSONDecodeError as error:
@@ -222,6 +222,12 @@ def _unique_keys(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
             raise MalformedError(f"got key {clip(key)} twice, expected each key once")
         keys[key] = value
     return keys
+
+
+def _unique_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the keys of a JSON object, which are text already."""
+    keys = dict(pairs)
+    return keys if len(keys) == len(pairs) else _unique_keys(pairs)
 
 
 def _no_constant(text: str) -> NoReturn:

@@ -22,6 +22,8 @@ _SIZED = {0xC4: 1, 0xC5: 2, 0xC6: 4, 0xD9: 1, 0xDA: 2, 0xDB: 4}
 # Containers with a count field: (bytes of the count, values per item).
 _COUNTED = {0xDC: (2, 1), 0xDD: (4, 1), 0xDE: (2, 2), 0xDF: (4, 2)}
 
+_NESTED = (dict, list)
+
 
 def check_msgpack(data: bytes) -> None:
     """Check that `data` is one whole msgpack value within depth and item limits.
@@ -92,20 +94,18 @@ def check_depth(value: Any) -> None:
     MalformedError
         If it is nested deeper.
     """
-    level = [value]
+    # json.loads makes plain dicts and lists alone; a held table has 32,768 of them.
+    level = [value] if type(value) in _NESTED else []
     for _ in range(MAX_DEPTH):
-        level = [inner for outer in level for inner in _inside(outer)]
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if type(outer) is dict else outer)
+            if type(inner) in _NESTED
+        ]
         if not level:
             return
     raise MalformedError(f"got nesting beyond {MAX_DEPTH} levels")
-
-
-def _inside(value: Any) -> list[Any]:
-    if isinstance(value, dict):
-        return [inner for inner in value.values() if isinstance(inner, (dict, list))]
-    if isinstance(value, list):
-        return [inner for inner in value if isinstance(inner, (dict, list))]
-    return []
 
 
 def _count(data: bytes, position: int, width: int, start: int) -> tuple[int, int]:

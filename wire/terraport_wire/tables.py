@@ -8,6 +8,7 @@ read-only NumPy array, so that a plan of 1,000 segments costs one copy and no ob
 from __future__ import annotations
 
 import re
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ of the scene frame (min x, y, z, max x, y, z)."""
 
 _U32 = 2**32 - 1
 _HASH = re.compile(r"[0-9a-f]{16}")
+_HEX = re.compile(r"[0-9a-f]*")
 
 
 class _Packed:
@@ -154,10 +156,17 @@ class HeldTable(_Packed):
     noun = "held segments"
 
     def _to_list(self, rows: NDArray[Any]) -> list[Any]:
-        return [[segment, f"{xxh3:016x}"] for segment, xxh3 in rows.tolist()]
+        return [list(row) for row in zip(rows["id"].tolist(), _to_hex(rows["xxh3"]), strict=True)]
 
     def _from_list(self, raw: list[Any]) -> NDArray[Any]:
         rows = np.zeros(len(raw), dtype=self.dtype)
+        if raw and set(map(type, raw)) == {list} and set(map(len, raw)) == {2}:
+            ids = _fast_u32([item[0] for item in raw])
+            hashes = _fast_hashes([item[1] for item in raw])
+            if ids is not None and hashes is not None:
+                rows["id"], rows["xxh3"] = ids, hashes
+                return rows
+        # One by one: something is wrong, and the answer says where.
         for number, item in enumerate(raw):
             if not isinstance(item, list) or len(item) != 2:
                 raise Refused(f"got {clip(item)}, expected [id, hash]", str(number))
@@ -206,12 +215,15 @@ class LoadTable(_Packed):
             raise Refused("got a box whose min is above its max, expected min <= max", "bounds")
 
     def _to_list(self, rows: NDArray[Any]) -> list[Any]:
-        columns = [rows[name].tolist() for name in LOAD_DTYPE.names or ()]
+        columns = [
+            _to_hex(rows[name]) if name == "xxh3" else rows[name].tolist()
+            for name in LOAD_DTYPE.names or ()
+        ]
         return [
             {
                 "id": segment,
                 "length": length,
-                "xxh3": f"{xxh3:016x}",
+                "xxh3": xxh3,
                 "faces": faces,
                 "vertices": vertices,
                 "bounds": bounds,
@@ -221,8 +233,10 @@ class LoadTable(_Packed):
 
     def _from_list(self, raw: list[Any]) -> NDArray[Any]:
         rows = np.zeros(len(raw), dtype=self.dtype)
-        for number, item in enumerate(raw):
-            rows[number] = _load_row(item, str(number))
+        if not _fill_load_rows(rows, raw):
+            # One by one: something is wrong, and the answer says where.
+            for number, item in enumerate(raw):
+                rows[number] = _load_row(item, str(number))
         return rows
 
     def schema(self) -> dict[str, Any]:
@@ -245,6 +259,65 @@ class LoadTable(_Packed):
 
     def describe(self) -> str:
         return f"load table, at most {self.most}"
+
+
+def _fill_load_rows(rows: NDArray[Any], raw: list[Any]) -> bool:
+    """Fill all rows at once, column by column; False where any of them is not as it should be."""
+    if not raw or set(map(type, raw)) != {dict}:
+        return False
+    try:
+        boxes = [item["bounds"] for item in raw]
+        columns: dict[str, NDArray[Any] | None] = {
+            name: _fast_u32([item[name] for item in raw])
+            for name in ("id", "length", "faces", "vertices")
+        }
+        columns["xxh3"] = _fast_hashes([item["xxh3"] for item in raw])
+    except KeyError:
+        return False
+    if set(map(type, boxes)) != {list} or set(map(len, boxes)) != {6}:
+        return False
+    numbers = list(chain.from_iterable(boxes))
+    if not set(map(type, numbers)) <= {int, float}:
+        return False
+    try:
+        bounds = np.array(numbers, dtype=np.float64)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
+    if any(column is None for column in columns.values()):
+        return False
+    if not (np.abs(bounds) <= MAX_COORDINATE_M).all():
+        return False
+    for name, column in columns.items():
+        rows[name] = column
+    rows["bounds"] = bounds.reshape(-1, 6)
+    return True
+
+
+def _fast_u32(values: list[Any]) -> NDArray[np.int64] | None:
+    """Return ids or counts as an array; None where one of them is no such number."""
+    if set(map(type, values)) != {int}:
+        return None
+    try:
+        numbers = np.array(values, dtype=np.int64)
+    except OverflowError:
+        return None
+    return numbers if numbers.min() >= 0 and numbers.max() <= _U32 else None
+
+
+def _fast_hashes(values: list[Any]) -> NDArray[np.uint64] | None:
+    """Return hashes as an array; None where one of them is no hash."""
+    if set(map(type, values)) != {str} or set(map(len, values)) != {16}:
+        return None
+    text = "".join(values)
+    if not _HEX.fullmatch(text):
+        return None
+    return np.frombuffer(bytes.fromhex(text), dtype=">u8").astype(np.uint64)
+
+
+def _to_hex(hashes: NDArray[np.uint64]) -> list[str]:
+    """Return 16 hexadecimal digits of each."""
+    text = hashes.astype(">u8").tobytes().hex()
+    return [text[at : at + 16] for at in range(0, len(text), 16)]
 
 
 def _load_row(item: Any, place: str) -> tuple[Any, ...]:
@@ -279,6 +352,9 @@ def _u32(value: Any, place: str) -> int:
 def _u32_list(raw: Any) -> NDArray[np.uint32]:
     if not isinstance(raw, list):
         raise Refused(f"got {clip(raw)}, expected a list of ids")
+    numbers = _fast_u32(raw) if raw else None
+    if numbers is not None:
+        return numbers.astype(ID_DTYPE)
     items = [int(item) if isinstance(item, np.integer) else item for item in raw]
     return np.array([_u32(item, str(n)) for n, item in enumerate(items)], dtype=ID_DTYPE)
 
