@@ -19,10 +19,11 @@ import uvicorn
 from terraport_server.app import create_app
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.http_connection import http_protocol_class
+from terraport_server.listeners import Listeners
 from terraport_server.logs import configure_logging
 from terraport_server.service import Service
 from terraport_server.settings import Settings
-from terraport_server.supervisor import Supervisor, open_listeners
+from terraport_server.supervisor import Supervisor
 from terraport_server.transport import protocol_class
 from terraport_store import is_url
 
@@ -195,7 +196,8 @@ def _run_workers(settings: Settings, reread: Callable[[], Settings] | None) -> N
         raise SettingsError("workers", f"got {settings.workers} on Windows, expected 1")
     settings.check()
     configure_logging(settings.log_level, settings.log_format)
-    supervisor = Supervisor(settings, open_listeners(settings.host, settings.port), reread)
+    listeners = Listeners(settings.host, settings.port, settings.workers)
+    supervisor = Supervisor(settings, listeners, reread)
     asyncio.run(supervisor.run())
 
 

@@ -1,8 +1,8 @@
 """Several worker processes behind one port: started, watched, replaced one by one, ended together.
 
-All workers accept from one listening socket, which this process opens and keeps
-(``docs/decisions/0019-one-socket-for-all-workers.md``): a connection that waits while a worker ends
-or dies is accepted by another one. This process itself answers nobody.
+Their listening sockets are opened and kept by this process (:mod:`terraport_server.listeners`): a
+connection that waits while a worker ends or dies is accepted by the next one. This process itself
+answers nobody.
 
 ========= ======================================================================================
 signal    what happens
@@ -30,11 +30,12 @@ from pydantic import SecretStr
 
 from terraport_server.control import Channel
 from terraport_server.errors import ServerError
+from terraport_server.listeners import Listeners
 from terraport_server.logs import log
 from terraport_server.merged_metrics import EndedWorkers
 from terraport_server.settings import Settings
 
-__all__ = ["Supervisor", "open_listeners"]
+__all__ = ["Supervisor"]
 
 _START_TIMEOUT_S: Final = 120.0
 """A scene of a million segments takes some seconds to open; more than this is a hang."""
@@ -43,7 +44,6 @@ _LONGEST_PAUSE_S: Final = 30.0
 _STEADY_S: Final = 60.0
 """A worker that lived so long did not fail at its start: the pauses begin anew."""
 _MEASURE_TIMEOUT_S: Final = 2.0
-_BACKLOG: Final = 2048
 
 
 class _Worker:
@@ -77,7 +77,7 @@ class Supervisor:
     settings
         Checked; ``workers`` is at least 1.
     listeners
-        Bound and listening; closed at the end.
+        For so many workers; closed at the end.
     reread
         Reads the settings again, for a rolling restart; host, port and the number of workers stay.
     """
@@ -85,7 +85,7 @@ class Supervisor:
     def __init__(
         self,
         settings: Settings,
-        listeners: list[socket.socket],
+        listeners: Listeners,
         reread: Callable[[], Settings] | None = None,
     ) -> None:
         self._settings = settings
@@ -155,7 +155,7 @@ class Supervisor:
             When it ends or stalls before that.
         """
         ours, theirs = socket.socketpair()
-        numbers = [listener.fileno() for listener in self._listeners]
+        numbers = [listener.fileno() for listener in self._listeners.of(slot)]
         with theirs:
             process = await asyncio.create_subprocess_exec(
                 sys.executable,
@@ -239,6 +239,8 @@ class Supervisor:
             while not self._told.is_set() and slot not in self._workers:
                 pause_s = min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0 ** self._failures[slot])
                 self._failures[slot] = min(16, self._failures[slot] + 1)
+                if self._failures[slot] > 1:
+                    self._listeners.give_up(slot)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(pause_s):
                         await self._told.wait()
@@ -308,8 +310,7 @@ class Supervisor:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        for listener in self._listeners:
-            listener.close()
+        self._listeners.close()
 
     async def _answer(self, worker: _Worker, number: int) -> None:
         """Give a worker the metrics of all; scrapes at one time share one collection."""
@@ -354,30 +355,6 @@ class Supervisor:
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-
-
-def open_listeners(host: str, port: int) -> list[socket.socket]:
-    """Listen on every address of a host, on one port; 0 = any free one.
-
-    Raises
-    ------
-    ServerError
-        When an address cannot be had.
-    """
-    listeners: list[socket.socket] = []
-    try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-        for family, _, _, _, address in dict.fromkeys(found):
-            taken = listeners[0].getsockname()[1] if listeners else port
-            listener = socket.create_server((address[0], taken), family=family, backlog=_BACKLOG)
-            listener.setblocking(False)
-            listeners.append(listener)
-    except OSError:
-        for listener in listeners:
-            listener.close()
-        text = f"could not listen on {host}:{port}, expected a free address and port"
-        raise ServerError(text) from None
-    return listeners
 
 
 def _as_plain(settings: Settings) -> dict[str, Any]:

@@ -18,8 +18,9 @@ from server.supervised import Supervised, is_alive
 
 import terraport
 from terraport_server.errors import ServerError
+from terraport_server.listeners import Listeners
 from terraport_server.settings import Settings
-from terraport_server.supervisor import Supervisor, open_listeners
+from terraport_server.supervisor import Supervisor
 from terraport_wire import Credit, Land, Notice, Plan, Ready
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
@@ -219,26 +220,10 @@ def test_workers_that_cannot_start_end_the_service(
     )
 
     async def work() -> None:
-        await Supervisor(settings, open_listeners("127.0.0.1", 0)).run()
+        await Supervisor(settings, Listeners("127.0.0.1", 0, 1)).run()
 
     with pytest.raises(ServerError, match="worker 0 ended before it was ready, expected it to"):
         asyncio.run(asyncio.wait_for(work(), 60))
-
-
-def test_a_port_in_use_is_said_before_any_worker_starts() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        with pytest.raises(ServerError, match=f"could not listen on 127.0.0.1:{port}, expected"):
-            open_listeners("127.0.0.1", port)
-
-
-def test_every_address_of_a_host_gets_the_same_port() -> None:
-    listeners = open_listeners("localhost", 0)
-    try:
-        assert len({listener.getsockname()[1] for listener in listeners}) == 1
-    finally:
-        for listener in listeners:
-            listener.close()
 
 
 def test_sigterm_finishes_open_landings_and_leaves_no_process(

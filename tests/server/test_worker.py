@@ -12,15 +12,16 @@ import httpx
 from server.grid_scene import write_grid_scene
 
 from terraport_server.control import Channel
-from terraport_server.supervisor import open_listeners
+from terraport_server.listeners import Listeners
 
 
 def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) -> None:
     write_grid_scene(tmp_path / "pit")
 
     async def work() -> None:
-        (listener,) = open_listeners("127.0.0.1", 0)
-        url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        listeners = Listeners("127.0.0.1", 0, 1)
+        (listener,) = listeners.of(0)
+        url = f"http://127.0.0.1:{listeners.port}"
         ours, theirs = socket.socketpair()
         with theirs:
             numbers = (theirs.fileno(), listener.fileno())
@@ -54,6 +55,6 @@ def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) ->
             _, log = await process.communicate()
         assert process.returncode == 0
         assert b"Traceback" not in log
-        listener.close()
+        listeners.close()
 
     asyncio.run(asyncio.wait_for(work(), 60))
