@@ -78,7 +78,7 @@ class Size:
     """Square root of the segments of the planned scene."""
 
 
-FULL = Size(side=20, rounds=9, clients=64, segments_of_many=49, landings=400, plan_side=1000)
+FULL = Size(side=20, rounds=9, clients=64, segments_of_many=100, landings=400, plan_side=1000)
 SMOKE = Size(side=6, rounds=2, clients=8, segments_of_many=9, landings=10, plan_side=100)
 
 
@@ -171,12 +171,13 @@ def measure_throughput(
         began_s = time.perf_counter()
         for which in range(count):
             left[which] = wire_bytes(clients[which].begin(centre, radius_m))
+        wanted_bytes = left[0]
         ours = drain_all([client.socket for client in clients], left)
         seconds = time.perf_counter() - began_s
         for client in clients:
             client.drain()
             client.close()
-        frames = left[0] // frame_bytes(CHUNK)
+        frames = wanted_bytes // frame_bytes(CHUNK)
         middle = service.cpu_s(), cpu_s(raw[1])
         began_s = time.perf_counter()
         for one in plain:
@@ -243,34 +244,27 @@ def keep_busy(
     port: int, size: Size, bytes_per_s: float | None, going: Any, enough: Any, amount: Any
 ) -> None:
     """Child process: many clients that stream until told to stop."""
-    clients = [DrainClient("127.0.0.1", port, "pit") for _ in range(size.clients)]
     side_m = TILE_M * size.side
-    for client in clients:
-        client.hello()
+    centre = (side_m / 2, 0.5, side_m / 2)
     began_s = time.perf_counter()
     received = 0
-
-    def begin() -> list[int]:
+    while not enough.is_set():
+        clients = [DrainClient("127.0.0.1", port, "pit") for _ in range(size.clients)]
         for client in clients:
-            client.forget()
-        centre = (side_m / 2, 0.5, side_m / 2)
-        return [wire_bytes(client.begin(centre, side_m)) for client in clients]
-
-    if bytes_per_s is None:
-        while not enough.is_set():
-            left = begin()
+            client.hello()
+        wanted = [wire_bytes(client.begin(centre, side_m)) for client in clients]
+        left = list(wanted)
+        sockets = [client.socket for client in clients]
+        if not going.is_set():
             going.set()
-            drain_all([client.socket for client in clients], left)
-            received += sum(left)
-            for client in clients:
-                client.drain()
-    else:
-        begin()
-        going.set()
-        began_s = time.perf_counter()
-        received = sum(
-            drain_paced([client.socket for client in clients], bytes_per_s, enough.is_set)
-        )
+            began_s = time.perf_counter()
+        if bytes_per_s is None:
+            drain_all(sockets, left, enough.is_set)
+        else:
+            drain_paced(sockets, left, bytes_per_s, enough.is_set)
+        received += sum(wanted) - sum(left)
+        for client in clients:
+            client.close()
     amount.value = received / 1e6 / (time.perf_counter() - began_s)
 
 

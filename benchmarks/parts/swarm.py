@@ -14,9 +14,12 @@ from collections.abc import Callable
 __all__ = ["drain_all", "drain_paced"]
 
 _PIECE = 1 << 18
+_TICK_S = 0.02
 
 
-def drain_all(clients: list[socket.socket], left: list[int]) -> float:
+def drain_all(
+    clients: list[socket.socket], left: list[int], until: Callable[[], bool] = lambda: False
+) -> float:
     """Read until every client has its bytes.
 
     Parameters
@@ -24,7 +27,9 @@ def drain_all(clients: list[socket.socket], left: list[int]) -> float:
     clients
         Connected.
     left
-        Bytes that each is to receive.
+        Bytes that each is to receive; counted down in place.
+    until
+        Ends it sooner.
 
     Returns
     -------
@@ -32,12 +37,12 @@ def drain_all(clients: list[socket.socket], left: list[int]) -> float:
         Fairness: bytes of the slowest client over bytes of the fastest when the fastest was done.
     """
     buffer = bytearray(_PIECE)
-    wanted, left = list(left), list(left)
+    wanted = list(left)
     fairness = 0.0
     with selectors.DefaultSelector() as selector:
         for number, client in enumerate(clients):
             selector.register(client, selectors.EVENT_READ, number)
-        while selector.get_map():
+        while selector.get_map() and not until():
             for key, _ in selector.select(60):
                 number = key.data
                 got = clients[number].recv_into(buffer, min(_PIECE, left[number]))
@@ -52,24 +57,32 @@ def drain_all(clients: list[socket.socket], left: list[int]) -> float:
 
 
 def drain_paced(
-    clients: list[socket.socket], bytes_per_s: float, until: Callable[[], bool]
-) -> list[int]:
-    """Read so much per second from each client; return what each received.
+    clients: list[socket.socket], left: list[int], bytes_per_s: float, until: Callable[[], bool]
+) -> None:
+    """Read so much per second from each client, in ticks of 20 ms, until one has its bytes.
 
-    A tick is 20 ms; what does not come in one is not made up for.
+    Parameters
+    ----------
+    clients
+        Connected; non-blocking afterwards.
+    left
+        Bytes that each is to receive; counted down in place.
+    bytes_per_s
+        Of each client; what does not come in its tick is not made up for.
+    until
+        Ends it sooner.
     """
-    tick_s = 0.02
-    buffer = bytearray(max(1, int(bytes_per_s * tick_s)))
-    received = [0] * len(clients)
+    buffer = bytearray(int(bytes_per_s * _TICK_S))
     for client in clients:
         client.setblocking(False)
     next_s = time.perf_counter()
     while not until():
         for number, client in enumerate(clients):
             try:
-                received[number] += client.recv_into(buffer)
+                left[number] -= client.recv_into(buffer, min(len(buffer), left[number]))
             except BlockingIOError:
                 continue
-        next_s += tick_s
+            if not left[number]:
+                return
+        next_s += _TICK_S
         time.sleep(max(0.0, next_s - time.perf_counter()))
-    return received

@@ -29,6 +29,8 @@ class PackedRTree:
         As in :class:`~terraport_store.index.SegmentIndex`; finite.
     fanout : int, optional
         Boxes per node, >= 2.
+    most_roots : int, optional
+        So many boxes are tested one and all: cheaper than another level.
 
     References
     ----------
@@ -36,12 +38,14 @@ class PackedRTree:
     packing", ICDE 1997. Tiles are cut over x and z only: ground is wide and shallow.
     """
 
-    def __init__(self, bounds: npt.NDArray[np.float32], fanout: int = 64) -> None:
+    def __init__(
+        self, bounds: npt.NDArray[np.float32], fanout: int = 64, most_roots: int = 1024
+    ) -> None:
         self._ids = _str_order(bounds, fanout)
         self._children = np.arange(fanout)
         self._levels = [np.ascontiguousarray(bounds[self._ids])]
         """Boxes of the segments in tree order, then of the nodes over each level."""
-        while len(self._levels[-1]) > fanout:
+        while len(self._levels[-1]) > most_roots:
             below = self._levels[-1]
             starts = np.arange(0, len(below), fanout)
             low = np.minimum.reduceat(below[:, :3], starts)

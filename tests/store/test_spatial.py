@@ -92,7 +92,7 @@ def test_rtree_equals_brute_force(
     expected = BruteForceIndex(boxes).within(centre, radius)
     assert RTreeIndex(boxes).within(centre, radius).tolist() == expected.tolist()
     for fanout in (2, 3, 8, 64):
-        found = PackedRTree(boxes, fanout).within(centre, radius)
+        found = PackedRTree(boxes, fanout, most_roots=fanout).within(centre, radius)
         assert found.tolist() == expected.tolist()
 
 
@@ -103,7 +103,7 @@ def test_rtree_equals_brute_force_at_the_very_distance(
 ) -> None:
     """The radius is exactly some box's distance: inclusive in both, to the last bit."""
     radius = float(box_distances_m(boxes, centre)[which % len(boxes)])
-    tree, packed = RTreeIndex(boxes), PackedRTree(boxes, 3)
+    tree, packed = RTreeIndex(boxes), PackedRTree(boxes, 3, most_roots=3)
     for exact in (radius, math.nextafter(radius, 0), math.nextafter(radius, math.inf)):
         expected = BruteForceIndex(boxes).within(centre, exact)
         assert tree.within(centre, exact).tolist() == expected.tolist()
