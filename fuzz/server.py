@@ -226,9 +226,14 @@ async def land_once(url: str, scene: Scene) -> list[str]:
 
 
 def attack_service(
-    corpus: Corpus, port: int, seed: int, budgets: dict[str, Callable[[], Budget]], wrong: list[str]
+    corpus: Corpus,
+    port: int,
+    seed: int,
+    budgets: dict[str, Callable[[], Budget]],
+    wrong: list[str],
+    part: tuple[int, int],
 ) -> dict[str, Any]:
-    """All attacks over sockets."""
+    """All attacks over sockets; of the truncations only every n-th, from the k-th on."""
 
     def draws(name: str) -> Iterator[random.Random]:
         number = 0
@@ -237,7 +242,8 @@ def attack_service(
             number += 1
 
     def truncated() -> Iterator[Case]:
-        pairs = zip(_truncations(corpus, seed), draws("truncated"), strict=False)
+        every = _truncations(corpus, seed)[part[0] :: part[1]]
+        pairs = zip(every, draws("truncated"), strict=False)
         for (form, data), draw in pairs:
             yield lambda f=form, d=data, r=draw: socket_truncated(port, f, d, r)
 
@@ -291,10 +297,12 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, help="time of all attacks together")
     parser.add_argument("--messages", type=int, help="so many messages, and all truncations")
     parser.add_argument("--only", choices=ATTACKS, action="append", help="repeatable")
+    parser.add_argument("--part", default="0/1", help="K/N: every N-th truncation over sockets")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--growth-mb", type=float, default=64.0)
     parser.add_argument("--log", type=Path, help="where the service's log goes")
     arguments = parser.parse_args()
+    first, step = (int(number) for number in arguments.part.split("/"))
     corpus, budgets, wrong = Corpus(), make_budgets(arguments), []
     for name in ATTACKS:
         if arguments.only and name not in arguments.only:
@@ -318,7 +326,9 @@ def main() -> int:
             url = f"{service.url}/scenes/{SCENE}"
             wrong += asyncio.run(land_once(url, scene))
             before = service.memory()
-            result |= attack_service(corpus, service.port, arguments.seed, budgets, wrong)
+            result |= attack_service(
+                corpus, service.port, arguments.seed, budgets, wrong, (first, step)
+            )
             if not service.alive:
                 wrong.append("the service is dead")
             else:
