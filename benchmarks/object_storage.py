@@ -39,7 +39,7 @@ from server.plain_client import PlainClient
 
 from terraport_store.origin import ObjectOptions
 from terraport_store.upload import upload_scene
-from terraport_wire import Land, PayloadFrame, Ready
+from terraport_wire import Credit, Land, PayloadFrame, Ready
 
 DELAY_S = 0.02
 
@@ -147,6 +147,7 @@ def landings(
                     first_s = time.perf_counter()
             ready_ms.append((time.perf_counter() - began_s) * 1e3)
             assert not len(message.missing), "segments are missing"
+            client.send(Credit(bytes=message.payload_bytes))
             first_ms.append(((first_s or began_s) - began_s) * 1e3)
             after = counts(service)
             payload.append(message.payload_bytes)

@@ -47,6 +47,9 @@ _NEW_LANDING_BYTES: Final = 1 << 20
 
 _SHORTEST_TICK_S: Final = 0.002
 
+_ALL_TOLD: Final = 1 << 62
+"""Bytes ahead of a landing whose every segment the desk has heard of."""
+
 _MOST_AHEAD: Final = 512
 """Segments that are looked at for fetching ahead; their bytes are bounded by the desk."""
 
@@ -116,7 +119,6 @@ class Sender:
         self._failed: int | None = None
         """Segment that could not be fetched; told to the session when it asks for it again."""
         self._ahead_generation = -1
-        self._ahead_segment = -1
         self._ahead_bytes = 0
         """What the desk was told of and was not sent yet."""
         self._absent: SendChunk | None = None
@@ -268,6 +270,7 @@ class Sender:
         chunks = session.next_chunks(most_bytes)
         if chunks and chunks[0].segment == self._failed:
             self._failed = None
+            self._ahead_bytes -= chunks[0].total - chunks[0].offset
             session.payload_failed(chunks[0], self._loop.time())
             return [], []
         if chunks and desk.ahead_bytes:
@@ -300,6 +303,7 @@ class Sender:
         if last.generation != self._under_way.generation:
             self._generation_bytes = 0
         self._generation_bytes += sent_bytes
+        self._ahead_bytes -= sent_bytes
         self._under_way = last
 
     def _rank(self, chunk: SendChunk) -> Rank:
@@ -324,15 +328,13 @@ class Sender:
     def _look_ahead(self, chunk: SendChunk) -> None:
         """Let the desk fetch what follows, so much at a time that neighbours go together."""
         if chunk.generation != self._ahead_generation:
-            self._ahead_generation, self._ahead_bytes, self._ahead_segment = chunk.generation, 0, -1
-        if chunk.segment == self._ahead_segment:
-            return
-        self._ahead_segment = chunk.segment
-        self._ahead_bytes -= chunk.total
+            self._ahead_generation, self._ahead_bytes = chunk.generation, 0
         desk = self._served.desk
         if self._ahead_bytes <= desk.ahead_bytes // 2:
             coming = self.session.upcoming(_MOST_AHEAD)
-            self._ahead_bytes = desk.expect(coming, self.session.encoding)
+            told_bytes = desk.expect(coming, self.session.encoding)
+            # Less than asked for: that was all, and there is nothing more to tell.
+            self._ahead_bytes = told_bytes if told_bytes >= desk.ahead_bytes else _ALL_TOLD
 
     async def _fetch(self, chunk: SendChunk) -> None:
         """Wait until the chunk can be sent, or note that it cannot; then ask the session again.

@@ -136,6 +136,20 @@ def test_a_landing_brings_the_same_bytes_cold_warm_and_after_a_restart(
         assert len(reads) <= (2 + 8 if start == 0 else 2)
 
 
+def test_a_landing_larger_than_what_is_read_ahead(
+    proxy: FaultProxy, place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
+) -> None:
+    """The hints keep pace with what is sent: most payloads come with a neighbour, before need."""
+    ahead_bytes = sum(map(len, scenes[0].payloads)) // 4
+    with serve(place, tmp_path, object_read_ahead_bytes=ahead_bytes) as server:
+        with PlainClient(server.scene_url("pit")) as client:
+            client.hello()
+            proxy.asked.clear()
+            proxy.rule = pack_of("pit", Fault(delay_s=0.02))
+            assert land(client)[1] == all_of(scenes[0])
+        assert len(proxy.of("segments.pack")) < 0.75 * SIDE * SIDE
+
+
 def test_everything_beside_the_stream_is_there_too(
     place: str, scenes: tuple[GridScene, GridScene], tmp_path: Path
 ) -> None:
