@@ -8,8 +8,9 @@ from typing import Any, Final
 
 __all__ = ["MAX_HELD_BYTES", "FrameGuard"]
 
-MAX_HELD_BYTES: Final = 64 << 10
-"""Pongs and the like that may wait for a frame; a client that makes more is dropped."""
+MAX_HELD_BYTES: Final = 128 << 10
+"""Control frames that may wait for a frame; a client that makes more is dropped. Pongs stop at half
+of it (``peer_limits.py``)."""
 
 
 class FrameGuard:
@@ -66,6 +67,10 @@ class FrameGuard:
         if self._held_bytes > MAX_HELD_BYTES:
             self._held.clear()
             self._transport.abort()
+
+    def get_write_buffer_size(self) -> int:
+        """Bytes that wait, here or in the transport."""
+        return self._held_bytes + int(self._transport.get_write_buffer_size())
 
     def writelines(self, parts: Iterable[bytes | memoryview]) -> None:
         """Write now; only whole frames, and only by who begins frames."""

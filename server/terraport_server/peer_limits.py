@@ -81,10 +81,14 @@ class BoundedPeer(WebSocketsSansIOProtocol):
 
     def resume_writing(self) -> None:
         """Answer the ping that has waited."""
+        self.answer_ping()
+        super().resume_writing()
+
+    def answer_ping(self) -> None:
+        """Answer the ping that has waited, where there is one."""
         if self._newest_pong is not None:
             pong, self._newest_pong = self._newest_pong, None
             self.transport.write(pong)
-        super().resume_writing()
 
     def send_receive_event_to_app(self) -> None:
         """Hand a whole message on; text that is no UTF-8 ends the connection, without a trace."""

@@ -145,6 +145,8 @@ class Sender:
             for task in tasks | self._picks:
                 task.cancel()
             await asyncio.gather(*tasks, *self._picks, return_exceptions=True)
+            if self._connection is not None:
+                self._connection.hand_over()  # whoever was to send the rest is gone
 
     def wake(self) -> None:
         """Look at the session again: something was told to it from outside."""

@@ -138,7 +138,7 @@ class Connection(BoundedPeer):
                 self._push()
             await self.writable.wait()
         except asyncio.CancelledError:
-            self._hand_over()
+            self.hand_over()
             raise
         except WebSocketDisconnect:
             self._drop_frame()
@@ -220,6 +220,7 @@ class Connection(BoundedPeer):
         self._frame = None
         if self._guard.in_frame:
             self._guard.end()
+            self.answer_ping()
         return True
 
     def _own_socket(self) -> socket.socket:
@@ -246,8 +247,11 @@ class Connection(BoundedPeer):
         if self.disconnected:
             raise WebSocketDisconnect(1006)
 
-    def _hand_over(self) -> None:
-        """Leave the rest of a frame to the transport; where it cannot be read, drop the rest."""
+    def hand_over(self) -> None:
+        """Leave the rest of a frame, if one is under way, to the transport.
+
+        Where it cannot be read, the connection is dropped.
+        """
         if self._frame is None:
             return
         (head, part), self._frame = self._frame, None

@@ -30,6 +30,9 @@ class Recorder:
     def is_closing(self) -> bool:
         return "close" in self.told
 
+    def get_write_buffer_size(self) -> int:
+        return 7
+
     def get_extra_info(self, name: str) -> str:
         return name
 
@@ -53,6 +56,7 @@ def test_control_frames_and_close_follow_the_frame() -> None:
     guard.begin()
     guard.write(b"pong 1")
     guard.write(b"pong 2")
+    assert guard.get_write_buffer_size() == 12 + 7
     assert not guard.is_closing()
     guard.close()
     assert guard.is_closing()

@@ -148,7 +148,7 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
     tmp_path: Path, source: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A client that does not read stalls a frame; its pings come then; the stream stays whole."""
-    sent_files = []
+    sent_files: list[int] = []
     send_frames = Connection.send_frames
 
     def counted(self: Connection, frames: Sequence[tuple[bytes, PayloadRange | memoryview]]) -> int:
@@ -177,6 +177,31 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
     got = assemble([frame for frame in frames if isinstance(frame, PayloadFrame)])
     assert got == dict(enumerate(pit.payloads))
     assert sum(sent_files) == (sum(map(len, pit.payloads)) if source == "file" else 0)
+
+
+def test_a_client_that_pings_and_does_not_read_gets_the_newest_pong(tmp_path: Path) -> None:
+    """Beyond 64 KiB of pongs the rest is dropped, not kept; the connection stays."""
+    pit = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
+    with BackgroundServer(tmp_path, max_radius_m=1e4) as server:
+        client = SlowClient(server.port)
+        client.send(make_hello())
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=500.0))
+        time.sleep(0.3)
+        for number in range(20):
+            for other in range(100):
+                client.protocol.send_ping(b"%120d" % (100 * number + other))
+            client.flush()
+            time.sleep(0.01)
+        time.sleep(0.1)
+        client.read_until_ready()
+        client.socket.close()
+    pongs = [int(frame.data) for frame in client.frames if frame.opcode is Opcode.PONG]
+    assert 0 < len(pongs) < 700
+    assert pongs == sorted(pongs)
+    assert pongs[-1] == 1999
+    frames = [decode_frame(frame.data) for frame in client.frames if is_payload(frame.data)]
+    got = assemble([frame for frame in frames if isinstance(frame, PayloadFrame)])
+    assert got == dict(enumerate(pit.payloads))
 
 
 def test_a_client_that_vanishes_in_the_middle_of_a_frame_frees_everything(tmp_path: Path) -> None:
