@@ -18,6 +18,7 @@ from terraport.events import (
 from terraport.options import checked, point
 from terraport_wire import (
     Arrived,
+    Error,
     Gather,
     Gathered,
     Gathering,
@@ -133,15 +134,16 @@ class GroupState:
         """Note that the connection is gone; the seat is taken again on the next one."""
         self._seated = False
 
-    def refused(self, request: int | None, code: str, text: str) -> bool:
+    def refused(self, error: Error) -> bool:
         """Take an error; return whether it was one of a group's."""
+        request = error.request
         if request is None:
             return False
         if self._join is not None and request == self._join.request:
             self._reset()
         elif self._gathers.pop(request, None) is None:
             return False
-        self._report(GroupRefused(request, code, text))
+        self._report(GroupRefused(request, error.code, error.message))
         return True
 
     def receive(self, message: Message) -> None:

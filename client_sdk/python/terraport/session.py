@@ -36,8 +36,6 @@ from terraport.events import (
     LandingSent,
     Noticed,
     Opened,
-    PickAnswered,
-    PickRefused,
     Refused,
     Superseded,
 )
@@ -46,6 +44,7 @@ from terraport.holdings import Holdings
 from terraport.landing_state import LandingState
 from terraport.offer import HeldOffer
 from terraport.options import SessionOptions, checked, point
+from terraport.pick_state import PickState
 from terraport.transfers import Transfers
 from terraport_wire import (
     PROTOCOL,
@@ -59,7 +58,6 @@ from terraport_wire import (
     Message,
     Notice,
     PayloadFrame,
-    Pick,
     Picked,
     Plan,
     Prefetch,
@@ -121,7 +119,7 @@ class ClientSession:
             take_request=self._take_request,
         )
         """The seat in a group; to be given commands by the shell."""
-        self._picks: dict[int, Pick] = {}
+        self._picks = PickState(self._events.append)
         self._credit_step = 1
         self._taken_bytes = 0
 
@@ -295,17 +293,15 @@ class ClientSession:
         UsageError
             A number that the protocol does not allow.
         """
-        request, start = self._take_request(), point(origin)
-        along = None if direction is None else point(direction)
-        pick = checked(lambda: Pick(request=request, origin=start, direction=along))
-        self._picks[request] = pick
+        request = self._take_request()
+        pick = self._picks.ask(request, origin, direction)
         if self._open:
             self._outbox.append(pick)
         return request
 
     def drop_pick(self, request: int) -> None:
         """Forget a pick: its answer is skipped, a reconnect does not ask again."""
-        self._picks.pop(request, None)
+        self._picks.drop(request)
 
     def bye(self) -> None:
         """End the session politely."""
@@ -352,8 +348,7 @@ class ClientSession:
         elif isinstance(message, Prefetch):
             transfers.on_prefetch(message)
         elif isinstance(message, Picked):
-            if self._picks.pop(message.request, None) is not None:
-                self._events.append(PickAnswered(message.request, message.hit))
+            self._picks.answered(message)
         elif isinstance(message, Notice):
             news = Noticed(message.kind, message.version, message.reconnect_after_ms)
             self._events.append(news)
@@ -382,7 +377,7 @@ class ClientSession:
         )
         self._on_dropped(welcome.dropped)
         self._outbox.extend(self._offer.rest(welcome, self.options.subprotocol))
-        self._outbox.extend(self._picks.values())
+        self._outbox.extend(self._picks.waiting())
         self.group.connected()
         if self._queued is not None:
             landing, self._queued = self._queued, None
@@ -397,11 +392,8 @@ class ClientSession:
             self._events.append(Dropped(dropped, on_disk))
 
     def _on_error(self, error: Error) -> None:
-        if error.request is not None and self._picks.pop(error.request, None) is not None:
-            self._events.append(PickRefused(error.request, error.code, error.message))
-            if not error.fatal:
-                return
-        if self.group.refused(error.request, error.code, error.message) and not error.fatal:
+        told = self._picks.refused(error) or self.group.refused(error)
+        if told and not error.fatal:
             return
         self._aim.refused(error.generation)
         refused = None if error.fatal else self._transfers.refused(error.generation)
