@@ -165,7 +165,8 @@ class Gate:
 
     def _signed_withdrawal(self, claims: SignedClaims) -> Withdrawal | None:
         key = None if self._keys is None else self._keys.find(claims.key.id)
-        if self._keys is None or key is None or key.digest != claims.key.digest:
+        # Both keys are ours: nobody learns anything from how long it takes.
+        if self._keys is None or key != claims.key:
             return "revoked"
         if claims.token_id in self._keys.revoked:
             return "revoked"

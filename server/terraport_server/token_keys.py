@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import base64
 import binascii
-import hashlib
 import os
 import re
 import secrets
@@ -61,11 +60,6 @@ class TokenKey:
     def jwt_algorithm(self) -> str:
         """Name in a token's header."""
         return self.algorithm.removesuffix("-private")
-
-    @property
-    def digest(self) -> bytes:
-        """Tells this key from another of the same id."""
-        return hashlib.sha256(self.algorithm.encode() + b"\0" + self.secret).digest()
 
     def verifying(self) -> Any:
         """Return what PyJWT checks with."""
