@@ -90,7 +90,7 @@ class Supervised:
         for _ in range(times):
             before = self.log.count("rolling restart done")
             self.process.send_signal(signal.SIGHUP)
-            self.until(lambda n=before: self.log.count("rolling restart done") > n, 60)
+            self.until(lambda n=before: self.log.count("rolling restart done") > n, 200)
 
     def metrics(self) -> dict[str, float]:
         """Samples by `name{label=value,...}`, from whichever worker answers."""
