@@ -25,9 +25,9 @@ EXTRAS = {"all", "server", "pipeline", "cluster", "eddsa", "s3", "dev"}
 TIMEOUT_S = 240
 
 ALLOWED = {
-    "0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0", "CNRI-Python", "ISC", "MIT",
-    "MIT-0", "MIT-CMU", "MPL-2.0", "PSF-2.0", "Python-2.0", "Unlicense", "Zlib",
-    "LLVM-exception",
+    "0BSD", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0", "CC0-1.0",
+    "CNRI-Python", "ISC", "MIT", "MIT-0", "MIT-CMU", "MPL-2.0", "PSF-2.0", "Python-2.0",
+    "Unlicense", "Zlib", "LLVM-exception",
 }  # fmt: skip
 """SPDX ids; docs/licences.md says what each is for. Weak copyleft by file (MPL) is as far as it
 goes: nothing here is linked into what a user ships."""
