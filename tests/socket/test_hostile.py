@@ -31,6 +31,7 @@ MESSAGES = [
     Pick(request=1, origin=(15.0, 9.0, 15.0), direction=(0.0, -1.0, 0.1)),
     Reject(generation=1, segment=3, reason="hash_mismatch"),
 ]
+LAST = Pick(request=4_000_000_000, origin=(0.0, 0.0, 0.0))
 ALLOWED = {4400, 4401, 4409, 4413}
 
 
@@ -69,8 +70,11 @@ def test_mutated_messages(
                             client.socket.send(text)
                         else:
                             client.socket.send(mutated(data, rng))
+                    client.send(LAST)  # its answer says that everything before it was answered
                     while True:
-                        got = client.receive(timeout_s=0.02)
+                        got = client.receive()
+                        if getattr(got, "request", None) == LAST.request:
+                            break
                         refused += isinstance(got, Error)
                         if isinstance(got, Error) and got.fatal:
                             assert client.closed() in ALLOWED
