@@ -24,7 +24,8 @@ The delay is one way, as in the tools: the round trip is twice that.
 * **supersede**: 100 Mbit/s, 20 ms there and back; payload bytes of the old landing that come after
   the new ``land`` was sent (bar 512 KiB), and when its first byte comes (bar: one round trip and 50
   ms). On loopback: bytes beyond what the client had granted (bar: one chunk, 128 KiB).
-* **congestion**: BBR and CUBIC on a wire that loses packets.
+* **congestion**: the congestion controls that the system lets anyone use, on a wire that loses
+  packets.
 """
 
 from __future__ import annotations
@@ -57,6 +58,11 @@ SIDE: Final = 30
 SEGMENT_BYTES: Final = 48 << 10
 SPACES: Final = ("terraport-a", "terraport-b")
 SERVER_ADDRESS: Final = "10.77.1.1"
+CONTROLS: Final = tuple(
+    Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control").read_text().split()
+    if Path("/proc/sys/net/ipv4/tcp_allowed_congestion_control").exists()
+    else ()
+)
 SETTINGS: Final[dict[str, Any]] = {
     "max_credit_bytes": 1 << 40,
     "max_radius_m": 10_000.0,
@@ -105,38 +111,45 @@ async def sdk_landings(
     return found
 
 
-def superseded_landings(host: str, port: int, rounds: int, credit: int | None) -> list[Any]:
-    """Land on everything, land elsewhere after half a second; late bytes and seconds."""
+def superseded_landings(host: str, port: int, rounds: int, credit: int) -> list[Any]:
+    """Land on everything, land elsewhere in the middle; late bytes and seconds.
+
+    Late bytes are those of the old landing that are read after the new one was sent; `beyond` is
+    what they are more than the credit that was open then, which no server may send.
+    """
     client = DrainClient(host, port, "pit")
-    client.hello(**({} if credit is None else {"credit_bytes": credit}))
-    found = []
+    client.hello(credit_bytes=credit)
+    found, owed = [], 0
+
+    def take() -> object:
+        """Receive one frame; grant back what was read, half of the credit at a time."""
+        nonlocal owed
+        got = client.next()
+        owed += _payload(got)
+        if owed >= credit // 2:
+            client.grant(owed)
+            owed = 0
+        return got
+
     for _ in range(rounds):
         client.forget()
         client.begin((0.0, 0.5, 0.0), 9000.0)
-        until_s, got = time.perf_counter() + 0.7, 0
-        limit = credit // 2 if credit is not None else 1 << 60
-        while time.perf_counter() < until_s and got < limit:
-            got += _payload(client.next())
+        until_s, got, began_s = time.perf_counter() + 0.7, 0, time.perf_counter()
+        while time.perf_counter() < until_s and got < 30 << 20:
+            got += _payload(take())
+        rate = got / (time.perf_counter() - began_s)
         client.generation += 1
         here = (SIDE * TILE_M, 0.5, SIDE * TILE_M)
-        began_s = time.perf_counter()
+        open_credit, late, began_s = credit - owed, 0, time.perf_counter()
         client.send(Land(generation=client.generation, position=here, radius_m=15.0))
-        late = 0
-        while not isinstance(got_now := client.next(), Superseded):
-            late += _payload(got_now)
-        client.message()  # plan
-        if credit is not None:
-            client.grant(got + late + (1 << 22))
-        while not _payload(client.next()):
-            pass
+        while not isinstance(now := client.next(), Superseded):
+            late += _payload(now)
+        owed += late
+        while not _payload(take()):
+            pass  # the plan
         first_s = time.perf_counter() - began_s
-        client.drain()
-        found.append((late, first_s))
-        if credit is not None:
-            # What is left of the credit does not matter: begin the next round anew.
-            client.close()
-            client = DrainClient(host, port, "pit")
-            client.hello(credit_bytes=credit)
+        owed += client.drain()
+        found.append((late, first_s, max(0, late - open_credit), rate))
     client.close()
     return found
 
@@ -261,6 +274,8 @@ def judge_superseded(found: list[Any], round_trip_s: float) -> dict[str, Any]:
     return {
         "late_kib": round(statistics.median(late) / 1024, 1),
         "late_kib_worst": round(max(late) / 1024, 1),
+        "beyond_credit_worst": max(one[2] for one in found),
+        "before_mbit": round(statistics.median(one[3] for one in found) / 125_000, 1),
         "first_new_ms": round(statistics.median(first_ms), 1),
         "first_new_ms_worst": round(max(first_ms), 1),
         "bar_ms": round(1e3 * round_trip_s + 50, 1),
@@ -295,18 +310,21 @@ class Bench:
                         rows.append(row | {"credit": credit or "default"})
         return rows
 
-    def by_wire(self, link: Link, congestion: str | None, *, supersede: bool) -> dict[str, Any]:
-        """Land or supersede over tunlink.py."""
+    def by_wire(
+        self, link: Link, congestion: str | None, *, credit: int | None = None
+    ) -> dict[str, Any]:
+        """Land over tunlink.py; with a credit, supersede."""
         at, there = (("ip", "netns", "exec", space) for space in SPACES)
         with namespaces(congestion), wired(self.tools, link):
             service = ServiceProcess(
                 self.scenes, prefix=at, address=SERVER_ADDRESS, **(SETTINGS | {"host": "0.0.0.0"})
             )
             with service:
-                task = self.land_task(link, SERVER_ADDRESS, service.port, None)
-                if supersede:
+                task = self.land_task(link, SERVER_ADDRESS, service.port, credit)
+                if credit is not None:
                     found = run_client(there, task | {"what": "supersede"})
-                    return judge_superseded(found, link.round_trip_s) | {"link": str(link)}
+                    row = judge_superseded(found, link.round_trip_s)
+                    return row | {"link": str(link), "credit_kib": credit // 1024}
                 return judge_landings(run_client(there, task), link)
 
     def supersede_on_loopback(self, credit: int) -> dict[str, Any]:
@@ -354,20 +372,24 @@ def main() -> int:
         wire = unwired is None
         measures = {
             "land": lambda: bench.land_by_proxy(links, [None]),
-            "wire": lambda: [bench.by_wire(link, None, supersede=False) for link in links],
+            "wire": lambda: [bench.by_wire(link, None) for link in links],
             "credit": lambda: bench.land_by_proxy([long_fat], [n << 20 for n in (1, 2, 4, 8, 16)]),
             "supersede": lambda: [
                 bench.supersede_on_loopback(1 << 20),
                 *(
-                    [bench.by_wire(Link(d, 100), None, supersede=True) for d in (10, 20)]
+                    [
+                        bench.by_wire(Link(delay, 100), None, credit=credit << 10)
+                        for delay in (10, 20)
+                        for credit in (16 << 10, 1024, 512)
+                    ]
                     if wire
                     else []
                 ),
             ],
             "congestion": lambda: [
-                bench.by_wire(Link(20, 50, loss), name, supersede=False) | {"control": name}
+                bench.by_wire(Link(20, 50, loss), name) | {"control": name}
                 for loss in (0.0, 0.005, 0.02)
-                for name in ("bbr", "cubic")
+                for name in CONTROLS
             ],
         }
         for name, measure in measures.items():
