@@ -17,6 +17,7 @@ from typing import Any, Self
 import uvicorn
 
 from terraport_server.app import create_app
+from terraport_server.descriptors import make_room
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.http_connection import http_protocol_class
 from terraport_server.listeners import Listeners
@@ -178,6 +179,7 @@ def run(settings: Settings, reread: Callable[[], Settings] | None = None) -> Non
     server = make_server(settings)
     server.owns_process = True
     configure_logging(settings.log_level, settings.log_format)
+    make_room(settings.max_connections)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, lambda *_: server.reread_access())
     try:
@@ -196,6 +198,7 @@ def _run_workers(settings: Settings, reread: Callable[[], Settings] | None) -> N
         raise SettingsError("workers", f"got {settings.workers} on Windows, expected 1")
     settings.check()
     configure_logging(settings.log_level, settings.log_format)
+    make_room(settings.max_connections)  # the workers inherit it
     listeners = Listeners(settings.host, settings.port, settings.workers)
     supervisor = Supervisor(settings, listeners, reread)
     asyncio.run(supervisor.run())
