@@ -25,7 +25,7 @@ def make_room(max_connections: int) -> None:
     limit.
     """
     try:
-        import resource  # noqa: PLC0415 - Unix has it
+        import resource  # Unix has it
     except ImportError:
         return
     wanted = _PER_CONNECTION * max_connections + _OTHERS
