@@ -132,6 +132,7 @@ def make_server(settings: Settings) -> TerraportServer:
         ws=protocol_class(
             notsent_lowat_bytes=settings.notsent_lowat_bytes,
             send_buffer_bytes=settings.send_buffer_bytes,
+            congestion_control=settings.congestion_control,
             max_messages_per_s=settings.max_messages_per_s,
             close_timeout_s=settings.close_timeout_s,
         ),

@@ -168,6 +168,8 @@ class Settings(BaseSettings):
     leave the system's."""
     send_buffer_bytes: Annotated[int, Field(ge=0)] = 0
     """SO_SNDBUF of client sockets; 0 = leave it to the system."""
+    congestion_control: Annotated[str, Field(pattern=r"^[a-z0-9_-]{1,15}$")] | None = None
+    """TCP_CONGESTION of client sockets, such as "bbr" for lossy links; None = the system's."""
 
     group_routing: Literal["process", "query", "off"] = "process"
     """Where groups can be joined: anywhere on this process; only by URLs that name the group

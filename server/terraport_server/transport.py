@@ -35,6 +35,9 @@ EXTENSION: Final = "terraport.connection"
 TCP_NOTSENT_LOWAT: Final = getattr(socket, "TCP_NOTSENT_LOWAT", 25)
 """Linux has had it since 3.12; Python names it from 3.12."""
 
+TCP_CONGESTION: Final = getattr(socket, "TCP_CONGESTION", 13)
+"""Linux alone has it."""
+
 _MSG_MORE: Final = getattr(socket, "MSG_MORE", 0)
 """The header waits for its payload, so that both leave in one segment."""
 
@@ -48,6 +51,7 @@ class Connection(BoundedPeer):
 
     notsent_lowat_bytes = 0
     send_buffer_bytes = 0
+    congestion_control: str | None = None
 
     heard_s: float = 0.0
     """When bytes last came from the client, pongs included; the event loop's clock."""
@@ -89,6 +93,9 @@ class Connection(BoundedPeer):
             _set_option(raw, socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
         if self.send_buffer_bytes:
             _set_option(raw, socket.SOL_SOCKET, socket.SO_SNDBUF, self.send_buffer_bytes)
+        if self.congestion_control:
+            name = self.congestion_control.encode("ascii")
+            _set_option(raw, socket.IPPROTO_TCP, TCP_CONGESTION, name)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Let a frame that waits for room know."""
@@ -288,6 +295,7 @@ def protocol_class(
     send_buffer_bytes: int,
     max_messages_per_s: float = 60.0,
     close_timeout_s: float = 5.0,
+    congestion_control: str | None = None,
 ) -> type[Connection]:
     """Return a class for uvicorn's ``ws`` option.
 
@@ -301,6 +309,8 @@ def protocol_class(
         Bounds control frames and fragments too; see :class:`BoundedPeer`.
     close_timeout_s
         How long a closed client may take to close its side.
+    congestion_control
+        TCP_CONGESTION, where the system has and allows it; None = the system's default.
     """
 
     class Bounded(Connection):
@@ -310,6 +320,7 @@ def protocol_class(
 
     Bounded.notsent_lowat_bytes = notsent_lowat_bytes
     Bounded.send_buffer_bytes = send_buffer_bytes
+    Bounded.congestion_control = congestion_control
     Bounded.max_frames_per_s = FRAMES_PER_MESSAGE * max_messages_per_s
     return Bounded
 
@@ -344,7 +355,7 @@ def _read(part: PayloadRange) -> bytes:
     return data
 
 
-def _set_option(raw: socket.socket, level: int, option: int, value: int) -> None:
+def _set_option(raw: socket.socket, level: int, option: int, value: int | bytes) -> None:
     try:
         raw.setsockopt(level, option, value)
     except OSError:

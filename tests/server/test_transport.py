@@ -18,6 +18,7 @@ from websockets.uri import parse_uri
 
 from terraport_server import BackgroundServer
 from terraport_server.transport import (
+    TCP_CONGESTION,
     TCP_NOTSENT_LOWAT,
     Connection,
     _frame_header,
@@ -219,3 +220,21 @@ def test_a_client_that_vanishes_in_the_middle_of_a_frame_frees_everything(tmp_pa
             time.sleep(0.02)
         assert server.service.session_count == 0
         assert open_descriptors() <= before + 2
+
+
+def test_the_congestion_control_is_the_one_that_was_set(tmp_path: Path) -> None:
+    """Reno is in every kernel; a name that the system does not know changes nothing."""
+    write_grid_scene(tmp_path / "grid", cells=2)
+    found = {}
+    for name in (None, "reno", "no_such_thing"):
+        with (
+            BackgroundServer(tmp_path, congestion_control=name) as server,
+            PlainClient(server.scene_url("grid")) as client,
+        ):
+            client.hello()
+            (connection,) = server._server.server_state.connections
+            raw = connection.transport.get_extra_info("socket")
+            set_to = raw.getsockopt(socket.IPPROTO_TCP, TCP_CONGESTION, 16)
+            found[name] = set_to.rstrip(b"\0").decode()
+    assert found["reno"] == "reno"
+    assert found["no_such_thing"] == found[None]
