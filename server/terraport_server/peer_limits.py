@@ -13,6 +13,7 @@ from uvicorn._types import ASGISendEvent
 from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.frames import Frame
+from websockets.protocol import State
 
 from terraport_server.rate import RateLimit
 from terraport_wire import CloseCode, ErrorCode
@@ -115,5 +116,9 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     def _end(self, code: int, reason: str) -> None:
         """Close as uvicorn does when it cannot parse."""
         self.frames = []
-        self.conn.send_close(code, reason)
-        self.handle_parser_exception()
+        if self.conn.state is State.OPEN:  # else the peer's own close came in the same piece
+            self.conn.send_close(code, reason)
+        if self.conn.close_sent is None:
+            self.transport.abort()
+        else:
+            self.handle_parser_exception()

@@ -17,7 +17,7 @@ from uvicorn.protocols.utils import ClientDisconnected
 from terraport_server import BackgroundServer
 from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
 
-PING, TEXT, CONT = 9, 1, 0
+PING, CLOSE, TEXT, CONT = 9, 8, 1, 0
 
 
 @pytest.fixture
@@ -105,6 +105,9 @@ def test_text_that_is_no_utf8_is_closed_without_a_trace(
             with raw_connect(server.port) as found:
                 found.sendall(frame(TEXT, bad))
                 assert close_code(drained(found)) == 1007
+            with raw_connect(server.port) as found:  # and says goodbye in the same piece
+                found.sendall(frame(TEXT, bad) + frame(CLOSE, b"\x03\xe8"))
+                assert close_code(drained(found)) == 1000
         assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
 
 
