@@ -167,7 +167,7 @@ class Settings(BaseSettings):
     """TCP_NOTSENT_LOWAT of client sockets, so that a supersede is not stuck behind megabytes; 0 =
     leave the system's."""
     send_buffer_bytes: Annotated[int, Field(ge=0)] = 0
-    """SO_SNDBUF of client sockets; 0 = leave it to the system."""
+    """SO_SNDBUF of client sockets; 0 = fitted to the link while payload flows, see link_buffer."""
     congestion_control: Annotated[str, Field(pattern=r"^[a-z0-9_-]{1,15}$")] | None = None
     """TCP_CONGESTION of client sockets, such as "bbr" for lossy links; None = the system's."""
 

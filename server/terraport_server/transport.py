@@ -25,6 +25,7 @@ from websockets.http11 import Request
 from websockets.protocol import State
 
 from terraport_server.frame_guard import FrameGuard
+from terraport_server.link_buffer import LinkBuffer
 from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
 from terraport_store import PayloadRange
 
@@ -69,6 +70,7 @@ class Connection(BoundedPeer):
     _frame: tuple[bytes, PayloadRange] | None = None
     """What is left of the frame that is under way past the transport."""
     _room: asyncio.Future[None] | None = None
+    _buffer: LinkBuffer | None = None
 
     def connection_made(self, transport: BaseTransport) -> None:
         """Set the socket's buffers."""
@@ -178,6 +180,11 @@ class Connection(BoundedPeer):
         OSError
             As :meth:`until_clear`.
         """
+        now_s = self.loop.time()
+        if self._buffer is None:
+            self._buffer = LinkBuffer(self._guard.get_extra_info("socket"), now_s)
+        if not self.send_buffer_bytes:
+            self._buffer.look(now_s)
         poll = self._poll_client
         for number, (header, part) in enumerate(frames, start=1):
             self.frames_begun = number
@@ -304,7 +311,7 @@ def protocol_class(
     notsent_lowat_bytes
         TCP_NOTSENT_LOWAT; 0 = leave the system's.
     send_buffer_bytes
-        SO_SNDBUF; 0 = leave it to the system.
+        SO_SNDBUF; 0 = fitted to the link while payload flows.
     max_messages_per_s
         Bounds control frames and fragments too; see :class:`BoundedPeer`.
     close_timeout_s
