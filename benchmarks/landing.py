@@ -33,7 +33,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +76,8 @@ class Size:
     landings: int
     plan_side: int
     """Square root of the segments of the planned scene."""
+    pin: bool = False
+    """Throughput with servers on the first core and clients on the others."""
 
 
 FULL = Size(side=20, rounds=9, clients=64, segments_of_many=100, landings=400, plan_side=1000)
@@ -396,8 +398,9 @@ def main() -> None:
     parser.add_argument("--source", default="file", choices=["file", "mmap"])
     parser.add_argument("--lowat", type=int, help="notsent_lowat_bytes; the default's is measured")
     parser.add_argument("--burst", type=int, help="max_burst_bytes; the default's is measured")
+    parser.add_argument("--pin", action="store_true", help="servers on one core, clients on others")
     arguments = parser.parse_args()
-    size = SMOKE if arguments.smoke else FULL
+    size = replace(SMOKE if arguments.smoke else FULL, pin=arguments.pin)
     parts = (arguments.only,) if arguments.only else PARTS
     changed: dict[str, Any] = {"payload_source": arguments.source}
     if arguments.lowat is not None:
@@ -435,12 +438,19 @@ def measure_service(
         streams.start()
         assert streams.pid is not None
         raw = (raw_port, streams.pid)
+        cores = sorted(os.sched_getaffinity(0))
+        if size.pin and len(cores) > 1:
+            for pid in (service.pid, streams.pid):
+                os.sched_setaffinity(pid, cores[:1])
+            os.sched_setaffinity(0, cores[1:])
         result["throughput"] = [
             measure_throughput(service, raw, size, 1, size.side**2),
             measure_throughput(service, raw, size, size.clients, size.segments_of_many),
         ]
         streams.terminate()
         streams.join(5)
+        os.sched_setaffinity(service.pid, cores)
+        os.sched_setaffinity(0, cores)
     if "latency" in parts:
         result["latency_ms"] = {
             "idle": measure_latency(service, size, 0.002),

@@ -83,6 +83,9 @@ class LinkBuffer:
             self._next_s = float("inf")
             return
         min_rtt_us = _MIN_RTT.unpack_from(info, _MIN_RTT_AT)[0]
+        if min_rtt_us < _SHORTEST_RTT_US:
+            self._next_s = float("inf")  # the shortest round trip will not become longer
+            return
         found_s = self._began_s + _FIRST_ROUND_TRIPS * min_rtt_us / 1e6
         self._next_s = max(found_s, now_s + max(_LOOK_S, min_rtt_us / 1e6))
         if now_s < found_s:

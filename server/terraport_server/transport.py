@@ -181,9 +181,9 @@ class Connection(BoundedPeer):
             As :meth:`until_clear`.
         """
         now_s = self.loop.time()
-        if self._buffer is None:
-            self._buffer = LinkBuffer(self._guard.get_extra_info("socket"), now_s)
-        if not self.send_buffer_bytes:
+        if self._may_go_direct and not self.send_buffer_bytes:
+            if self._buffer is None:
+                self._buffer = LinkBuffer(self._own_socket(), now_s)
             self._buffer.look(now_s)
         poll = self._poll_client
         for number, (header, part) in enumerate(frames, start=1):
