@@ -184,6 +184,11 @@ class Container:
         lines.append(
             f"echo 127.0.0.1 localhost > etc/hosts; echo {self.address} {self.name} >> etc/hosts"
         )
+        # Before what is mounted: a checkout may itself lie in /tmp.
+        for entry in self.tmpfs:
+            path, _, options = entry.partition(":")
+            wanted = f"mode=1777,{options}" if options else "mode=1777"
+            lines.append(f"mkdir -p .{path}; mount -t tmpfs -o {wanted} tmpfs .{path}")
         # The interpreter of this very run, and what it imports, where they lie on the host.
         programs = {Path(sys.base_prefix), Path(sys.prefix), Path(__file__).resolve().parents[1]}
         mounts = [(path, str(path), True) for path in sorted(programs)] + self.mounts
@@ -195,10 +200,6 @@ class Container:
             lines.append(f"mount --bind {source} .{target}")
             if read_only:
                 lines.append(f"mount -o remount,bind,ro .{target}")
-        for entry in self.tmpfs:
-            path, _, options = entry.partition(":")
-            wanted = f"mode=1777,{options}" if options else "mode=1777"
-            lines.append(f"mkdir -p .{path}; mount -t tmpfs -o {wanted} tmpfs .{path}")
         if self.read_only:
             lines.append("mount -o remount,ro .")
         variables = " ".join(f"'{name}={value}'" for name, value in self.environment.items())
