@@ -43,7 +43,7 @@ def serve(own: socket.socket, number: int) -> None:
 
     class Greeter(asyncio.Protocol):
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
-            transport.write(bytes([number]))  # type: ignore[attr-defined]
+            transport.write(bytes([number]))
             time.sleep(0.001)
 
     async def work() -> None:

@@ -93,7 +93,7 @@ def requests_per_s(settings: Settings, protocol: str | type, requests: int) -> f
     """Serve in a thread, ask on one connection."""
     config = uvicorn.Config(
         create_app(settings), port=0, http=protocol, log_config=None, access_log=False
-    )  # type: ignore[arg-type]
+    )
     server = uvicorn.Server(config)
     thread = threading.Thread(target=server.run)
     thread.start()

@@ -235,7 +235,7 @@ def main() -> int:
     print(json.dumps(result, indent=1))
     if arguments.json:
         arguments.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    error = result["rows"]["graph, held-out classes, both ways"]  # type: ignore[index]
+    error = result["rows"]["graph, held-out classes, both ways"]
     print(f"held-out 1 - RI {error}, bar {BAR}")
     return 0 if arguments.smoke or error <= BAR else 1
 

@@ -134,7 +134,7 @@ ENGINES: Final[dict[str, Engine]] = {
 
 def quarry(scene: str, seed: int, edge_m: float) -> tuple[SegmenterMesh, dict[str, Labels]]:
     """Mesh and true regions of a procedural quarry."""
-    made = truth_mesh(replace(CLEAN, seed=seed, **SCENES[scene]), edge_m)  # type: ignore[arg-type]
+    made = truth_mesh(replace(CLEAN, seed=seed, **SCENES[scene]), edge_m)
     pairs = face_pairs(made.faces, len(made.vertices))
     mesh = SegmenterMesh(made.vertices, made.faces, made.colours, pairs=pairs)
     return mesh, {

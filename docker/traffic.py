@@ -9,6 +9,7 @@ import signal
 from collections.abc import Callable
 from typing import Any
 
+import httpx
 from containers import Container
 from websockets.asyncio.client import connect as connect_websocket
 
@@ -72,7 +73,7 @@ async def check_groups(url: str, token: str, servers: list[Container], say: Say)
         for _ in range(4):
             async with connect_websocket(
                 address + name,
-                subprotocols=["terraport.v1.msgpack"],  # type: ignore[list-item]
+                subprotocols=["terraport.v1.msgpack"],
                 additional_headers={
                     "Authorization": f"Bearer {token}",
                     "X-Terraport-Group": "forged",
@@ -169,6 +170,6 @@ async def _until_ready(server: Container, is_ready: Callable[[Container], bool])
             try:
                 if is_ready(server):
                     return
-            except Exception:  # noqa: BLE001 - not up yet, whatever that looks like
-                pass
+            except (httpx.TransportError, OSError):
+                pass  # not up yet
             await asyncio.sleep(0.1)

@@ -95,8 +95,9 @@ class Chronicle(Observer):
             omitted=plan.omitted_segments or None,
         )
 
-    def plan_sent(self, generation: int, seconds: float) -> None:  # noqa: ARG002
+    def plan_sent(self, generation: int, seconds: float) -> None:
         self._metrics.plan_s.observe(seconds)
+        log("plan sent", level=logging.DEBUG, landing=self._landing(generation), seconds=seconds)
 
     def first_byte(self, seconds: float) -> None:
         self._metrics.first_byte_s.observe(seconds)

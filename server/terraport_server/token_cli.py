@@ -25,6 +25,7 @@ _UNITS_S: Final = {"s": 1, "m": 60, "h": 3600, "d": 86_400}
 _LONGEST_S: Final = 400 * 86_400
 """A year and a month: what is meant to last longer is meant not to expire."""
 _MIN_ID_BYTES: Final = 8
+_STANDARD_INPUT: Final = "-"
 
 _HELP = """Make keys, and tokens that expire, for a service that asks for them.
 
@@ -140,7 +141,7 @@ def show(
     ] = None,
 ) -> None:
     """Show what a token says: it is signed, not encrypted, so anyone who has it can read it."""
-    text = sys.stdin.readline(MAX_TOKEN_BYTES + 2).strip() if token == "-" else token  # noqa: S105
+    text = sys.stdin.readline(MAX_TOKEN_BYTES + 2).strip() if token == _STANDARD_INPUT else token
     said = look_into(text)
     if said is None:
         raise SettingsError("token", "this is no signed token, expected three parts and two dots")

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 from urllib.parse import urlsplit
 
 import obstore
@@ -33,6 +33,9 @@ from obstore.exceptions import (
 from obstore.store import HTTPStore, LocalStore, MemoryStore, S3Store, from_url
 
 from terraport_store.errors import OriginError, StoreError
+
+if TYPE_CHECKING:
+    from obstore.store import ClientConfig, RetryConfig, S3Config  # there for type checkers alone
 
 __all__ = ["ObjectCounts", "ObjectOptions", "Origin", "Seen"]
 
@@ -392,12 +395,12 @@ def _make_store(url: str, options: ObjectOptions) -> _Store:
     parts = urlsplit(url)
     if not parts.scheme or (parts.scheme != "file" and not parts.netloc):
         raise ValueError(f"got {url!r}, expected an address like s3://BUCKET/PREFIX")
-    client: dict[str, Any] = {
+    client: ClientConfig = {
         "timeout": timedelta(seconds=options.timeout_s),
         "read_timeout": timedelta(seconds=options.stall_s),
         "connect_timeout": timedelta(seconds=min(_CONNECT_S, options.timeout_s)),
     }
-    retry: dict[str, Any] = {
+    retry: RetryConfig = {
         "max_retries": options.part_retries,
         "retry_timeout": timedelta(seconds=options.timeout_s if options.part_retries else 0.0),
     }
@@ -405,10 +408,10 @@ def _make_store(url: str, options: ObjectOptions) -> _Store:
         return LocalStore(prefix=parts.path)
     if parts.scheme in {"http", "https"}:
         client["allow_http"] = parts.scheme == "http"
-        return HTTPStore.from_url(url, client_options=client, retry_config=retry)  # type: ignore[arg-type]
+        return HTTPStore.from_url(url, client_options=client, retry_config=retry)
     if parts.scheme not in {"s3", "s3a"}:
-        return from_url(url, client_options=client, retry_config=retry)  # type: ignore[call-overload]
-    config: dict[str, Any] = {}
+        return from_url(url, client_options=client, retry_config=retry)
+    config: S3Config = {}
     endpoint = options.endpoint or _environment("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL")
     if endpoint is not None:
         config["endpoint"] = endpoint.rstrip("/")
@@ -421,9 +424,9 @@ def _make_store(url: str, options: ObjectOptions) -> _Store:
     return S3Store(
         parts.netloc,
         prefix=parts.path.strip("/") or None,
-        config=config,  # type: ignore[arg-type]
-        client_options=client,  # type: ignore[arg-type]
-        retry_config=retry,  # type: ignore[arg-type]
+        config=config,
+        client_options=client,
+        retry_config=retry,
     )
 
 

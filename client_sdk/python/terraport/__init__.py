@@ -27,10 +27,11 @@ if TYPE_CHECKING:
     from terraport.errors import LandingSuperseded, TerraportError
     from terraport.group import Arrivals, Group, GroupLanding
     from terraport.landing import Landing, LandingStats
-    from terraport.live import Session, SessionStats
+    from terraport.live import Session
     from terraport.mesh import mixed_model, to_trimesh, write_glb
     from terraport.obj import write_obj
     from terraport.segment import Segment
+    from terraport.session_stats import SessionStats
     from terraport.textures import decode_texture, vertex_colours
     from terraport.timeouts import Timeouts
     from terraport.trace import LandingTrace, write_trace
@@ -74,7 +75,7 @@ _HOMES: Final = {
     "LandingTrace": "trace",
     "Segment": "segment",
     "Session": "live",
-    "SessionStats": "live",
+    "SessionStats": "session_stats",
     "TerraportError": "errors",
     "Timeouts": "timeouts",
     "__version__": "version",

@@ -27,10 +27,11 @@ from terraport.cache import SegmentCache
 from terraport.disk_cache import DEFAULT_DISK_BYTES, DiskCache
 from terraport.errors import UsageError
 from terraport.http import SceneHttp
-from terraport.live import Session, SessionStats
+from terraport.live import Session
 from terraport.options import SessionOptions, checked
 from terraport.payloads import ENCODINGS
 from terraport.session import ClientSession
+from terraport.session_stats import SessionStats
 from terraport.timeouts import Timeouts
 from terraport.urls import SceneUrl
 from terraport.version import __version__

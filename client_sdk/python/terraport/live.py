@@ -6,9 +6,7 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Coroutine, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -46,44 +44,16 @@ from terraport.events import (
 )
 from terraport.group import Group, GroupEvent, GroupRecord
 from terraport.http import SceneHttp
-from terraport.landing import Landing, LandingRecord
+from terraport.landing import Landing
 from terraport.link import Link
 from terraport.session import ClientSession
+from terraport.session_stats import SessionStats
 from terraport.timeouts import Timeouts
 from terraport.urls import SceneUrl
+from terraport.waiting import Waiting
 from terraport_wire import Hit, SceneInfo, ServerLimits
 
-__all__ = ["Session", "SessionStats"]
-
-
-@dataclass(frozen=True, slots=True)
-class SessionStats:
-    """What a session has done so far."""
-
-    connections: int
-    received_bytes: int
-    """Bytes of all WebSocket messages, payload and headers."""
-    payload_bytes: int
-    """Payload bytes of whole segments that the server sent."""
-    prefetched_bytes: int
-    """Those of them that aims brought."""
-    prefetch_used_bytes: int
-    """Those of them that the next landing kept; the others came to nothing, or not yet."""
-    aimed_landings: int
-    """Landings that had an aim before them."""
-    aim_hits: int
-    """Those of them that had nothing left to load."""
-    repeated_bytes: int
-    """Payload bytes of segments that were in memory already; 0 with a right server."""
-    rejected: int
-    """Segments with a wrong hash, from the stream or the disk cache."""
-    cache_bytes: int
-    """Payload bytes in memory now."""
-
-    @property
-    def aim_hit_rate(self) -> float | None:
-        """Share of landings after an aim that had nothing left to load; None before the first."""
-        return self.aim_hits / self.aimed_landings if self.aimed_landings else None
+__all__ = ["Session"]
 
 
 class Session:
@@ -120,8 +90,7 @@ class Session:
         self._opened: Opened | None = None
         self._welcome: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._failure: TerraportError | None = None
-        self._landings: dict[int, LandingRecord] = {}
-        self._picks: dict[int, asyncio.Future[Hit | None]] = {}
+        self._waiting = Waiting()
         self._base: BaseMesh | None = None
         self._base_lock = asyncio.Lock()
         self._tasks: list[asyncio.Task[None]] = []
@@ -253,9 +222,7 @@ class Session:
             deadline_ms=_milliseconds(deadline_s),
             stall_ms=_milliseconds(stall_s),
         )
-        encoding, now_s = self._state.options.encoding, time.monotonic()
-        record = LandingRecord(number, encoding, time.monotonic, started_s=now_s)
-        self._landings[number] = record
+        record = self._waiting.begin_landing(number, self._state.options.encoding)
         self._link.pump()
         landing = Landing(record)
         await landing.planned(self._timeouts.plan_s if timeout_s is None else timeout_s)
@@ -313,14 +280,13 @@ class Session:
         """
         self._require_open()
         request = self._state.pick(origin, direction)
-        answer: asyncio.Future[Hit | None] = asyncio.get_running_loop().create_future()
-        self._picks[request] = answer
+        answer = self._waiting.begin_pick(request)
         self._link.pump()
         try:
             async with asyncio.timeout(self._timeouts.pick_s if timeout_s is None else timeout_s):
                 return await answer
         finally:
-            self._picks.pop(request, None)
+            self._waiting.end_pick(request)
             self._state.drop_pick(request)
 
     async def join_group(
@@ -442,13 +408,7 @@ class Session:
         if not self._welcome.done():
             self._welcome.set_exception(error)
             self._welcome.exception()  # nobody waits for it any more once open() was cancelled
-        for record in self._landings.values():
-            record.fail(error)
-        self._landings.clear()
-        for answer in self._picks.values():
-            if not answer.done():
-                answer.set_exception(error)
-        self._picks.clear()
+        self._waiting.fail(error)
         if self._group is not None:
             self._group.end(error)
 
@@ -456,45 +416,35 @@ class Session:
         if self._failure is not None:
             raise SessionClosedError(str(self._failure)) from self._failure
 
-    def _record(self, number: int) -> LandingRecord:
-        """Return the record of an open landing; a blank one for a landing that is over."""
-        return self._landings.get(number) or LandingRecord(number, "", time.monotonic, 0.0)
-
-    def _finish(self, number: int) -> LandingRecord:
-        """Return the record of a landing that ends now."""
-        record = self._record(number)
-        self._landings.pop(number, None)
-        return record
-
     def _take(self, event: Event) -> None:
         """Carry out one event of the state machine."""
         if isinstance(event, SegmentArrived):
             self._on_arrived(event)
         elif isinstance(event, Planned):
-            record = self._record(event.landing)
+            record = self._waiting.landing(event.landing)
             record.planned(event.plan, event.kept)
             record.trace.server_session = self._welcomed.session
         elif isinstance(event, Ready):
-            record = self._finish(event.landing)
+            record = self._waiting.end_landing(event.landing)
             record.trace.server = event.timings
             record.ready(event.shown, event.missing)
         elif isinstance(event, LandingSent):
-            record = self._record(event.landing)
+            record = self._waiting.landing(event.landing)
             record.trace.sent_s = record.clock()
         elif isinstance(event, PayloadBegan):
-            record = self._record(event.landing)
+            record = self._waiting.landing(event.landing)
             record.trace.first_byte_s = record.clock()
         elif isinstance(event, Degraded):
-            self._record(event.landing).degrade(event.segments)
+            self._waiting.landing(event.landing).degrade(event.segments)
         elif isinstance(event, Superseded):
             error = LandingSupersededError(event.landing, event.by)
-            self._finish(event.landing).fail(error)
+            self._waiting.end_landing(event.landing).fail(error)
         elif isinstance(event, Refused) and event.landing is not None:
-            self._finish(event.landing).fail(ServerError(event.code, event.message))
+            self._waiting.end_landing(event.landing).fail(ServerError(event.code, event.message))
         elif isinstance(event, SegmentRejected):
             self._rejected += 1
             if event.landing is not None:
-                self._record(event.landing).rejected += 1
+                self._waiting.landing(event.landing).rejected += 1
             if self._worker is not None:
                 self._worker.remove({event.segment: event.expected})
         elif isinstance(event, RestoreNeeded):
@@ -504,13 +454,13 @@ class Session:
                 assert xxh3 is not None
                 self._worker.restore(segment, xxh3)
         elif isinstance(event, PickAnswered | PickRefused):
-            self._on_picked(event)
+            self._waiting.answer_pick(event)
         elif isinstance(event, Opened):
             self._opened = event
             if not self._welcome.done():
                 self._welcome.set_result(None)
-        elif isinstance(event, Dropped):
-            self._on_dropped(event)
+        elif isinstance(event, Dropped) and self._worker is not None:
+            self._worker.remove(dict(event.on_disk))
         elif isinstance(event, Noticed) and event.kind == "scene_published":
             self.newest_version = event.version
         elif self._group is not None and isinstance(event, GroupEvent):
@@ -524,20 +474,7 @@ class Session:
                 self._worker.store(entry)
         if event.landing is not None:
             source = "disk" if event.restored else "stream"
-            self._record(event.landing).arrive(entry, source)
-
-    def _on_picked(self, event: PickAnswered | PickRefused) -> None:
-        answer = self._picks.get(event.request)
-        if answer is None or answer.done():
-            return
-        if isinstance(event, PickAnswered):
-            answer.set_result(event.hit)
-        else:
-            answer.set_exception(ServerError(event.code, event.message))
-
-    def _on_dropped(self, event: Dropped) -> None:
-        if self._worker is not None:
-            self._worker.remove(dict(event.on_disk))
+            self._waiting.landing(event.landing).arrive(entry, source)
 
     # ---- the disk worker's news
 
