@@ -1,0 +1,288 @@
+/**
+ * The values that pass between the parts of the viewer.
+ *
+ * Lengths are metres of the scene frame (right-handed, Y up, about the scene's origin). Segment ids are rows of the
+ * scene's index. No three.js, no DOM.
+ */
+
+/** x, y, z in metres of the scene frame. */
+export type Vec3 = readonly [number, number, number];
+
+/** minimum x, y, z, maximum x, y, z. */
+export type Bounds = readonly [number, number, number, number, number, number];
+
+/** What the index says of one segment (a row of a load table). */
+export interface SegmentFacts {
+  readonly segment: number;
+  /** Payload bytes. */
+  readonly length: number;
+  /** XXH3-64 of the payload. */
+  readonly xxh3: bigint;
+  readonly faces: number;
+  readonly vertices: number;
+  readonly bounds: Bounds;
+}
+
+/** Hard bounds of every landing; an absent one does not bound. */
+export interface Budgets {
+  readonly maxTriangles?: number;
+  readonly maxBytes?: number;
+  readonly maxSegments?: number;
+}
+
+/** One survey attribute of a mesh: value = offset + step * code; 65535 means "no value". */
+export interface AttributeCodes {
+  readonly name: string;
+  readonly offset: number;
+  readonly step: number;
+  /** Two entries per vertex (stride 4 bytes): the code, and padding. */
+  readonly codes: Uint16Array;
+}
+
+/** A photograph's piece, decoded off the main thread. */
+export interface MeshImage {
+  readonly mediaType: string;
+  readonly width: number;
+  readonly height: number;
+  readonly bitmap: ImageBitmap;
+}
+
+/**
+ * A decoded payload, or the base mesh: what the GPU is given. Arrays are transferable and owned by the receiver.
+ *
+ * A vertex's place is `translation + stepM * position`, exact in float32; for float positions the translation is 0 and
+ * the step 1.
+ */
+export interface MeshData {
+  /** Segment id; -1 for the base mesh. */
+  readonly segment: number;
+  readonly vertexCount: number;
+  readonly faceCount: number;
+  readonly translation: Vec3;
+  readonly stepM: number;
+  /** Uint16: four entries per vertex, the fourth is padding. Float32: three entries per vertex. */
+  readonly positions: Uint16Array | Float32Array;
+  /** Four entries per vertex, the fourth is padding; normalised (127 is 1). */
+  readonly normals: Int8Array;
+  /** Four entries per vertex, linear light, normalised (65535 is 1); null without colour. */
+  readonly colours: Uint16Array | null;
+  /** Two entries per vertex; a texture coordinate is `uvScale * code`; null without a texture. */
+  readonly uvs: Uint16Array | null;
+  readonly uvScale: readonly [number, number];
+  /** Two entries per vertex: region id, and padding; null without regions. */
+  readonly regionIds: Uint16Array | null;
+  readonly attributes: readonly AttributeCodes[];
+  /** Three entries per face, counter-clockwise from outside. */
+  readonly indices: Uint16Array | Uint32Array;
+  readonly image: MeshImage | null;
+  /** Box of the decoded positions. */
+  readonly bounds: Bounds;
+}
+
+/** Segments over each base face: `segments[offsets[f] .. offsets[f + 1]]`, ascending. */
+export interface Cover {
+  readonly offsets: Uint32Array;
+  readonly segments: Uint32Array;
+}
+
+export interface AttributeInfo {
+  readonly name: string;
+  /** Of the encoded values; null when there is none. */
+  readonly min: number | null;
+  readonly max: number | null;
+}
+
+/** What the viewer uses of scene.json. */
+export interface SceneManifest {
+  readonly id: string;
+  readonly name: string;
+  readonly version: string;
+  readonly crs: { readonly name: string; readonly epsg: number | null } | null;
+  /** East, north, height of the frame's origin in the CRS, metres: E = E0 + x, N = N0 - z, H = H0 + y. */
+  readonly origin: Vec3;
+  readonly stepM: number;
+  readonly bounds: Bounds;
+  readonly attributes: readonly AttributeInfo[];
+  readonly segmentCount: number;
+  readonly detailFaces: number;
+  readonly hasColour: boolean;
+  /** Whether payloads have textures. */
+  readonly hasTextures: boolean;
+  /** How far the base is drawn pushed back along the line of sight, metres. */
+  readonly deviationM: number;
+}
+
+/** What the viewer uses of one row of regions.json, with the label of labels.json. */
+export interface RegionFacts {
+  readonly id: number;
+  readonly stableId: number | null;
+  readonly label: string | null;
+  readonly areaM2: number | null;
+  readonly meanColour: readonly [number, number, number] | null;
+  readonly slopeDeg: number | null;
+  readonly centroid: Vec3 | null;
+}
+
+/** Everything that is loaded once for a version of a scene. */
+export interface SceneFiles {
+  readonly manifest: SceneManifest;
+  readonly base: MeshData;
+  readonly cover: Cover;
+  readonly regions: readonly RegionFacts[];
+}
+
+/** One line of GET /scenes. */
+export interface SceneSummary {
+  readonly id: string;
+  readonly name: string;
+  readonly version: string;
+  readonly segments: number;
+  readonly detailFaces: number;
+  /** Whether the service has a build report of it. */
+  readonly reportUrl: string;
+}
+
+/** Answer to a pick. */
+export interface PickHit {
+  readonly position: Vec3;
+  readonly normal: Vec3;
+  readonly segment: number;
+  readonly region: number;
+  readonly stableId: number | null;
+  readonly label: string | null;
+  /** Height in the survey's own vertical reference. */
+  readonly heightM: number;
+  readonly attributes: Readonly<Record<string, number>>;
+}
+
+export interface LandOptions {
+  readonly innerRadiusM?: number;
+  readonly deadlineMs?: number;
+  readonly stallMs?: number;
+}
+
+/** The plan of a landing, as the page needs it. */
+export interface PlanFacts {
+  readonly landing: number;
+  readonly position: Vec3;
+  readonly radiusM: number;
+  readonly effectiveRadiusM: number;
+  readonly load: readonly SegmentFacts[];
+  readonly keep: readonly number[];
+  readonly release: readonly number[];
+  readonly loadBytes: number;
+  readonly totalBytes: number;
+  readonly totalTriangles: number;
+  readonly omittedSegments: number;
+  readonly omittedBy: string | null;
+}
+
+/** Where the connection stands. `attempt` counts from 1; `retryInMs` runs from the event. */
+export type LinkState =
+  | { readonly state: "connecting"; readonly attempt: number }
+  | { readonly state: "open" }
+  | {
+      readonly state: "waiting";
+      readonly attempt: number;
+      readonly retryInMs: number;
+      readonly closeCode: number;
+      readonly code: string;
+      readonly message: string;
+    }
+  /** For good: until `reconnect` is called. `code` is an error code of the wire protocol, or "closed". */
+  | { readonly state: "closed"; readonly closeCode: number; readonly code: string; readonly message: string };
+
+/** What a stream tells. Landing numbers stay the same over reconnects. */
+export type StreamEvent =
+  | { readonly type: "link"; readonly link: LinkState }
+  | {
+      readonly type: "opened";
+      readonly sceneVersion: string;
+      readonly session: string;
+      /** The served version is another one than before: base and cover must be loaded anew (wire protocol, 5.4). */
+      readonly changed: boolean;
+      readonly maxRadiusM: number;
+      readonly heldCount: number;
+    }
+  | { readonly type: "planned"; readonly plan: PlanFacts }
+  /** A segment is whole and verified, and can be asked for by `mesh`. `landing` is null for what an aim brought. */
+  | { readonly type: "arrived"; readonly landing: number | null; readonly facts: SegmentFacts }
+  | { readonly type: "degraded"; readonly landing: number; readonly segments: readonly number[] }
+  | {
+      readonly type: "ready";
+      readonly landing: number;
+      /** Exactly what must be shown, ascending. */
+      readonly visible: readonly number[];
+      readonly missing: readonly number[];
+      /** Milliseconds from `land` to here, by this machine's clock. */
+      readonly elapsedMs: number;
+      readonly payloadBytes: number;
+    }
+  | { readonly type: "superseded"; readonly landing: number; readonly by: number }
+  | { readonly type: "prefetching"; readonly segments: number; readonly bytes: number }
+  | { readonly type: "prefetched"; readonly segments: number; readonly bytes: number }
+  /** Ids that this scene version does not have, or that the cache let go: they cannot be asked for any more. */
+  | { readonly type: "dropped"; readonly segments: readonly number[] }
+  | {
+      readonly type: "refused";
+      readonly code: string;
+      readonly message: string;
+      readonly fatal: boolean;
+      readonly landing: number | null;
+    }
+  | {
+      readonly type: "notice";
+      readonly kind: string;
+      readonly version: string | null;
+      readonly reconnectAfterMs: number | null;
+    };
+
+/** What has been counted since the stream was made. */
+export interface StreamStats {
+  readonly payloadBytes: number;
+  readonly repeatedBytes: number;
+  readonly heldSegments: number;
+  readonly heldBytes: number;
+  /** Landings that had an aim before them, and those of them with nothing left to load. */
+  readonly aimedLandings: number;
+  readonly aimHits: number;
+  readonly prefetchedBytes: number;
+  readonly usedPrefetchedBytes: number;
+}
+
+export interface StreamOptions {
+  /** http(s) URL ending in /scenes/{id}. */
+  readonly sceneUrl: string;
+  readonly token?: string;
+  readonly budgets: Budgets;
+  /** Payload bytes kept in memory beside what is shown. */
+  readonly cacheBytes: number;
+  readonly creditBytes?: number;
+  readonly releaseFactor?: number;
+  /** Default `terraport.v1.msgpack`. */
+  readonly subprotocol?: string;
+  /** Name and version of the client, for the server's logs. */
+  readonly client?: string;
+}
+
+/**
+ * A session over all its connections, as the page sees it. Made by `openStream` (a worker holds socket, cache and
+ * decoders), or `openDirectStream` (the same in this thread). Nothing here blocks.
+ */
+export interface Stream {
+  /** One listener; set it in the same task in which the stream was made. */
+  onEvent: (event: StreamEvent) => void;
+  /** Ask for a landing; it supersedes any that is not ready. Returns its number in the events. */
+  land(position: Vec3, radiusM: number, options?: LandOptions): number;
+  /** Tell where the user points; only the newest counts, sent at most ten times a second. */
+  aim(position: Vec3, radiusM: number): void;
+  /** Resolves with null where nothing is met; rejects with StreamError where refused. */
+  pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null>;
+  /** Decode a held segment; rejects with StreamError where it is not held, or is not a valid payload. */
+  mesh(segment: number): Promise<MeshData>;
+  stats(): Promise<StreamStats>;
+  /** Connect now, perhaps with another token: after "closed", or to cut a wait short. */
+  reconnect(token?: string): void;
+  /** Say bye, free everything. The stream is of no use afterwards. */
+  close(): void;
+}
