@@ -266,23 +266,24 @@ class Version(_Plain):
 
 
 class VersionList(_Plain):
-    """Versions that a server offers, at most 16."""
+    """Versions that a server offers, at most `most`."""
 
     _item = Version()
+    most = 16
 
     def check(self, value: Any) -> tuple[tuple[int, int], ...]:
-        if not isinstance(value, (list, tuple)) or len(value) > 16:
-            raise Refused(f"got {clip(value)}, expected at most 16 versions")
+        if not isinstance(value, (list, tuple)) or len(value) > self.most:
+            raise Refused(f"got {clip(value)}, expected at most {self.most} versions")
         return tuple(self._item.check(item) for item in value)
 
     def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
         return [list(item) for item in value]
 
     def schema(self) -> dict[str, Any]:
-        return {"type": "array", "items": self._item.schema(), "maxItems": 16}
+        return {"type": "array", "items": self._item.schema(), "maxItems": self.most}
 
     def describe(self) -> str:
-        return "list of [major, minor], at most 16"
+        return f"list of [major, minor], at most {self.most}"
 
 
 class NumberMap(_Plain):

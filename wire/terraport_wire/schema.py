@@ -1,8 +1,9 @@
 """JSON Schema of every message, and the field tables of the specification.
 
 ``python -m terraport_wire.schema SPEC_DIR`` writes ``SPEC_DIR/schema/*.json`` and the tables
-between the ``generated`` marks of ``SPEC_DIR/wire-protocol.md``; ``--check`` only compares.  The
-functions are pure; `main` alone touches files.
+between the ``generated`` marks of ``SPEC_DIR/wire-protocol.md``; with ``--typescript FILE`` also
+the viewer's tables (`terraport_wire.typescript`); ``--check`` only compares.  The functions are
+pure; `main` alone touches files.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 from .errors import CLOSE_CODES, HTTP_STATUS
 from .message import Direction, Message, Part, fields_of, part_schema
 from .messages import MESSAGES, PARTS
+from .typescript import messages_module
 
 __all__ = ["error_table", "field_table", "main", "message_schema", "render_spec", "schema_files"]
 
@@ -93,11 +95,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Write or check the generated files; return the process's exit code."""
     parser = argparse.ArgumentParser(prog="python -m terraport_wire.schema", description=__doc__)
     parser.add_argument("spec_dir", type=Path, help="the folder spec/")
+    parser.add_argument("--typescript", type=Path, metavar="FILE", help="the viewer's tables")
     parser.add_argument("--check", action="store_true", help="only compare; exit 1 if any differs")
     options = parser.parse_args(arguments)
     spec = options.spec_dir / "wire-protocol.md"
     expected = {options.spec_dir / "schema" / name: text for name, text in schema_files().items()}
     expected[spec] = render_spec(spec.read_text(encoding="utf-8"))
+    if options.typescript is not None:
+        expected[options.typescript] = messages_module()
     stale = [
         path
         for path, text in expected.items()

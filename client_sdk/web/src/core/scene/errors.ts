@@ -1,0 +1,24 @@
+/** The error that everything which talks to a server gives to the page. */
+
+/**
+ * Something was refused, or did not come.
+ *
+ * The message says what was received, what was expected, and what to do.
+ */
+export class StreamError extends Error {
+  override readonly name = "StreamError";
+  /**
+   * An error code of the wire protocol; or `unreachable` (no answer), `aborted` (by the caller), `invalid_url`,
+   * `damaged` (what came cannot be read, or has another hash), `changed` (the server no longer has that version),
+   * `not_held` (a segment that is not here), `closed`.
+   */
+  readonly code: string;
+  /** HTTP status or WebSocket close code, where there was one. */
+  readonly status: number | undefined;
+
+  constructor(code: string, message: string, status?: number, options?: { cause?: unknown }) {
+    super(message, options);
+    this.code = code;
+    this.status = status;
+  }
+}
