@@ -1,7 +1,19 @@
 /** Messages to bytes or text, and back (wire protocol, section 3). */
 
-import type { Direction } from "./kinds.ts";
+import type { RefusedField } from "./errors.ts";
+import { DecodeError, InvalidMessageError } from "./errors.ts";
+import { checkFields, readFields, writeFields } from "./fields.ts";
+import { readJson } from "./json_reader.ts";
+import { writeJson } from "./json_writer.ts";
+import type { Direction, FieldTable } from "./kinds.ts";
 import type { ClientMessage, ServerMessage, SUBPROTOCOLS } from "./messages.generated.ts";
+import { LIMITS, MESSAGES } from "./messages.generated.ts";
+import { readMsgpack } from "./msgpack_reader.ts";
+import { writeMsgpack } from "./msgpack_writer.ts";
+import type { Plain, PlainMap } from "./plain.ts";
+import { show } from "./plain.ts";
+import { Refused } from "./refused.ts";
+import { checkRules } from "./rules.ts";
 
 /** WebSocket subprotocol of a connection. */
 export type Subprotocol = (typeof SUBPROTOCOLS)[number];
@@ -16,6 +28,13 @@ export interface UnknownMessage {
 /** Everything that one side sends. */
 export type MessageOf<D extends Direction> = D extends "client_to_server" ? ClientMessage : ServerMessage;
 
+const MOST_BYTES: Readonly<Record<Direction, number>> = {
+  client_to_server: LIMITS.MAX_CLIENT_MESSAGE_BYTES,
+  server_to_client: LIMITS.MAX_SERVER_MESSAGE_BYTES,
+};
+const LONGEST_TYPE = 64;
+const SURROGATE = /\p{Surrogate}/u;
+
 /**
  * Write a message as bytes (msgpack) or text (JSON). Keys stand in the order of the tables, `type` first; absent fields
  * are left out; the same message gives the same bytes every time.
@@ -23,10 +42,23 @@ export type MessageOf<D extends Direction> = D extends "client_to_server" ? Clie
  * @throws InvalidMessageError If a field is not what the protocol allows.
  */
 export function encodeMessage(
-  _message: ClientMessage | ServerMessage,
-  _subprotocol: Subprotocol,
+  message: ClientMessage | ServerMessage,
+  subprotocol: Subprotocol,
 ): Uint8Array<ArrayBuffer> | string {
-  throw new Error("on its way");
+  const type: string = message.type;
+  const table = tableOf("client_to_server", type) ?? tableOf("server_to_client", type);
+  if (table === undefined) throw new InvalidMessageError(type, "type", "expected a message of the protocol");
+  const packed = subprotocol === "terraport.v1.msgpack";
+  try {
+    const values = checkFields(table, { ...message });
+    checkRules(type, values);
+    const plain: PlainMap = new Map<string, Plain>([["type", type]]);
+    writeFields(table, values, packed, plain);
+    return packed ? writeMsgpack(plain) : writeJson(plain);
+  } catch (error) {
+    if (error instanceof Refused) throw new InvalidMessageError(type, error.path, error.message);
+    throw error;
+  }
 }
 
 /**
@@ -37,16 +69,78 @@ export function encodeMessage(
  * @throws DecodeError If it is no message, too long, or has a field that is missing, mistyped or out of range.
  */
 export function decodeMessage<D extends Direction>(
-  _data: Uint8Array | string,
-  _subprotocol: Subprotocol,
-  _direction: D,
-  _maxBytes?: number,
+  data: Uint8Array | string,
+  subprotocol: Subprotocol,
+  direction: D,
+  maxBytes: number = Number.POSITIVE_INFINITY,
 ): MessageOf<D> | UnknownMessage {
-  throw new Error("on its way");
+  const limit = Math.min(maxBytes, MOST_BYTES[direction]);
+  const plain = subprotocol === "terraport.v1.msgpack" ? plainMsgpack(data, limit) : plainJson(data, limit);
+  if (!(plain instanceof Map)) throw malformed(`got ${show(plain)}, expected a map with a type`);
+  const type = plain.get("type");
+  if (typeof type !== "string") throw malformed(`got type ${show(type)}, expected text`);
+  const table = tableOf(direction, type);
+  if (table === undefined) return { type: "unknown", name: [...type].slice(0, LONGEST_TYPE).join("") };
+  try {
+    const values = readFields(table, plain, subprotocol === "terraport.v1.msgpack");
+    checkRules(type, values);
+    // The table is generated from the same classes as the type.
+    return { type, ...values } as unknown as MessageOf<D>;
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    const refused = refusedField(type, error.path, table, plain);
+    throw new DecodeError("invalid_field", `${type}.${error.path}: ${error.message}`, { refused });
+  }
 }
 
 /** The subprotocol entry that carries a token where no header can be set (section 2.3). */
 export function tokenSubprotocol(token: string): string {
   const text = btoa(String.fromCharCode(...new TextEncoder().encode(token)));
   return `terraport.token.${text.replaceAll("+", "-").replaceAll("/", "_").replace(/=+$/, "")}`;
+}
+
+function tableOf(direction: Direction, type: string): FieldTable | undefined {
+  // A type may be called like a method that every object has.
+  return Object.hasOwn(MESSAGES[direction], type) ? MESSAGES[direction][type] : undefined;
+}
+
+function plainMsgpack(data: Uint8Array | string, limit: number): Plain {
+  if (typeof data === "string") throw malformed("got a text message, expected a binary one (terraport.v1.msgpack)");
+  checkSize(data.length, limit);
+  return readMsgpack(data);
+}
+
+function plainJson(data: Uint8Array | string, limit: number): Plain {
+  if (typeof data !== "string") throw malformed("got a binary message, expected a text one (terraport.v1.json)");
+  checkSize(data.length, limit);
+  if (SURROGATE.test(data)) throw malformed("got text with a lone surrogate");
+  // A UTF-16 unit takes at most three bytes of UTF-8: most messages need not be measured.
+  if (3 * data.length > limit) checkSize(new TextEncoder().encode(data).length, limit);
+  return readJson(data);
+}
+
+function checkSize(size: number, limit: number): void {
+  if (size > limit) throw new DecodeError("too_large", `got a message of ${size} bytes, expected at most ${limit}`);
+}
+
+function refusedField(messageType: string, field: string, table: FieldTable, plain: PlainMap): RefusedField {
+  const generation = readable("generation", table, plain);
+  const request = readable("request", table, plain);
+  return {
+    messageType,
+    field,
+    ...(generation !== undefined && { generation }),
+    ...(request !== undefined && { request }),
+  };
+}
+
+/** A refused message's number for the answer, where it has one that is in range. */
+function readable(name: string, table: FieldTable, plain: PlainMap): number | undefined {
+  if (!table.some((field) => field.name === name)) return undefined;
+  const value = plain.get(name);
+  return typeof value === "number" && Number.isInteger(value) && value >= 0 && value <= 0xffffffff ? value : undefined;
+}
+
+function malformed(text: string): DecodeError {
+  return new DecodeError("malformed", text);
 }

@@ -1,0 +1,21 @@
+/** A value that its kind does not allow; never leaves core/wire: callers see DecodeError or InvalidMessageError. */
+
+/** `path` names the place below the field. */
+export class Refused extends Error {
+  readonly path: string;
+
+  constructor(text: string, path = "") {
+    super(text);
+    this.path = path;
+  }
+}
+
+/** Run a step whose refusals lie below `place`. */
+export function below<T>(place: string, step: () => T): T {
+  try {
+    return step();
+  } catch (error) {
+    if (!(error instanceof Refused)) throw error;
+    throw new Refused(error.message, error.path === "" ? place : `${place}.${error.path}`);
+  }
+}
