@@ -1,0 +1,61 @@
+/**
+ * The newest aim: noted, sent, and sent anew where a lost connection cut it short.
+ *
+ * PURE. Section numbers are those of `spec/wire-protocol.md`.
+ */
+
+import type { Vec3 } from "../types.ts";
+import type { AimMessage } from "../wire/messages.generated.ts";
+
+interface Aim {
+  readonly position: Vec3;
+  readonly radiusM: number;
+}
+
+/** Where the user points. Older aims are forgotten; so are all once the user lands. */
+export class AimState {
+  #noted: Aim | null = null;
+  #sent: Aim | null = null;
+  #generation = -1;
+
+  /** Whether an aim is to be sent. */
+  get waits(): boolean {
+    return this.#noted !== null;
+  }
+
+  /** Note the newest one, in place of any that waits. */
+  note(position: Vec3, radiusM: number): void {
+    this.#noted = { position, radiusM };
+  }
+
+  /** The message to send now, under a generation of this connection; null where none waits. */
+  take(generation: number): AimMessage | null {
+    const aim = this.#noted;
+    if (aim === null) return null;
+    this.#noted = null;
+    this.#sent = aim;
+    this.#generation = generation;
+    return { type: "aim", generation, position: aim.position, radius_m: aim.radiusM };
+  }
+
+  /** Forget it: the user has landed. */
+  clear(): void {
+    this.#noted = null;
+    this.#sent = null;
+  }
+
+  /** Forget it where it was refused: it would be again. */
+  refused(generation: number | undefined): void {
+    if (generation !== undefined && generation === this.#generation) this.#sent = null;
+  }
+
+  /**
+   * Send it anew on the next connection, unless all of it had come (7, rule 4).
+   *
+   * @param done - generation of the newest aim of which everything has come.
+   */
+  connectionLost(done: number): void {
+    if (this.#noted === null && this.#generation !== done) this.#noted = this.#sent;
+    this.#generation = -1;
+  }
+}

@@ -1,0 +1,36 @@
+/**
+ * What the caller says, checked before anything is sent.
+ *
+ * PURE.
+ */
+
+import type { LandOptions, Vec3 } from "../types.ts";
+import { encodeMessage } from "../wire/codec.ts";
+import { InvalidMessageError } from "../wire/errors.ts";
+import type { ClientMessage } from "../wire/messages.generated.ts";
+import { landMessage } from "./landing-state.ts";
+
+/** @throws RangeError on a number that the protocol does not allow. */
+export function checkLand(position: Vec3, radiusM: number, options: LandOptions): void {
+  check(landMessage(0, position, radiusM, options));
+}
+
+/** @throws RangeError on a number that the protocol does not allow. */
+export function checkAim(position: Vec3, radiusM: number): void {
+  check({ type: "aim", generation: 0, position, radius_m: radiusM });
+}
+
+/** @throws RangeError on a number that the protocol does not allow. */
+export function checkPick(origin: Vec3, direction: Vec3 | undefined): void {
+  check({ type: "pick", request: 0, origin, direction });
+}
+
+/** @throws RangeError on a value that the protocol does not allow. */
+export function check(message: ClientMessage): void {
+  try {
+    encodeMessage(message, "terraport.v1.json");
+  } catch (error) {
+    if (error instanceof InvalidMessageError) throw new RangeError(error.message, { cause: error });
+    throw error;
+  }
+}
