@@ -10,6 +10,7 @@ from fastapi.middleware.cors import CORSMiddleware
 
 from terraport_server.app_guard import AppGuard
 from terraport_server.endpoints import add_routes
+from terraport_server.page_endpoints import add_page_routes
 from terraport_server.service import Service
 from terraport_server.settings import Settings
 from terraport_server.stream import stream
@@ -76,4 +77,5 @@ def create_app(settings: Settings) -> FastAPI:
     async def stream_endpoint(websocket: WebSocket, scene_id: str) -> None:
         await stream(websocket, scene_id, service)
 
+    add_page_routes(app)
     return app

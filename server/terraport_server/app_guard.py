@@ -22,7 +22,8 @@ _EVERYWHERE: Final = (
     (b"x-frame-options", b"DENY"),
 )
 
-# Our pages carry their pictures and styles with them, and have no scripts.
+# Pages without a policy of their own carry their pictures and styles with them, and have no
+# scripts: the list of scenes, a build's report.
 _PAGE_POLICY: Final = (
     b"default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'; "
     b"base-uri 'none'; form-action 'none'"
@@ -111,8 +112,9 @@ def host_is_ours(host: str | None, allowed: tuple[str, ...]) -> bool:
 
 def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:
     added = list(_EVERYWHERE)
-    content_type = next((v for k, v in message.get("headers", ()) if k == b"content-type"), b"")
-    if content_type.startswith(b"text/html") and scope["path"] != _DOCS:
+    headers = dict(message.get("headers", ()))
+    is_page = headers.get(b"content-type", b"").startswith(b"text/html")
+    if is_page and b"content-security-policy" not in headers and scope["path"] != _DOCS:
         added.append((b"content-security-policy", _PAGE_POLICY))
     return added
 

@@ -11,6 +11,7 @@ import typer
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.serving import run
 from terraport_server.settings import ENV_PREFIX, Settings
+from terraport_server.viewer_page import BUILT_PAGE
 from terraport_store import StoreError, is_url, list_scenes, read_manifest
 
 __all__ = ["register", "serve"]
@@ -80,6 +81,12 @@ def serve(
     max_sessions: Annotated[
         int | None, typer.Option(help="Most clients at once. [default: 256]")
     ] = None,
+    viewer: Annotated[
+        bool | None,
+        typer.Option(
+            "--viewer/--no-viewer", help="Show the viewer at /, or a plain list. [default: viewer]"
+        ),
+    ] = None,
     log_format: Annotated[str | None, typer.Option(help="text or json. [default: text]")] = None,
     log_level: Annotated[
         str | None, typer.Option(help="debug, info, warning or error. [default: info]")
@@ -100,6 +107,7 @@ def serve(
         "workers": workers,
         "max_radius_m": max_radius,
         "max_sessions": max_sessions,
+        "viewer": viewer,
         "log_format": log_format,
         "log_level": log_level,
     }
@@ -136,6 +144,7 @@ def _announce(settings: Settings) -> None:
     access = "open to everyone who can connect" if settings.is_open else "with a token"
     place = settings.scenes_url or settings.scenes_dir
     typer.echo(f"terraport serves {place} at {address} ({access})")
+    typer.echo(f"  viewer: {_viewer_line(settings, scheme)}")
     if settings.scenes_url is not None:
         typer.echo("  the log names each scene as it is opened")
         return
@@ -153,3 +162,15 @@ def _announce(settings: Settings) -> None:
         )
     if not scenes:
         typer.echo("  no scene yet; one that appears is served within seconds")
+
+
+def _viewer_line(settings: Settings, scheme: str) -> str:
+    """Return where the viewer is, or why it is not."""
+    if not settings.viewer:
+        return "switched off"
+    if settings.viewer_dir is None and not (BUILT_PAGE / "index.html").is_file():
+        return "not built; in a checkout `pip install -e .` builds it"
+    # An address that stands for all of them is none that a browser could be pointed at.
+    host = "localhost" if settings.host in {"0.0.0.0", "::"} else settings.host  # noqa: S104
+    host = f"[{host}]" if ":" in host else host
+    return f"{scheme}://{host}:{settings.port}/"

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import hmac
-import html
 import logging
 from hashlib import sha256
 from http import HTTPStatus
-from pathlib import Path
 from typing import Annotated, Any
 
 import xxhash
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse
+from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse
 from starlette.exceptions import HTTPException
 
 from terraport_server.auth import bearer_token
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError, http_status
+from terraport_server.http_answers import (
+    CHECK,
+    FOREVER,
+    PRIVATE_FOREVER,
+    ServiceOfRequest,
+    is_unchanged,
+)
 from terraport_server.logs import log
 from terraport_server.metrics import CONTENT_TYPE
+from terraport_server.scene_links import REPORT, links_of, service_links, summary_of
 from terraport_server.scenes import ServedScene
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT
@@ -31,11 +37,6 @@ __all__ = ["add_routes"]
 
 _router = APIRouter()
 
-_FOREVER = "public, max-age=31536000, immutable"
-_PRIVATE_FOREVER = "private, max-age=31536000, immutable"
-_CHECK = "no-cache"
-
-_REPORT = "report.html"
 _MAX_REPORT_BYTES = 64 << 20
 """Of a report in object storage: it passes through memory."""
 
@@ -51,20 +52,13 @@ def add_routes(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _failed)
 
 
-def _service(request: Request) -> Service:
-    service = request.app.state.service
-    assert isinstance(service, Service)
-    return service
-
-
-_Service = Annotated[Service, Depends(_service)]
-
-
 def _token(request: Request) -> str | None:
     return bearer_token(request.headers.get("authorization"))
 
 
-def _scene(request: Request, scene_id: str, service: _Service, v: str | None = None) -> ServedScene:
+def _scene(
+    request: Request, scene_id: str, service: ServiceOfRequest, v: str | None = None
+) -> ServedScene:
     """Return the scene that a request may see, in the version ``v`` or the newest."""
     code = service.gate.check(_token(request), scene_id)
     if code is not None:
@@ -76,33 +70,38 @@ _Scene = Annotated[ServedScene, Depends(_scene)]
 
 
 @_router.get("/scenes", summary="Scenes that the token opens")
-def list_scenes(request: Request, service: _Service) -> dict[str, Any]:
-    """List id, name, version and size of every scene that the token opens."""
+def list_scenes(request: Request, service: ServiceOfRequest) -> dict[str, Any]:
+    """List id, name, version and size of every scene that the token opens, and what is beside."""
     token_pass = service.gate.find(_token(request))
     if token_pass is None:
         raise AccessError(ErrorCode.UNAUTHORISED)
     ids = [scene_id for scene_id in service.registry.ids() if token_pass.opens(scene_id)]
-    return {"scenes": [_summary(service.registry.get(scene_id)) for scene_id in ids]}
+    return {
+        "scenes": [summary_of(service.registry.get(scene_id)) for scene_id in ids],
+        "links": service_links(service.settings),
+    }
 
 
 @_router.get("/scenes/{scene_id}", summary="One scene: its manifest and addresses")
 def get_scene(served: _Scene) -> JSONResponse:
     """Return the manifest with the scene's id and the addresses of its parts added."""
     document = served.scene.manifest.model_dump(mode="json")
-    document |= {"id": served.id, "links": _links(served)}
-    headers = {"Cache-Control": _CHECK, "ETag": f'"{served.version}"'}
+    document |= {"id": served.id, "links": links_of(served)}
+    headers = {"Cache-Control": CHECK, "ETag": f'"{served.version}"'}
     return JSONResponse(document, headers=headers)
 
 
 @_router.get("/scenes/{scene_id}/base.glb", summary="The base mesh")
-def get_base(request: Request, served: _Scene, service: _Service, v: str | None = None) -> Response:
+def get_base(
+    request: Request, served: _Scene, service: ServiceOfRequest, v: str | None = None
+) -> Response:
     """Return the base mesh; ranges are understood."""
     return _file(request, served, "base.glb", "model/gltf-binary", v, service)
 
 
 @_router.get("/scenes/{scene_id}/base.cover", summary="Segments over each base face")
 def get_cover(
-    request: Request, served: _Scene, service: _Service, v: str | None = None
+    request: Request, served: _Scene, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
     """Return the cover, as spec/scene-format.md has it."""
     return _file(request, served, "base.cover", "application/octet-stream", v, service)
@@ -110,7 +109,7 @@ def get_cover(
 
 @_router.get("/scenes/{scene_id}/regions.json", summary="Facts about the regions")
 def get_regions(
-    request: Request, served: _Scene, service: _Service, v: str | None = None
+    request: Request, served: _Scene, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
     """Return the regions file."""
     return _file(request, served, "regions.json", "application/json", v, service)
@@ -122,17 +121,17 @@ def get_labels(request: Request, served: _Scene) -> Response:
     data = encode_labels(served.names.labels)
     headers = {
         "ETag": f'"{xxhash.xxh3_64_hexdigest(data)}"',
-        "Cache-Control": _CHECK,
+        "Cache-Control": CHECK,
         "Vary": "Authorization",
     }
-    if _is_unchanged(request, headers["ETag"]):
+    if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     return Response(data, media_type="application/json", headers=headers)
 
 
 @_router.get("/scenes/{scene_id}/segments/{segment}.glb", summary="One segment's GLB")
 async def get_segment(
-    request: Request, segment: int, served: _Scene, service: _Service, v: str | None = None
+    request: Request, segment: int, served: _Scene, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
     """Return the very bytes that a landing streams."""
     index = served.scene.index
@@ -140,7 +139,7 @@ async def get_segment(
         text = f"got segment {segment}, expected 0 to {len(index) - 1}"
         raise RequestError(404, "unknown_segment", text)
     headers = _caching(service, v, f"{int(index.xxh3[segment]):016x}")
-    if _is_unchanged(request, headers["ETag"]):
+    if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     try:
         data = await served.desk.payload(segment)
@@ -165,12 +164,12 @@ async def get_segment(
 @_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")
 async def get_report(served: _Scene) -> Response:
     """Return report.html."""
-    headers = {"Cache-Control": _CHECK}
-    path = served.scene.path / _REPORT
+    headers = {"Cache-Control": CHECK}
+    path = served.scene.path / REPORT
     if path.is_file():
         return FileResponse(path, media_type="text/html", headers=headers)
     try:
-        data = await served.read(_REPORT, _MAX_REPORT_BYTES)
+        data = await served.read(REPORT, _MAX_REPORT_BYTES)
     except OriginError as error:
         log("report not read", level=logging.ERROR, scene=served.id, reason=str(error))
         text = "the report cannot be had now; try again later"
@@ -188,7 +187,7 @@ def get_health() -> str:
 
 
 @_router.get("/readyz", summary="Whether new sessions are taken")
-def get_readiness(service: _Service) -> PlainTextResponse:
+def get_readiness(service: ServiceOfRequest) -> PlainTextResponse:
     """Say ok, or 503 while starting or draining, or without any scene."""
     draining = service.draining and not service.replaced
     if draining or not service.ready:
@@ -198,7 +197,7 @@ def get_readiness(service: _Service) -> PlainTextResponse:
     return PlainTextResponse("ok\n")
 
 
-def _check_metrics_token(request: Request, service: _Service) -> None:
+def _check_metrics_token(request: Request, service: ServiceOfRequest) -> None:
     settings = service.settings
     if settings.serves_metrics:
         return
@@ -212,67 +211,9 @@ def _check_metrics_token(request: Request, service: _Service) -> None:
 
 
 @_router.get("/metrics", summary="Prometheus metrics", dependencies=[Depends(_check_metrics_token)])
-async def get_metrics(service: _Service) -> Response:
+async def get_metrics(service: ServiceOfRequest) -> Response:
     """Return all metrics, of all processes of the service."""
     return Response(await service.render_metrics(), media_type=CONTENT_TYPE)
-
-
-@_router.get("/", summary="The scenes, for people", response_class=HTMLResponse)
-def get_page(service: _Service) -> str:
-    """Show the scenes with links to their reports; names only where a token is asked for."""
-    rows = []
-    for scene_id in service.registry.ids() if service.gate.is_open else []:
-        served = service.registry.get(scene_id)
-        name, path = html.escape(served.scene.manifest.name), f"scenes/{html.escape(scene_id)}"
-        counts = served.scene.manifest.counts
-        report = ""
-        # Of a scene in object storage it is not known without asking there.
-        if (Path(served.scene.path) / _REPORT).is_file():
-            report = f' · <a href="{path}/report">report</a>'
-        rows.append(
-            f'<li><a href="{path}">{name}</a>: {counts.segments:,} segments, '
-            f"{counts.detail_faces:,} triangles{report}</li>"
-        )
-    listed = "\n".join(rows) or "<li>none to show; GET /scenes with a token lists them</li>"
-    return (
-        '<!doctype html><html lang="en"><meta charset="utf-8"><title>terraport</title>'
-        f"<h1>terraport</h1><ul>\n{listed}\n</ul>"
-        f"<p>{' · '.join(_page_links(service))}</p></html>\n"
-    )
-
-
-def _page_links(service: Service) -> list[str]:
-    settings = service.settings
-    links = [('<a href="docs">API</a>', settings.serves_docs)]
-    links.append(('<a href="metrics">metrics</a>', settings.serves_metrics))
-    return [link for link, shown in links if shown]
-
-
-def _summary(served: ServedScene) -> dict[str, Any]:
-    manifest = served.scene.manifest
-    return {
-        "id": served.id,
-        "name": manifest.name,
-        "version": served.version,
-        "segments": manifest.counts.segments,
-        "detail_faces": manifest.counts.detail_faces,
-        "links": _links(served),
-    }
-
-
-def _links(served: ServedScene) -> dict[str, str]:
-    """Addresses relative to the service's root, so that they hold behind any proxy's prefix."""
-    root, query = f"scenes/{served.id}", f"?v={served.version}"
-    return {
-        "self": root,
-        "stream": f"{root}/stream",
-        "base": f"{root}/base.glb{query}",
-        "cover": f"{root}/base.cover{query}",
-        "regions": f"{root}/regions.json{query}",
-        "labels": f"{root}/labels.json",
-        "segment": f"{root}/segments/{{segment}}.glb{query}",
-        "report": f"{root}/report",
-    }
 
 
 def _file(
@@ -284,7 +225,7 @@ def _file(
     service: Service,
 ) -> Response:
     headers = _caching(service, version, served.scene.manifest.files[key].xxh3)
-    if _is_unchanged(request, headers["ETag"]):
+    if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
     path = served.scene.file_path(key)
     if not path.is_file():  # an old version whose files are gone
@@ -294,18 +235,11 @@ def _file(
 
 def _caching(service: Service, version: str | None, content_hash: str) -> dict[str, str]:
     """Cache for ever what names its version; ask again about what is "the newest"."""
-    forever = _FOREVER if service.gate.is_open else _PRIVATE_FOREVER
+    forever = FOREVER if service.gate.is_open else PRIVATE_FOREVER
     return {
         "ETag": f'"{content_hash}"',
-        "Cache-Control": _CHECK if version is None else forever,
+        "Cache-Control": CHECK if version is None else forever,
         "Vary": "Authorization",
-    }
-
-
-def _is_unchanged(request: Request, etag: str) -> bool:
-    asked = request.headers.get("if-none-match", "")
-    return asked.strip() == "*" or etag in {
-        entry.strip().removeprefix("W/") for entry in asked.split(",")
     }
 
 

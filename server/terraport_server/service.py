@@ -23,6 +23,7 @@ from terraport_server.scenes import SceneRegistry, ServedScene
 from terraport_server.sender import Sender, SenderLimits
 from terraport_server.settings import Settings
 from terraport_server.turns import Turns
+from terraport_server.viewer_page import BUILT_PAGE, ViewerPage
 from terraport_store import OriginError
 from terraport_wire import Hit
 
@@ -80,6 +81,10 @@ class Service:
             groups = self.groups.groups
             self.metrics.groups.set_function(lambda: groups.group_count)
             self.metrics.group_members.set_function(lambda: groups.member_count)
+        self.viewer: ViewerPage | None = None
+        """The page for people; None where it is not built, or switched off."""
+        if settings.viewer:
+            self.viewer = ViewerPage.read(settings.viewer_dir or BUILT_PAGE)
         self.turns = Turns()
         self.once = OncePerMinute()
         self.ready = False

@@ -13,6 +13,7 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
+from urllib.parse import quote
 
 import uvicorn
 
@@ -266,6 +267,12 @@ class BackgroundServer:
     def scene_url(self, scene_id: str) -> str:
         """Address of one scene."""
         return f"{self.url}/scenes/{scene_id}"
+
+    def viewer_url(self, scene_id: str) -> str | None:
+        """Address of the viewer with one scene open; None where no viewer is served."""
+        if self.service.viewer is None:
+            return None
+        return f"{self.url}/#scene={quote(scene_id, safe='')}"
 
     def start(self) -> None:
         """Start and wait until clients are served.

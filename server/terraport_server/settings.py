@@ -112,6 +112,10 @@ class Settings(BaseSettings):
     allowed_hosts: tuple[str, ...] = ()
     """Names that this service is called by, beside addresses and localhost; asked only where it is
     open, on this machine alone, and not said to be so (allow_open)."""
+    viewer: bool = True
+    """Whether / is the viewer, where it is built; else a list of the scenes."""
+    viewer_dir: Path | None = None
+    """Folder of another built viewer; none = the one that this installation brings."""
     public_docs: bool | None = None
     """Whether /docs answers; none = only where the service is open."""
     public_metrics: bool | None = None
@@ -241,7 +245,7 @@ class Settings(BaseSettings):
         Raises
         ------
         SettingsError
-            When the directory is missing, when TLS is half configured, or when anyone on the
+            When a directory is missing, when TLS is half configured, or when anyone on the
             network could read the scenes and nobody said so.
         """
         if self.scenes_url is not None:
@@ -250,6 +254,9 @@ class Settings(BaseSettings):
                 raise SettingsError("scenes_url", what)
         elif not self.scenes_dir.is_dir():
             raise SettingsError("scenes_dir", f"{self.scenes_dir} is no directory, expected one")
+        if self.viewer_dir is not None and not (self.viewer_dir / "index.html").is_file():
+            what = f"{self.viewer_dir} has no index.html, expected the folder of a built viewer"
+            raise SettingsError("viewer_dir", what)
         if (self.tls_certificate is None) != (self.tls_key is None):
             raise SettingsError("tls_key", "got one of tls_certificate and tls_key, expected both")
         if self.is_open and not self.allow_open and not _is_loopback(self.host):

@@ -175,12 +175,20 @@ def test_many_ranges_are_refused(server: BackgroundServer) -> None:
     assert (many.status_code, many.json()["error"]["code"]) == (416, "too_many")
 
 
-def test_pages_run_no_script_and_stand_in_no_frame(server: BackgroundServer) -> None:
-    page = httpx.get(server.url)
-    policy = page.headers["content-security-policy"]
-    assert "default-src 'none'" in policy
-    assert "script-src" not in policy
-    assert page.headers["x-content-type-options"] == "nosniff"
+def test_pages_run_no_script_and_stand_in_no_frame(server: BackgroundServer, folder: Path) -> None:
+    """The viewer alone has scripts; its own policy is looked at in test_page_endpoints."""
+    report = folder / "pit" / "report.html"
+    report.write_text("<h1>report</h1>")
+    try:
+        with BackgroundServer(folder, viewer=False) as plain:
+            pages = [httpx.get(plain.url), httpx.get(f"{server.url}/scenes/pit/report")]
+    finally:
+        report.unlink()
+    for page in pages:
+        (policy,) = page.headers.get_list("content-security-policy")
+        assert "default-src 'none'" in policy
+        assert "script-src" not in policy
+        assert page.headers["x-content-type-options"] == "nosniff"
     assert httpx.get(f"{server.url}/scenes").headers["referrer-policy"] == "no-referrer"
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import sys
 import tempfile
 import time
 import webbrowser
@@ -23,7 +25,7 @@ from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
 from terraport_server.serving import BackgroundServer
 
-__all__ = ["demo", "register"]
+__all__ = ["demo", "has_display", "register"]
 
 RADIUS_M: Final = 60.0
 STEP_M: Final = 70.0
@@ -54,10 +56,15 @@ def demo(
         typer.Option(help="Keep everything in this directory, and take up there next time."),
     ] = None,
     open_page: Annotated[
-        bool, typer.Option("--open", help="Open the report in the browser.")
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--open/--no-open",
+            help="Open the viewer in the browser, while serving. [default: where there is a "
+            "display]",
+        ),
+    ] = None,
 ) -> None:
-    """Make a sample quarry, build it, serve it and land in it three times.
+    """Make a sample quarry, build it, serve it, land in it three times, and show it.
 
     Everything that terraport does, on data of its own: at most three minutes on two cores. The
     third landing goes back to where the first was, and costs no byte.
@@ -66,7 +73,7 @@ def demo(
 
         terraport demo
 
-        terraport demo --points 1M --keep demo --port 8080 --open
+        terraport demo --points 1M --keep demo --port 8080 --no-open
     """
     errors, console = Console(stderr=True), Console()
     started = time.perf_counter()
@@ -79,18 +86,37 @@ def demo(
         _tell_scene(console, made)
         with BackgroundServer(made.scenes_dir, port=port) as server:
             _land(console, server.scene_url(SCENE_ID))
-            page = f"{server.scene_url(SCENE_ID)}/report"
-            console.print(f"\nreport  {page}", highlight=False, soft_wrap=True)
-            if serve:
-                console.print(f"scenes  {server.url}", highlight=False, soft_wrap=True)
             seconds = time.perf_counter() - started
+            pages = _pages(server)
+            console.print()
+            for name, address in pages.items():
+                console.print(f"{name}  {address}", highlight=False, soft_wrap=True)
             console.print(f"from nothing to here: {seconds:,.0f} s", highlight=False)
-            if open_page:
-                webbrowser.open(page)
             if serve:
+                if has_display() if open_page is None else open_page:
+                    webbrowser.open(next(iter(pages.values())))
                 _wait(console)
         if keep is not None:
             console.print(f"kept in {keep}", highlight=False, soft_wrap=True)
+
+
+def has_display() -> bool:
+    """Whether a browser that is opened here is seen by whoever asked.
+
+    Without one, `webbrowser` would start a text browser in this very terminal.
+    """
+    if "SSH_CONNECTION" in os.environ:
+        return False
+    if sys.platform in {"win32", "darwin"}:
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _pages(server: BackgroundServer) -> dict[str, str]:
+    """Return what there is to look at, the best first."""
+    viewer = server.viewer_url(SCENE_ID)
+    pages = {} if viewer is None else {"viewer": viewer}
+    return pages | {"report": f"{server.scene_url(SCENE_ID)}/report", "scenes": server.url}
 
 
 @contextlib.contextmanager
