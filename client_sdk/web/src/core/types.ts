@@ -214,8 +214,16 @@ export type StreamEvent =
       /** Exactly what must be shown, ascending. */
       readonly visible: readonly number[];
       readonly missing: readonly number[];
-      /** Milliseconds from `land` to here, by this machine's clock. */
+      /**
+       * Milliseconds from the call of `land` until all bytes were there and verified, by the clock of the browsing
+       * context: it counts the way of the command into the worker, not the way of this event out of it.
+       */
       readonly elapsedMs: number;
+      /**
+       * That moment as `performance.timeOrigin + performance.now()`. The page's own sum of the two, when the event
+       * comes, is later by the way out of the worker and by whatever kept the page busy.
+       */
+      readonly readyAtMs: number;
       readonly payloadBytes: number;
     }
   | { readonly type: "superseded"; readonly landing: number; readonly by: number }

@@ -46,6 +46,8 @@ export class ClientSession {
   #generation = 0;
   #landings = 0;
   #requests = 0;
+  /** The landing whose `land` is still in the outbox. */
+  #unsent: LandingState | null = null;
   /** The landing that waits for the next welcome. */
   #queued: LandingState | null = null;
   #creditStep = 1;
@@ -132,6 +134,7 @@ export class ClientSession {
   dataToSend(): (Uint8Array<ArrayBuffer> | string)[] {
     const messages = this.#outbox;
     this.#outbox = [];
+    this.#unsent = null;
     return messages.map((message) => encodeMessage(message, this.options.subprotocol));
   }
 
@@ -159,6 +162,7 @@ export class ClientSession {
     this.#open = false;
     this.#greeting = false;
     this.#outbox = [];
+    this.#unsent = null;
     this.#takenBytes = 0;
     this.#aim.connectionLost(this.#transfers.aimDone);
     this.#queue(this.#transfers.connectionLost());
@@ -326,11 +330,22 @@ export class ClientSession {
   }
 
   #sendLanding(landing: LandingState): void {
+    this.#withdrawUnsent(landing);
     this.#sendEvictions();
     this.#generation += 1;
     landing.generation = this.#generation;
     this.#transfers.ask(landing);
     this.#outbox.push(landing.message(this.#generation));
+    this.#unsent = landing;
+  }
+
+  /** Replace a landing that never left: however often the user lands, one `land` waits to be sent. */
+  #withdrawUnsent(newer: LandingState): void {
+    const unsent = this.#unsent;
+    if (unsent === null) return;
+    this.#outbox = this.#outbox.filter((one) => one.type !== "land");
+    this.#transfers.withdraw(unsent);
+    this.#events.push({ type: "superseded", landing: unsent.number, by: newer.number });
   }
 
   #sendEvictions(): void {

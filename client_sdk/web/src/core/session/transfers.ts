@@ -91,6 +91,11 @@ export class Transfers {
     this.#asked.push(landing);
   }
 
+  /** Forget a landing that was never sent. */
+  withdraw(landing: LandingState): void {
+    this.#asked = this.#asked.filter((asked) => asked !== landing);
+  }
+
   /** Forget a landing that the server refused; an older one goes on (6.5, rule 5). */
   refused(generation: number | undefined): LandingState | null {
     const at = this.#asked.findIndex((landing) => landing.generation === generation);

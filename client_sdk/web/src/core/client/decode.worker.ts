@@ -1,0 +1,23 @@
+/** Decodes payloads, pictures included, one after the other. */
+
+import { prepareDecoders } from "../payload/engines.ts";
+import { decodeGlb } from "../payload/glb.ts";
+import { imageDecoder } from "./image-decoder.ts";
+import { transferablesOfMesh } from "./transferables.ts";
+import { sentError } from "./worker-errors.ts";
+import type { DecodeAnswer, DecodeJob } from "./worker-messages.ts";
+
+const decodeImage = imageDecoder();
+
+self.onmessage = async (event: MessageEvent<DecodeJob>) => {
+  const { payload, segment } = event.data;
+  try {
+    await prepareDecoders();
+    const mesh = await decodeGlb(payload, segment, decodeImage);
+    const answer: DecodeAnswer = { type: "decoded", mesh };
+    self.postMessage(answer, { transfer: transferablesOfMesh(mesh) });
+  } catch (error) {
+    const answer: DecodeAnswer = { type: "failed", error: sentError(error) };
+    self.postMessage(answer);
+  }
+};

@@ -1,0 +1,49 @@
+/** A stream in the calling thread, for Node and for tests: the same session and connection, without workers. */
+
+import { decodeGlb } from "../payload/glb.ts";
+import { StreamError } from "../scene/errors.ts";
+import type { Stream, StreamEvent, StreamOptions } from "../types.ts";
+import { imageDecoder } from "./image-decoder.ts";
+import { StreamCore } from "./stream-core.ts";
+
+/** What {@link openDirectStream} may be given in place of what the platform has. */
+export interface DirectParts {
+  /** For platforms without a global WebSocket. */
+  readonly WebSocket?: typeof WebSocket;
+}
+
+/**
+ * Open a stream in this thread. Returns at once; set `onEvent` in the same task.
+ *
+ * Where the platform has no `createImageBitmap`, meshes come without their image.
+ *
+ * @throws StreamError `invalid_url`, or without a WebSocket; RangeError on options that the protocol does not allow.
+ */
+export function openDirectStream(options: StreamOptions, parts: DirectParts = {}): Stream {
+  const Socket = parts.WebSocket ?? globalThis.WebSocket;
+  if (Socket === undefined) throw new StreamError("internal", "this platform has no WebSocket; pass one");
+  const tell = (events: readonly StreamEvent[]) => {
+    for (const event of events) stream.onEvent(event);
+  };
+  const core = new StreamCore(options, {
+    WebSocket: Socket,
+    decode: (payload, segment) => decodeGlb(payload, segment, imageDecoder()),
+    tell,
+  });
+  const stream: Stream = {
+    onEvent: () => {},
+    land: (position, radiusM, landOptions) => core.land(position, radiusM, landOptions),
+    aim: (position, radiusM) => core.aim(position, radiusM),
+    pick: (origin, direction) => core.pick(origin, direction),
+    mesh: (segment) => core.mesh(segment),
+    stats: async () => core.stats(),
+    reconnect: (token) => core.reconnect(token),
+    close: () => core.close(),
+  };
+  core.start().catch((error: unknown) => {
+    const message = `the decoders did not start: ${error instanceof Error ? error.message : String(error)}`;
+    core.close();
+    tell([{ type: "link", link: { state: "closed", closeCode: 1006, code: "internal", message } }]);
+  });
+  return stream;
+}

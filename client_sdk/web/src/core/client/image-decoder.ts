@@ -1,0 +1,13 @@
+/** Pictures inside payloads, decoded where this runs. */
+
+import type { DecodeImage } from "../payload/glb.ts";
+
+/** The platform's decoder, giving the picture's own values; undefined where there is none (Node). */
+export function imageDecoder(): DecodeImage | undefined {
+  if (typeof createImageBitmap !== "function") return undefined;
+  return (bytes, mediaType) =>
+    createImageBitmap(new Blob([bytes], { type: mediaType }), {
+      colorSpaceConversion: "none",
+      premultiplyAlpha: "none",
+    });
+}

@@ -1,0 +1,276 @@
+/**
+ * The connection of a session: opened, kept, lost, opened again.
+ *
+ * The state is the session's; here are the socket and the timers. Section numbers are those of
+ * `spec/wire-protocol.md`.
+ */
+
+import { waitMs } from "../session/backoff.ts";
+import type { SessionEvent } from "../session/events.ts";
+import type { ClientSession } from "../session/session.ts";
+import { ProtocolViolation } from "../session/violation.ts";
+import type { LinkState } from "../types.ts";
+import { tokenSubprotocol } from "../wire/codec.ts";
+import { afterClose, codeOfClose } from "../wire/errors.ts";
+import { CLOSE_CODES } from "../wire/messages.generated.ts";
+import { Outgoing } from "./outgoing.ts";
+
+/** Between two aims: a hand moves faster, but ten plans a second are enough to prefetch by. */
+const AIM_PERIOD_MS = 100;
+
+/** One attempt: TCP, TLS, WebSocket handshake and welcome. */
+const CONNECT_MS = 10_000;
+
+/** A connection that lived this long, or readied a landing, begins the waits anew when it is lost. */
+const STABLE_MS = 10_000;
+
+/**
+ * Silence of a server that owes an answer. A page cannot send pings, and without them a dead line is noticed by TCP
+ * after minutes only.
+ */
+const SILENCE_MS = 30_000;
+
+const ABNORMAL = 1006;
+const NORMAL = 1000;
+
+/** What {@link Link} works with. */
+export interface LinkParts {
+  readonly session: ClientSession;
+  /** `ws(s)://.../stream`. */
+  readonly url: string;
+  readonly token: string | undefined;
+  readonly WebSocket: typeof WebSocket;
+  /** Takes the session's events, in order. */
+  readonly handle: (events: readonly SessionEvent[]) => void;
+  /** Takes news of the connection itself. */
+  readonly told: (link: LinkState) => void;
+}
+
+/** Keeps one session connected until {@link leave}. */
+export class Link {
+  readonly #parts: LinkParts;
+  readonly #outgoing: Outgoing;
+  #token: string | undefined;
+  #socket: WebSocket | null = null;
+  #attempt = 0;
+  #offerHeld = true;
+  #begun = false;
+  #left = false;
+  /** The error that the server gave as reason for the close which follows. */
+  #refusal: { readonly code: string; readonly message: string } | null = null;
+  #firstWaitMs: number | null = null;
+  #welcomedMs: number | null = null;
+  #heardMs = 0;
+  #owedSinceMs: number | null = null;
+  #nextAimMs = 0;
+  #retryTimer: ReturnType<typeof setTimeout> | undefined;
+  #welcomeTimer: ReturnType<typeof setTimeout> | undefined;
+  #aimTimer: ReturnType<typeof setTimeout> | undefined;
+  #watch: ReturnType<typeof setInterval> | undefined;
+
+  constructor(parts: LinkParts) {
+    this.#parts = parts;
+    this.#token = parts.token;
+    this.#outgoing = new Outgoing(
+      (data) => this.#socket?.send(data),
+      () => this.pump(),
+    );
+  }
+
+  /** Connect for the first time. */
+  start(): void {
+    if (this.#left || this.#begun) return;
+    this.#begun = true;
+    this.#connect();
+  }
+
+  /** Hand out events and send what the session has to say; to be called after every command. */
+  pump(): void {
+    const { session } = this.#parts;
+    this.#report();
+    if (!this.#outgoing.blocked) {
+      if (session.hasAim) this.#aim();
+      this.#outgoing.push(session.dataToSend());
+    }
+    const owed = session.awaitsAnswer;
+    if (!owed) this.#owedSinceMs = null;
+    else this.#owedSinceMs ??= performance.now();
+  }
+
+  /** Connect now, unless there is a connection already; another token makes a new one in any case. */
+  reconnect(token: string | undefined): void {
+    if (this.#left) return;
+    const newer = token !== undefined && token !== this.#token;
+    if (newer) this.#token = token;
+    if (!this.#begun || (this.#socket !== null && !newer)) return;
+    this.#drop(NORMAL);
+    this.#attempt = 0;
+    this.#firstWaitMs = null;
+    this.#connect();
+  }
+
+  /** Say goodbye and do not connect again. */
+  leave(): void {
+    if (this.#left) return;
+    this.#left = true;
+    this.#parts.session.bye();
+    if (!this.#outgoing.blocked) this.#outgoing.push(this.#parts.session.dataToSend());
+    this.#drop(NORMAL);
+  }
+
+  // ---- one connection
+
+  #connect(): void {
+    clearTimeout(this.#retryTimer);
+    this.#attempt += 1;
+    this.#refusal = null;
+    this.#welcomedMs = null;
+    this.#parts.told({ state: "connecting", attempt: this.#attempt });
+    const { session, url } = this.#parts;
+    const protocols: string[] = [session.options.subprotocol];
+    if (this.#token !== undefined) protocols.push(tokenSubprotocol(this.#token));
+    const socket = this.#opened(url, protocols);
+    if (socket === null) return;
+    this.#socket = socket;
+    socket.onopen = () => {
+      session.connected(this.#offerHeld);
+      this.pump();
+    };
+    socket.onmessage = (event: MessageEvent<ArrayBuffer | string>) => this.#take(event.data);
+    socket.onclose = (event) => this.#lost(event.code, event.reason);
+    // A close follows, but for implementations that forget it where no connection came about.
+    socket.onerror = () => {
+      setTimeout(() => {
+        if (this.#socket === socket && socket.readyState === socket.CLOSED) this.#lost(ABNORMAL, "");
+      }, 100);
+    };
+    this.#welcomeTimer = setTimeout(() => this.#cut(CLOSE_CODES.timeout, "no welcome in time"), CONNECT_MS);
+    this.#watch = setInterval(() => this.#listen(), SILENCE_MS / 6);
+  }
+
+  /** A socket on its way; null where the platform refuses the address, as `ws:` from a page that came by https. */
+  #opened(url: string, protocols: string[]): WebSocket | null {
+    try {
+      const socket = new this.#parts.WebSocket(url, protocols);
+      socket.binaryType = "arraybuffer";
+      return socket;
+    } catch (error) {
+      const message = error instanceof Error ? error.message : String(error);
+      this.#parts.told({ state: "closed", closeCode: ABNORMAL, code: "invalid_url", message });
+      return null;
+    }
+  }
+
+  #take(data: ArrayBuffer | string): void {
+    this.#heardMs = performance.now();
+    try {
+      this.#parts.session.receive(typeof data === "string" ? data : new Uint8Array(data));
+    } catch (error) {
+      if (!(error instanceof ProtocolViolation)) throw error;
+      this.#report();
+      this.#refusal = { code: "malformed", message: `the server broke the protocol: ${error.message}` };
+      this.#cut(CLOSE_CODES.malformed, "malformed");
+      return;
+    }
+    this.pump();
+  }
+
+  #report(): void {
+    const events = this.#parts.session.events();
+    for (const event of events) this.#note(event);
+    if (events.length > 0) this.#parts.handle(events);
+  }
+
+  /** Take what concerns the connection itself. */
+  #note(event: SessionEvent): void {
+    if (event.type === "opened") {
+      clearTimeout(this.#welcomeTimer);
+      this.#welcomedMs = performance.now();
+      this.#outgoing.allow(event.limits.max_messages_per_s);
+      this.#parts.told({ state: "open" });
+    } else if (event.type === "ready") {
+      this.#attempt = 0;
+    } else if (event.type === "refused" && event.fatal) {
+      this.#refusal = event;
+    } else if (event.type === "notice" && event.reconnectAfterMs !== null) {
+      this.#firstWaitMs = event.reconnectAfterMs;
+    }
+  }
+
+  /** Send the newest aim, or see to it that it is sent when it may be. */
+  #aim(): void {
+    const pauseMs = this.#nextAimMs - performance.now();
+    if (pauseMs <= 0) {
+      this.#nextAimMs = performance.now() + AIM_PERIOD_MS;
+      this.#parts.session.flushAim();
+    } else {
+      this.#aimTimer ??= setTimeout(() => {
+        this.#aimTimer = undefined;
+        this.pump();
+      }, pauseMs);
+    }
+  }
+
+  /** Give up a connection on which a server that owes an answer is silent. */
+  #listen(): void {
+    if (this.#owedSinceMs === null || this.#welcomedMs === null) return;
+    const sinceMs = Math.max(this.#owedSinceMs, this.#heardMs, this.#welcomedMs);
+    if (performance.now() - sinceMs > SILENCE_MS) this.#cut(CLOSE_CODES.timeout, "the server is silent");
+  }
+
+  /** Close from this side, without waiting for the other: its answer may never come. */
+  #cut(closeCode: number, reason: string): void {
+    this.#socket?.close(closeCode, reason);
+    this.#lost(closeCode, reason);
+  }
+
+  #lost(closeCode: number, reason: string): void {
+    if (this.#socket === null || this.#left) return;
+    this.#drop(NORMAL);
+    this.#report();
+    // Whoever was told may have left, or connected again.
+    if (this.#left || this.#socket !== null) return;
+    if (this.#retriesWithoutHeld()) {
+      this.#connect();
+      return;
+    }
+    const livedMs = this.#welcomedMs === null ? 0 : performance.now() - this.#welcomedMs;
+    if (livedMs >= STABLE_MS) this.#attempt = 0;
+    const code = this.#refusal?.code ?? codeOfClose(closeCode);
+    const message = this.#refusal?.message ?? (reason || textOf(closeCode));
+    if (afterClose(closeCode) !== "again") {
+      this.#parts.told({ state: "closed", closeCode, code, message });
+      return;
+    }
+    const retryInMs = this.#firstWaitMs ?? waitMs(Math.max(0, this.#attempt - 1), Math.random());
+    this.#firstWaitMs = null;
+    this.#retryTimer = setTimeout(() => this.#connect(), retryInMs);
+    this.#parts.told({ state: "waiting", attempt: this.#attempt + 1, retryInMs, closeCode, code, message });
+  }
+
+  /** Offer nothing in hello from now on if the server found that too large; once. */
+  #retriesWithoutHeld(): boolean {
+    if (this.#refusal?.code !== "too_large" || this.#welcomedMs !== null || !this.#offerHeld) return false;
+    this.#offerHeld = false;
+    return true;
+  }
+
+  /** Part from the socket and from everything that was timed for it. */
+  #drop(closeCode: number): void {
+    const socket = this.#socket;
+    this.#socket = null;
+    for (const timer of [this.#welcomeTimer, this.#aimTimer, this.#retryTimer]) clearTimeout(timer);
+    this.#aimTimer = undefined;
+    clearInterval(this.#watch);
+    this.#outgoing.clear();
+    this.#owedSinceMs = null;
+    if (socket === null) return;
+    socket.onopen = socket.onmessage = socket.onclose = socket.onerror = null;
+    socket.close(closeCode);
+    this.#parts.session.connectionLost();
+  }
+}
+
+function textOf(closeCode: number): string {
+  return closeCode === ABNORMAL ? "no connection to the server" : `the connection was closed with ${closeCode}`;
+}

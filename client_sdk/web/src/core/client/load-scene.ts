@@ -1,0 +1,55 @@
+/** What a scene needs once, fetched, checked and decoded in a worker. */
+
+import type { SceneFiles } from "../types.ts";
+import { receivedError, workerFailure } from "./worker-errors.ts";
+import type { SceneJob, SceneNews } from "./worker-messages.ts";
+
+/** How {@link loadSceneInWorker} goes about it. */
+export interface LoadSceneOptions {
+  readonly token?: string | undefined;
+  /** Version to ask for; the served one without it. */
+  readonly version?: string | undefined;
+  /** Called in the page's thread, at most twenty times a second. */
+  readonly onProgress?: ((doneBytes: number, totalBytes: number) => void) | undefined;
+  readonly signal?: AbortSignal | undefined;
+}
+
+/**
+ * Load what a scene needs once, decoded in a worker that is ended afterwards.
+ *
+ * Rejects with StreamError, `worker_failed` included; with the signal's reason where it was aborted.
+ */
+export function loadSceneInWorker(sceneUrl: string, options: LoadSceneOptions = {}): Promise<SceneFiles> {
+  const { token, version, onProgress, signal } = options;
+  return new Promise((resolve, reject) => {
+    if (signal?.aborted) {
+      reject(signal.reason);
+      return;
+    }
+    const worker = new Worker(new URL("./scene.worker.ts", import.meta.url), {
+      type: "module",
+      name: "terraport scene",
+    });
+    const aborted = () => end(() => reject(signal?.reason));
+    const end = (tell: () => void) => {
+      worker.terminate();
+      signal?.removeEventListener("abort", aborted);
+      tell();
+    };
+    signal?.addEventListener("abort", aborted);
+    worker.onmessage = (event: MessageEvent<SceneNews>) => {
+      const news = event.data;
+      if (news.type === "progress") onProgress?.(news.doneBytes, news.totalBytes);
+      else if (news.type === "loaded") end(() => resolve(news.files));
+      else end(() => reject(receivedError(news.error)));
+    };
+    worker.onerror = (event) => {
+      event.preventDefault();
+      end(() => reject(workerFailure("the scene's worker", event)));
+    };
+    worker.onmessageerror = (event) => end(() => reject(workerFailure("the scene's worker", event)));
+    // A worker's addresses are relative to its script, not to the page.
+    const job: SceneJob = { sceneUrl: new URL(sceneUrl, location.href).href, token, version };
+    worker.postMessage(job);
+  });
+}

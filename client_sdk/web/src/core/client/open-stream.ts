@@ -1,0 +1,169 @@
+/** A stream whose socket, session, cache and decoders are in workers: the page's side of it. */
+
+import { StreamError } from "../scene/errors.ts";
+import { checkAim, checkLand, checkPick } from "../session/checks.ts";
+import type {
+  LandOptions,
+  MeshData,
+  PickHit,
+  Stream,
+  StreamEvent,
+  StreamOptions,
+  StreamStats,
+  Vec3,
+} from "../types.ts";
+import { sharedNowMs } from "./clock.ts";
+import { receivedError, workerFailure } from "./worker-errors.ts";
+import type { StreamAnswer, StreamCommand, StreamNews, StreamQuestion } from "./worker-messages.ts";
+
+/** A worker that does not answer the goodbye is ended all the same. */
+const CLOSE_MS = 1000;
+
+/** Questions that wait for the worker; more are refused. */
+const MAX_QUESTIONS = 2048;
+
+interface Waiting {
+  readonly resolve: (value: StreamAnswer) => void;
+  readonly reject: (error: StreamError) => void;
+}
+
+type WithoutId<Q> = Q extends StreamQuestion ? Omit<Q, "id"> : never;
+
+/**
+ * Open a stream in a worker of its own. Returns at once; set `onEvent` in the same task.
+ *
+ * A worker that fails is told as the link state `closed` with code `worker_failed`, and everything that waits for it is
+ * rejected; such a stream cannot be used any more, not even by `reconnect`: open another one.
+ *
+ * `land` and `aim` throw RangeError on numbers that the protocol does not allow; `pick` rejects with it.
+ */
+export function openStream(options: StreamOptions): Stream {
+  const page = new PageStream(options);
+  const stream: Stream = {
+    onEvent: () => {},
+    land: (position, radiusM, landOptions) => page.land(position, radiusM, landOptions),
+    aim: (position, radiusM) => page.aim(position, radiusM),
+    pick: (origin, direction) => page.pick(origin, direction),
+    mesh: (segment) => page.mesh(segment),
+    stats: () => page.stats(),
+    reconnect: (token) => page.send({ type: "reconnect", token }),
+    close: () => page.close(),
+  };
+  page.tell = (event) => stream.onEvent(event);
+  return stream;
+}
+
+class PageStream {
+  tell: (event: StreamEvent) => void = () => {};
+  readonly #worker: Worker;
+  readonly #waiting = new Map<number, Waiting>();
+  #landings = 0;
+  #questions = 0;
+  /** Why the worker is of no use any more. */
+  #ended: StreamError | null = null;
+
+  constructor(options: StreamOptions) {
+    this.#worker = new Worker(new URL("./stream.worker.ts", import.meta.url), {
+      type: "module",
+      name: "terraport stream",
+    });
+    this.#worker.onmessage = (event: MessageEvent<StreamNews>) => this.#take(event.data);
+    this.#worker.onerror = (event) => {
+      event.preventDefault();
+      this.#fail(workerFailure("the stream's worker", event));
+    };
+    this.#worker.onmessageerror = (event) => this.#fail(workerFailure("the stream's worker", event));
+    // A worker's addresses are relative to its script, not to the page.
+    const sceneUrl = new URL(options.sceneUrl, location.href).href;
+    this.send({
+      type: "open",
+      options: { ...options, sceneUrl },
+      decoders: decodersFor(navigator.hardwareConcurrency),
+    });
+  }
+
+  send(command: StreamCommand): void {
+    if (this.#ended === null) this.#worker.postMessage(command);
+  }
+
+  land(position: Vec3, radiusM: number, options: LandOptions = {}): number {
+    checkLand(position, radiusM, options);
+    this.#landings += 1;
+    const number = this.#landings;
+    this.send({ type: "land", number, position, radiusM, options, askedMs: sharedNowMs() });
+    return number;
+  }
+
+  aim(position: Vec3, radiusM: number): void {
+    checkAim(position, radiusM);
+    this.send({ type: "aim", position, radiusM });
+  }
+
+  async pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null> {
+    checkPick(origin, direction);
+    return (await this.#ask({ type: "pick", origin, direction })) as PickHit | null;
+  }
+
+  async mesh(segment: number): Promise<MeshData> {
+    return (await this.#ask({ type: "mesh", segment })) as MeshData;
+  }
+
+  async stats(): Promise<StreamStats> {
+    return (await this.#ask({ type: "stats" })) as StreamStats;
+  }
+
+  close(): void {
+    if (this.#ended !== null) return;
+    this.send({ type: "close" });
+    this.#end(new StreamError("closed", "the stream was closed here"));
+    setTimeout(() => this.#worker.terminate(), CLOSE_MS);
+  }
+
+  // ---- private
+
+  #ask(question: WithoutId<StreamQuestion>): Promise<StreamAnswer> {
+    if (this.#ended !== null) return Promise.reject(this.#ended);
+    if (this.#waiting.size >= MAX_QUESTIONS) {
+      return Promise.reject(new StreamError("too_many", `${MAX_QUESTIONS} questions wait for an answer already`));
+    }
+    this.#questions += 1;
+    const id = this.#questions;
+    return new Promise((resolve, reject) => {
+      this.#waiting.set(id, { resolve, reject });
+      this.send({ ...question, id });
+    });
+  }
+
+  #take(news: StreamNews): void {
+    if (news.type === "closed") this.#worker.terminate();
+    if (this.#ended !== null) return;
+    if (news.type === "events") for (const event of news.events) this.tell(event);
+    else if (news.type === "answer") this.#answered(news.id)?.resolve(news.value);
+    else if (news.type === "failed") this.#answered(news.id)?.reject(receivedError(news.error));
+    else if (news.type === "crashed") this.#fail(new StreamError("worker_failed", news.error.message));
+  }
+
+  #answered(id: number): Waiting | undefined {
+    const waiting = this.#waiting.get(id);
+    this.#waiting.delete(id);
+    return waiting;
+  }
+
+  #fail(error: StreamError): void {
+    if (this.#ended !== null) return;
+    this.#worker.terminate();
+    this.#end(error);
+    this.tell({ type: "link", link: { state: "closed", closeCode: 1006, code: error.code, message: error.message } });
+  }
+
+  #end(error: StreamError): void {
+    this.#ended = error;
+    for (const { reject } of this.#waiting.values()) reject(error);
+    this.#waiting.clear();
+  }
+}
+
+/** The page, the stream and the browser's own threads need cores, too: a third of them decodes. */
+function decodersFor(cores: number | undefined): number {
+  return Math.min(3, Math.max(1, Math.floor((cores ?? 4) / 3)));
+}

@@ -1,0 +1,253 @@
+/**
+ * A session and its connection, put together: what {@link Stream} promises, in the thread that it is made in.
+ *
+ * `openStream` runs it in a worker, `openDirectStream` in the calling thread.
+ */
+
+import { prepareDecoders, xxh3 } from "../payload/engines.ts";
+import { StreamError } from "../scene/errors.ts";
+import { streamUrl } from "../scene/urls.ts";
+import type { SessionEvent } from "../session/events.ts";
+import { ClientSession } from "../session/session.ts";
+import type {
+  LandOptions,
+  LinkState,
+  MeshData,
+  PickHit,
+  StreamEvent,
+  StreamOptions,
+  StreamStats,
+  Vec3,
+} from "../types.ts";
+import type { Subprotocol } from "../wire/codec.ts";
+import { type PlanMessage, SUBPROTOCOLS } from "../wire/messages.generated.ts";
+import { sharedNowMs } from "./clock.ts";
+import { Link } from "./link.ts";
+import { CLIENT } from "./version.ts";
+import { asStreamError } from "./worker-errors.ts";
+
+const DEFAULT_CREDIT_BYTES = 16 * 1024 * 1024;
+
+/** Picks that wait for an answer; a server answers far fewer at a time. */
+const MAX_PICKS = 64;
+
+/** What {@link StreamCore} works with. */
+export interface StreamCoreParts {
+  readonly WebSocket: typeof WebSocket;
+  /** Decode a payload; it must not change the bytes. */
+  readonly decode: (payload: Uint8Array<ArrayBuffer>, segment: number) => Promise<MeshData>;
+  /** Takes the events, in order. */
+  readonly tell: (events: readonly StreamEvent[]) => void;
+}
+
+interface Answer {
+  readonly resolve: (hit: PickHit | null) => void;
+  readonly reject: (error: StreamError) => void;
+}
+
+/** One stream in this thread. */
+export class StreamCore {
+  readonly #parts: StreamCoreParts;
+  readonly #session: ClientSession;
+  readonly #link: Link;
+  readonly #picks = new Map<number, Answer>();
+  /** When each landing that is not over was asked for, by its number. */
+  readonly #askedMs = new Map<number, number>();
+  #closed = false;
+  /** Why nothing is sent any more, until `reconnect`. */
+  #ended: StreamError | null = null;
+
+  /** @throws RangeError or StreamError on options that cannot be. */
+  constructor(options: StreamOptions, parts: StreamCoreParts) {
+    this.#parts = parts;
+    this.#session = new ClientSession(
+      {
+        client: options.client ?? CLIENT,
+        budgets: options.budgets,
+        creditBytes: options.creditBytes ?? DEFAULT_CREDIT_BYTES,
+        releaseFactor: options.releaseFactor,
+        subprotocol: knownSubprotocol(options.subprotocol),
+      },
+      options.cacheBytes,
+      xxh3,
+    );
+    this.#link = new Link({
+      session: this.#session,
+      url: streamUrl(options.sceneUrl),
+      token: options.token,
+      WebSocket: parts.WebSocket,
+      handle: (events) => this.#handle(events),
+      told: (link) => this.#onLink(link),
+    });
+  }
+
+  /** Connect, once hashes can be computed. Rejects where they cannot. */
+  async start(): Promise<void> {
+    await prepareDecoders();
+    this.#link.start();
+  }
+
+  /** As {@link Stream.land}; `askedMs` is {@link sharedNowMs} when the page asked. */
+  land(position: Vec3, radiusM: number, options: LandOptions = {}, askedMs = sharedNowMs()): number {
+    const number = this.#session.land(position, radiusM, options);
+    this.#askedMs.set(number, askedMs);
+    this.#link.pump();
+    return number;
+  }
+
+  aim(position: Vec3, radiusM: number): void {
+    this.#session.aim(position, radiusM);
+    this.#link.pump();
+  }
+
+  async pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null> {
+    if (this.#ended !== null) throw this.#ended;
+    if (this.#picks.size >= MAX_PICKS) {
+      throw new StreamError("too_many", `${MAX_PICKS} picks wait for an answer already`);
+    }
+    const request = this.#session.pick(origin, direction);
+    const answer = new Promise<PickHit | null>((resolve, reject) => this.#picks.set(request, { resolve, reject }));
+    this.#link.pump();
+    return answer;
+  }
+
+  async mesh(segment: number): Promise<MeshData> {
+    if (this.#closed) throw closedHere();
+    const entry = this.#session.held.peek(segment);
+    if (entry === undefined) throw new StreamError("not_held", `segment ${segment} is not held`);
+    try {
+      return await this.#parts.decode(entry.payload, segment);
+    } catch (error) {
+      throw asStreamError(error);
+    }
+  }
+
+  stats(): StreamStats {
+    const { aims, held, payloadBytes, repeatedBytes } = this.#session;
+    return {
+      payloadBytes,
+      repeatedBytes,
+      heldSegments: held.count,
+      heldBytes: held.cacheBytes,
+      aimedLandings: aims.landings,
+      aimHits: aims.hits,
+      prefetchedBytes: aims.prefetchedBytes,
+      usedPrefetchedBytes: aims.usedBytes,
+    };
+  }
+
+  reconnect(token?: string): void {
+    if (this.#closed) return;
+    this.#ended = null;
+    this.#link.reconnect(token);
+  }
+
+  close(): void {
+    if (this.#closed) return;
+    this.#closed = true;
+    this.#link.leave();
+    this.#end(closedHere());
+  }
+
+  // ---- private
+
+  #onLink(link: LinkState): void {
+    if (link.state === "closed") this.#end(new StreamError(link.code, link.message, link.closeCode));
+    this.#parts.tell([{ type: "link", link }]);
+  }
+
+  /** Nobody answers any more: tell whoever waits. */
+  #end(error: StreamError): void {
+    this.#ended = error;
+    for (const [request, { reject }] of this.#picks) {
+      this.#session.dropPick(request);
+      reject(error);
+    }
+    this.#picks.clear();
+  }
+
+  #handle(events: readonly SessionEvent[]): void {
+    const news: StreamEvent[] = [];
+    for (const event of events) {
+      const one = this.#translated(event);
+      if (one !== null) news.push(one);
+    }
+    if (news.length > 0 && !this.#closed) this.#parts.tell(news);
+  }
+
+  /** What the page is told of an event; null for nothing. */
+  #translated(event: SessionEvent): StreamEvent | null {
+    switch (event.type) {
+      case "opened": {
+        const { session, changed, heldCount } = event;
+        const maxRadiusM = event.limits.max_radius_m;
+        return { type: "opened", sceneVersion: event.scene.version, session, changed, maxRadiusM, heldCount };
+      }
+      case "planned":
+        return { type: "planned", plan: planFacts(event.landing, event.plan) };
+      case "arrived":
+        return { type: "arrived", landing: event.landing, facts: event.entry.facts };
+      case "ready": {
+        const { landing, visible, missing, payloadBytes } = event;
+        const readyAtMs = sharedNowMs();
+        const elapsedMs = Math.max(0, readyAtMs - (this.#askedMs.get(landing) ?? readyAtMs));
+        this.#askedMs.delete(landing);
+        return { type: "ready", landing, visible, missing, elapsedMs, readyAtMs, payloadBytes };
+      }
+      case "prefetching":
+      case "prefetched":
+        return { type: event.type, segments: event.segments, bytes: event.bytes };
+      case "superseded":
+        this.#askedMs.delete(event.landing);
+        return event;
+      case "refused":
+        if (event.landing !== null) this.#askedMs.delete(event.landing);
+        return event;
+      case "degraded":
+      case "dropped":
+      case "notice":
+        return event;
+      case "rejected":
+        return null;
+      case "pick-answered":
+        this.#answer(event.request)?.resolve(event.hit);
+        return null;
+      case "pick-refused":
+        this.#answer(event.request)?.reject(new StreamError(event.code, event.message));
+        return null;
+    }
+  }
+
+  #answer(request: number): Answer | undefined {
+    const answer = this.#picks.get(request);
+    this.#picks.delete(request);
+    return answer;
+  }
+}
+
+function planFacts(landing: number, plan: PlanMessage) {
+  return {
+    landing,
+    position: plan.position,
+    radiusM: plan.radius_m,
+    effectiveRadiusM: plan.effective_radius_m,
+    load: plan.load,
+    keep: plan.keep,
+    release: plan.release,
+    loadBytes: plan.load_bytes,
+    totalBytes: plan.total_bytes,
+    totalTriangles: plan.total_triangles,
+    omittedSegments: plan.omitted_segments,
+    omittedBy: plan.omitted_by ?? null,
+  };
+}
+
+function knownSubprotocol(name: string | undefined): Subprotocol {
+  const known = SUBPROTOCOLS.find((one) => one === (name ?? SUBPROTOCOLS[0]));
+  if (known === undefined) throw new RangeError(`subprotocol is ${name}, expected ${SUBPROTOCOLS.join(" or ")}`);
+  return known;
+}
+
+function closedHere(): StreamError {
+  return new StreamError("closed", "the stream was closed here");
+}

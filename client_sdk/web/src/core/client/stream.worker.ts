@@ -1,0 +1,94 @@
+/** Holds one stream: socket, session, cache; decoding goes to workers of its own. */
+
+import { prepareDecoders } from "../payload/engines.ts";
+import { decodeGlb } from "../payload/glb.ts";
+import type { MeshData } from "../types.ts";
+import { DecodePool } from "./decode-pool.ts";
+import { imageDecoder } from "./image-decoder.ts";
+import { StreamCore } from "./stream-core.ts";
+import { transferablesOfMesh } from "./transferables.ts";
+import { sentError } from "./worker-errors.ts";
+import type { StreamAnswer, StreamCommand, StreamNews, StreamQuestion } from "./worker-messages.ts";
+
+/** How long the goodbye may take to leave. */
+const GOODBYE_MS = 200;
+
+let core: StreamCore | null = null;
+let closePool = () => {};
+
+function say(news: StreamNews, transfer: Transferable[] = []): void {
+  self.postMessage(news, { transfer });
+}
+
+function crash(error: unknown): void {
+  say({ type: "crashed", error: sentError(error) });
+}
+
+function open(command: StreamCommand & { type: "open" }): void {
+  core = new StreamCore(command.options, {
+    WebSocket,
+    decode: decoder(command.decoders),
+    tell: (events) => say({ type: "events", events }),
+  });
+  core.start().catch(crash);
+}
+
+/** Decodes in a pool of workers; in this one on platforms whose workers cannot make workers. */
+function decoder(count: number): (payload: Uint8Array<ArrayBuffer>, segment: number) => Promise<MeshData> {
+  if (typeof Worker === "undefined") {
+    return async (payload, segment) => {
+      await prepareDecoders();
+      return decodeGlb(payload, segment, imageDecoder());
+    };
+  }
+  const pool = new DecodePool(
+    count,
+    () => new Worker(new URL("./decode.worker.ts", import.meta.url), { type: "module", name: "terraport decode" }),
+  );
+  closePool = () => pool.close();
+  return (payload, segment) => pool.decode(payload, segment);
+}
+
+async function answer(stream: StreamCore, question: StreamQuestion): Promise<void> {
+  const { id } = question;
+  try {
+    if (question.type === "mesh") {
+      const mesh = await stream.mesh(question.segment);
+      say({ type: "answer", id, value: mesh }, transferablesOfMesh(mesh));
+      return;
+    }
+    const value: StreamAnswer =
+      question.type === "pick" ? await stream.pick(question.origin, question.direction) : stream.stats();
+    say({ type: "answer", id, value });
+  } catch (error) {
+    say({ type: "failed", id, error: sentError(error) });
+  }
+}
+
+function carryOut(command: StreamCommand): void {
+  if (command.type === "open") {
+    open(command);
+    return;
+  }
+  if (core === null) throw new Error(`got ${command.type} first, expected open`);
+  if (command.type === "land") {
+    const number = core.land(command.position, command.radiusM, command.options, command.askedMs);
+    if (number !== command.number) throw new Error(`landing ${command.number} of the page is ${number} here`);
+  } else if (command.type === "aim") core.aim(command.position, command.radiusM);
+  else if (command.type === "reconnect") core.reconnect(command.token);
+  else if (command.type === "close") {
+    core.close();
+    closePool();
+    setTimeout(() => say({ type: "closed" }), GOODBYE_MS);
+  } else void answer(core, command);
+}
+
+self.onmessage = (event: MessageEvent<StreamCommand>) => {
+  try {
+    carryOut(event.data);
+  } catch (error) {
+    crash(error);
+  }
+};
+self.addEventListener("error", (event) => crash(event.error ?? event.message));
+self.addEventListener("unhandledrejection", (event) => crash(event.reason));

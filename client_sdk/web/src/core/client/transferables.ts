@@ -1,0 +1,24 @@
+/** What of a value is handed over to another thread instead of being copied. */
+
+import type { MeshData, SceneFiles } from "../types.ts";
+
+/** The buffers, and the picture, of a mesh: each once. */
+export function transferablesOfMesh(mesh: MeshData): Transferable[] {
+  const arrays = [mesh.positions, mesh.normals, mesh.colours, mesh.uvs, mesh.regionIds, mesh.indices];
+  for (const attribute of mesh.attributes) arrays.push(attribute.codes);
+  return [...buffersOf(arrays), ...(mesh.image === null ? [] : [mesh.image.bitmap])];
+}
+
+/** The buffers of a scene's base mesh and cover. */
+export function transferablesOfScene(files: SceneFiles): Transferable[] {
+  const { base, cover } = files;
+  return [...new Set([...transferablesOfMesh(base), ...buffersOf([cover.offsets, cover.segments])])];
+}
+
+function buffersOf(arrays: readonly (ArrayBufferView | null)[]): Transferable[] {
+  const buffers = new Set<Transferable>();
+  for (const array of arrays) {
+    if (array !== null && array.buffer instanceof ArrayBuffer) buffers.add(array.buffer);
+  }
+  return [...buffers];
+}

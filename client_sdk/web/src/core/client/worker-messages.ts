@@ -1,0 +1,71 @@
+/** What passes between the page, the stream's worker and the decode workers. */
+
+import type {
+  LandOptions,
+  MeshData,
+  PickHit,
+  SceneFiles,
+  StreamEvent,
+  StreamOptions,
+  StreamStats,
+  Vec3,
+} from "../types.ts";
+import type { SentError } from "./worker-errors.ts";
+
+/** Page to stream worker; `open` comes first and once. */
+export type StreamCommand =
+  | { readonly type: "open"; readonly options: StreamOptions; readonly decoders: number }
+  | {
+      readonly type: "land";
+      readonly number: number;
+      readonly position: Vec3;
+      readonly radiusM: number;
+      readonly options: LandOptions;
+      readonly askedMs: number;
+    }
+  | { readonly type: "aim"; readonly position: Vec3; readonly radiusM: number }
+  | { readonly type: "reconnect"; readonly token: string | undefined }
+  | { readonly type: "close" }
+  | StreamQuestion;
+
+/** Those that have an answer. */
+export type StreamQuestion =
+  | { readonly type: "pick"; readonly id: number; readonly origin: Vec3; readonly direction: Vec3 | undefined }
+  | { readonly type: "mesh"; readonly id: number; readonly segment: number }
+  | { readonly type: "stats"; readonly id: number };
+
+/** Stream worker to page. */
+export type StreamNews =
+  | { readonly type: "events"; readonly events: readonly StreamEvent[] }
+  | { readonly type: "answer"; readonly id: number; readonly value: StreamAnswer }
+  | { readonly type: "failed"; readonly id: number; readonly error: SentError }
+  /** The worker cannot go on. */
+  | { readonly type: "crashed"; readonly error: SentError }
+  /** Goodbye was said; the worker may be ended. */
+  | { readonly type: "closed" };
+
+export type StreamAnswer = PickHit | MeshData | StreamStats | null;
+
+/** Stream worker to decode worker. */
+export interface DecodeJob {
+  readonly segment: number;
+  readonly payload: Uint8Array<ArrayBuffer>;
+}
+
+/** Decode worker to stream worker: one for each job, in order. */
+export type DecodeAnswer =
+  | { readonly type: "decoded"; readonly mesh: MeshData }
+  | { readonly type: "failed"; readonly error: SentError };
+
+/** Page to scene worker, once. */
+export interface SceneJob {
+  readonly sceneUrl: string;
+  readonly token: string | undefined;
+  readonly version: string | undefined;
+}
+
+/** Scene worker to page. */
+export type SceneNews =
+  | { readonly type: "progress"; readonly doneBytes: number; readonly totalBytes: number }
+  | { readonly type: "loaded"; readonly files: SceneFiles }
+  | { readonly type: "failed"; readonly error: SentError };
