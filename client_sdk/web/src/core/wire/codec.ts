@@ -3,13 +3,13 @@
 import type { RefusedField } from "./errors.ts";
 import { DecodeError, InvalidMessageError } from "./errors.ts";
 import { checkFields, readFields, writeFields } from "./fields.ts";
-import { readJson } from "./json_reader.ts";
-import { writeJson } from "./json_writer.ts";
+import { readJson } from "./json-reader.ts";
+import { writeJson } from "./json-writer.ts";
 import type { Direction, FieldTable } from "./kinds.ts";
 import type { ClientMessage, ServerMessage, SUBPROTOCOLS } from "./messages.generated.ts";
 import { LIMITS, MESSAGES } from "./messages.generated.ts";
-import { readMsgpack } from "./msgpack_reader.ts";
-import { writeMsgpack } from "./msgpack_writer.ts";
+import { readMsgpack } from "./msgpack-reader.ts";
+import { writeMsgpack } from "./msgpack-writer.ts";
 import type { Plain, PlainMap } from "./plain.ts";
 import { show } from "./plain.ts";
 import { Refused } from "./refused.ts";
