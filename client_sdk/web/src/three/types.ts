@@ -79,6 +79,8 @@ export interface GpuMemory {
 export interface StageStats {
   readonly stream: StreamStats | null;
   readonly gpu: GpuMemory;
+  /** Main memory held for picking: positions, indices and region ids of what is on the GPU. */
+  readonly pickingBytes: number;
   readonly visibleTriangles: number;
   /** Longest and median milliseconds that `update` took, over the last 240 frames. */
   readonly updateMaxMs: number;

@@ -1,0 +1,110 @@
+/**
+ * What is known of one landing: its plan, what arrived, and what its `degraded` and `ready` said is to be shown.
+ *
+ * PURE.
+ */
+
+import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
+
+/** A set that may be shown. */
+export interface ShowableSet {
+  readonly segments: readonly number[];
+  /** Whether it is all of the landing, and not the declared inner part. */
+  readonly whole: boolean;
+}
+
+/** One landing, from `land` until a newer one. */
+export class LandingRecord {
+  plan: PlanFacts | null = null;
+  missing: readonly number[] = [];
+  refusal: string | null = null;
+  readyMs: number | null = null;
+  presentableMs: number | null = null;
+  payloadBytes = 0;
+  /** What was shown of it. */
+  swapped: "nothing" | "degraded" | "full" = "nothing";
+  #inner: readonly number[] | null = null;
+  #whole: readonly number[] | null = null;
+  #loadBytes = new Map<number, number>();
+  readonly #arrived = new Set<number>();
+
+  constructor(
+    readonly landing: number,
+    readonly position: Vec3,
+    readonly radiusM: number,
+    readonly askedAtMs: number,
+  ) {}
+
+  /** A plan came: the first, or another one after a reconnect. What was shown stays shown until the next `ready`. */
+  planned(plan: PlanFacts): void {
+    this.plan = plan;
+    this.#inner = null;
+    this.#whole = null;
+    this.#loadBytes = new Map(plan.load.map((facts) => [facts.segment, facts.length]));
+  }
+
+  arrived(facts: SegmentFacts): void {
+    this.#arrived.add(facts.segment);
+    if (this.#whole === null && this.#loadBytes.has(facts.segment)) {
+      this.payloadBytes += facts.length;
+    }
+  }
+
+  degrade(segments: readonly number[]): void {
+    this.#inner = segments;
+  }
+
+  ready(visible: readonly number[], missing: readonly number[], elapsedMs: number, payloadBytes: number): void {
+    this.#whole = visible;
+    this.missing = missing;
+    this.readyMs ??= elapsedMs;
+    this.payloadBytes = payloadBytes;
+  }
+
+  refuse(message: string): void {
+    this.refusal = message;
+  }
+
+  /** A new scene version: there is no plan of it yet. */
+  restart(): void {
+    this.plan = null;
+    this.missing = [];
+    this.swapped = "nothing";
+    this.#inner = null;
+    this.#whole = null;
+    this.#loadBytes.clear();
+    this.#arrived.clear();
+  }
+
+  /** What may be shown next, once it is on the GPU; null where nothing was declared yet, or the inner part is shown. */
+  target(): ShowableSet | null {
+    if (this.refusal !== null) {
+      return null;
+    }
+    if (this.#whole) {
+      return { segments: this.#whole, whole: true };
+    }
+    return this.#inner && this.swapped !== "degraded" ? { segments: this.#inner, whole: false } : null;
+  }
+
+  /** What `ready` will presumably say: the plan's load and keep. */
+  expected(): readonly number[] | null {
+    return this.plan && this.refusal === null
+      ? [...this.plan.keep, ...this.plan.load.map((facts) => facts.segment)]
+      : null;
+  }
+
+  /** Bytes that came and were uploaded, of those that must: each half counts once. */
+  fraction(isResident: (segment: number) => boolean): number {
+    if (!this.plan) {
+      return 0;
+    }
+    let total = 0;
+    let done = 0;
+    for (const [segment, bytes] of this.#loadBytes) {
+      total += 2 * bytes;
+      done += (this.#arrived.has(segment) || this.#whole ? bytes : 0) + (isResident(segment) ? bytes : 0);
+    }
+    return total > 0 ? done / total : 1;
+  }
+}

@@ -1,0 +1,265 @@
+/**
+ * The base mesh on the GPU, with two lists of faces: the one that is drawn, and the one for the coming set, made ready in
+ * slices. A swap exchanges them.
+ *
+ * A hidden face is three times vertex 0 in the list, so lists keep their length and only blocks that changed are written.
+ */
+
+import { type BufferGeometry, type Camera, type GLBufferAttribute, Mesh } from "three";
+
+import { CoverCounters } from "../core/cover.ts";
+import type { SceneFiles } from "../core/types.ts";
+import type { GpuBuffer, GpuStore } from "./gpu-store.ts";
+import { type DrawFacts, type GroundMaterial, linear } from "./ground-material.ts";
+import { asAttribute, geometryOf, MeshUpload, wrap } from "./mesh-upload.ts";
+import { PLAIN } from "./palette.ts";
+
+/** Faces that are written at once: 48 KB of indices. */
+const BLOCK_FACES = 4096;
+
+/** One of the two lists. */
+interface Side {
+  readonly buffer: GpuBuffer;
+  readonly index: GLBufferAttribute;
+  geometry: BufferGeometry | null;
+  /** One byte per face, as the list on the GPU has it. */
+  readonly hidden: Uint8Array;
+  /** Blocks whose list is behind the counters. */
+  readonly stale: Uint8Array;
+  /** Next block of the first filling, or -1 once it is done. */
+  filling: number;
+  hiddenCount: number;
+  hiddenHash: number;
+}
+
+/** Base mesh, cover counters, and their two lists. */
+export class BaseGround {
+  readonly mesh: Mesh;
+  readonly #store: GpuStore;
+  readonly #files: SceneFiles;
+  readonly #counters: CoverCounters;
+  readonly #upload: MeshUpload;
+  readonly #scratch: Uint16Array | Uint32Array;
+  readonly #facts: DrawFacts;
+  #sides: readonly [Side, Side] | null = null;
+  #front: 0 | 1 = 0;
+  #toAdd: number[] = [];
+  #toRemove: number[] = [];
+  #wantedRevision = -1;
+  #preparedRevision = -1;
+
+  constructor(store: GpuStore, files: SceneFiles, material: GroundMaterial) {
+    this.#store = store;
+    this.#files = files;
+    this.#counters = new CoverCounters(files.cover);
+    this.#upload = new MeshUpload(store, files.base, true);
+    const { base } = files;
+    this.#scratch =
+      base.indices instanceof Uint16Array ? new Uint16Array(BLOCK_FACES * 3) : new Uint32Array(BLOCK_FACES * 3);
+    this.#facts = {
+      translation: base.translation,
+      stepM: base.stepM,
+      uvScale: base.uvScale,
+      pushM: files.manifest.deviationM,
+      map: null,
+      hasTint: base.colours !== null,
+      hasRegion: base.regionIds !== null,
+      measure: null,
+      segmentColour: linear(PLAIN),
+    };
+    this.mesh = new Mesh();
+    this.mesh.name = "base";
+    this.mesh.material = material.material;
+    this.mesh.matrixAutoUpdate = false;
+    // After the detail, which stands before it nearly everywhere: what it hides is not shaded.
+    this.mesh.renderOrder = 1;
+    this.mesh.visible = false;
+    this.mesh.raycast = () => undefined;
+    this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => material.bind(this.#facts, camera);
+  }
+
+  /** Whether it is on the GPU, both lists included. */
+  get isThere(): boolean {
+    return this.mesh.visible;
+  }
+
+  /** Revision of the coming set that the back list shows, or -1. */
+  get preparedRevision(): number {
+    return this.#preparedRevision;
+  }
+
+  /** One byte per face of what is drawn, 1 for hidden. */
+  get hidden(): Uint8Array | undefined {
+    return this.#sides?.[this.#front].hidden;
+  }
+
+  get hiddenCount(): number {
+    return this.#sides?.[this.#front].hiddenCount ?? 0;
+  }
+
+  /** Hash of the set of faces that the drawn list hides. */
+  get hiddenHash(): number {
+    return this.#sides?.[this.#front].hiddenHash ?? 0;
+  }
+
+  get faceCount(): number {
+    return this.#files.base.faceCount;
+  }
+
+  /** Make the back list ready for these segments; `step` does the work. */
+  prepare(segments: readonly number[], revision: number): void {
+    if (revision === this.#wantedRevision) {
+      return;
+    }
+    this.#wantedRevision = revision;
+    this.#preparedRevision = -1;
+    const wanted = new Set(segments);
+    this.#toRemove = [...this.#counters.shown].filter((segment) => !wanted.has(segment));
+    this.#toAdd = segments.filter((segment) => !this.#counters.shown.has(segment));
+  }
+
+  /** One slice of work. Returns its bytes, or 0 where there was nothing to do. */
+  step(): number {
+    if (!this.#upload.isDone) {
+      return Math.max(this.#upload.step(), 1);
+    }
+    this.#sides ??= this.#makeSides();
+    for (const side of this.#sides) {
+      if (side.filling >= 0) {
+        return this.#fill(side);
+      }
+    }
+    if (!this.mesh.visible) {
+      this.#facts.map = this.#upload.map;
+      this.mesh.visible = true;
+      return 1;
+    }
+    return this.#stepBack();
+  }
+
+  /** Draw the list that was prepared. Nothing is uploaded. */
+  flip(): void {
+    if (this.#sides) {
+      this.#front = this.#front === 0 ? 1 : 0;
+      this.mesh.geometry = this.#geometryOf(this.#sides[this.#front]);
+      this.#preparedRevision = -1;
+      this.#wantedRevision = -1;
+    }
+  }
+
+  /** Show an attribute of the survey, or none. */
+  setMeasure(name: string | null): void {
+    const info = this.#files.base.attributes.find((attribute) => attribute.name === name);
+    this.#facts.measure = info ? [info.offset, info.step] : null;
+    const attribute = name === null ? undefined : this.#upload.measures.get(name);
+    for (const side of this.#sides ?? []) {
+      setMeasure(this.#geometryOf(side), attribute);
+    }
+  }
+
+  dispose(): void {
+    for (const side of this.#sides ?? []) {
+      side.geometry?.dispose();
+      this.#store.freeBuffer(side.buffer);
+    }
+    this.#sides = null;
+    this.#upload.free();
+    this.mesh.visible = false;
+    this.mesh.removeFromParent();
+  }
+
+  #makeSides(): readonly [Side, Side] {
+    const make = (): Side => {
+      const { base } = this.#files;
+      const buffer = this.#store.createBuffer(base.indices.byteLength, "indices");
+      return {
+        buffer,
+        index: wrap(buffer.buffer, base.indices, 1, false),
+        geometry: null,
+        hidden: new Uint8Array(base.faceCount),
+        stale: new Uint8Array(Math.ceil(base.faceCount / BLOCK_FACES)),
+        filling: 0,
+        hiddenCount: 0,
+        hiddenHash: 0,
+      };
+    };
+    const sides = [make(), make()] as const;
+    this.mesh.geometry.dispose();
+    this.mesh.geometry = this.#geometryOf(sides[0]);
+    return sides;
+  }
+
+  #geometryOf(side: Side): BufferGeometry {
+    side.geometry ??= geometryOf(this.#upload, side.index, this.#files.base);
+    return side.geometry;
+  }
+
+  #fill(side: Side): number {
+    const bytes = this.#writeBlock(side, side.filling);
+    side.filling = (side.filling + 1) * BLOCK_FACES < this.faceCount ? side.filling + 1 : -1;
+    return bytes;
+  }
+
+  #stepBack(): number {
+    const segment = this.#toRemove.pop();
+    if (segment !== undefined) {
+      return this.#mark(this.#counters.remove(segment));
+    }
+    const added = this.#toAdd.pop();
+    if (added !== undefined) {
+      return this.#mark(this.#counters.add(added));
+    }
+    if (this.#wantedRevision < 0 || this.#preparedRevision === this.#wantedRevision || !this.#sides) {
+      return 0;
+    }
+    const back = this.#sides[this.#front === 0 ? 1 : 0];
+    const block = back.stale.indexOf(1);
+    if (block >= 0) {
+      back.stale[block] = 0;
+      back.hidden.set(
+        this.#counters.hidden.subarray(block * BLOCK_FACES, (block + 1) * BLOCK_FACES),
+        block * BLOCK_FACES,
+      );
+      return this.#writeBlock(back, block);
+    }
+    back.hiddenCount = this.#counters.hiddenCount;
+    back.hiddenHash = this.#counters.hiddenHash;
+    this.#preparedRevision = this.#wantedRevision;
+    return 1;
+  }
+
+  #mark(faces: Uint32Array): number {
+    for (const side of this.#sides ?? []) {
+      for (const face of faces) {
+        side.stale[Math.floor(face / BLOCK_FACES)] = 1;
+      }
+    }
+    return faces.length + 1;
+  }
+
+  #writeBlock(side: Side, block: number): number {
+    const { indices, faceCount } = this.#files.base;
+    const first = block * BLOCK_FACES;
+    const count = Math.min(BLOCK_FACES, faceCount - first);
+    const out = this.#scratch;
+    out.set(indices.subarray(first * 3, (first + count) * 3));
+    for (let face = 0; face < count; face += 1) {
+      if (side.hidden[first + face] === 1) {
+        out.fill(0, face * 3, face * 3 + 3);
+      }
+    }
+    const size = out.BYTES_PER_ELEMENT;
+    const bytes = new Uint8Array(out.buffer, 0, count * 3 * size);
+    this.#store.writeBuffer(side.buffer, first * 3 * size, bytes);
+    return bytes.length;
+  }
+}
+
+/** Give a geometry the attribute that the shader reads as `measure`, or take it away. */
+export function setMeasure(geometry: BufferGeometry, attribute: GLBufferAttribute | undefined): void {
+  if (attribute) {
+    geometry.setAttribute("measure", asAttribute(attribute));
+  } else {
+    geometry.deleteAttribute("measure");
+  }
+}

@@ -1,0 +1,162 @@
+/** Buffers and textures of WebGL, created empty, filled in slices, and counted. */
+
+import type { WebGLRenderer } from "three";
+
+/** A buffer and its size; `null` once freed. */
+export interface GpuBuffer {
+  readonly buffer: WebGLBuffer;
+  readonly bytes: number;
+}
+
+/** A texture with all its mips, and its size. */
+export interface GpuTexture {
+  readonly texture: WebGLTexture;
+  readonly width: number;
+  readonly height: number;
+  readonly bytes: number;
+}
+
+/** Ground is seen at grazing angles: without it, photographs blur away a few metres from the feet. */
+const ANISOTROPY = 4;
+
+/**
+ * Makes and fills what three.js then only draws with (GLBufferAttribute, ExternalTexture): so uploading needs no draw, and a
+ * segment can be split over as many frames as it takes. Leaves every binding as it found it, since three.js remembers them.
+ */
+export class GpuStore {
+  readonly #gl: WebGL2RenderingContext;
+  bufferBytes = 0;
+  textureBytes = 0;
+  createdBytes = 0;
+  freedBytes = 0;
+
+  constructor(renderer: WebGLRenderer) {
+    const gl = renderer.getContext();
+    if (!(gl instanceof WebGL2RenderingContext)) {
+      throw new TypeError("the renderer has no WebGL 2 context");
+    }
+    this.#gl = gl;
+  }
+
+  get isLost(): boolean {
+    return this.#gl.isContextLost();
+  }
+
+  /** An empty buffer. What it is for must be said at once: WebGL keeps indices apart from everything else. */
+  createBuffer(bytes: number, use: "vertices" | "indices"): GpuBuffer {
+    const gl = this.#gl;
+    const buffer = gl.createBuffer();
+    if (use === "indices") {
+      // The binding of indices belongs to the vertex array: none is bound meanwhile.
+      const before: WebGLVertexArrayObject | null = gl.getParameter(gl.VERTEX_ARRAY_BINDING);
+      gl.bindVertexArray(null);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffer);
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, null);
+      gl.bindVertexArray(before);
+    } else {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
+      gl.bindBuffer(gl.ARRAY_BUFFER, null);
+    }
+    this.bufferBytes += bytes;
+    this.createdBytes += bytes;
+    return { buffer, bytes };
+  }
+
+  /** Write `bytes` at `offset`. By a binding point that three.js does not use. */
+  writeBuffer(target: GpuBuffer, offset: number, bytes: Uint8Array): void {
+    const gl = this.#gl;
+    gl.bindBuffer(gl.COPY_WRITE_BUFFER, target.buffer);
+    gl.bufferSubData(gl.COPY_WRITE_BUFFER, offset, bytes);
+    gl.bindBuffer(gl.COPY_WRITE_BUFFER, null);
+  }
+
+  freeBuffer(target: GpuBuffer): void {
+    this.#gl.deleteBuffer(target.buffer);
+    this.bufferBytes -= target.bytes;
+    this.freedBytes += target.bytes;
+  }
+
+  /** An empty texture of sRGB colours with all its mips. */
+  createTexture(width: number, height: number): GpuTexture {
+    const gl = this.#gl;
+    const texture = gl.createTexture();
+    const anisotropy = gl.getExtension("EXT_texture_filter_anisotropic"); // Lost with the context, so asked for each time.
+    const levels = Math.floor(Math.log2(Math.max(width, height))) + 1;
+    this.#withTexture(texture, () => {
+      gl.texStorage2D(gl.TEXTURE_2D, levels, gl.SRGB8_ALPHA8, width, height);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+      if (anisotropy) {
+        gl.texParameteri(gl.TEXTURE_2D, anisotropy.TEXTURE_MAX_ANISOTROPY_EXT, ANISOTROPY);
+      }
+    });
+    const bytes = textureBytes(width, height);
+    this.textureBytes += bytes;
+    this.createdBytes += bytes;
+    return { texture, width, height, bytes };
+  }
+
+  /** Write `rows` rows of the image from row `top` on; (0, 0) is its upper left corner, as in glTF. */
+  writeTextureRows(target: GpuTexture, image: ImageBitmap, top: number, rows: number): void {
+    const gl = this.#gl;
+    this.#withTexture(target.texture, () => {
+      this.#withUnpack(top, () => {
+        gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, top, target.width, rows, gl.RGBA, gl.UNSIGNED_BYTE, image);
+      });
+    });
+  }
+
+  /** Once all rows are written. */
+  makeMips(target: GpuTexture): void {
+    this.#withTexture(target.texture, () => this.#gl.generateMipmap(this.#gl.TEXTURE_2D));
+  }
+
+  freeTexture(target: GpuTexture): void {
+    this.#gl.deleteTexture(target.texture);
+    this.textureBytes -= target.bytes;
+    this.freedBytes += target.bytes;
+  }
+
+  #withTexture(texture: WebGLTexture, act: () => void): void {
+    const gl = this.#gl;
+    const before: WebGLTexture | null = gl.getParameter(gl.TEXTURE_BINDING_2D);
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    act();
+    gl.bindTexture(gl.TEXTURE_2D, before);
+  }
+
+  #withUnpack(skipRows: number, act: () => void): void {
+    const gl = this.#gl;
+    const wanted: readonly (readonly [GLenum, number | boolean])[] = [
+      [gl.UNPACK_FLIP_Y_WEBGL, false],
+      [gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false],
+      [gl.UNPACK_ALIGNMENT, 4],
+      [gl.UNPACK_ROW_LENGTH, 0],
+      [gl.UNPACK_SKIP_PIXELS, 0],
+      [gl.UNPACK_SKIP_ROWS, skipRows],
+    ];
+    const before = wanted.map(([name]): number | boolean => gl.getParameter(name));
+    for (const [name, value] of wanted) {
+      gl.pixelStorei(name, value);
+    }
+    act();
+    wanted.forEach(([name], index) => {
+      gl.pixelStorei(name, before[index]!);
+    });
+  }
+}
+
+/** Bytes of a texture with mips, as the store counts them: what drivers really take they do not say. */
+export function textureBytes(width: number, height: number): number {
+  let bytes = 0;
+  for (let w = width, h = height; ; w = Math.max(w >> 1, 1), h = Math.max(h >> 1, 1)) {
+    bytes += w * h * 4;
+    if (w === 1 && h === 1) {
+      return bytes;
+    }
+  }
+}

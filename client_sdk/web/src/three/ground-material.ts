@@ -1,0 +1,155 @@
+/** The material of base and segments: one program, whose uniforms are set per draw. */
+
+import {
+  type Camera,
+  DataTexture,
+  DoubleSide,
+  GLSL3,
+  RGBAFormat,
+  ShaderMaterial,
+  SRGBColorSpace,
+  type Texture,
+  Vector2,
+  Vector3,
+} from "three";
+
+import type { RegionFacts, Vec3 } from "../core/types.ts";
+import { FRAGMENT_SHADER, MODE_NUMBER, VERTEX_SHADER } from "./ground-shader.ts";
+import { attributeRamp, NO_VALUE, PLAIN, type Rgb, regionColour, slopeRamp, toByte } from "./palette.ts";
+import type { ViewMode } from "./types.ts";
+
+/** What differs between two draws. */
+export interface DrawFacts {
+  readonly translation: Vec3;
+  readonly stepM: number;
+  readonly uvScale: readonly [number, number];
+  /** How far it is pushed back along the line of sight. */
+  readonly pushM: number;
+  /** Null until it is uploaded, or where there is none. */
+  map: Texture | null;
+  readonly hasTint: boolean;
+  readonly hasRegion: boolean;
+  /** Offset and step of the attribute in view; null where it has none. */
+  measure: readonly [number, number] | null;
+  /** Linear light. */
+  readonly segmentColour: Vector3;
+}
+
+/** Width of the texture that holds the regions' colours; a region's id is `x + 256 y`. */
+const REGION_TEXTURE_SIDE = 256;
+/** The coarse part of the eye is a multiple of this, or of the grid's step where that is larger; both are powers of two. */
+const EYE_GRID_M = 0.0625;
+
+/** Material and its uniforms. `bind` is called for each draw, once per eye. */
+export class GroundMaterial {
+  readonly material: ShaderMaterial;
+  readonly #gridM: number;
+  readonly #uniforms;
+  #regionColours: DataTexture;
+
+  constructor(stepM: number, regions: readonly RegionFacts[]) {
+    this.#gridM = Math.max(stepM, EYE_GRID_M);
+    this.#regionColours = regionTexture(regions);
+    this.#uniforms = {
+      translation: { value: new Vector3() },
+      stepM: { value: 1 },
+      eyeCoarse: { value: new Vector3() },
+      eyeFine: { value: new Vector3() },
+      pushM: { value: 0 },
+      uvScale: { value: new Vector2() },
+      mode: { value: 0 },
+      hasMap: { value: false },
+      hasTint: { value: false },
+      hasRegion: { value: false },
+      hasMeasure: { value: false },
+      map: { value: null as Texture | null },
+      regionColours: { value: this.#regionColours },
+      segmentColour: { value: new Vector3() },
+      noValue: { value: new Vector3() },
+      plain: { value: linear(PLAIN) },
+      measureScale: { value: new Vector2() },
+      measureRange: { value: new Vector2() },
+      ramp: { value: attributeRamp().map((colour) => new Vector3(...colour)) },
+      slopes: { value: slopeRamp().map((colour) => new Vector3(...colour)) },
+      relief: { value: 1 },
+    };
+    this.material = new ShaderMaterial({
+      name: "ground",
+      glslVersion: GLSL3,
+      vertexShader: VERTEX_SHADER,
+      fragmentShader: FRAGMENT_SHADER,
+      uniforms: this.#uniforms,
+      side: DoubleSide,
+      toneMapped: false,
+    });
+    this.setMode({ kind: "colour" }, "light");
+  }
+
+  /** For every draw from now on. */
+  setMode(mode: ViewMode, theme: "light" | "dark"): void {
+    this.#uniforms.mode.value = MODE_NUMBER[mode.kind];
+    this.#uniforms.noValue.value.copy(linear(NO_VALUE[theme]));
+    if (mode.kind === "attribute") {
+      this.#uniforms.measureRange.value.set(mode.min, mode.max);
+    }
+    this.material.uniformsNeedUpdate = true;
+  }
+
+  /** Set what differs, and where this eye is. three.js calls it (onBeforeRender) with the eye's own camera. */
+  bind(facts: DrawFacts, camera: Camera): void {
+    const u = this.#uniforms;
+    u.translation.value.set(...facts.translation);
+    u.stepM.value = facts.stepM;
+    u.uvScale.value.set(...facts.uvScale);
+    u.pushM.value = facts.pushM;
+    u.hasMap.value = facts.map !== null;
+    u.map.value = facts.map;
+    u.hasTint.value = facts.hasTint;
+    u.hasRegion.value = facts.hasRegion;
+    u.hasMeasure.value = facts.measure !== null;
+    u.measureScale.value.set(facts.measure?.[0] ?? 0, facts.measure?.[1] ?? 0);
+    u.segmentColour.value.copy(facts.segmentColour);
+    const place = camera.matrixWorld.elements;
+    const [x, y, z] = [place[12]!, place[13]!, place[14]!];
+    const grid = this.#gridM;
+    const coarse = u.eyeCoarse.value.set(
+      Math.round(x / grid) * grid,
+      Math.round(y / grid) * grid,
+      Math.round(z / grid) * grid,
+    );
+    u.eyeFine.value.set(x - coarse.x, y - coarse.y, z - coarse.z);
+    this.material.uniformsNeedUpdate = true;
+  }
+
+  /** Regions of another version. */
+  setRegions(regions: readonly RegionFacts[]): void {
+    this.#regionColours.dispose();
+    this.#regionColours = regionTexture(regions);
+    this.#uniforms.regionColours.value = this.#regionColours;
+  }
+
+  dispose(): void {
+    this.#regionColours.dispose();
+    this.material.dispose();
+  }
+}
+
+/** Linear light of an sRGB colour. */
+export function linear(colour: Rgb): Vector3 {
+  const [r, g, b] = colour.map((part) => (part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4));
+  return new Vector3(r, g, b);
+}
+
+function regionTexture(regions: readonly RegionFacts[]): DataTexture {
+  const most = regions.reduce((id, region) => Math.max(id, region.id), 0);
+  const rows = Math.floor(most / REGION_TEXTURE_SIDE) + 1;
+  const texels = new Uint8Array(REGION_TEXTURE_SIDE * rows * 4).fill(255);
+  for (const region of regions) {
+    const colour = regionColour(region.stableId ?? region.id);
+    texels.set(colour.map(toByte), region.id * 4);
+  }
+  const texture = new DataTexture(texels, REGION_TEXTURE_SIDE, rows, RGBAFormat);
+  texture.colorSpace = SRGBColorSpace;
+  texture.needsUpdate = true;
+  return texture;
+}

@@ -1,0 +1,94 @@
+/** Rays against what is shown: detail, and the base faces that are not hidden. PURE. */
+
+import type { Vec3 } from "../core/types.ts";
+import { type FaceBoxes, rayMeetsBounds } from "./face-boxes.ts";
+import type { GroundHit } from "./types.ts";
+
+/** Something shown that a ray may meet. */
+export interface Pickable {
+  /** Segment id, or -1 for the base. */
+  readonly segment: number;
+  readonly bounds: ArrayLike<number>;
+  readonly boxes: FaceBoxes;
+}
+
+/** What is shown. */
+export interface ShownGround {
+  readonly segments: Iterable<Pickable>;
+  readonly base: Pickable | null;
+  /** One byte per base face, 1 where it is hidden. */
+  readonly hidden: Uint8Array | undefined;
+  /** How far the base is drawn behind where it is. */
+  readonly pushM: number;
+}
+
+/**
+ * The first point of what is shown along a ray, within `maxDistanceM`; null where there is none, or no direction.
+ *
+ * As in the picture, detail stands before base that lies less than the push before it.
+ */
+export function castGround(ground: ShownGround, origin: Vec3, direction: Vec3, maxDistanceM: number): GroundHit | null {
+  const length = Math.hypot(...direction);
+  if (!(length > 0) || !(maxDistanceM >= 0)) {
+    return null;
+  }
+  const unit: Vec3 = [direction[0] / length, direction[1] / length, direction[2] / length];
+  const base = ground.base ? meet(ground.base, origin, unit, maxDistanceM, ground.hidden) : null;
+  let most = base ? Math.min(base.t + ground.pushM, maxDistanceM) : maxDistanceM;
+  let detail: Meeting | null = null;
+  for (const segment of ground.segments) {
+    const found = meet(segment, origin, unit, most, undefined);
+    if (found) {
+      detail = found;
+      most = found.t;
+    }
+  }
+  const nearest = detail ?? base;
+  return nearest ? describe(nearest, origin, unit) : null;
+}
+
+/**
+ * Ground on the vertical through (x, z): the highest not above `fromY`, else the lowest above it. The normal points up.
+ */
+export function groundOnVertical(ground: ShownGround, x: number, z: number, fromY: number): GroundHit | null {
+  const origin: Vec3 = [x, fromY, z];
+  const hit =
+    castGround(ground, origin, [0, -1, 0], Number.MAX_VALUE) ?? castGround(ground, origin, [0, 1, 0], Number.MAX_VALUE);
+  if (!hit || hit.normal[1] >= 0) {
+    return hit;
+  }
+  const [nx, ny, nz] = hit.normal;
+  return { ...hit, normal: [-nx, -ny, -nz] };
+}
+
+interface Meeting {
+  readonly target: Pickable;
+  readonly t: number;
+  readonly face: number;
+}
+
+function meet(
+  target: Pickable,
+  origin: Vec3,
+  unit: Vec3,
+  most: number,
+  hidden: Uint8Array | undefined,
+): Meeting | null {
+  if (!rayMeetsBounds(origin, unit, most, target.bounds)) {
+    return null;
+  }
+  const hit = target.boxes.cast(origin, unit, most, hidden);
+  return hit ? { target, t: hit.t, face: hit.face } : null;
+}
+
+function describe({ target, t, face }: Meeting, origin: Vec3, unit: Vec3): GroundHit {
+  const [nx, ny, nz] = target.boxes.normalOf(face);
+  const sign = nx * unit[0] + ny * unit[1] + nz * unit[2] > 0 ? -1 : 1;
+  return {
+    position: [origin[0] + t * unit[0], origin[1] + t * unit[1], origin[2] + t * unit[2]],
+    normal: [sign * nx, sign * ny, sign * nz],
+    distanceM: t,
+    segment: target.segment,
+    region: target.boxes.regionOf(face),
+  };
+}

@@ -1,0 +1,150 @@
+/** The one shader that draws base and segments, in every view mode (GLSL ES 3.00; three.js puts its own lines before). */
+
+import { RAMP_STOPS } from "./palette.ts";
+
+/** The shader's numbers of the view modes. */
+export const MODE_NUMBER = {
+  colour: 0,
+  "vertex-colour": 1,
+  regions: 2,
+  segments: 3,
+  attribute: 4,
+  slope: 5,
+} as const;
+
+/**
+ * A vertex's place comes first, by one expression for everything: `translation + stepM * code` is exact in float32, and so is
+ * its difference to the coarse part of the eye, a multiple of the grid's step as well. So equal vertices of two segments
+ * get equal pixels, and four kilometres from the origin a head's movement is not rounded to half a millimetre.
+ *
+ * The base is pushed back along the line of sight (docs/topics/hand-off.md): a point stays on its pixel. What would be
+ * pushed beyond the far plane is drawn just before it, and so still before the sky.
+ */
+export const VERTEX_SHADER = /* glsl */ `
+in vec4 code;
+in vec4 tilt;
+in vec4 tint;
+in vec2 spot;
+in vec2 region;
+in vec2 measure;
+
+uniform vec3 translation;
+uniform float stepM;
+uniform vec3 eyeCoarse;
+uniform vec3 eyeFine;
+uniform float pushM;
+uniform vec2 uvScale;
+uniform int mode;
+uniform bool hasMap;
+uniform sampler2D map;
+uniform vec2 measureScale;
+
+out vec3 vTilt;
+out vec3 vTint;
+out vec2 vSpot;
+out vec2 vMeasure;
+flat out float vRegion;
+
+invariant gl_Position;
+
+void main() {
+  vec3 place = translation + stepM * code.xyz;
+  vec3 away = (place - eyeCoarse) - eyeFine;
+  away += pushM * away / max(length(away), 0.001);
+  gl_Position = projectionMatrix * vec4(mat3(viewMatrix) * away, 1.0);
+  if (gl_Position.w > 0.0) {
+#ifdef USE_REVERSED_DEPTH_BUFFER
+    gl_Position.z = max(gl_Position.z, gl_Position.w * 0.000001);
+#else
+    gl_Position.z = min(gl_Position.z, gl_Position.w * 0.999999);
+#endif
+  }
+
+  vTilt = tilt.xyz;
+  vSpot = uvScale * spot;
+  vTint = tint.rgb;
+  if (hasMap && mode == ${MODE_NUMBER["vertex-colour"]}) {
+    // Textured payloads have no vertex colours. A mip that mixes no foreign chart stands in for them.
+    vTint = textureLod(map, vSpot, 3.0).rgb;
+  }
+  vRegion = region.x;
+  // 65535 means "no value"; a face with one such corner is grey.
+  bool isNone = measure.x > 65534.5;
+  vMeasure = vec2(isNone ? 0.0 : measureScale.x + measureScale.y * measure.x, isNone ? 1.0 : 0.0);
+}
+`;
+
+/** See {@link VERTEX_SHADER}. Light is linear until the last line. */
+export const FRAGMENT_SHADER = /* glsl */ `
+precision highp float;
+precision highp int;
+
+in vec3 vTilt;
+in vec3 vTint;
+in vec2 vSpot;
+in vec2 vMeasure;
+flat in float vRegion;
+
+uniform int mode;
+uniform bool hasMap;
+uniform bool hasTint;
+uniform bool hasRegion;
+uniform bool hasMeasure;
+uniform sampler2D map;
+uniform sampler2D regionColours;
+uniform vec3 segmentColour;
+uniform vec3 noValue;
+uniform vec3 plain;
+uniform vec2 measureRange;
+uniform vec3 ramp[${RAMP_STOPS}];
+uniform vec3 slopes[${RAMP_STOPS}];
+uniform float relief;
+
+out vec4 outColour;
+
+vec3 toLinear(vec3 c) {
+  return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
+}
+
+// Mixed in sRGB, as a CSS gradient is: so legend and ground agree.
+vec3 alongRamp(vec3 stops[${RAMP_STOPS}], float share) {
+  float at = clamp(share, 0.0, 1.0) * ${(RAMP_STOPS - 1).toFixed(1)};
+  int low = min(int(at), ${RAMP_STOPS - 2});
+  return toLinear(mix(stops[low], stops[low + 1], at - float(low)));
+}
+
+void main() {
+  vec3 tilt = normalize(vTilt);
+  vec3 colour = plain;
+  float strength = relief;
+  if (mode == ${MODE_NUMBER.colour} || mode == ${MODE_NUMBER["vertex-colour"]}) {
+    if (hasMap && mode == ${MODE_NUMBER.colour}) {
+      colour = texture(map, vSpot).rgb;
+      strength = 0.0; // A photograph has its own light.
+    } else if (hasTint || hasMap) {
+      colour = vTint;
+      strength *= 0.35;
+    }
+  } else if (mode == ${MODE_NUMBER.regions}) {
+    ivec2 size = textureSize(regionColours, 0);
+    int id = int(vRegion + 0.5);
+    if (hasRegion && id / size.x < size.y) {
+      colour = texelFetch(regionColours, ivec2(id % size.x, id / size.x), 0).rgb;
+    }
+  } else if (mode == ${MODE_NUMBER.segments}) {
+    colour = segmentColour;
+  } else if (mode == ${MODE_NUMBER.attribute}) {
+    colour = noValue;
+    if (hasMeasure && vMeasure.y < 0.001) {
+      float span = max(measureRange.y - measureRange.x, 1e-20);
+      colour = alongRamp(ramp, (vMeasure.x - measureRange.x) / span);
+    }
+  } else {
+    colour = alongRamp(slopes, degrees(acos(clamp(tilt.y, 0.0, 1.0))) / 90.0);
+  }
+  // Half a sky and a sun in the north-west, as on maps: level ground keeps its colour.
+  vec3 side = gl_FrontFacing ? tilt : -tilt;
+  float light = 0.32 + 0.25 * (0.5 + 0.5 * side.y) + 0.62 * max(dot(side, vec3(-0.5, 0.7071068, -0.5)), 0.0);
+  outColour = linearToOutputTexel(vec4(colour * mix(1.0, light, strength), 1.0));
+}
+`;
