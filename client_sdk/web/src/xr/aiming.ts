@@ -1,0 +1,133 @@
+/** Pointing at the ground: the arc, the ring under its end, what is told to the service, and where a release would land. */
+
+import type { Object3D } from "three";
+import type { Vec3 } from "../core/types.ts";
+import type { Landings } from "../three/types.ts";
+import { ARC_DEFAULTS, castArc, newArc, throwArc } from "./arc.ts";
+import { judgeFooting, newStand } from "./footing.ts";
+import type { Pointer } from "./inputs.ts";
+import { newReadiness, type Readiness, readinessOf, resetReadiness } from "./readiness.ts";
+import { createRibbon } from "./ribbon.ts";
+import { createRing } from "./ring.ts";
+import { facingOfStick } from "./snap.ts";
+import { BEFORE_MS, clearTrail, newTrail, noteTarget, targetBefore } from "./steady.ts";
+
+/** The service is told of at most ten places a second, and of none that is nearly the last. */
+const AIM_EVERY_MS = 100;
+const AIM_MOVED_M = 0.25;
+/** Ground so far away is another landing: what was said of the readiness counts no more. */
+const AIM_ELSEWHERE_M = 3;
+
+export interface Aimed {
+  readonly place: Vec3;
+  readonly normal: Vec3;
+  /** How much the facing turns, radians, counter-clockwise. */
+  readonly turnRad: number;
+}
+
+export interface Aiming {
+  readonly objects: readonly Object3D[];
+  readonly readiness: Readiness;
+  /** Casts of the last frame. */
+  readonly casts: number;
+  begin(): void;
+  /** Once a frame while somebody aims. */
+  update(pointer: Pointer, eye: Vec3, facingRad: number, nowMs: number): void;
+  /** Where letting go now lands; null where one cannot. */
+  aimed(pointer: Pointer, nowMs: number): Aimed | null;
+  hide(): void;
+  dispose(): void;
+}
+
+/** An aim at what `landings` shows, hidden. */
+export function createAiming(landings: Landings, radiusM: () => number): Aiming {
+  const arc = newArc();
+  const stand = newStand();
+  const trail = newTrail();
+  const readiness = newReadiness();
+  const ribbon = createRibbon(ARC_DEFAULTS.pieces + 1);
+  const ring = createRing();
+  let casts = 0;
+  let turnRad = 0;
+  let toldMs = Number.NEGATIVE_INFINITY;
+  let told: Vec3 | null = null;
+  const counted = {
+    cast: (...args: Parameters<Landings["cast"]>) => {
+      casts += 1;
+      return landings.cast(...args);
+    },
+    groundAt: (...args: Parameters<Landings["groundAt"]>) => {
+      casts += 1;
+      return landings.groundAt(...args);
+    },
+  };
+  const tell = (place: Vec3, nowMs: number): void => {
+    const movedM = told === null ? Number.POSITIVE_INFINITY : distance(told, place);
+    if (movedM < AIM_MOVED_M || nowMs - toldMs < AIM_EVERY_MS) {
+      return;
+    }
+    if (movedM > AIM_ELSEWHERE_M) {
+      resetReadiness(readiness);
+    }
+    told = place;
+    toldMs = nowMs;
+    landings.aim(place, radiusM());
+  };
+  return {
+    objects: [ribbon.object, ring.object],
+    readiness,
+    get casts() {
+      return casts;
+    },
+    begin() {
+      clearTrail(trail);
+      resetReadiness(readiness);
+      turnRad = 0;
+      told = null;
+    },
+    update(pointer, eye, facingRad, nowMs) {
+      casts = 0;
+      turnRad = facingOfStick(pointer.stickX, pointer.stickY, turnRad);
+      throwArc(arc, pointer.origin, pointer.direction);
+      castArc(arc, counted);
+      judgeFooting(stand, arc.hit, counted);
+      const firm = stand.footing === "firm" && arc.hit !== null;
+      noteTarget(trail, nowMs, firm ? arc.hit!.position : null);
+      ribbon.draw(arc.points, arc.count, eye, firm);
+      if (arc.hit === null) {
+        ring.hide();
+        return;
+      }
+      ring.lay(arc.hit.position, stand.normal, eye, facingRad + turnRad);
+      if (!firm) {
+        ring.show("invalid", 0);
+        return;
+      }
+      tell(arc.hit.position, nowMs);
+      const fraction = readinessOf(readiness);
+      ring.show(fraction >= 1 ? "ready" : "aim", fraction);
+    },
+    aimed(pointer, nowMs) {
+      const pinches = pointer.source.targetRayMode === "transient-pointer" || isHand(pointer.source);
+      const place = targetBefore(trail, nowMs, pinches ? BEFORE_MS : 0);
+      return place === null ? null : { place, normal: [...stand.normal], turnRad };
+    },
+    hide() {
+      casts = 0;
+      ribbon.hide();
+      ring.hide();
+    },
+    dispose() {
+      ribbon.dispose();
+      ring.dispose();
+    },
+  };
+}
+
+function isHand(source: XRInputSource): boolean {
+  return source.hand !== undefined && source.hand !== null;
+}
+
+function distance(a: Vec3, b: Vec3): number {
+  return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+}

@@ -1,0 +1,470 @@
+/**
+ * The headset view: one call enters it, the page's loop drives it, one call leaves it.
+ *
+ * Between landings nothing here changes what is drawn of the scene: the head moves the camera, the sticks turn the rig, and arc,
+ * ring, panels, hands and veil are no scenery. `Landings.swap` is called in one place, `showLanding`, in a frame that is drawn
+ * black.
+ */
+
+import { type Object3D, Vector3 } from "three";
+import type { StreamEvent, Vec3 } from "../core/types.ts";
+import { createAiming } from "./aiming.ts";
+import { createBoard } from "./board.ts";
+import { addTime, newFrameTimes, summarise } from "./frames.ts";
+import { listenInputs, type Pointer } from "./inputs.ts";
+import type { MenuAction } from "./menu-layout.ts";
+import { messageOf, sentence, statusLine, type Told } from "./messages.ts";
+import { holdPalm, newPalmHold, palmTowards } from "./palm.ts";
+import { createMenuDesk } from "./panels.ts";
+import {
+  azimuthOfYaw,
+  facingOf,
+  keepAcrossReset,
+  type RigPose,
+  rigOver,
+  toScene,
+  turnAboutHead,
+  yawOfAzimuth,
+  yawOfQuaternion,
+} from "./pose.ts";
+import { noteEvent } from "./readiness.ts";
+import { createRing } from "./ring.ts";
+import { borrowCamera, requestSession, startSession } from "./session.ts";
+import { createSky } from "./sky.ts";
+import { askTurn, dueTurn, newSnapTurn, readStick, vignetteOf } from "./snap.ts";
+import {
+  advance,
+  beginAim,
+  beginBlack,
+  cancelAim,
+  commit,
+  newTeleport,
+  phaseOf,
+  releaseAim,
+  shown,
+  type Target,
+} from "./teleport.ts";
+import type { HeadsetOptions, HeadsetSession, Standpoint } from "./types.ts";
+import { createVeil } from "./veil.ts";
+import { createWands } from "./wands.ts";
+
+export { headsetSupported } from "./session.ts";
+export type {
+  HeadsetBookmark,
+  HeadsetMenu,
+  HeadsetOptions,
+  HeadsetSession,
+  HeadsetStats,
+  Standpoint,
+} from "./types.ts";
+
+const DEGREE = Math.PI / 180;
+/** Ground is looked for from so far above the place that was asked for: detail may lie higher than the base did. */
+const GROUND_FROM_M = 1;
+/** How long the ring of a refused landing is shown as invalid. */
+const REFUSED_MS = 1500;
+
+/**
+ * Show the scene in the headset. To be called straight from a click.
+ *
+ * Rejects where there is no headset, or the user or the system says no; the page is then as it was.
+ */
+export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSession> {
+  const requested = requestSession();
+  const { landings, renderer, rig, camera, scene } = options;
+  const first = firstStandpoint(options);
+  const started = await startSession(renderer, await requested);
+  const { session, space, floorM } = started;
+
+  const giveBack = borrowCamera(camera, rig);
+  options.setUploadBudgetMs?.(started.profile.uploadBudgetMs);
+
+  const teleport = newTeleport();
+  const turn = newSnapTurn();
+  const palm = newPalmHold();
+  const told: Told = { linkLost: false };
+  const veil = createVeil();
+  const sky = createSky(matchMedia("(prefers-color-scheme: dark)").matches);
+  const aiming = createAiming(landings, options.radiusM);
+  const waiting = createRing();
+  const board = createBoard();
+  const wands = createWands();
+  const intervals = newFrameTimes();
+  const works = newFrameTimes();
+  const owns = newFrameTimes();
+
+  const head = { position: [0, 0, 0] as [number, number, number], yawRad: 0 };
+  let pose: RigPose = { position: [0, 0, 0], yawRad: 0 };
+  let eye: Vec3 = [0, 0, 0];
+  let placed = false;
+  let tracked = false;
+  let emulated = false;
+  let beforeReset: { readonly position: Vec3; readonly yawRad: number } | null = null;
+  let aimsByStick = false;
+  let turnDeg = 30;
+  let maxRadiusM: number | null = null;
+  let knownLanding = landings.status.phase === "shown" ? landings.status.landing : -1;
+  let refusedUntilMs = 0;
+  let active = true;
+  let nowMs = performance.now();
+  let startedMs = 0;
+  let lastFrameMs: number | null = null;
+
+  const facing = (): number => facingOf(pose, head);
+  const standpoint = (): Standpoint => {
+    const ground: Vec3 = [eye[0], pose.position[1] + floorM, eye[2]];
+    return { place: ground, yawDeg: azimuthOfYaw(facing()) };
+  };
+  const setRig = (next: RigPose): void => {
+    pose = next;
+    rig.position.set(...next.position);
+    rig.rotation.set(0, next.yawRad, 0);
+    rig.updateMatrixWorld(true);
+    eye = toScene(pose, head.position);
+  };
+  const groundUnder = (place: Vec3): Vec3 =>
+    landings.groundAt(place[0], place[2], place[1] + GROUND_FROM_M)?.position ?? place;
+
+  const desk = createMenuDesk(
+    {
+      menu: options.menu,
+      radiusM: options.radiusM,
+      maxRadiusM: () => maxRadiusM,
+      turnDeg: () => turnDeg,
+      status: () => statusLine(landings.status, told.linkLost),
+    },
+    (action) => act(action),
+  );
+
+  const land = (target: Target): void => {
+    const asked = options.landOptions?.();
+    const landing = landings.land(target.place, options.radiusM(), asked);
+    knownLanding = landing;
+    refusedUntilMs = 0;
+    commit(teleport, landing, target);
+  };
+  const layWaiting = (place: Vec3, normal: Vec3, turnRad: number): void => {
+    waiting.lay(place, normal, eye, facing() + turnRad);
+  };
+  const snap = (sign: 1 | -1): void => askTurn(turn, sign * turnDeg * DEGREE, nowMs);
+  const act = (action: MenuAction): void => {
+    if (action.kind === "radius") {
+      options.menu?.setRadiusM(action.radiusM);
+    } else if (action.kind === "mode") {
+      const chosen = options.menu?.modes()[action.index];
+      if (chosen !== undefined) {
+        options.menu?.setMode(chosen.mode);
+      }
+    } else if (action.kind === "turn") {
+      turnDeg = action.angleDeg;
+    } else if (action.kind === "snap") {
+      snap(action.sign);
+    } else if (action.kind === "leave") {
+      session.end().catch(() => undefined);
+    } else if (action.kind === "bookmark") {
+      const bookmark = options.menu?.bookmarks()[action.index];
+      if (bookmark !== undefined) {
+        desk.hide();
+        if (bookmark.radiusM !== null) {
+          options.menu?.setRadiusM(bookmark.radiusM);
+        }
+        waiting.hide();
+        const facingRad = bookmark.yawDeg === null ? null : yawOfAzimuth(bookmark.yawDeg);
+        land({ place: bookmark.place, turnRad: 0, facingRad });
+        layWaiting(bookmark.place, [0, 1, 0], 0);
+      }
+    }
+  };
+
+  const endAim = (by: number | null): void => {
+    if (cancelAim(teleport, by)) {
+      aiming.hide();
+    }
+  };
+  const startAim = (pointer: Pointer, byStick: boolean): void => {
+    if (beginAim(teleport, pointer.key)) {
+      aimsByStick = byStick;
+      aiming.begin();
+    }
+  };
+  const letGo = (pointer: Pointer): void => {
+    if (!releaseAim(teleport, pointer.key)) {
+      return;
+    }
+    const aimed = aiming.aimed(pointer, nowMs);
+    aiming.hide();
+    if (aimed !== null) {
+      land({ place: aimed.place, turnRad: aimed.turnRad, facingRad: null });
+      layWaiting(aimed.place, aimed.normal, aimed.turnRad);
+      pointer.source.gamepad?.hapticActuators?.[0]?.pulse(0.4, 25).catch(() => undefined);
+    }
+  };
+  const usable = (): boolean => session.visibilityState === "visible" && placed && tracked;
+  const inputs = listenInputs(
+    session,
+    {
+      selectStart(pointer) {
+        if (usable() && !desk.press(pointer)) {
+          startAim(pointer, false);
+        }
+      },
+      selectEnd(pointer, completed) {
+        if (teleport.aimBy === pointer.key && !aimsByStick) {
+          if (completed) {
+            letGo(pointer);
+          } else {
+            endAim(pointer.key);
+          }
+        }
+      },
+      squeeze: () => endAim(null),
+      removed(pointer) {
+        endAim(pointer.key);
+        wands.remove(pointer);
+      },
+    },
+    () => ({ space, rig: pose }),
+  );
+
+  const readControls = (pointer: Pointer): void => {
+    const button = inputs.pressed(pointer);
+    if (button === "menu") {
+      desk.toggle(eye, facing());
+    } else if (button === "cancel") {
+      endAim(null);
+    }
+    const push = readStick(pointer.stick, pointer.stickX, pointer.stickY);
+    if (teleport.aimBy === pointer.key) {
+      if (aimsByStick && pointer.stick.held === "none") {
+        letGo(pointer);
+      }
+    } else if (push === "left" || push === "right") {
+      snap(push === "left" ? 1 : -1);
+    } else if (push === "forward") {
+      startAim(pointer, true);
+    }
+    const joints = pointer.source.handedness === "left" ? wands.jointsOf(pointer) : null;
+    if (joints !== null && holdPalm(palm, palmTowards(joints, head.position), nowMs)) {
+      desk.toggle(eye, facing());
+    }
+  };
+
+  const showLanding = (): void => {
+    const { pending } = teleport;
+    const { status } = landings;
+    if (pending === null || status.landing !== pending.landing) {
+      shown(teleport, false, false);
+      return;
+    }
+    const already = status.phase === "shown";
+    const report = already ? null : landings.swap();
+    if (report === null && !already) {
+      teleport.pending = null;
+      shown(teleport, false, false);
+      return;
+    }
+    if (!pending.moved) {
+      const { target } = pending;
+      const towards = target.facingRad ?? facing() + target.turnRad;
+      setRig(rigOver(groundUnder(target.place), head, towards, floorM));
+      desk.hide();
+      board.moved();
+      options.landed?.(standpoint());
+    }
+    shown(teleport, true, report?.degraded ?? false);
+  };
+  /** A landing that the page asked for, before or beside the session, is carried out by the session's blink. */
+  const adopt = (): void => {
+    const { status } = landings;
+    if (status.landing <= knownLanding || status.phase === "idle" || status.phase === "refused") {
+      return;
+    }
+    knownLanding = status.landing;
+    commit(teleport, status.landing, { place: status.position, turnRad: 0, facingRad: null });
+    layWaiting(status.position, [0, 1, 0], 0);
+  };
+  const step = (): void => {
+    adopt();
+    const due = advance(teleport, nowMs, landings.status);
+    if (due === "show") {
+      showLanding();
+    } else if (due === "refused") {
+      refusedUntilMs = nowMs + REFUSED_MS;
+      board.say(sentence(landings.status.refusal ?? "the landing was refused"), "warning", false, nowMs);
+    }
+  };
+  const drawGuides = (): void => {
+    const pointer = inputs.pointers.find((each) => each.key === teleport.aimBy);
+    if (pointer?.seen === true) {
+      aiming.update(pointer, eye, facing(), nowMs);
+    } else {
+      aiming.hide();
+    }
+    if (nowMs < refusedUntilMs) {
+      waiting.show("invalid", 0);
+    } else if (teleport.pending !== null && !teleport.pending.moved) {
+      waiting.show("waiting", landings.status.fraction);
+    } else {
+      waiting.hide();
+    }
+    desk.update(inputs.pointers, teleport.aimBy, eye, nowMs);
+    board.update(eye, facing(), nowMs);
+    veil.set(teleport.opacity, vignetteOf(turn, nowMs));
+  };
+  const loseTracking = (): void => {
+    tracked = false;
+    endAim(null);
+    wands.hide();
+  };
+  const readHead = (viewer: XRViewerPose): void => {
+    const { orientation, position } = viewer.transform;
+    head.position[0] = position.x;
+    head.position[1] = position.y;
+    head.position[2] = position.z;
+    head.yawRad = yawOfQuaternion(orientation.x, orientation.y, orientation.z, orientation.w);
+    if (viewer.emulatedPosition && !emulated) {
+      // Where the head is, is a guess from now on: nobody lands by a guess that began in the middle of a gesture.
+      endAim(null);
+    }
+    emulated = viewer.emulatedPosition;
+    tracked = true;
+  };
+  const place = (): void => {
+    if (!placed) {
+      placed = true;
+      beginBlack(teleport, nowMs);
+      setRig(rigOver(groundUnder(first.place), head, yawOfAzimuth(first.yawDeg), floorM));
+    } else if (beforeReset !== null) {
+      setRig(keepAcrossReset(pose, beforeReset, head));
+    } else {
+      eye = toScene(pose, head.position);
+    }
+    beforeReset = null;
+  };
+
+  const onReset = (): void => {
+    beforeReset = { position: [...head.position], yawRad: head.yawRad };
+  };
+  const onVisibility = (): void => {
+    if (session.visibilityState !== "visible") {
+      endAim(null);
+      wands.hide();
+    }
+  };
+  const hung: readonly Object3D[] = [
+    sky.object,
+    veil.object,
+    waiting.object,
+    board.panel.object,
+    ...aiming.objects,
+    ...desk.objects,
+  ];
+  let resolveEnd: () => void = () => undefined;
+  const over = new Promise<void>((resolve) => {
+    resolveEnd = resolve;
+  });
+  const onEnd = (): void => {
+    active = false;
+    const last = placed ? standpoint() : null;
+    inputs.dispose();
+    scene.remove(...hung);
+    rig.remove(wands.object);
+    for (const each of [sky, veil, waiting, board.panel, aiming, desk, wands]) {
+      each.dispose();
+    }
+    space.removeEventListener("reset", onReset);
+    session.removeEventListener("visibilitychange", onVisibility);
+    giveBack();
+    options.setUploadBudgetMs?.(null);
+    options.ended?.(last);
+    resolveEnd();
+  };
+  space.addEventListener("reset", onReset);
+  session.addEventListener("visibilitychange", onVisibility);
+  // After three.js's own listener, which puts the renderer's size and the camera's lens back.
+  session.addEventListener("end", onEnd, { once: true });
+  scene.add(...hung);
+  rig.add(wands.object);
+  veil.set(1, 0);
+
+  return {
+    get active() {
+      return active;
+    },
+    frame(timeMs, frame) {
+      startedMs = performance.now();
+      nowMs = timeMs;
+      if (!active || frame === undefined || frame === null) {
+        return;
+      }
+      if (lastFrameMs !== null) {
+        addTime(intervals, timeMs - lastFrameMs);
+      }
+      lastFrameMs = timeMs;
+      const viewer = frame.getViewerPose(space);
+      if (viewer === undefined || viewer === null) {
+        loseTracking();
+        return;
+      }
+      readHead(viewer);
+      place();
+      inputs.update(frame, space, pose);
+      if (session.visibilityState === "visible") {
+        wands.update(frame, space, inputs.pointers);
+        inputs.pointers.forEach(readControls);
+      }
+      const turnRad = dueTurn(turn, nowMs);
+      if (turnRad !== 0) {
+        setRig(turnAboutHead(pose, head, turnRad));
+        desk.follow(eye, facing());
+      }
+      step();
+      drawGuides();
+      addTime(owns, performance.now() - startedMs);
+    },
+    drawn() {
+      if (active && lastFrameMs !== null) {
+        addTime(works, performance.now() - startedMs);
+      }
+    },
+    handle(event: StreamEvent) {
+      noteEvent(aiming.readiness, event);
+      if (event.type === "opened") {
+        maxRadiusM = event.maxRadiusM;
+      }
+      const message = messageOf(event, told);
+      if (message !== null) {
+        board.say(message.text, message.tone, message.stays, performance.now());
+      }
+    },
+    message(text, tone) {
+      board.say(text, tone, false, performance.now());
+    },
+    stats: () => ({
+      frames: intervals.count,
+      frameRateHz: started.frameRateHz,
+      interval: summarise(intervals),
+      work: summarise(works),
+      own: summarise(owns),
+      phase: phaseOf(teleport),
+      casts: aiming.casts,
+    }),
+    end() {
+      if (active) {
+        session.end().catch(() => undefined);
+      }
+      return over;
+    },
+  };
+}
+
+/** Where the page's camera is and looks, or what the page says. */
+function firstStandpoint(options: HeadsetOptions): Standpoint {
+  const given = options.start?.();
+  if (given !== null && given !== undefined) {
+    return given;
+  }
+  const place = options.camera.getWorldPosition(new Vector3());
+  const along = options.camera.getWorldDirection(new Vector3());
+  return { place: [place.x, place.y, place.z], yawDeg: azimuthOfYaw(Math.atan2(-along.x, -along.z)) };
+}

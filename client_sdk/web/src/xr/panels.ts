@@ -1,0 +1,129 @@
+/** The menu and the ray that points at it: opening, pressing, and what its buttons do. */
+
+import type { Object3D } from "three";
+import type { Vec3 } from "../core/types.ts";
+import type { Pointer } from "./inputs.ts";
+import { createMenu, type MenuMeeting } from "./menu.ts";
+import type { MenuAction, MenuModel } from "./menu-layout.ts";
+import { createRibbon } from "./ribbon.ts";
+import type { HeadsetMenu } from "./types.ts";
+
+/** How often an open menu looks whether something of it has changed. */
+const REFRESH_MS = 250;
+
+export interface MenuState {
+  readonly menu: HeadsetMenu | undefined;
+  readonly radiusM: () => number;
+  readonly maxRadiusM: () => number | null;
+  readonly turnDeg: () => number;
+  readonly status: () => string;
+}
+
+export interface MenuDesk {
+  readonly objects: readonly Object3D[];
+  readonly open: boolean;
+  toggle(eye: Vec3, facingRad: number): void;
+  hide(): void;
+  /** Before the eyes again, after the user was moved or turned. */
+  follow(eye: Vec3, facingRad: number): void;
+  /** Once a frame: the ray to it, the light on the button under it. `aimBy` does not point at menus. */
+  update(pointers: readonly Pointer[], aimBy: number, eye: Vec3, nowMs: number): void;
+  /** A press: true where it fell on the menu, whatever was there. */
+  press(pointer: Pointer): boolean;
+  dispose(): void;
+}
+
+/** A menu, closed. `act` does what cannot be done with the menu alone. */
+export function createMenuDesk(state: MenuState, act: (action: MenuAction) => void): MenuDesk {
+  const menu = createMenu();
+  const ray = createRibbon(2);
+  const ends = new Float32Array(6);
+  let page = 0;
+  let refreshedMs = 0;
+  const model = (): MenuModel => ({
+    radiusM: state.radiusM(),
+    maxRadiusM: state.maxRadiusM(),
+    modes: state.menu?.modes().map((each) => each.label) ?? [],
+    modeIndex: state.menu?.modeIndex() ?? 0,
+    turnDeg: state.turnDeg(),
+    bookmarks: state.menu?.bookmarks().map((each) => each.label) ?? [],
+    page,
+    status: state.status(),
+  });
+  const hide = (): void => {
+    menu.hide();
+    ray.hide();
+  };
+  return {
+    objects: [menu.panel.object, ray.object],
+    get open() {
+      return menu.open;
+    },
+    toggle(eye, facingRad) {
+      if (menu.open) {
+        hide();
+      } else {
+        page = 0;
+        menu.show(eye, facingRad, model());
+      }
+    },
+    hide,
+    follow(eye, facingRad) {
+      if (menu.open) {
+        menu.show(eye, facingRad, model());
+      }
+    },
+    update(pointers, aimBy, eye, nowMs) {
+      if (!menu.open) {
+        return;
+      }
+      if (nowMs - refreshedMs > REFRESH_MS) {
+        refreshedMs = nowMs;
+        menu.refresh(model());
+      }
+      let met: MenuMeeting | null = null;
+      for (const pointer of pointers) {
+        met = pointer.tracked && pointer.key !== aimBy ? menu.meet(pointer.origin, pointer.direction) : null;
+        if (met !== null) {
+          layRay(ends, pointer, met.distanceM);
+          break;
+        }
+      }
+      menu.hover(met?.item ?? null);
+      if (met === null) {
+        ray.hide();
+      } else {
+        ray.draw(ends, 2, eye, true);
+      }
+    },
+    press(pointer) {
+      const met = menu.open && pointer.seen ? menu.meet(pointer.origin, pointer.direction) : null;
+      if (met === null) {
+        return false;
+      }
+      const action = met.item?.action ?? null;
+      if (action?.kind === "page") {
+        page = action.page;
+      } else if (action?.kind === "close") {
+        hide();
+      } else if (action !== null) {
+        act(action);
+      }
+      if (menu.open) {
+        menu.refresh(model());
+      }
+      return true;
+    },
+    dispose() {
+      menu.dispose();
+      ray.dispose();
+    },
+  };
+}
+
+function layRay(ends: Float32Array, pointer: Pointer, lengthM: number): void {
+  for (let axis = 0; axis < 3; axis++) {
+    ends[axis] = pointer.origin[axis]!;
+    ends[3 + axis] = pointer.origin[axis]! + pointer.direction[axis]! * lengthM;
+  }
+}
