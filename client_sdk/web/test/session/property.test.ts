@@ -1,0 +1,93 @@
+/** Random landings, aims, cuts and flipped bits: the last landing alone decides what is visible. */
+
+import { describe, expect, test } from "vitest";
+import type { Vec3 } from "../../src/core/types.ts";
+import { flipped, Pair } from "./pairing.ts";
+import { MIDDLE, seeded, ToyScene } from "./toy-scene.ts";
+
+const SEEDS = 100;
+
+describe("whatever happens", () => {
+  const toy = new ToyScene();
+  test.each([false, true])(
+    "the visible set is that of the last landing (bits flipped: %s)",
+    (spoils) => {
+      for (let seed = 0; seed < SEEDS; seed++) oneHistory(toy, seed, spoils);
+    },
+    60_000,
+  );
+});
+
+function oneHistory(toy: ToyScene, seed: number, spoils: boolean): void {
+  const random = seeded(seed);
+  const pick = <T>(values: readonly T[]): T => values[Math.floor(random() * values.length)]!;
+  const place = (): Vec3 => [random() * 16 - 2, 0, random() * 16 - 2];
+  const radiusM = () => 0.5 + random() * 7.5;
+  const cacheBytes = pick([0, 2000, 8000, 1 << 20]);
+  const pair = new Pair(toy, {
+    cacheBytes,
+    creditBytes: pick([50, 700, 1 << 20]),
+    lag: pick([0, 1, 5, 30]),
+    maxChunk: pick([7, 100, 100_000]),
+    releaseFactor: pick([1, 1.5]),
+    maxHeldSegments: pick([1, 5, 1000]),
+    subprotocol: pick(["terraport.v1.msgpack", "terraport.v1.json"] as const),
+    random,
+  }).connect();
+  pair.offerHeld = random() < 0.5;
+  let spoilNext = false;
+  pair.spoil = (data) => {
+    const spoilt = spoilNext ? flipped(data) : data;
+    spoilNext = false;
+    return spoilt;
+  };
+  const where = `seed ${seed}`;
+  const steps = Math.floor(random() * 25);
+  for (let step = 0; step < steps; step++) {
+    const what = pick(["land", "aim", "run", "run", "cut", "spoil"] as const);
+    if (what === "land") pair.client.land(place(), radiusM());
+    else if (what === "aim") {
+      pair.client.aim(place(), radiusM());
+      pair.client.flushAim();
+    } else if (what === "cut") {
+      pair.disconnect();
+      pair.connect();
+    } else if (what === "spoil") spoilNext = spoils;
+    else for (let count = Math.floor(random() * 60); count > 0; count--) pair.step();
+  }
+  spoilNext = false;
+  pair.client.land(MIDDLE, 3.3);
+  pair.settle();
+  const visible = pair.client.visible;
+  const plan = pair.of("planned").at(-1)!.plan;
+  const wanted = [...plan.load.map((facts) => facts.segment), ...plan.keep].sort((a, b) => a - b);
+  expect(visible, where).toEqual(wanted);
+  expect(visible, where).toEqual(expect.arrayContaining(toy.within(MIDDLE, 3.3)));
+  expect(pair.client.unfinished, where).toBeNull();
+  expect(pair.client.openParts, where).toBe(0);
+  expect(pair.client.repeatedBytes, where).toBe(0);
+  if (!spoils) expect(pair.of("rejected"), where).toEqual([]);
+  expect(pair.client.held.cacheBytes, where).toBeLessThanOrEqual(Math.max(cacheBytes, toy.bytesOf(visible)));
+  for (const segment of visible) {
+    expect(pair.client.held.peek(segment)?.payload, where).toEqual(toy.payloads[segment]);
+  }
+  // What was told as here and not as gone is here, and nothing else.
+  const told = new Set<number>();
+  for (const event of pair.events) {
+    if (event.type === "arrived") told.add(event.entry.facts.segment);
+    else if (event.type === "dropped") for (const segment of event.segments) told.delete(segment);
+  }
+  expect(
+    [...told].filter((segment) => !pair.client.held.has(segment)),
+    where,
+  ).toEqual([]);
+  expect(told.size, where).toBe(pair.client.held.count);
+  // Every landing ends in one way: ready, superseded, or the last one.
+  const ends = [...pair.of("ready"), ...pair.of("superseded")].map((event) => event.landing);
+  expect(new Set(ends).size, where).toBe(ends.length);
+  // What the server believes held is here, once the next landing has told the evictions.
+  pair.client.land(MIDDLE, 3.3);
+  pair.settle();
+  const believed = [...pair.server!.held.keys()].filter((segment) => !pair.client.held.has(segment));
+  expect(believed, where).toEqual([]);
+}
