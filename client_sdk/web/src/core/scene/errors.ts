@@ -8,9 +8,9 @@
 export class StreamError extends Error {
   override readonly name = "StreamError";
   /**
-   * An error code of the wire protocol; or `unreachable` (no answer), `aborted` (by the caller), `invalid_url`,
-   * `damaged` (what came cannot be read, or has another hash), `changed` (the server no longer has that version),
-   * `not_held` (a segment that is not here), `closed`.
+   * An error code of the wire protocol; or `unreachable` (no answer), `invalid_url`, `unsupported_version` (of the scene
+   * format), `damaged` (what came cannot be read, or has another hash), `refused` (any other HTTP status),
+   * `several_scenes` (a server URL where one scene is meant), and those of core/client.
    */
   readonly code: string;
   /** HTTP status or WebSocket close code, where there was one. */

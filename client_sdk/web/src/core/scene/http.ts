@@ -1,0 +1,162 @@
+/** One request over HTTP: bounded, with the server's own words where it refuses. A shell: it fetches. */
+
+import { StreamError } from "./errors.ts";
+
+/** How to reach a server. */
+export interface HttpOptions {
+  /** Sent as `Authorization: Bearer`; without one no such header is sent. */
+  readonly token?: string | undefined;
+  readonly signal?: AbortSignal | undefined;
+}
+
+/** How much may come, and who is told of it. */
+export interface Download {
+  /** More than this is refused; where it is exact, less is as well. */
+  readonly mostBytes: number;
+  /** `mostBytes` is what must come. */
+  readonly isExact: boolean;
+  readonly onBytes?: (bytes: number) => void;
+}
+
+/** Codes by status, where the server gave none. */
+const CODES: ReadonlyMap<number, string> = new Map([
+  [401, "unauthorised"],
+  [403, "forbidden"],
+  [404, "unknown_scene"],
+  [429, "too_many"],
+  [503, "draining"],
+]);
+const MAX_ERROR_BYTES = 65_536;
+const MAX_ERROR_CHARACTERS = 1024;
+const MAX_JSON_BYTES = 16 * 2 ** 20;
+
+/**
+ * Fetch a JSON object.
+ *
+ * @throws StreamError As {@link fetchBytes}.
+ */
+export async function fetchJson(url: string, options: HttpOptions): Promise<Readonly<Record<string, unknown>>> {
+  const bytes = await fetchBytes(url, options, { mostBytes: MAX_JSON_BYTES, isExact: false });
+  const value = parseJson(bytes, url);
+  if (typeof value === "object" && value !== null && !Array.isArray(value)) return value as Record<string, unknown>;
+  throw new StreamError("damaged", `${url} is no JSON object; is this a terraport server?`, 200);
+}
+
+/**
+ * Parse a JSON file that came from `url`.
+ *
+ * @throws StreamError `damaged`.
+ */
+export function parseJson(bytes: Uint8Array, url: string): unknown {
+  try {
+    return JSON.parse(new TextDecoder("utf-8", { fatal: true }).decode(bytes));
+  } catch {
+    throw new StreamError("damaged", `${url} is no JSON; is this a terraport server?`, 200);
+  }
+}
+
+/**
+ * Fetch a file. The token goes to that server alone: redirects are not followed.
+ *
+ * @throws StreamError `unreachable` without an answer; the server's code where it refuses; `damaged` where another length
+ * comes than must.
+ * @throws The signal's reason where it is aborted.
+ */
+export async function fetchBytes(
+  url: string,
+  { token, signal }: HttpOptions,
+  download: Download,
+): Promise<Uint8Array<ArrayBuffer>> {
+  try {
+    const response = await fetch(url, {
+      headers: token === undefined ? {} : { Authorization: `Bearer ${token}` },
+      redirect: "error",
+      signal: signal ?? null,
+    });
+    if (!response.ok) throw await refusal(url, response);
+    return await readBody(url, response, download);
+  } catch (error) {
+    signal?.throwIfAborted();
+    if (error instanceof StreamError) throw error;
+    const text = `no answer from ${url} (${reasonOf(error)}); is the server running, and reachable from here?`;
+    throw new StreamError("unreachable", text, undefined, { cause: error });
+  }
+}
+
+async function readBody(url: string, response: Response, download: Download): Promise<Uint8Array<ArrayBuffer>> {
+  const { mostBytes, isExact, onBytes } = download;
+  let bytes = new Uint8Array(isExact ? mostBytes : Math.min(mostBytes, 65_536));
+  let size = 0;
+  for await (const part of partsOf(response)) {
+    if (part.length > mostBytes - size) {
+      throw new StreamError("damaged", `${url} has more than ${mostBytes} bytes, expected ${said(download)}`, 200);
+    }
+    if (size + part.length > bytes.length) bytes = enlarged(bytes, Math.min(mostBytes, 2 * (size + part.length)));
+    bytes.set(part, size);
+    size += part.length;
+    onBytes?.(part.length);
+  }
+  if (isExact && size !== mostBytes) {
+    throw new StreamError("damaged", `${url} has ${size} bytes, expected ${said(download)}; load it again`, 200);
+  }
+  return bytes.subarray(0, size);
+}
+
+async function* partsOf(response: Response): AsyncGenerator<Uint8Array> {
+  if (response.body === null) return;
+  // Not the body's own iterator: Safari has none.
+  const reader = response.body.getReader();
+  try {
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done) return;
+      yield value;
+    }
+  } finally {
+    // Left early, the rest must not go on coming.
+    await reader.cancel().catch(() => undefined);
+  }
+}
+
+function enlarged(bytes: Uint8Array, size: number): Uint8Array<ArrayBuffer> {
+  const larger = new Uint8Array(size);
+  larger.set(bytes);
+  return larger;
+}
+
+function said({ mostBytes, isExact }: Download): string {
+  return isExact ? `${mostBytes} by the manifest` : `at most ${mostBytes}`;
+}
+
+async function refusal(url: string, response: Response): Promise<StreamError> {
+  const { status } = response;
+  const stated = await statedError(url, response);
+  const code = stated.code ?? CODES.get(status) ?? "refused";
+  const text = stated.message ?? `${url} was refused with HTTP status ${status}`;
+  return new StreamError(code, `${text}${ADVICE.get(code) ?? ""}`, status);
+}
+
+/** What to do, where the server cannot know it. */
+const ADVICE: ReadonlyMap<string, string> = new Map([
+  ["unauthorised", "; give a token that the service knows"],
+  ["forbidden", "; ask for a token that opens this scene"],
+  ["draining", "; try again in a moment"],
+]);
+
+/** Code and text of our server's JSON error body, where it is one. */
+async function statedError(url: string, response: Response): Promise<{ code?: string; message?: string }> {
+  try {
+    const body = await readBody(url, response, { mostBytes: MAX_ERROR_BYTES, isExact: false });
+    const { error } = JSON.parse(new TextDecoder().decode(body)) as { error?: { code?: unknown; message?: unknown } };
+    return {
+      ...(typeof error?.code === "string" && { code: error.code }),
+      ...(typeof error?.message === "string" && { message: error.message.slice(0, MAX_ERROR_CHARACTERS) }),
+    };
+  } catch {
+    return {}; // a proxy's page, or nothing
+  }
+}
+
+function reasonOf(error: unknown): string {
+  return error instanceof Error ? error.message : String(error);
+}

@@ -1,0 +1,160 @@
+/** scene.json as a server gives it, checked for what the viewer uses (scene format, section 4). */
+
+import { PayloadError } from "../payload/errors.ts";
+import type { JsonObject } from "../payload/json-values.ts";
+import { expectList, expectNumber, expectObject, expectTriple, expectWhole, shortly } from "../payload/json-values.ts";
+import type { AttributeInfo, Bounds, SceneManifest } from "../types.ts";
+import { StreamError } from "./errors.ts";
+
+/** A file of a version. */
+export interface FileFacts {
+  readonly bytes: number;
+  readonly xxh3: bigint;
+}
+
+/** Files that are loaded once for a version. */
+export type LoadedFile = "base.glb" | "base.cover" | "regions.json";
+
+/** A manifest, and what must come with it. */
+export interface CheckedManifest {
+  readonly manifest: SceneManifest;
+  readonly baseFaces: number;
+  readonly files: Readonly<Record<LoadedFile, FileFacts>>;
+}
+
+/** Section 12. */
+const MOST_BYTES: Readonly<Record<LoadedFile, number>> = {
+  "base.glb": 2 ** 30,
+  "base.cover": 2 ** 30,
+  "regions.json": 2 ** 28,
+};
+const MAJOR = "1";
+const DIGEST = /^[0-9a-f]{32}$/;
+const HASH = /^[0-9a-f]{16}$/;
+/** Image types that a browser opens by itself. */
+const OPENABLE: ReadonlySet<unknown> = new Set(["image/jpeg", "image/png", "image/webp"]);
+
+/**
+ * Check a manifest; keys that are not known are skipped.
+ *
+ * @param id Scene id of the URL.
+ * @throws StreamError `unsupported_version` for another format or major version; `damaged` where a needed key is missing
+ * or not what it should be.
+ */
+export function checkManifest(document: JsonObject, id: string): CheckedManifest {
+  checkFormat(document);
+  try {
+    return readManifest(document, id);
+  } catch (error) {
+    if (!(error instanceof PayloadError)) throw error;
+    throw new StreamError("damaged", `manifest of scene ${id}: ${error.message}; the scene must be published anew`);
+  }
+}
+
+function checkFormat(document: JsonObject): void {
+  const { format, format_version: version } = document;
+  if (format !== "terraport-scene") {
+    const text = `got format ${shortly(format)}, expected "terraport-scene"; is this a terraport server?`;
+    throw new StreamError("damaged", text);
+  }
+  if (typeof version !== "string" || version.split(".")[0] !== MAJOR) {
+    const text = `got scene format ${shortly(version)}, expected ${MAJOR}.x; a newer viewer is needed`;
+    throw new StreamError("unsupported_version", text);
+  }
+}
+
+function readManifest(document: JsonObject, id: string): CheckedManifest {
+  const counts = expectObject(document.counts, "counts");
+  const files = expectObject(document.files, "files");
+  const encodings = expectObject(document.encodings, "encodings");
+  expectObject(encodings.glb, "encodings.glb");
+  const manifest: SceneManifest = {
+    id,
+    name: expectText(document.name, "name"),
+    version: expectDigest(document.version, DIGEST, "version"),
+    crs: readCrs(document.crs),
+    origin: expectTriple(document.origin, "origin"),
+    stepM: expectStep(document.step_m),
+    bounds: readBounds(document.bounds),
+    attributes: expectList(document.attributes, "attributes").map(readAttribute),
+    segmentCount: expectWhole(counts.segments, "counts.segments", 1),
+    detailFaces: expectWhole(counts.detail_faces, "counts.detail_faces", 1),
+    hasColour: expectFlag(document.has_colour, "has_colour"),
+    hasTextures: hasTextures(document.textures),
+    deviationM: expectLength(expectObject(document.hand_off, "hand_off").deviation_m, "hand_off.deviation_m"),
+  };
+  return {
+    manifest,
+    baseFaces: expectWhole(counts.base_faces, "counts.base_faces", 1),
+    files: {
+      "base.glb": readFile(files, "base.glb"),
+      "base.cover": readFile(files, "base.cover"),
+      "regions.json": readFile(files, "regions.json"),
+    },
+  };
+}
+
+function readCrs(value: unknown): SceneManifest["crs"] {
+  if (value === null) return null;
+  const crs = expectObject(value, "crs");
+  const epsg = crs.epsg ?? null;
+  return { name: expectText(crs.name, "crs.name"), epsg: epsg === null ? null : expectWhole(epsg, "crs.epsg", 0) };
+}
+
+function readBounds(value: unknown): Bounds {
+  const box = expectObject(value, "bounds");
+  const [minX, minY, minZ] = expectTriple(box.min, "bounds.min");
+  const [maxX, maxY, maxZ] = expectTriple(box.max, "bounds.max");
+  if (minX > maxX || minY > maxY || minZ > maxZ) throw new PayloadError("bounds.min is above bounds.max");
+  return [minX, minY, minZ, maxX, maxY, maxZ];
+}
+
+function readAttribute(value: unknown): AttributeInfo {
+  const attribute = expectObject(value, "attribute");
+  const name = expectText(attribute.name, "name of an attribute");
+  const extreme = (key: "min" | "max") =>
+    attribute[key] === null ? null : expectNumber(attribute[key], `${key} of attribute ${shortly(name)}`);
+  return { name, min: extreme("min"), max: extreme("max") };
+}
+
+function readFile(files: JsonObject, key: LoadedFile): FileFacts {
+  const file = expectObject(files[key], key);
+  const bytes = expectWhole(file.bytes, `bytes of ${key}`, 1);
+  if (bytes > MOST_BYTES[key]) throw new PayloadError(`${key} of ${bytes} bytes, expected at most ${MOST_BYTES[key]}`);
+  return { bytes, xxh3: BigInt(`0x${expectDigest(file.xxh3, HASH, `xxh3 of ${key}`)}`) };
+}
+
+/** Whether some payloads have textures that can be opened here. */
+function hasTextures(value: unknown): boolean {
+  if (value === undefined || value === null) return false;
+  return expectList(expectObject(value, "textures").media_types, "textures.media_types").some((one) =>
+    OPENABLE.has(one),
+  );
+}
+
+function expectText(value: unknown, label: string): string {
+  if (typeof value === "string" && value !== "") return value;
+  throw new PayloadError(`${label} is ${shortly(value)}, expected text`);
+}
+
+function expectDigest(value: unknown, pattern: RegExp, label: string): string {
+  if (typeof value === "string" && pattern.test(value)) return value;
+  throw new PayloadError(`${label} is ${shortly(value)}, expected hexadecimal digits`);
+}
+
+function expectFlag(value: unknown, label: string): boolean {
+  if (typeof value === "boolean") return value;
+  throw new PayloadError(`${label} is ${shortly(value)}, expected true or false`);
+}
+
+function expectLength(value: unknown, label: string): number {
+  const length = expectNumber(value, label);
+  if (length >= 0) return length;
+  throw new PayloadError(`${label} is ${length}, expected a length`);
+}
+
+function expectStep(value: unknown): number {
+  const step = expectNumber(value, "step_m");
+  if (step > 0 && Number.isInteger(Math.log2(step))) return step;
+  throw new PayloadError(`step_m is ${step}, expected a power of two`);
+}
