@@ -141,7 +141,7 @@ export class Link {
     // A close follows, but for implementations that forget it where no connection came about.
     socket.onerror = () => {
       setTimeout(() => {
-        if (this.#socket === socket && socket.readyState === socket.CLOSED) this.#lost(ABNORMAL, "");
+        if (this.#socket === socket) this.#lost(ABNORMAL, "");
       }, 100);
     };
     this.#welcomeTimer = setTimeout(() => this.#cut(CLOSE_CODES.timeout, "no welcome in time"), CONNECT_MS);
