@@ -1,7 +1,8 @@
 """Known vulnerabilities and licences of what terraport pulls in.
 
 ``python .ci/audit.py [--require]``. Looks at the packages that ``terraport[all,cluster,eddsa]``
-brings into this environment, directly or not, and at the development tools beside them.
+brings into this environment, directly or not, and at the development tools beside them; and at the
+npm packages that the viewer's lock names, by the licences and versions in it.
 
 Vulnerabilities come from PyPI's advisory database, by pip-audit. A registry mirror without it makes
 pip-audit skip every package and still say "no known vulnerabilities": this counts what was really
@@ -19,8 +20,11 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
 
 ROOT = "terraport"
+WEB = Path(__file__).resolve().parents[1] / "client_sdk" / "web"
 EXTRAS = {"all", "server", "pipeline", "cluster", "eddsa", "s3", "dev"}
 TIMEOUT_S = 240
 
@@ -67,7 +71,10 @@ def main() -> int:
     packages = closure()
     bad = licences(packages)
     known, looked_up = vulnerabilities(packages)
-    for line in [*bad, *known]:
+    web = locked(json.loads((WEB / "package-lock.json").read_text()))
+    bad_web = web_licences(web)
+    known_web, asked_web = web_vulnerabilities()
+    for line in [*bad, *known, *bad_web, *known_web]:
         print(line)
     missed = len(packages) - 1 - looked_up  # terraport itself is on no registry
     print(
@@ -79,7 +86,16 @@ def main() -> int:
             f"audit: NOT AUDITED for vulnerabilities: {missed} packages, because the registry "
             "here has no advisories for them (a mirror?); run it where https://pypi.org answers"
         )
-    return int(bool(bad or known or (require and missed > 0)))
+    print(
+        f"audit: {len(web)} npm packages, {len(bad_web)} licences to look at, "
+        + (
+            f"{len(known_web)} known vulnerabilities"
+            if asked_web
+            else "NOT AUDITED for vulnerabilities: npm's registry here has no advisories"
+        )
+    )
+    missed += not asked_web
+    return int(bool(bad or known or bad_web or known_web or (require and missed > 0)))
 
 
 def closure() -> dict[str, Distribution]:
@@ -184,6 +200,42 @@ def vulnerabilities(packages: dict[str, Distribution]) -> tuple[list[str], int]:
                 f"vulnerability: {name} {entry['version']} {known['id']}, fixed in {fixed}"
             )
     return lines, looked_up
+
+
+def locked(lock: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the packages of an npm lock by name, those of other platforms too."""
+    return {
+        path.rpartition("node_modules/")[2]: facts
+        for path, facts in lock["packages"].items()
+        if path
+    }
+
+
+def web_licences(packages: dict[str, dict[str, Any]]) -> list[str]:
+    """Return a line for each npm package whose licence is not on the list."""
+    lines = []
+    for name, facts in sorted(packages.items()):
+        stated = str(facts.get("license", ""))
+        if not is_allowed(stated):
+            lines.append(f"licence: npm {name} {facts.get('version')} states {stated[:80]!r}")
+    return lines
+
+
+def web_vulnerabilities() -> tuple[list[str], bool]:
+    """Return a line for each known vulnerability of npm packages, and whether that was told."""
+    try:
+        said = subprocess.run(
+            ["npm", "audit", "--json", "--package-lock-only"],
+            cwd=WEB, capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
+        ).stdout  # fmt: skip
+        entries = json.loads(said)["vulnerabilities"]
+    except (OSError, subprocess.TimeoutExpired, ValueError, KeyError):
+        return [], False
+    lines = [
+        f"vulnerability: npm {name} {entry['range']} ({entry['severity']})"
+        for name, entry in sorted(entries.items())
+    ]
+    return lines, True
 
 
 if __name__ == "__main__":

@@ -29,6 +29,8 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 PACKAGES = "python3,python3-venv,python3-pip,ca-certificates"
 IGNORED = shutil.ignore_patterns("__pycache__", ".env", "node_modules")
+BUILT_PAGE = Path("server/terraport_server/page")
+"""As Dockerfile.dockerignore has it: the image builds its own."""
 BEGAN_S = time.monotonic()
 
 
@@ -73,7 +75,12 @@ class Images:
         for marker in root.glob("usr/lib/python3*/EXTERNALLY-MANAGED"):
             marker.unlink()
         # Where this machine finds packages, and whom it trusts.
-        for name in ("etc/pip.conf", "etc/resolv.conf", "etc/ssl/certs/ca-certificates.crt"):
+        for name in (
+            "etc/pip.conf",
+            "etc/resolv.conf",
+            "etc/ssl/certs/ca-certificates.crt",
+            "root/.npmrc",
+        ):
             if Path("/", name).is_file():
                 shutil.copyfile(Path("/", name), root / name)
         return root
@@ -128,7 +135,7 @@ class Images:
             found = source_root / source.strip("/")
             place = root / str(into).strip("/")
             if found.is_dir():
-                shutil.copytree(found, place, dirs_exist_ok=True, symlinks=True, ignore=IGNORED)
+                shutil.copytree(found, place, dirs_exist_ok=True, symlinks=True, ignore=_ignored)
                 continue
             if target.endswith("/") or target == ".":
                 place = place / found.name
@@ -138,7 +145,8 @@ class Images:
     def _chroot(
         self, root: Path, folder: str, environment: dict[str, str], command: list[str]
     ) -> None:
-        given = {name: os.environ[name] for name in os.environ if name.startswith("PIP_")}
+        prefixes = ("PIP_", "npm_config_", "NODE_EXTRA_CA_CERTS")
+        given = {name: os.environ[name] for name in os.environ if name.startswith(prefixes)}
         variables = [f"{name}={value}" for name, value in (environment | given).items()]
         words = ["env", "-i", *variables, "sh", "-c", f'cd {folder} && exec "$@"', "_", *command]
         mounts = f"mount -t proc proc {root}/proc; mount --bind /dev {root}/dev"
@@ -148,6 +156,11 @@ class Images:
                 mounts += f"; mount --bind {path} {root}{path}"
         script = f'{mounts}; exec chroot {root} "$@"'
         run("unshare", "--mount", "--propagation", "private", "sh", "-c", script, "_", *words)
+
+
+def _ignored(folder: str, names: list[str]) -> set[str]:
+    left_out = IGNORED(folder, names)
+    return left_out | {name for name in names if Path(folder, name) == ROOT / BUILT_PAGE}
 
 
 def inside(root: Path, stage: Stage, script: str, mounts: list[tuple[Path, str]]) -> str:
@@ -175,11 +188,16 @@ def check_server(images: Images, scenes: Path) -> None:
     health = stage.healthcheck()
     assert health[:2] == ["python", "-c"]
     (root / "health.py").write_text(health[2])
+    (root / "page.py").write_text(
+        "import urllib.request as r\n"
+        "assert b'./assets/' in r.urlopen('http://127.0.0.1:8080/').read(), 'no viewer'\n"
+    )
     script = f"""
 cd /tmp; touch /opt/x 2>/dev/null && exit 9
 TERRAPORT_TOKEN=sixteen-characters {command} >log 2>&1 &
 for i in $(seq 100); do python /health.py 2>/dev/null && break; sleep 0.2; done
 python /health.py || {{ cat log >&2; exit 8; }}
+python /page.py || exit 4
 terraport land http://127.0.0.1:8080/scenes/big 30 1 30 --radius 100 --token sixteen-characters \\
   || {{ cat log >&2; exit 5; }}
 kill $!; wait $! || true
@@ -188,7 +206,9 @@ test -z "$(find /opt/terraport -name "pip*" -maxdepth 5)" || exit 6
 """
     said = inside(root, stage, script, [(scenes, "/scenes")])
     assert "36" in said, said
-    say("ok: server: starts as its user on a read-only root, healthy, lands 36 segments, ends")
+    say(
+        "ok: server: its user, a read-only root: healthy, shows the viewer, lands 36 segments, ends"
+    )
 
 
 def check_pipeline(images: Images, out: Path) -> None:

@@ -64,3 +64,13 @@ def test_packages_that_were_passed_over_are_not_called_safe(
     lines, looked_up = audit.vulnerabilities({"fastapi": None, "pyjwt": None})
     assert lines == ["vulnerability: pyjwt 1.0 X-1, fixed in 2.0"]
     assert looked_up == 1
+
+
+def test_the_viewers_packages_are_looked_at(audit: ModuleType) -> None:
+    lock = json.loads((audit.WEB / "package-lock.json").read_text())
+    packages = audit.locked(lock)
+    assert {"three", "three-mesh-bvh", "meshoptimizer", "hash-wasm"} <= set(packages)
+    assert audit.web_licences(packages) == []
+    packages["bad"] = {"version": "1.0", "license": "GPL-3.0-only"}
+    packages["silent"] = {"version": "1.0"}
+    assert [line.split()[2] for line in audit.web_licences(packages)] == ["bad", "silent"]
