@@ -169,6 +169,14 @@ describe("a landing", () => {
     commit(teleport, 1, target);
     expect(run(teleport, 0, 300, { landing: 1, phase: "shown" }).some((each) => each.step === "show")).toBe(true);
   });
+
+  test("the rest swapped by somebody else: nothing is left to do", () => {
+    const teleport = newTeleport();
+    commit(teleport, 1, target);
+    run(teleport, 0, 600, { landing: 1, phase: "degraded-presentable" }, true);
+    expect(advance(teleport, 700, { landing: 1, phase: "shown" })).toBe("none");
+    expect(phaseOf(teleport)).toBe("idle");
+  });
 });
 
 describe("an aim", () => {

@@ -9,8 +9,9 @@ import type { Tone } from "./types.ts";
 
 const WIDTH = 1200;
 const HEIGHT = 330;
+/** Ahead, and a little above the eyes: below them hangs the menu, and there is the ring. */
 const AWAY_M = 1.5;
-const BELOW_M = 0.28;
+const BELOW_M = -0.12;
 /** How long a message stays that does not stay. */
 const LASTS_MS = 5000;
 /** Turned away further than this, the board comes round when it has something new to say. */

@@ -6,32 +6,22 @@
  * black.
  */
 
-import { type Object3D, Vector3 } from "three";
+import type { Object3D } from "three";
 import type { StreamEvent, Vec3 } from "../core/types.ts";
 import { createAiming } from "./aiming.ts";
 import { createBoard } from "./board.ts";
 import { addTime, newFrameTimes, summarise } from "./frames.ts";
 import { listenInputs, type Pointer } from "./inputs.ts";
-import type { MenuAction } from "./menu-layout.ts";
 import { messageOf, sentence, statusLine, type Told } from "./messages.ts";
 import { holdPalm, newPalmHold, palmTowards } from "./palm.ts";
 import { createMenuDesk } from "./panels.ts";
-import {
-  azimuthOfYaw,
-  facingOf,
-  keepAcrossReset,
-  type RigPose,
-  rigOver,
-  toScene,
-  turnAboutHead,
-  yawOfAzimuth,
-  yawOfQuaternion,
-} from "./pose.ts";
+import { yawOfAzimuth } from "./pose.ts";
 import { noteEvent } from "./readiness.ts";
 import { createRing } from "./ring.ts";
 import { borrowCamera, requestSession, startSession } from "./session.ts";
 import { createSky } from "./sky.ts";
 import { askTurn, dueTurn, newSnapTurn, readStick, vignetteOf } from "./snap.ts";
+import { createStance, standpointOf } from "./stance.ts";
 import {
   advance,
   beginAim,
@@ -44,7 +34,7 @@ import {
   shown,
   type Target,
 } from "./teleport.ts";
-import type { HeadsetOptions, HeadsetSession, Standpoint } from "./types.ts";
+import type { HeadsetOptions, HeadsetSession } from "./types.ts";
 import { createVeil } from "./veil.ts";
 import { createWands } from "./wands.ts";
 
@@ -72,9 +62,9 @@ const REFUSED_MS = 1500;
 export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSession> {
   const requested = requestSession();
   const { landings, renderer, rig, camera, scene } = options;
-  const first = firstStandpoint(options);
+  const first = options.start?.() ?? standpointOf(camera);
   const started = await startSession(renderer, await requested);
-  const { session, space, floorM } = started;
+  const { session, space } = started;
 
   const giveBack = borrowCamera(camera, rig);
   options.setUploadBudgetMs?.(started.profile.uploadBudgetMs);
@@ -93,15 +83,10 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   const works = newFrameTimes();
   const owns = newFrameTimes();
 
-  const head = { position: [0, 0, 0] as [number, number, number], yawRad: 0 };
-  let pose: RigPose = { position: [0, 0, 0], yawRad: 0 };
-  let eye: Vec3 = [0, 0, 0];
+  const stance = createStance(rig, started.floorM);
   let placed = false;
   let tracked = false;
-  let emulated = false;
-  let beforeReset: { readonly position: Vec3; readonly yawRad: number } | null = null;
   let aimsByStick = false;
-  let turnDeg = 30;
   let maxRadiusM: number | null = null;
   let knownLanding = landings.status.phase === "shown" ? landings.status.landing : -1;
   let refusedUntilMs = 0;
@@ -110,31 +95,8 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   let startedMs = 0;
   let lastFrameMs: number | null = null;
 
-  const facing = (): number => facingOf(pose, head);
-  const standpoint = (): Standpoint => {
-    const ground: Vec3 = [eye[0], pose.position[1] + floorM, eye[2]];
-    return { place: ground, yawDeg: azimuthOfYaw(facing()) };
-  };
-  const setRig = (next: RigPose): void => {
-    pose = next;
-    rig.position.set(...next.position);
-    rig.rotation.set(0, next.yawRad, 0);
-    rig.updateMatrixWorld(true);
-    eye = toScene(pose, head.position);
-  };
   const groundUnder = (place: Vec3): Vec3 =>
     landings.groundAt(place[0], place[2], place[1] + GROUND_FROM_M)?.position ?? place;
-
-  const desk = createMenuDesk(
-    {
-      menu: options.menu,
-      radiusM: options.radiusM,
-      maxRadiusM: () => maxRadiusM,
-      turnDeg: () => turnDeg,
-      status: () => statusLine(landings.status, told.linkLost),
-    },
-    (action) => act(action),
-  );
 
   const land = (target: Target): void => {
     const asked = options.landOptions?.();
@@ -144,37 +106,23 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     commit(teleport, landing, target);
   };
   const layWaiting = (place: Vec3, normal: Vec3, turnRad: number): void => {
-    waiting.lay(place, normal, eye, facing() + turnRad);
+    waiting.lay(place, normal, stance.eye, stance.facingRad + turnRad);
   };
-  const snap = (sign: 1 | -1): void => askTurn(turn, sign * turnDeg * DEGREE, nowMs);
-  const act = (action: MenuAction): void => {
-    if (action.kind === "radius") {
-      options.menu?.setRadiusM(action.radiusM);
-    } else if (action.kind === "mode") {
-      const chosen = options.menu?.modes()[action.index];
-      if (chosen !== undefined) {
-        options.menu?.setMode(chosen.mode);
-      }
-    } else if (action.kind === "turn") {
-      turnDeg = action.angleDeg;
-    } else if (action.kind === "snap") {
-      snap(action.sign);
-    } else if (action.kind === "leave") {
+  const snap = (sign: 1 | -1): void => askTurn(turn, sign * desk.turnDeg * DEGREE, nowMs);
+  const desk = createMenuDesk({
+    menu: options.menu,
+    radiusM: options.radiusM,
+    maxRadiusM: () => maxRadiusM,
+    status: () => statusLine(landings.status, told.linkLost),
+    snap,
+    visit: ({ place, yawDeg }) => {
+      land({ place, turnRad: 0, facingRad: yawDeg === null ? null : yawOfAzimuth(yawDeg) });
+      layWaiting(place, [0, 1, 0], 0);
+    },
+    leave: () => {
       session.end().catch(() => undefined);
-    } else if (action.kind === "bookmark") {
-      const bookmark = options.menu?.bookmarks()[action.index];
-      if (bookmark !== undefined) {
-        desk.hide();
-        if (bookmark.radiusM !== null) {
-          options.menu?.setRadiusM(bookmark.radiusM);
-        }
-        waiting.hide();
-        const facingRad = bookmark.yawDeg === null ? null : yawOfAzimuth(bookmark.yawDeg);
-        land({ place: bookmark.place, turnRad: 0, facingRad });
-        layWaiting(bookmark.place, [0, 1, 0], 0);
-      }
-    }
-  };
+    },
+  });
 
   const endAim = (by: number | null): void => {
     if (cancelAim(teleport, by)) {
@@ -223,13 +171,13 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
         wands.remove(pointer);
       },
     },
-    () => ({ space, rig: pose }),
+    () => ({ space, rig: stance.pose }),
   );
 
   const readControls = (pointer: Pointer): void => {
     const button = inputs.pressed(pointer);
     if (button === "menu") {
-      desk.toggle(eye, facing());
+      desk.toggle(stance.eye, stance.facingRad);
     } else if (button === "cancel") {
       endAim(null);
     }
@@ -244,8 +192,8 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       startAim(pointer, true);
     }
     const joints = pointer.source.handedness === "left" ? wands.jointsOf(pointer) : null;
-    if (joints !== null && holdPalm(palm, palmTowards(joints, head.position), nowMs)) {
-      desk.toggle(eye, facing());
+    if (joints !== null && holdPalm(palm, palmTowards(joints, stance.head.position), nowMs)) {
+      desk.toggle(stance.eye, stance.facingRad);
     }
   };
 
@@ -265,11 +213,11 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     }
     if (!pending.moved) {
       const { target } = pending;
-      const towards = target.facingRad ?? facing() + target.turnRad;
-      setRig(rigOver(groundUnder(target.place), head, towards, floorM));
+      const towards = target.facingRad ?? stance.facingRad + target.turnRad;
+      stance.stand(groundUnder(target.place), towards);
       desk.hide();
       board.moved();
-      options.landed?.(standpoint());
+      options.landed?.(stance.standpoint());
     }
     shown(teleport, true, report?.degraded ?? false);
   };
@@ -296,7 +244,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   const drawGuides = (): void => {
     const pointer = inputs.pointers.find((each) => each.key === teleport.aimBy);
     if (pointer?.seen === true) {
-      aiming.update(pointer, eye, facing(), nowMs);
+      aiming.update(pointer, stance.eye, stance.facingRad, nowMs);
     } else {
       aiming.hide();
     }
@@ -307,8 +255,8 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     } else {
       waiting.hide();
     }
-    desk.update(inputs.pointers, teleport.aimBy, eye, nowMs);
-    board.update(eye, facing(), nowMs);
+    desk.update(inputs.pointers, teleport.aimBy, stance.eye, nowMs);
+    board.update(stance.eye, stance.facingRad, nowMs);
     veil.set(teleport.opacity, vignetteOf(turn, nowMs));
   };
   const loseTracking = (): void => {
@@ -316,35 +264,13 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     endAim(null);
     wands.hide();
   };
-  const readHead = (viewer: XRViewerPose): void => {
-    const { orientation, position } = viewer.transform;
-    head.position[0] = position.x;
-    head.position[1] = position.y;
-    head.position[2] = position.z;
-    head.yawRad = yawOfQuaternion(orientation.x, orientation.y, orientation.z, orientation.w);
-    if (viewer.emulatedPosition && !emulated) {
-      // Where the head is, is a guess from now on: nobody lands by a guess that began in the middle of a gesture.
-      endAim(null);
-    }
-    emulated = viewer.emulatedPosition;
-    tracked = true;
-  };
-  const place = (): void => {
-    if (!placed) {
-      placed = true;
-      beginBlack(teleport, nowMs);
-      setRig(rigOver(groundUnder(first.place), head, yawOfAzimuth(first.yawDeg), floorM));
-    } else if (beforeReset !== null) {
-      setRig(keepAcrossReset(pose, beforeReset, head));
-    } else {
-      eye = toScene(pose, head.position);
-    }
-    beforeReset = null;
+  const begin = (): void => {
+    placed = true;
+    beginBlack(teleport, nowMs);
+    stance.stand(groundUnder(first.place), yawOfAzimuth(first.yawDeg));
   };
 
-  const onReset = (): void => {
-    beforeReset = { position: [...head.position], yawRad: head.yawRad };
-  };
+  const onReset = (): void => stance.recentred();
   const onVisibility = (): void => {
     if (session.visibilityState !== "visible") {
       endAim(null);
@@ -365,7 +291,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   });
   const onEnd = (): void => {
     active = false;
-    const last = placed ? standpoint() : null;
+    const last = placed ? stance.standpoint() : null;
     inputs.dispose();
     scene.remove(...hung);
     rig.remove(wands.object);
@@ -406,17 +332,24 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
         loseTracking();
         return;
       }
-      readHead(viewer);
-      place();
-      inputs.update(frame, space, pose);
+      tracked = true;
+      stance.read(viewer);
+      if (!placed) {
+        begin();
+      }
+      if (stance.guessBegan) {
+        // Nobody lands by a guess that began in the middle of a gesture.
+        endAim(null);
+      }
+      inputs.update(frame, space, stance.pose);
       if (session.visibilityState === "visible") {
         wands.update(frame, space, inputs.pointers);
         inputs.pointers.forEach(readControls);
       }
       const turnRad = dueTurn(turn, nowMs);
       if (turnRad !== 0) {
-        setRig(turnAboutHead(pose, head, turnRad));
-        desk.follow(eye, facing());
+        stance.turn(turnRad);
+        desk.follow(stance.eye, stance.facingRad);
       }
       step();
       drawGuides();
@@ -456,15 +389,4 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       return over;
     },
   };
-}
-
-/** Where the page's camera is and looks, or what the page says. */
-function firstStandpoint(options: HeadsetOptions): Standpoint {
-  const given = options.start?.();
-  if (given !== null && given !== undefined) {
-    return given;
-  }
-  const place = options.camera.getWorldPosition(new Vector3());
-  const along = options.camera.getWorldDirection(new Vector3());
-  return { place: [place.x, place.y, place.z], yawDeg: azimuthOfYaw(Math.atan2(-along.x, -along.z)) };
 }

@@ -2,7 +2,7 @@
 
 /** Panel units; one is half a millimetre. */
 export const MENU_WIDTH = 1000;
-export const MENU_HEIGHT = 840;
+export const MENU_HEIGHT = 780;
 
 /** Radii to choose from, metres. */
 export const RADII_M: readonly number[] = [10, 15, 20, 30, 40, 60, 80, 100, 150, 200];

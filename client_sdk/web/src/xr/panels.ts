@@ -6,7 +6,7 @@ import type { Pointer } from "./inputs.ts";
 import { createMenu, type MenuMeeting } from "./menu.ts";
 import type { MenuAction, MenuModel } from "./menu-layout.ts";
 import { createRibbon } from "./ribbon.ts";
-import type { HeadsetMenu } from "./types.ts";
+import type { HeadsetBookmark, HeadsetMenu } from "./types.ts";
 
 /** How often an open menu looks whether something of it has changed. */
 const REFRESH_MS = 250;
@@ -15,13 +15,18 @@ export interface MenuState {
   readonly menu: HeadsetMenu | undefined;
   readonly radiusM: () => number;
   readonly maxRadiusM: () => number | null;
-  readonly turnDeg: () => number;
   readonly status: () => string;
+  readonly snap: (sign: 1 | -1) => void;
+  /** Land at a bookmark; its radius is already set. */
+  readonly visit: (bookmark: HeadsetBookmark) => void;
+  readonly leave: () => void;
 }
 
 export interface MenuDesk {
   readonly objects: readonly Object3D[];
   readonly open: boolean;
+  /** Degrees of a snap turn. */
+  readonly turnDeg: number;
   toggle(eye: Vec3, facingRad: number): void;
   hide(): void;
   /** Before the eyes again, after the user was moved or turned. */
@@ -33,19 +38,20 @@ export interface MenuDesk {
   dispose(): void;
 }
 
-/** A menu, closed. `act` does what cannot be done with the menu alone. */
-export function createMenuDesk(state: MenuState, act: (action: MenuAction) => void): MenuDesk {
+/** A menu, closed. */
+export function createMenuDesk(state: MenuState): MenuDesk {
   const menu = createMenu();
   const ray = createRibbon(2);
   const ends = new Float32Array(6);
   let page = 0;
+  let turnDeg = 30;
   let refreshedMs = 0;
   const model = (): MenuModel => ({
     radiusM: state.radiusM(),
     maxRadiusM: state.maxRadiusM(),
     modes: state.menu?.modes().map((each) => each.label) ?? [],
     modeIndex: state.menu?.modeIndex() ?? 0,
-    turnDeg: state.turnDeg(),
+    turnDeg,
     bookmarks: state.menu?.bookmarks().map((each) => each.label) ?? [],
     page,
     status: state.status(),
@@ -54,10 +60,46 @@ export function createMenuDesk(state: MenuState, act: (action: MenuAction) => vo
     menu.hide();
     ray.hide();
   };
+  const act = (action: MenuAction): void => {
+    switch (action.kind) {
+      case "radius":
+        return state.menu?.setRadiusM(action.radiusM);
+      case "mode": {
+        const chosen = state.menu?.modes()[action.index];
+        return chosen === undefined ? undefined : state.menu?.setMode(chosen.mode);
+      }
+      case "turn":
+        turnDeg = action.angleDeg;
+        return;
+      case "snap":
+        return state.snap(action.sign);
+      case "page":
+        page = action.page;
+        return;
+      case "bookmark": {
+        const bookmark = state.menu?.bookmarks()[action.index];
+        if (bookmark !== undefined) {
+          hide();
+          if (bookmark.radiusM !== null) {
+            state.menu?.setRadiusM(bookmark.radiusM);
+          }
+          state.visit(bookmark);
+        }
+        return;
+      }
+      case "close":
+        return hide();
+      case "leave":
+        return state.leave();
+    }
+  };
   return {
     objects: [menu.panel.object, ray.object],
     get open() {
       return menu.open;
+    },
+    get turnDeg() {
+      return turnDeg;
     },
     toggle(eye, facingRad) {
       if (menu.open) {
@@ -101,13 +143,8 @@ export function createMenuDesk(state: MenuState, act: (action: MenuAction) => vo
       if (met === null) {
         return false;
       }
-      const action = met.item?.action ?? null;
-      if (action?.kind === "page") {
-        page = action.page;
-      } else if (action?.kind === "close") {
-        hide();
-      } else if (action !== null) {
-        act(action);
+      if (met.item !== null && met.item.action !== null) {
+        act(met.item.action);
       }
       if (menu.open) {
         menu.refresh(model());

@@ -107,6 +107,10 @@ export function advance(teleport: Teleport, nowMs: number, status: StatusOf): Te
     openBlink(teleport, nowMs);
     return "refused";
   }
+  if (pending?.moved === true && status.landing === pending.landing && status.phase === "shown") {
+    // Somebody else swapped the rest in: nothing is left to do.
+    teleport.pending = null;
+  }
   if (teleport.blink === null && pending !== null && teleport.aimBy < 0 && canShow(pending, status)) {
     teleport.blink = { startMs: nowMs, shown: false, openMs: null };
   }

@@ -1,0 +1,106 @@
+/** Where the user stands: the head as the headset reports it, the rig under it, and both together in the scene. */
+
+import { type Camera, type Group, Vector3 } from "three";
+import type { Vec3 } from "../core/types.ts";
+import {
+  azimuthOfYaw,
+  facingOf,
+  type HeadPose,
+  keepAcrossReset,
+  type RigPose,
+  rigOver,
+  toScene,
+  turnAboutHead,
+  yawOfQuaternion,
+} from "./pose.ts";
+import type { Standpoint } from "./types.ts";
+
+export interface Stance {
+  readonly pose: RigPose;
+  /** In the play space. */
+  readonly head: HeadPose;
+  /** The head in the scene. */
+  readonly eye: Vec3;
+  /** Which way the head looks in the scene, radians. */
+  readonly facingRad: number;
+  /** The head's position has become a guess in this frame: tracking was lost but for the turning. */
+  readonly guessBegan: boolean;
+  /** The ground under the head, as the play space has it. */
+  standpoint(): Standpoint;
+  /** Take the head of this frame. After the system has recentred the play space, the rig makes good for it. */
+  read(viewer: XRViewerPose): void;
+  /** The system has recentred: from the next frame on poses are in another frame. */
+  recentred(): void;
+  /** Put the head over the ground. */
+  stand(ground: Vec3, facingRad: number): void;
+  /** Turn about the head. */
+  turn(angleRad: number): void;
+}
+
+/** A stance at the scene's origin. `floorM`: height of the floor in the play space. */
+export function createStance(rig: Group, floorM: number): Stance {
+  const position: [number, number, number] = [0, 0, 0];
+  const head = { position, yawRad: 0 };
+  let pose: RigPose = { position: [0, 0, 0], yawRad: 0 };
+  let eye: Vec3 = [0, 0, 0];
+  let guessed = false;
+  let guessBegan = false;
+  let before: HeadPose | null = null;
+  const set = (next: RigPose): void => {
+    pose = next;
+    rig.position.set(...next.position);
+    rig.rotation.set(0, next.yawRad, 0);
+    rig.updateMatrixWorld(true);
+    eye = toScene(pose, head.position);
+  };
+  return {
+    head,
+    get pose() {
+      return pose;
+    },
+    get eye() {
+      return eye;
+    },
+    get facingRad() {
+      return facingOf(pose, head);
+    },
+    get guessBegan() {
+      return guessBegan;
+    },
+    standpoint() {
+      return { place: [eye[0], pose.position[1] + floorM, eye[2]], yawDeg: azimuthOfYaw(facingOf(pose, head)) };
+    },
+    read(viewer) {
+      const { orientation, position: at } = viewer.transform;
+      position[0] = at.x;
+      position[1] = at.y;
+      position[2] = at.z;
+      head.yawRad = yawOfQuaternion(orientation.x, orientation.y, orientation.z, orientation.w);
+      guessBegan = viewer.emulatedPosition && !guessed;
+      guessed = viewer.emulatedPosition;
+      if (before !== null) {
+        set(keepAcrossReset(pose, before, head));
+        before = null;
+      } else {
+        eye = toScene(pose, head.position);
+      }
+    },
+    recentred() {
+      // Two of them before a frame: the head was last seen before the first.
+      before ??= { position: [...position], yawRad: head.yawRad };
+    },
+    stand(ground, facingRad) {
+      set(rigOver(ground, head, facingRad, floorM));
+    },
+    turn(angleRad) {
+      set(turnAboutHead(pose, head, angleRad));
+    },
+  };
+}
+
+/** Where a camera of the page is, and which way it looks. */
+export function standpointOf(camera: Camera): Standpoint {
+  const place = camera.getWorldPosition(new Vector3());
+  const along = camera.getWorldDirection(new Vector3());
+  return { place: [place.x, place.y, place.z], yawDeg: azimuthOfYaw(Math.atan2(-along.x, -along.z)) };
+}
