@@ -12,9 +12,12 @@ from conformance.generate import CORPUS
 from referencing import Registry, Resource
 
 from terraport_wire import schema
+from terraport_wire.message import fields_of
 from terraport_wire.messages import MESSAGES, PARTS
 
-SPEC = Path(__file__).resolve().parents[2] / "spec"
+ROOT = Path(__file__).resolve().parents[2]
+SPEC = ROOT / "spec"
+TYPESCRIPT = ROOT / "client_sdk/web/src/core/wire/messages.generated.ts"
 
 # Relations between fields, and ids once per table: the specification says them, JSON Schema cannot.
 _BEYOND_SCHEMA = frozenset(
@@ -52,7 +55,7 @@ def validators() -> dict[str, Any]:
 
 
 def test_the_committed_files_are_what_the_script_writes() -> None:
-    assert schema.main([str(SPEC), "--check"]) == 0
+    assert schema.main([str(SPEC), "--typescript", str(TYPESCRIPT), "--check"]) == 0
     on_disk = {path.name for path in (SPEC / "schema").iterdir()}
     assert on_disk == set(schema.schema_files())
 
@@ -64,6 +67,27 @@ def test_check_reports_a_stale_file(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "wire-protocol.md is not what terraport_wire.schema generates" in capsys.readouterr().err
     assert schema.main([str(tmp_path)]) == 0
     assert schema.main([str(tmp_path), "--check"]) == 0
+
+
+def test_check_reports_stale_typescript(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stale = tmp_path / "messages.generated.ts"
+    stale.write_text(TYPESCRIPT.read_text().replace("radius_m", "radius"))
+    arguments = [str(SPEC), "--typescript", str(stale)]
+    assert schema.main([*arguments, "--check"]) == 1
+    assert "messages.generated.ts is not what" in capsys.readouterr().err
+    assert schema.main(arguments) == 0
+    assert stale.read_text() == TYPESCRIPT.read_text()
+
+
+def test_the_typescript_names_every_message_field_and_rule() -> None:
+    text = TYPESCRIPT.read_text()
+    for messages in MESSAGES.values():
+        for name, message in messages.items():
+            assert f"    {name}: [" in text
+            assert f"export interface {message.__name__}Message {{" in text
+            for field in fields_of(message):
+                assert f'{{ name: "{field.name}", required: ' in text
+    assert 'export type MessageWithRule = "land" | "gather" | "plan" | "prefetch";' in text
 
 
 def test_the_specification_has_a_table_for_every_message_and_part() -> None:

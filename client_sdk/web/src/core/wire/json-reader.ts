@@ -10,8 +10,11 @@ import { LIMITS } from "./messages.generated.ts";
 import type { Plain, PlainMap } from "./plain.ts";
 import { plainFloat, show } from "./plain.ts";
 
-const BLANK = /[ \t\n\r]*/y;
 const NUMBER = /(-?(?:0|[1-9][0-9]*))(\.[0-9]+)?([eE][-+]?[0-9]+)?/y;
+const TAB = 0x09;
+const LINE_FEED = 0x0a;
+const CARRIAGE_RETURN = 0x0d;
+const SPACE = 0x20;
 const QUOTE = 0x22;
 const BACKSLASH = 0x5c;
 const HEX4 = /[0-9a-fA-F]{4}/y;
@@ -70,8 +73,7 @@ class Reader {
     if (first === "{") return this.#object(depth + 1);
     if (first === "[") return this.#array(depth + 1);
     if (first === '"') return this.#string();
-    const found = this.#match(NUMBER);
-    if (found !== null) return number(found, () => this.#malformed("got a number that is too long"));
+    if (first !== undefined && (first === "-" || (first >= "0" && first <= "9"))) return this.#number();
     for (const [word, value] of WORDS) {
       if (this.#text.startsWith(word, this.#at)) {
         this.#at += word.length;
@@ -79,6 +81,17 @@ class Reader {
       }
     }
     throw this.#unexpected("a value");
+  }
+
+  #number(): Plain {
+    const found = this.#match(NUMBER);
+    if (found === null) throw this.#unexpected("a number of JSON");
+    const whole = found[0];
+    if (found[2] !== undefined || found[3] !== undefined) return plainFloat(Number(whole));
+    if (whole.length > LONGEST_INTEGER) throw this.#malformed("got a number that is too long");
+    const value = Number(whole);
+    // "-0" is the integer 0.
+    return Number.isSafeInteger(value) ? value + 0 : BigInt(whole);
   }
 
   #object(depth: number): PlainMap {
@@ -159,7 +172,11 @@ class Reader {
   }
 
   #skipBlank(): void {
-    this.#match(BLANK);
+    for (;;) {
+      const code = this.#text.charCodeAt(this.#at);
+      if (code !== SPACE && code !== TAB && code !== LINE_FEED && code !== CARRIAGE_RETURN) return;
+      this.#at += 1;
+    }
   }
 
   #match(pattern: RegExp): RegExpExecArray | null {
@@ -177,13 +194,4 @@ class Reader {
   #malformed(text: string): DecodeError {
     return new DecodeError("malformed", text, { offset: this.#at });
   }
-}
-
-function number(found: RegExpExecArray, tooLong: () => DecodeError): Plain {
-  const [whole, integer, fraction, exponent] = found;
-  if (fraction !== undefined || exponent !== undefined) return plainFloat(Number(whole));
-  if (integer!.length > LONGEST_INTEGER) throw tooLong();
-  const value = Number(integer);
-  // "-0" is the integer 0.
-  return Number.isSafeInteger(value) ? value + 0 : BigInt(integer!);
 }
