@@ -160,6 +160,9 @@ export class CoverCounters {
   }
 }
 
+/** More rows than an index of 1 GiB, the most that there may be, has: nothing is allocated by an id beyond it. */
+const MAX_SEGMENTS = 2 ** 25;
+
 const NONE = new Uint32Array(0);
 
 /** A well-mixed 32-bit number for an id: the finaliser of MurmurHash3 (A. Appleby, public domain) over id + 1. */
@@ -181,6 +184,11 @@ function checkRows({ offsets, segments }: Cover): void {
     throw new RangeError(
       `cover offsets run ${offsets[0]}..${offsets[offsets.length - 1]}, expected 0..${segments.length}`,
     );
+  }
+  for (const segment of segments) {
+    if (segment >= MAX_SEGMENTS) {
+      throw new RangeError(`cover names segment ${segment}, expected below ${MAX_SEGMENTS}`);
+    }
   }
   for (let face = 0; face + 1 < offsets.length; face += 1) {
     const end = offsets[face + 1]!;

@@ -1,21 +1,20 @@
 /**
  * Which segments are on the GPU, which should be, and when the visible set may change.
  *
- * A segment goes `held` (its payload is here) -> `decoding` -> `decoded` (waiting for, or under, upload) -> `resident`, and
- * from each of them back to nothing. What is *visible* is another matter: it changes in {@link Residency.swap} alone, to
+ * A segment goes `held` (its payload is here) -> `decoding` -> `decoded` (waiting for, or under, upload) -> `uploaded` ->
+ * `resident` (can be drawn at once), and from each of them back. What is *visible* is another matter: it changes in {@link Residency.swap} alone, to
  * exactly what the newest landing's `ready` or `degraded` said. (Two exceptions, where there is no choice: a new scene version,
  * and a segment that cannot be decoded again after the graphics context was lost.)
  *
  * PURE: no I/O, no clock; whoever owns it decodes, uploads, frees, and says so.
  */
 
+import { InFlight, type InFlightLimits } from "./in-flight.ts";
 import { LandingRecord } from "./landing-record.ts";
 import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
 
 /** How much is done at once, and kept. */
-export interface ResidencyOptions {
-  /** Segments that are decoded, or decoded and not yet uploaded, at a time. Bounds memory beside the GPU's. */
-  readonly maxInFlight: number;
+export interface ResidencyOptions extends InFlightLimits {
   /** GPU bytes of segments that are neither visible nor wanted by the newest landing: what an aim brought. */
   readonly spareBytes: number;
 }
@@ -36,7 +35,7 @@ export interface DecodeRequest {
   readonly epoch: number;
 }
 
-type Step = "held" | "decoding" | "decoded" | "resident" | "failed";
+type Step = "held" | "decoding" | "decoded" | "uploaded" | "resident" | "failed";
 
 interface Entry {
   step: Step;
@@ -51,6 +50,7 @@ interface Entry {
 /** The segments of one stage. Not shared between stages; a call is a step, in whatever order events come. */
 export class Residency {
   readonly #options: ResidencyOptions;
+  readonly #inFlight: InFlight;
   readonly #entries = new Map<number, Entry>();
   #visible: readonly number[] = [];
   #visibleIds = new Set<number>();
@@ -62,7 +62,6 @@ export class Residency {
   #coming: readonly number[] | null = null;
   #comingRevision = 0;
   #preparedRevision = -1;
-  #inFlight = 0;
   #spareBytes = 0;
   #epoch = 0;
   #tick = 0;
@@ -70,6 +69,7 @@ export class Residency {
 
   constructor(options: ResidencyOptions) {
     this.#options = options;
+    this.#inFlight = new InFlight(options);
   }
 
   /** Segments shown, ascending. */
@@ -89,10 +89,10 @@ export class Residency {
 
   /** Segments being decoded, or decoded and not uploaded. */
   get inFlight(): number {
-    return this.#inFlight;
+    return this.#inFlight.count;
   }
 
-  /** GPU bytes of resident segments that nobody wants now. */
+  /** GPU bytes of segments there, or on their way, that nobody wants now. */
   get spareBytes(): number {
     return this.#spareBytes;
   }
@@ -211,7 +211,7 @@ export class Residency {
     this.#entries.clear();
     this.#prefetched = [];
     this.#toFree = [];
-    this.#inFlight = 0;
+    this.#inFlight.clear();
     this.#spareBytes = 0;
     this.#restoring = false;
     this.#newest?.restart();
@@ -230,9 +230,9 @@ export class Residency {
     const requests: DecodeRequest[] = [];
     const ask = (segment: number): void => {
       const entry = this.#entries.get(segment);
-      if (entry?.step === "held" && this.#inFlight < this.#options.maxInFlight) {
+      if (entry?.step === "held" && this.#inFlight.hasRoom) {
         entry.step = "decoding";
-        this.#inFlight += 1;
+        this.#inFlight.ask();
         requests.push({ segment, epoch: this.#epoch });
       }
     };
@@ -242,7 +242,7 @@ export class Residency {
     if (this.#newest?.plan) {
       this.#wanted.forEach(ask);
     }
-    while (this.#prefetched.length > 0 && this.#inFlight < this.#options.maxInFlight) {
+    while (this.#prefetched.length > 0 && this.#inFlight.hasRoom) {
       const segment = this.#prefetched[0]!;
       if (this.#spareBytes >= this.#options.spareBytes) {
         break; // Room comes with the next swap.
@@ -262,11 +262,16 @@ export class Residency {
     const isRefused = entry.aimedDuring < 0 || this.#spareBytes + bytes > this.#options.spareBytes;
     if (!this.#isNeeded(segment) && isRefused) {
       entry.step = "held";
-      this.#inFlight -= 1;
+      this.#inFlight.dismiss();
       return false;
     }
     entry.step = "decoded";
     entry.bytes = bytes;
+    entry.usedAt = this.#nextTick();
+    this.#inFlight.wait(bytes);
+    if (!this.#isNeeded(segment)) {
+      this.#spareBytes += bytes;
+    }
     return true;
   }
 
@@ -275,7 +280,7 @@ export class Residency {
     const entry = this.#entries.get(segment);
     if (epoch === this.#epoch && entry?.step === "decoding") {
       entry.step = "failed";
-      this.#inFlight -= 1;
+      this.#inFlight.dismiss();
       this.#recompute();
     }
   }
@@ -301,18 +306,20 @@ export class Residency {
     return null;
   }
 
-  /** All of it is on the GPU, and can be drawn at once. */
+  /** All of it is on the GPU. */
   uploaded(segment: number): void {
     const entry = this.#entries.get(segment);
-    if (entry?.step !== "decoded") {
-      return;
+    if (entry?.step === "decoded") {
+      entry.step = "uploaded";
+      this.#inFlight.leave(entry.bytes);
     }
-    entry.step = "resident";
-    entry.usedAt = this.#nextTick();
-    this.#inFlight -= 1;
-    if (this.#isSpare(segment, entry)) {
-      this.#spareBytes += entry.bytes;
-      this.#trim();
+  }
+
+  /** And it can be drawn without any further preparation. */
+  warmed(segment: number): void {
+    const entry = this.#entries.get(segment);
+    if (entry?.step === "uploaded") {
+      entry.step = "resident";
     }
   }
 
@@ -368,15 +375,12 @@ export class Residency {
 
   /** Everything on the GPU is gone. The visible set stays what it is, and is uploaded again before anything else. */
   contextLost(): void {
-    for (const entry of this.#entries.values()) {
-      if (entry.step === "decoded") {
-        this.#inFlight -= 1;
-      }
-      if (entry.step === "resident" || entry.step === "decoded") {
-        entry.step = "held";
+    for (const [segment, entry] of this.#entries) {
+      if (isOnGpu(entry)) {
+        this.#free(segment, entry);
       }
     }
-    this.#toFree = [];
+    this.#toFree = []; // There is nothing to be freed any more.
     this.#spareBytes = 0;
     this.#restoring = this.#visible.length > 0;
     this.#preparedRevision = -1;
@@ -449,7 +453,7 @@ export class Residency {
   }
 
   #isSpare(segment: number, entry: Entry): boolean {
-    return entry.step === "resident" && !this.#isNeeded(segment);
+    return isOnGpu(entry) && !this.#isNeeded(segment);
   }
 
   #isSettled(segment: number): boolean {
@@ -498,7 +502,7 @@ export class Residency {
 
   #free(segment: number, entry: Entry): void {
     if (entry.step === "decoded") {
-      this.#inFlight -= 1;
+      this.#inFlight.leave(entry.bytes);
     }
     entry.step = "held"; // The payload is still here.
     this.#toFree.push(segment);
@@ -511,13 +515,13 @@ export class Residency {
         this.#free(segment, entry);
       }
     }
+    this.#recountSpare();
   }
 
   /** After a swap: what was shown before, and whatever came for earlier landings and aims. */
   #freeLeftBehind(landing: number, hidden: ReadonlySet<number>): void {
     for (const [segment, entry] of this.#entries) {
-      const isThere = entry.step === "resident" || entry.step === "decoded";
-      if (isThere && !this.#isNeeded(segment) && (hidden.has(segment) || entry.aimedDuring < landing)) {
+      if (isOnGpu(entry) && !this.#isNeeded(segment) && (hidden.has(segment) || entry.aimedDuring < landing)) {
         this.#free(segment, entry);
       }
     }
@@ -537,6 +541,11 @@ export class Residency {
       this.#comingRevision += 1;
     }
   }
+}
+
+/** Or on its way there, with memory of its own. */
+function isOnGpu(entry: Entry): boolean {
+  return entry.step === "decoded" || entry.step === "uploaded" || entry.step === "resident";
 }
 
 function ascending(a: number, b: number): number {

@@ -58,7 +58,7 @@ export function groundOnVertical(ground: ShownGround, x: number, z: number, from
     return hit;
   }
   const [nx, ny, nz] = hit.normal;
-  return { ...hit, normal: [-nx, -ny, -nz] };
+  return { ...hit, normal: [0 - nx, 0 - ny, 0 - nz] };
 }
 
 interface Meeting {
@@ -86,7 +86,7 @@ function describe({ target, t, face }: Meeting, origin: Vec3, unit: Vec3): Groun
   const sign = nx * unit[0] + ny * unit[1] + nz * unit[2] > 0 ? -1 : 1;
   return {
     position: [origin[0] + t * unit[0], origin[1] + t * unit[1], origin[2] + t * unit[2]],
-    normal: [sign * nx, sign * ny, sign * nz],
+    normal: [sign * nx + 0, sign * ny + 0, sign * nz + 0], // No -0.
     distanceM: t,
     segment: target.segment,
     region: target.boxes.regionOf(face),

@@ -135,16 +135,18 @@ void main() {
     colour = segmentColour;
   } else if (mode == ${MODE_NUMBER.attribute}) {
     colour = noValue;
+    strength *= 0.6; // Dark must remain "little of it".
     if (hasMeasure && vMeasure.y < 0.001) {
       float span = max(measureRange.y - measureRange.x, 1e-20);
       colour = alongRamp(ramp, (vMeasure.x - measureRange.x) / span);
     }
   } else {
+    strength *= 0.3; // The colours are the relief.
     colour = alongRamp(slopes, degrees(acos(clamp(tilt.y, 0.0, 1.0))) / 90.0);
   }
-  // Half a sky and a sun in the north-west, as on maps: level ground keeps its colour.
-  vec3 side = gl_FrontFacing ? tilt : -tilt;
-  float light = 0.32 + 0.25 * (0.5 + 0.5 * side.y) + 0.62 * max(dot(side, vec3(-0.5, 0.7071068, -0.5)), 0.0);
+  // Half a sky and a sun in the north-west, as on maps: level ground keeps its colour. The normal is not turned over for
+  // back faces: the strip of a segment's underside that shows at the rim is to look like the ground it belongs to.
+  float light = 0.32 + 0.25 * (0.5 + 0.5 * tilt.y) + 0.62 * max(dot(tilt, vec3(-0.5, 0.7071068, -0.5)), 0.0);
   outColour = linearToOutputTexel(vec4(colour * mix(1.0, light, strength), 1.0));
 }
 `;

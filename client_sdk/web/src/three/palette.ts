@@ -118,7 +118,7 @@ export function toByte(part: number): number {
 }
 
 const GOLDEN_ANGLE_DEG = 137.50776405003785;
-const REGION_LIGHTNESS = [0.62, 0.74, 0.5] as const;
+const REGION_LIGHTNESS = [0.63, 0.77, 0.48] as const;
 const SEGMENT_LIGHTNESS = [0.7, 0.8, 0.6] as const;
 
 function fromHex(hex: string): Rgb {

@@ -54,8 +54,9 @@ const HEADSET_UPLOAD_BUDGET_MS = 1.5;
  * where nobody measures it.
  */
 const MAX_FRAME_UPLOAD_BYTES = 6 * 1024 * 1024;
-/** Segments decoded ahead of their upload: textures may take 16 MiB each there. */
-const MAX_IN_FLIGHT = 6;
+/** Segments decoded ahead of their upload. Small ones need many, since each takes two frames; textures take 22 MB each. */
+const MAX_IN_FLIGHT = 16;
+const MAX_IN_FLIGHT_BYTES = 64 * 1024 * 1024;
 /** Segments that are freed, or drawn for the first time, in one frame. */
 const MAX_FRAME_FREES = 8;
 const MAX_FRAME_WARMINGS = 8;
@@ -99,6 +100,7 @@ export class Stage implements Landings {
     this.#uploadBudgetMs = options.uploadBudgetMs ?? null;
     this.#residency = new Residency({
       maxInFlight: MAX_IN_FLIGHT,
+      maxInFlightBytes: MAX_IN_FLIGHT_BYTES,
       spareBytes: options.gpuBytes ?? DEFAULT_GPU_BYTES,
     });
     this.#store = new GpuStore(options.renderer);
@@ -416,6 +418,7 @@ export class Stage implements Landings {
     if (ground.mesh) {
       this.object.add(ground.mesh);
       this.#warming.push(ground);
+      this.#residency.uploaded(ground.segment);
     }
     return bytes;
   }
@@ -424,7 +427,7 @@ export class Stage implements Landings {
   #endWarming(): void {
     for (const ground of this.#warming) {
       ground.endWarming();
-      this.#residency.uploaded(ground.segment);
+      this.#residency.warmed(ground.segment);
     }
     this.#warming = [];
   }

@@ -1,0 +1,568 @@
+import { beforeEach, describe, expect, it } from "vitest";
+
+import { Residency } from "../src/core/residency.ts";
+import type { PlanFacts, SegmentFacts } from "../src/core/types.ts";
+import { random } from "./random.ts";
+
+const BYTES = 100;
+
+function facts(segment: number): SegmentFacts {
+  return { segment, length: 10, xxh3: 1n, faces: 1, vertices: 3, bounds: [0, 0, 0, 1, 1, 1] };
+}
+
+function plan(landing: number, load: readonly number[], keep: readonly number[] = []): PlanFacts {
+  return {
+    landing,
+    position: [0, 0, 0],
+    radiusM: 60,
+    effectiveRadiusM: 60,
+    load: load.map(facts),
+    keep,
+    release: [],
+    loadBytes: load.length * 10,
+    totalBytes: (load.length + keep.length) * 10,
+    totalTriangles: 0,
+    omittedSegments: 0,
+    omittedBy: null,
+  };
+}
+
+let residency: Residency;
+
+beforeEach(() => {
+  residency = new Residency({ maxInFlight: 4, maxInFlightBytes: 1e9, spareBytes: 3 * BYTES });
+});
+
+/** Decode and upload whatever is asked for until nothing is. Returns what was asked for. */
+function work(except: readonly number[] = []): number[] {
+  const asked: number[] = [];
+  for (;;) {
+    const requests = residency.takeDecodes();
+    for (const { segment, epoch } of requests) {
+      asked.push(segment);
+      if (except.includes(segment)) {
+        residency.decodeFailed(segment, epoch);
+      } else {
+        residency.decoded(segment, epoch, BYTES);
+      }
+    }
+    for (let next = residency.nextUpload(); next !== null; next = residency.nextUpload()) {
+      residency.uploaded(next);
+      residency.warmed(next);
+    }
+    if (requests.length === 0) {
+      residency.basePrepared(residency.comingRevision);
+      return asked;
+    }
+  }
+}
+
+function land(landing: number, load: readonly number[], keep: readonly number[] = []): void {
+  residency.land(landing, [0, 0, 0], 60, 0);
+  residency.planned(plan(landing, load, keep));
+  for (const segment of load) {
+    residency.arrived(facts(segment), landing);
+  }
+  residency.ready(
+    landing,
+    [...load, ...keep].sort((a, b) => a - b),
+    [],
+    5,
+    load.length * 10,
+  );
+}
+
+describe("a landing", () => {
+  it("is presentable when all of it and the base are on the GPU, and shown by swap alone", () => {
+    residency.land(1, [1, 2, 3], 60, 1000);
+    expect(residency.coming).toBeNull();
+    residency.planned(plan(1, [7, 3]));
+    expect(residency.coming).toEqual([3, 7]);
+    expect(residency.takeDecodes()).toEqual([]);
+    residency.arrived(facts(7), 1);
+    residency.arrived(facts(3), 1);
+    expect(residency.takeDecodes()).toEqual([
+      { segment: 7, epoch: 0 },
+      { segment: 3, epoch: 0 },
+    ]);
+    residency.ready(1, [3, 7], [], 250, 20);
+    expect(residency.decoded(7, 0, BYTES)).toBe(true);
+    expect(residency.nextUpload()).toBe(7);
+    residency.uploaded(7);
+    residency.warmed(7);
+    expect(residency.fraction()).toBe(0.75);
+    residency.decoded(3, 0, BYTES);
+    residency.uploaded(3);
+    residency.basePrepared(residency.comingRevision);
+    expect(residency.presentable()).toBeNull(); // 3 was not drawn yet.
+    residency.warmed(3);
+    expect(residency.presentable()).toBe("full");
+    residency.settle(1300);
+    expect(residency.newest?.presentableMs).toBe(300);
+    expect(residency.newest?.readyMs).toBe(250);
+    expect(residency.visible).toEqual([]);
+    expect(residency.swap()).toEqual({ landing: 1, degraded: false, visible: [3, 7], shown: [3, 7], hidden: [] });
+    expect(residency.visible).toEqual([3, 7]);
+    expect(residency.swap()).toBeNull();
+  });
+
+  it("waits for the base", () => {
+    land(1, [1]);
+    const revision = residency.comingRevision;
+    work();
+    residency.basePrepared(revision - 1);
+    expect(residency.presentable()).toBeNull();
+    residency.basePrepared(revision);
+    expect(residency.presentable()).toBe("full");
+  });
+
+  it("shows only what is new, hides what is left, and frees it", () => {
+    land(1, [1, 2, 3]);
+    work();
+    residency.swap();
+    land(2, [4], [3]);
+    expect(work()).toEqual([4]);
+    expect(residency.takeFreed()).toEqual([]);
+    expect(residency.swap()).toMatchObject({ shown: [4], hidden: [1, 2], visible: [3, 4] });
+    expect(residency.takeFreed().sort()).toEqual([1, 2]);
+    expect(residency.takeFreed()).toEqual([]);
+  });
+
+  it("asks again for what was freed, without any payload", () => {
+    land(1, [1]);
+    work();
+    residency.swap();
+    land(2, [2]);
+    work();
+    residency.swap();
+    land(3, [], [1]);
+    expect(work()).toEqual([1]);
+    expect(residency.fraction()).toBe(1);
+    expect(residency.swap()).toMatchObject({ shown: [1], hidden: [2] });
+  });
+
+  it("of an empty place hides everything", () => {
+    land(1, [1]);
+    work();
+    residency.swap();
+    land(2, []);
+    work();
+    expect(residency.swap()).toMatchObject({ visible: [], hidden: [1] });
+  });
+
+  it("goes by ready where it differs from the plan", () => {
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [1, 2]));
+    residency.arrived(facts(1), 1);
+    const revision = residency.comingRevision;
+    residency.ready(1, [1], [2], 5, 10);
+    expect(residency.comingRevision).toBeGreaterThan(revision);
+    work();
+    expect(residency.missing()).toEqual([2]);
+    expect(residency.swap()?.visible).toEqual([1]);
+  });
+
+  it("that is refused leaves what is shown", () => {
+    land(1, [1]);
+    work();
+    residency.swap();
+    residency.land(2, [0, 0, 0], 60, 0);
+    residency.refused(2, "radius too large");
+    work();
+    expect(residency.presentable()).toBeNull();
+    expect(residency.visible).toEqual([1]);
+    expect(residency.newest?.refusal).toBe("radius too large");
+    expect(residency.takeFreed()).toEqual([]);
+  });
+});
+
+describe("a deadline", () => {
+  it("lets the inner part be shown, and the whole after it", () => {
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [1, 2]));
+    residency.arrived(facts(1), 1);
+    residency.degraded(1, [1]);
+    expect(residency.coming).toEqual([1]);
+    work();
+    expect(residency.presentable()).toBe("degraded");
+    expect(residency.swap()).toMatchObject({ degraded: true, visible: [1] });
+    expect(residency.presentable()).toBeNull();
+    expect(residency.coming).toEqual([1, 2]);
+    residency.arrived(facts(2), 1);
+    residency.ready(1, [1, 2], [], 900, 20);
+    work();
+    expect(residency.swap()).toMatchObject({ degraded: false, shown: [2], hidden: [] });
+  });
+
+  it("does not free what the whole landing wants", () => {
+    land(1, [1, 2]);
+    work();
+    residency.swap();
+    residency.land(2, [0, 0, 0], 60, 0);
+    residency.planned(plan(2, [3, 4], [2]));
+    residency.arrived(facts(3), 2);
+    residency.degraded(2, [3]);
+    work();
+    expect(residency.swap()).toMatchObject({ visible: [3], hidden: [1, 2] });
+    expect(residency.takeFreed()).toEqual([1]);
+  });
+
+  it("is forgotten when ready comes before the swap", () => {
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [1, 2]));
+    residency.arrived(facts(1), 1);
+    residency.degraded(1, [1]);
+    work();
+    residency.arrived(facts(2), 1);
+    residency.ready(1, [1, 2], [], 900, 20);
+    expect(residency.presentable()).toBeNull();
+    work();
+    expect(residency.presentable()).toBe("full");
+  });
+});
+
+describe("a newer landing", () => {
+  it("supersedes: the old one's plan, ready and set count no more", () => {
+    land(1, [1]);
+    work();
+    residency.land(2, [0, 0, 0], 60, 0);
+    expect(residency.presentable()).toBeNull();
+    expect(residency.swap()).toBeNull();
+    residency.ready(1, [1], [], 5, 10);
+    residency.degraded(1, [1]);
+    residency.planned(plan(1, [1]));
+    expect(residency.coming).toBeNull();
+    residency.planned(plan(2, [2]));
+    expect(residency.coming).toEqual([2]);
+  });
+
+  it("drops meshes that wait for what nobody wants any more, and keeps those that it wants", () => {
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [1, 2]));
+    residency.arrived(facts(1), 1);
+    residency.arrived(facts(2), 1);
+    for (const { segment, epoch } of residency.takeDecodes()) {
+      residency.decoded(segment, epoch, BYTES);
+    }
+    residency.land(2, [0, 0, 0], 60, 0);
+    expect(residency.takeFreed()).toEqual([]);
+    residency.planned(plan(2, [], [2]));
+    expect(residency.takeFreed()).toEqual([1]);
+    expect(residency.nextUpload()).toBe(2);
+    expect(residency.inFlight).toBe(1);
+  });
+
+  it("throws a mesh away that comes after its landing is gone", () => {
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [1]));
+    residency.arrived(facts(1), 1);
+    residency.takeDecodes();
+    residency.land(2, [0, 0, 0], 60, 0);
+    residency.planned(plan(2, []));
+    expect(residency.decoded(1, 0, BYTES)).toBe(false);
+    expect(residency.inFlight).toBe(0);
+  });
+});
+
+describe("bounds", () => {
+  it("decodes so many at a time, in the plan's order", () => {
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [9, 8, 7, 6, 5, 4]));
+    for (const segment of [4, 5, 6, 7, 8, 9]) {
+      residency.arrived(facts(segment), 1);
+    }
+    expect(residency.takeDecodes().map(({ segment }) => segment)).toEqual([9, 8, 7, 6]);
+    expect(residency.takeDecodes()).toEqual([]);
+    residency.decoded(8, 0, BYTES);
+    expect(residency.takeDecodes()).toEqual([]); // It waits for its upload.
+    residency.uploaded(8);
+    expect(residency.takeDecodes()).toEqual([{ segment: 5, epoch: 0 }]);
+  });
+
+  it("decodes fewer large ones, but always one", () => {
+    residency = new Residency({ maxInFlight: 16, maxInFlightBytes: 40e6, spareBytes: 0 });
+    const ids = Array.from({ length: 30 }, (_, id) => id);
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, ids));
+    for (const id of ids) {
+      residency.arrived(facts(id), 1);
+    }
+    let most = 0;
+    for (let round = 0; round < 30; round += 1) {
+      const requests = residency.takeDecodes();
+      expect(requests.length).toBeGreaterThan(0);
+      most = round > 8 ? Math.max(most, requests.length) : 0;
+      const first = requests[0]!;
+      for (const { segment, epoch } of requests) {
+        residency.decoded(segment, epoch, 22e6);
+      }
+      expect(first.segment).toBeGreaterThanOrEqual(0);
+      for (let next = residency.nextUpload(); next !== null; next = residency.nextUpload()) {
+        residency.uploaded(next);
+      }
+      if (residency.fraction() === 0.5 && round > 12) {
+        break;
+      }
+    }
+    expect(most).toBeLessThanOrEqual(1);
+  });
+
+  it("keeps what an aim brought within the spare bytes, and what is wanted whatever it takes", () => {
+    for (const segment of [1, 2, 3, 4, 5]) {
+      residency.arrived(facts(segment), null);
+    }
+    work();
+    expect(residency.takeFreed()).toEqual([]);
+    expect(residency.spareBytes).toBe(3 * BYTES);
+    land(1, [], [1, 2, 3, 4, 5]);
+    expect(work().sort()).toEqual([4, 5]);
+    expect(residency.spareBytes).toBe(0);
+    expect(residency.swap()?.visible).toEqual([1, 2, 3, 4, 5]);
+    expect(residency.takeFreed()).toEqual([]);
+  });
+
+  it("frees what earlier aims brought at the next swap, but not what came since that landing was asked for", () => {
+    land(1, [1]);
+    work();
+    residency.swap();
+    residency.arrived(facts(2), null);
+    work();
+    residency.land(2, [0, 0, 0], 60, 0);
+    residency.planned(plan(2, [3]));
+    residency.arrived(facts(3), 2);
+    residency.arrived(facts(4), null);
+    residency.ready(2, [3], [], 5, 10);
+    work();
+    residency.swap();
+    expect(residency.takeFreed().sort()).toEqual([1, 2]);
+    expect(residency.spareBytes).toBe(BYTES);
+  });
+
+  it("puts a landing before any prefetch", () => {
+    residency.arrived(facts(8), null);
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [5]));
+    residency.arrived(facts(5), 1);
+    expect(residency.takeDecodes().map(({ segment }) => segment)).toEqual([5, 8]);
+    residency.decoded(8, 0, BYTES);
+    residency.decoded(5, 0, BYTES);
+    expect(residency.nextUpload()).toBe(5);
+  });
+});
+
+describe("a segment that cannot be decoded", () => {
+  it("is missing, and its base faces are not hidden", () => {
+    land(1, [1, 2]);
+    work([2]);
+    expect(residency.coming).toEqual([1]);
+    expect(residency.missing()).toEqual([2]);
+    expect(residency.presentable()).toBe("full");
+    expect(residency.swap()?.visible).toEqual([1]);
+  });
+
+  it("is tried once more when it comes once more", () => {
+    land(1, [1]);
+    work([1]);
+    residency.arrived(facts(1), 1);
+    expect(residency.coming).toEqual([1]);
+    expect(work()).toEqual([1]);
+    expect(residency.swap()?.visible).toEqual([1]);
+  });
+
+  it("is the same when the cache dropped it before", () => {
+    land(1, [1, 2]);
+    residency.dropped([2]);
+    expect(work()).toEqual([1]);
+    expect(residency.missing()).toEqual([2]);
+    expect(residency.swap()?.visible).toEqual([1]);
+  });
+});
+
+describe("a reconnect", () => {
+  it("that declares the same set again asks for no swap", () => {
+    land(1, [1]);
+    work();
+    residency.swap();
+    residency.planned(plan(1, [], [1]));
+    residency.ready(1, [1], [], 5, 0);
+    expect(work()).toEqual([]);
+    expect(residency.presentable()).toBeNull();
+    expect(residency.newest?.swapped).toBe("full");
+  });
+
+  it("to a new version forgets all, drops answers of the old, and shows nothing until the new base is here", () => {
+    land(1, [1, 2]);
+    work();
+    residency.swap();
+    residency.land(2, [0, 0, 0], 60, 0);
+    residency.planned(plan(2, [3]));
+    residency.arrived(facts(3), 2);
+    const [request] = residency.takeDecodes();
+    residency.versionChanged();
+    expect(residency.visible).toEqual([1, 2]);
+    expect(residency.decoded(3, request!.epoch, BYTES)).toBe(false);
+    expect(residency.inFlight).toBe(0);
+    residency.planned(plan(2, [1]));
+    residency.arrived(facts(1), 2);
+    expect(residency.takeDecodes()).toEqual([{ segment: 1, epoch: 1 }]);
+    residency.clearVisible();
+    expect(residency.visible).toEqual([]);
+    residency.decoded(1, 1, BYTES);
+    residency.uploaded(1);
+    residency.warmed(1);
+    residency.ready(2, [1], [], 5, 10);
+    residency.basePrepared(residency.comingRevision);
+    expect(residency.swap()?.visible).toEqual([1]);
+  });
+});
+
+describe("a lost context", () => {
+  it("uploads the visible set again before anything else, and shows it when all of it is back", () => {
+    land(1, [1, 2]);
+    work();
+    residency.swap();
+    residency.land(2, [0, 0, 0], 60, 0);
+    residency.planned(plan(2, [3]));
+    residency.arrived(facts(3), 2);
+    residency.contextLost();
+    expect(residency.restoring).toBe(true);
+    expect(residency.visible).toEqual([1, 2]);
+    expect(residency.restorable()).toBeNull();
+    expect(residency.presentable()).toBeNull();
+    expect(work()).toEqual([1, 2, 3]);
+    expect(residency.restorable()).toEqual([1, 2]);
+    residency.restored();
+    expect(residency.restoring).toBe(false);
+    expect(residency.visible).toEqual([1, 2]);
+    expect(residency.takeFreed()).toEqual([]);
+  });
+
+  it("takes what cannot be decoded again out of the visible set: no hole may stay there", () => {
+    land(1, [1, 2]);
+    work();
+    residency.swap();
+    residency.contextLost();
+    work([2]);
+    expect(residency.restorable()).toEqual([1]);
+    residency.restored();
+    expect(residency.visible).toEqual([1]);
+  });
+
+  it("forgets half-uploaded meshes", () => {
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [1]));
+    residency.arrived(facts(1), 1);
+    residency.takeDecodes();
+    residency.decoded(1, 0, BYTES);
+    residency.contextLost();
+    expect(residency.inFlight).toBe(0);
+    expect(residency.restoring).toBe(false);
+    expect(residency.takeDecodes()).toEqual([{ segment: 1, epoch: 0 }]);
+  });
+});
+
+describe("whatever happens", () => {
+  it.each(Array.from({ length: 40 }, (_, seed) => seed))("the visible set changes in swap alone (seed %i)", (seed) => {
+    const next = random(seed);
+    const pick = (count: number): number => Math.floor(next() * count);
+    const ids = (): number[] => Array.from({ length: 24 }, (_, id) => id).filter(() => next() < 0.3);
+    const gpu = new Set<number>(); // What a stage would hold.
+    const decoding: { segment: number; epoch: number }[] = [];
+    const held = new Set<number>();
+    let uploading: number[] = [];
+    let landing = 0;
+    let asked: PlanFacts | null = null;
+    let swaps = 0;
+    for (let step = 0; step < 1000; step += 1) {
+      const before = residency.visible;
+      const act = pick(14);
+      if (act === 0 && (landing === 0 || next() < 0.2)) {
+        landing += 1;
+        asked = null;
+        residency.land(landing, [0, 0, 0], 60, step);
+      } else if (act === 1 && landing > 0 && (asked === null || next() < 0.1)) {
+        const wanted = ids();
+        asked = plan(
+          landing,
+          wanted.filter((id) => !held.has(id)),
+          wanted.filter((id) => held.has(id)),
+        );
+        residency.planned(asked);
+      } else if (act === 2 && asked) {
+        for (const { segment } of asked.load) {
+          held.add(segment);
+          residency.arrived(facts(segment), landing);
+        }
+        const all = [...asked.load.map(({ segment }) => segment), ...asked.keep].sort((a, b) => a - b);
+        residency.ready(landing, all, [], 1, 1);
+      } else if (act === 3 && asked && asked.load[0]) {
+        held.add(asked.load[0].segment);
+        residency.arrived(asked.load[0], landing);
+        residency.degraded(landing, [asked.load[0].segment]);
+      } else if (act === 4) {
+        const segment = pick(24);
+        held.add(segment);
+        residency.arrived(facts(segment), null);
+      } else if (act === 5 && landing > 0 && next() < 0.2) {
+        residency.refused(landing, "no");
+      } else if (act === 6 && next() < 0.1) {
+        residency.contextLost();
+        gpu.clear();
+        uploading = [];
+      } else if (act === 7) {
+        const gone = ids().filter((id) => !residency.visible.includes(id) && next() < 0.1);
+        residency.dropped(gone);
+      } else if (act === 8) {
+        for (const segment of residency.takeFreed()) {
+          gpu.delete(segment);
+          uploading = uploading.filter((id) => id !== segment);
+        }
+      } else if (act < 12) {
+        decoding.push(...residency.takeDecodes());
+        expect(residency.inFlight).toBeLessThanOrEqual(4);
+        const answer = decoding.splice(pick(Math.max(decoding.length, 1)), 1)[0];
+        if (answer && next() < 0.03) {
+          residency.decodeFailed(answer.segment, answer.epoch);
+        } else if (answer) {
+          residency.decoded(answer.segment, answer.epoch, BYTES);
+        }
+        const upload = residency.nextUpload();
+        if (upload !== null) {
+          residency.uploaded(upload);
+          uploading.push(upload);
+        }
+        for (const segment of uploading.splice(0, 1)) {
+          for (const freed of residency.takeFreed()) {
+            gpu.delete(freed);
+          }
+          residency.warmed(segment);
+          gpu.add(segment);
+        }
+      } else {
+        residency.basePrepared(residency.comingRevision);
+        const restorable = residency.restorable();
+        if (restorable) {
+          expect(restorable.every((segment) => gpu.has(segment))).toBe(true);
+          residency.restored();
+          expect(residency.visible).toEqual(restorable);
+          continue;
+        }
+        const kind = residency.presentable();
+        const swap = residency.swap();
+        expect(swap !== null).toBe(kind !== null);
+        if (swap) {
+          swaps += 1;
+          expect(swap.landing).toBe(landing);
+          expect(residency.visible).toEqual(swap.visible);
+          expect(swap.visible.every((segment) => gpu.has(segment))).toBe(true);
+          expect(swap.shown).toEqual(swap.visible.filter((id) => !before.includes(id)));
+          expect(swap.hidden).toEqual(before.filter((id) => !swap.visible.includes(id)));
+          continue;
+        }
+      }
+      expect(residency.visible).toBe(before);
+      expect(residency.spareBytes).toBeLessThanOrEqual(3 * BYTES);
+    }
+    expect(swaps).toBeGreaterThan(0);
+  });
+});
