@@ -1,0 +1,125 @@
+"""The viewer as it was built, in the system's Chromium, on the real service.
+
+Skipped where Chromium or the built page is missing, unless ``TERRAPORT_BROWSER=required``.
+``TERRAPORT_SCREENSHOTS=FOLDER`` keeps what :func:`watched_page.save_shot` takes. One file of tests
+is one browser (``--dist loadfile``), and a browser without a graphics card takes all the CPU it is
+given: few files, a small window.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+import pytest
+from browser.small_scenes import small_scenes
+from browser.watched_page import Watch
+from faults.service import Service
+from playwright.sync_api import Browser, Page, Playwright, sync_playwright
+
+from terraport_server.viewer_page import BUILT_PAGE
+
+PROGRAMS: Final = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome")
+
+FLAGS: Final = (
+    "--headless=new",
+    "--no-sandbox",  # tests run as root in containers; the pages are our own
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+VIEWPORT: Final = {"width": 640, "height": 360}
+"""A frame of it with both scenes' triangles takes some 100 ms."""
+
+TIMEOUT_MS: Final = 60_000
+"""Of one step in the page: two cores are shared with other tests."""
+
+
+def _skip(reason: str) -> NoReturn:
+    if os.environ.get("TERRAPORT_BROWSER") == "required":
+        pytest.fail(f"TERRAPORT_BROWSER=required, but {reason}")
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def chromium_path() -> str:
+    """The system's browser."""
+    found = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    if found is None:
+        _skip("there is no Chromium (apt-get install chromium)")
+    if not (BUILT_PAGE / "index.html").is_file():
+        _skip("the viewer is not built (pip install -e . builds it)")
+    return found
+
+
+@pytest.fixture(scope="session")
+def playwright(chromium_path: str) -> Iterator[Playwright]:
+    """The browser's driver."""
+    del chromium_path  # skips first
+    with sync_playwright() as driver:
+        yield driver
+
+
+@pytest.fixture(scope="module")
+def browser(playwright: Playwright, chromium_path: str) -> Iterator[Browser]:
+    """A browser for the tests of one file: what one of them leaks, the next file is spared."""
+    running = playwright.chromium.launch(executable_path=chromium_path, args=list(FLAGS))
+    try:
+        yield running
+    finally:
+        running.close()
+
+
+@pytest.fixture(scope="session")
+def scenes(chromium_path: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the two scenes; built once for all test processes."""
+    del chromium_path
+    own = tmp_path_factory.getbasetemp()
+    # The processes of pytest-xdist have folders of their own in a common one.
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "browser"
+    folder.mkdir(exist_ok=True)
+    return small_scenes(folder)
+
+
+@pytest.fixture(scope="session")
+def server(scenes: Path) -> Iterator[Service]:
+    """The service in a process of its own, open."""
+    with Service(scenes) as running:
+        yield running
+
+
+@pytest.fixture
+def open_page(browser: Browser) -> Iterator[Callable[..., tuple[Page, Watch]]]:
+    """Makes pages in contexts of their own; what they complain of fails the test at its end.
+
+    ``open_page(**options)``: options of Playwright's ``new_context``, such as ``has_touch``.
+    """
+    made: list[tuple[Any, Watch]] = []
+
+    def open_one(**options: Any) -> tuple[Page, Watch]:
+        context = browser.new_context(**{"viewport": VIEWPORT, **options})
+        context.set_default_timeout(TIMEOUT_MS)
+        watch = Watch(context)
+        made.append((context, watch))
+        return context.new_page(), watch
+
+    yield open_one
+    for context, _ in made:
+        context.close()
+    for _, watch in made:
+        watch.check()
+
+
+@pytest.fixture
+def page(open_page: Callable[..., tuple[Page, Watch]]) -> Page:
+    """One page, watched, without anything that a test foresees."""
+    return open_page()[0]

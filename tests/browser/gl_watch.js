@@ -1,0 +1,159 @@
+// Run in a page before its own scripts: watches what is really handed to WebGL, whatever the page says of itself.
+//
+// `glWatch` tells the draw calls of the newest frame, the bytes of all buffers and textures that live, and what is in an
+// index buffer. It can also do harm (leave out a draw call, blank a face), so that a check can be shown to fail.
+(() => {
+  const proto = WebGL2RenderingContext.prototype;
+  const states = new WeakMap();
+  const buffers = new Map();
+  const textures = new Map();
+  let nextId = 1;
+  let bytesCreated = 0;
+  let bytesFreed = 0;
+  const watch = {
+    frame: [],
+    frames: 0,
+    /** Index buffers whose draw calls are left out. */
+    omitted: new Set(),
+    /** Draw calls of other programs than the ground's (lines on it) are left out. */
+    groundOnly: false,
+    context: null,
+    get bufferBytes() {
+      return sum(buffers);
+    },
+    get textureBytes() {
+      return sum(textures);
+    },
+    get bytesCreated() {
+      return bytesCreated;
+    },
+    get bytesFreed() {
+      return bytesFreed;
+    },
+    /** Draw calls of the ground in the newest frame: [[index buffer, indices], ...]. */
+    ground: () => watch.frame.filter((call) => call.ground).map((call) => [call.index, call.count]),
+    /** Indices in an index buffer of the ground, read back from the GPU. */
+    indices(id, size) {
+      const gl = watch.context;
+      const { buffer, bytes } = [...buffers.values()].find((one) => one.id === id);
+      const out = size === 2 ? new Uint16Array(bytes / 2) : new Uint32Array(bytes / 4);
+      gl.bindBuffer(gl.COPY_READ_BUFFER, buffer);
+      gl.getBufferSubData(gl.COPY_READ_BUFFER, 0, out);
+      gl.bindBuffer(gl.COPY_READ_BUFFER, null);
+      return out;
+    },
+    /** Overwrite a face of an index buffer. */
+    writeFace(id, face, corners) {
+      const gl = watch.context;
+      const { buffer } = [...buffers.values()].find((one) => one.id === id);
+      gl.bindBuffer(gl.COPY_WRITE_BUFFER, buffer);
+      gl.bufferSubData(gl.COPY_WRITE_BUFFER, face * 3 * corners.BYTES_PER_ELEMENT, corners);
+      gl.bindBuffer(gl.COPY_WRITE_BUFFER, null);
+    },
+  };
+  window.glWatch = watch;
+
+  function sum(things) {
+    let bytes = 0;
+    for (const one of things.values()) bytes += one.bytes;
+    return bytes;
+  }
+
+  function stateOf(gl) {
+    let state = states.get(gl);
+    if (!state) {
+      state = { arrays: null, program: null, bound: new Map(), indexOf: new Map(), isGround: new Map(), texture: null };
+      states.set(gl, state);
+      watch.context = gl;
+    }
+    return state;
+  }
+
+  function wrap(name, before, after) {
+    const inner = proto[name];
+    proto[name] = function (...args) {
+      if (before && before(this, stateOf(this), args) === false) return undefined;
+      const result = inner.apply(this, args);
+      if (after) after(this, stateOf(this), args, result);
+      return result;
+    };
+  }
+
+  function isGround(gl, state) {
+    if (!state.program) return false;
+    if (!state.isGround.has(state.program)) {
+      state.isGround.set(state.program, gl.getAttribLocation(state.program, "code") >= 0);
+    }
+    return state.isGround.get(state.program);
+  }
+
+  function grow(store, key, bytes, id) {
+    const before = store.get(key)?.bytes ?? 0;
+    store.set(key, { id: store.get(key)?.id ?? id, buffer: key, bytes });
+    bytesCreated += bytes;
+    bytesFreed += before;
+  }
+
+  function drop(store, key) {
+    const one = store.get(key);
+    if (!one) return;
+    bytesFreed += one.bytes;
+    store.delete(key);
+  }
+
+  wrap("createBuffer", null, (_gl, _state, _args, buffer) => buffer && buffers.set(buffer, { id: nextId++, buffer, bytes: 0 }));
+  wrap("deleteBuffer", (_gl, _state, [buffer]) => drop(buffers, buffer));
+  wrap("createTexture", null, (_gl, _state, _args, texture) => texture && textures.set(texture, { id: nextId++, bytes: 0 }));
+  wrap("deleteTexture", (_gl, _state, [texture]) => drop(textures, texture));
+  wrap("bindTexture", (_gl, state, [, texture]) => {
+    state.texture = texture;
+  });
+  wrap("bindVertexArray", (_gl, state, [array]) => {
+    state.arrays = array;
+  });
+  wrap("useProgram", (_gl, state, [program]) => {
+    state.program = program;
+  });
+  wrap("bindBuffer", (gl, state, [target, buffer]) => {
+    if (target === gl.ELEMENT_ARRAY_BUFFER) state.indexOf.set(state.arrays, buffer);
+    else state.bound.set(target, buffer);
+  });
+  wrap("bufferData", null, (gl, state, [target, data, , offset, length]) => {
+    const key = target === gl.ELEMENT_ARRAY_BUFFER ? state.indexOf.get(state.arrays) : state.bound.get(target);
+    const size = typeof data === "number" ? data : length ? length * data.BYTES_PER_ELEMENT : (data?.byteLength ?? 0);
+    if (key) grow(buffers, key, size);
+  });
+  const pixels = (width, height, levels) => {
+    let bytes = 0;
+    for (let level = 0; level < levels; level += 1) {
+      bytes += 4 * Math.max(1, width >> level) * Math.max(1, height >> level);
+    }
+    return bytes;
+  };
+  wrap("texStorage2D", null, (_gl, state, [, levels, , width, height]) => {
+    if (state.texture) grow(textures, state.texture, pixels(width, height, levels));
+  });
+  wrap("texImage2D", null, (_gl, state, args) => {
+    if (!state.texture || args[1] !== 0) return;
+    const source = args.length === 6 ? args[5] : { width: args[3], height: args[4] };
+    grow(textures, state.texture, pixels(source?.width ?? 0, source?.height ?? 0, 1));
+  });
+  wrap("clear", (gl, _state, [bits]) => {
+    if (bits & gl.COLOR_BUFFER_BIT) {
+      watch.frame = [];
+      watch.frames += 1;
+    }
+  });
+  const draw = (countAt) => (gl, state, args) => {
+    const ground = isGround(gl, state);
+    if (watch.groundOnly && !ground) return false;
+    const index = buffers.get(state.indexOf.get(state.arrays))?.id ?? null;
+    if (ground && watch.omitted.has(index)) return false;
+    watch.frame.push({ ground, index, count: args[countAt] });
+    return true;
+  };
+  wrap("drawElements", draw(1));
+  wrap("drawElementsInstanced", draw(1));
+  wrap("drawArrays", draw(2));
+  wrap("drawArraysInstanced", draw(2));
+})();
