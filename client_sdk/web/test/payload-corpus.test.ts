@@ -145,7 +145,7 @@ function expectClose(found: number[][], expected: number[][]): void {
 /** Of the image's own bytes, as the file in the payload is. */
 function imageOf(bytes: Uint8Array<ArrayBuffer>): Expected["texture"] {
   const glb = splitGlb(bytes);
-  const [image] = glb.document.images as { bufferView: number }[];
+  const [image] = glb.gltf.images as { bufferView: number }[];
   const file = new AccessorReader(glb).image(image!.bufferView);
   const { mediaType, width, height } = readImageHeader(file);
   return { media_type: mediaType, width, height, sha256: createHash("sha256").update(file).digest("hex") };

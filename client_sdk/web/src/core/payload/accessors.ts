@@ -56,8 +56,8 @@ export class AccessorReader {
 
   constructor(glb: Glb) {
     this.#glb = glb;
-    this.#accessors = expectList(glb.document.accessors, "accessors");
-    this.#views = expectList(glb.document.bufferViews, "bufferViews");
+    this.#accessors = expectList(glb.gltf.accessors, "accessors");
+    this.#views = expectList(glb.gltf.bufferViews, "bufferViews");
   }
 
   /** Rows of a vertex attribute; `stride` is what they are brought to where they are stored wider. */

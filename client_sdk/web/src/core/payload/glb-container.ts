@@ -16,7 +16,7 @@ const BIN_CHUNK = 0x004e4942;
 /** The two chunks of a GLB. */
 export interface Glb {
   /** Nothing inside it is checked yet. */
-  readonly document: JsonObject;
+  readonly gltf: JsonObject;
   /** A view of the payload. */
   readonly binary: Uint8Array<ArrayBuffer>;
   /** Where the BIN chunk's contents start in the payload, bytes. */
@@ -50,7 +50,7 @@ export function splitGlb(bytes: Uint8Array<ArrayBuffer>): Glb {
   const binary = chunkAt(bytes, view, textOffset + text.length, BIN_CHUNK, "BIN");
   const end = binaryOffset + binary.length;
   if (end !== size) throw new PayloadError(`${size - end} bytes after the BIN chunk, expected none`, end);
-  return { document: parse(text, textOffset), binary, binaryOffset };
+  return { gltf: parse(text, textOffset), binary, binaryOffset };
 }
 
 function chunkAt(
@@ -70,11 +70,11 @@ function chunkAt(
 }
 
 function parse(text: Uint8Array, offset: number): JsonObject {
-  let document: unknown;
+  let gltf: unknown;
   try {
-    document = JSON.parse(new TextDecoder("utf-8", { fatal: true, ignoreBOM: true }).decode(text));
+    gltf = JSON.parse(new TextDecoder("utf-8", { fatal: true, ignoreBOM: true }).decode(text));
   } catch {
     throw new PayloadError("JSON chunk does not parse", offset);
   }
-  return expectObject(document, "JSON chunk");
+  return expectObject(gltf, "JSON chunk");
 }

@@ -34,18 +34,18 @@ export interface TexturePlace {
  *
  * @throws PayloadError If the chain is broken, or outside the profile.
  */
-export function findTexture(document: JsonObject, primitive: JsonObject): TexturePlace | null {
+export function findTexture(gltf: JsonObject, primitive: JsonObject): TexturePlace | null {
   if (primitive.material === undefined) return null;
-  const material = pick(expectList(document.materials, "materials"), primitive.material, "material");
+  const material = pick(expectList(gltf.materials, "materials"), primitive.material, "material");
   const surface = optionalObject(material.pbrMetallicRoughness, "pbrMetallicRoughness");
   if (surface.baseColorTexture === undefined) return null;
   const place = expectObject(surface.baseColorTexture, "baseColorTexture");
   if ((place.texCoord ?? 0) !== 0) throw new PayloadError("baseColorTexture has another set, expected set 0");
-  return { ...findImage(document, place), uvScale: findScale(place) };
+  return { ...findImage(gltf, place), uvScale: findScale(place) };
 }
 
-function findImage(document: JsonObject, place: JsonObject): Pick<TexturePlace, "view" | "mediaType"> {
-  const texture = pick(expectList(document.textures, "textures"), place.index, "texture");
+function findImage(gltf: JsonObject, place: JsonObject): Pick<TexturePlace, "view" | "mediaType"> {
+  const texture = pick(expectList(gltf.textures, "textures"), place.index, "texture");
   const extensions = optionalObject(texture.extensions, "extensions of texture");
   let source = texture.source;
   let allowed: readonly string[] = ["image/jpeg", "image/png"];
@@ -54,7 +54,7 @@ function findImage(document: JsonObject, place: JsonObject): Pick<TexturePlace, 
     source = expectObject(extensions[name], name).source;
     allowed = [mediaType];
   }
-  const image = pick(expectList(document.images, "images"), source, "image");
+  const image = pick(expectList(gltf.images, "images"), source, "image");
   const mediaType = image.mimeType;
   if (typeof mediaType !== "string" || !allowed.includes(mediaType)) {
     throw new PayloadError(`image of type ${shortly(mediaType)}, expected ${allowed.join(" or ")}`);

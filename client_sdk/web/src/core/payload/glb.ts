@@ -64,18 +64,18 @@ interface ImageFile {
 
 function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshData; image: ImageFile | null } {
   const glb = splitGlb(bytes);
-  const { document } = glb;
-  for (const name of expectList(document.extensionsRequired ?? [], "extensionsRequired")) {
+  const { gltf } = glb;
+  for (const name of expectList(gltf.extensionsRequired ?? [], "extensionsRequired")) {
     if (!KNOWN.has(name)) throw new PayloadError(`required extension ${shortly(name)}, expected one that we know`);
   }
-  const mesh = onlyOne(document, "meshes");
+  const mesh = onlyOne(gltf, "meshes");
   const primitive = onlyOne(mesh, "primitives");
   if ((primitive.mode ?? 4) !== 4) {
     throw new PayloadError(`primitive mode ${shortly(primitive.mode)}, expected 4 (triangles)`);
   }
   const names = expectObject(primitive.attributes, "attributes");
   const reader = new AccessorReader(glb);
-  const place = placeOf(onlyOne(document, "nodes"));
+  const place = placeOf(onlyOne(gltf, "nodes"));
   const positions = readPositions(reader, names.POSITION);
   if (positions instanceof Float32Array && (place.stepM !== 1 || place.translation.some((side) => side !== 0))) {
     throw new PayloadError("float positions with a node transform, expected none");
@@ -97,7 +97,7 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
   expectRows("NORMAL", normalRows.count, vertexCount);
   const normals = new Int8Array(normalRows.bytes.buffer);
   checkNormals(normals);
-  const texture = findTexture(document, primitive);
+  const texture = findTexture(gltf, primitive);
   if (texture !== null && names.COLOR_0 !== undefined) {
     throw new PayloadError("texture and COLOR_0 in one mesh, expected one of them (glTF multiplies)");
   }

@@ -65,8 +65,8 @@ async function resolveScene(sceneUrl: string, options: HttpOptions): Promise<str
 }
 
 async function fetchManifest(url: string, options: LoadOptions): Promise<CheckedManifest> {
-  const document = await fetchJson(versioned(url, options.version), options);
-  return checkManifest(document, parseSceneUrl(url).scene ?? "");
+  const json = await fetchJson(versioned(url, options.version), options);
+  return checkManifest(json, parseSceneUrl(url).scene ?? "");
 }
 
 async function loadVersion(url: string, checked: CheckedManifest, options: LoadOptions): Promise<SceneFiles> {

@@ -41,18 +41,18 @@ const OPENABLE: ReadonlySet<unknown> = new Set(["image/jpeg", "image/png", "imag
  * @throws StreamError `unsupported_version` for another format or major version; `damaged` where a needed key is missing
  * or not what it should be.
  */
-export function checkManifest(document: JsonObject, id: string): CheckedManifest {
-  checkFormat(document);
+export function checkManifest(json: JsonObject, id: string): CheckedManifest {
+  checkFormat(json);
   try {
-    return readManifest(document, id);
+    return readManifest(json, id);
   } catch (error) {
     if (!(error instanceof PayloadError)) throw error;
     throw new StreamError("damaged", `manifest of scene ${id}: ${error.message}; the scene must be published anew`);
   }
 }
 
-function checkFormat(document: JsonObject): void {
-  const { format, format_version: version } = document;
+function checkFormat(json: JsonObject): void {
+  const { format, format_version: version } = json;
   if (format !== "terraport-scene") {
     const text = `got format ${shortly(format)}, expected "terraport-scene"; is this a terraport server?`;
     throw new StreamError("damaged", text);
@@ -63,25 +63,25 @@ function checkFormat(document: JsonObject): void {
   }
 }
 
-function readManifest(document: JsonObject, id: string): CheckedManifest {
-  const counts = expectObject(document.counts, "counts");
-  const files = expectObject(document.files, "files");
-  const encodings = expectObject(document.encodings, "encodings");
+function readManifest(json: JsonObject, id: string): CheckedManifest {
+  const counts = expectObject(json.counts, "counts");
+  const files = expectObject(json.files, "files");
+  const encodings = expectObject(json.encodings, "encodings");
   expectObject(encodings.glb, "encodings.glb");
   const manifest: SceneManifest = {
     id,
-    name: expectText(document.name, "name"),
-    version: expectDigest(document.version, DIGEST, "version"),
-    crs: readCrs(document.crs),
-    origin: expectTriple(document.origin, "origin"),
-    stepM: expectStep(document.step_m),
-    bounds: readBounds(document.bounds),
-    attributes: expectList(document.attributes, "attributes").map(readAttribute),
+    name: expectText(json.name, "name"),
+    version: expectDigest(json.version, DIGEST, "version"),
+    crs: readCrs(json.crs),
+    origin: expectTriple(json.origin, "origin"),
+    stepM: expectStep(json.step_m),
+    bounds: readBounds(json.bounds),
+    attributes: expectList(json.attributes, "attributes").map(readAttribute),
     segmentCount: expectWhole(counts.segments, "counts.segments", 1),
     detailFaces: expectWhole(counts.detail_faces, "counts.detail_faces", 1),
-    hasColour: expectFlag(document.has_colour, "has_colour"),
-    hasTextures: hasTextures(document.textures),
-    deviationM: expectLength(expectObject(document.hand_off, "hand_off").deviation_m, "hand_off.deviation_m"),
+    hasColour: expectFlag(json.has_colour, "has_colour"),
+    hasTextures: hasTextures(json.textures),
+    deviationM: expectLength(expectObject(json.hand_off, "hand_off").deviation_m, "hand_off.deviation_m"),
   };
   return {
     manifest,

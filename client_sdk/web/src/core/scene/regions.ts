@@ -15,8 +15,8 @@ const LONGEST_LABEL = 256;
  *
  * @throws PayloadError If there is no list of regions, or an id is not the position in it.
  */
-export function readRegions(document: unknown, labels: Labels): RegionFacts[] {
-  const { regions } = expectObject(document, "regions.json");
+export function readRegions(json: unknown, labels: Labels): RegionFacts[] {
+  const { regions } = expectObject(json, "regions.json");
   return expectList(regions, "regions").map((value, position) => {
     const region = expectObject(value, `region ${position}`);
     if (region.id !== position) throw new PayloadError(`region ${position} has another id, expected its position`);
@@ -25,10 +25,10 @@ export function readRegions(document: unknown, labels: Labels): RegionFacts[] {
 }
 
 /** Read labels.json. A file that is damaged gives no label at all: a name must never take the ground away. */
-export function readLabels(document: unknown): Labels {
+export function readLabels(json: unknown): Labels {
   const none: Labels = new Map();
-  if (typeof document !== "object" || document === null) return none;
-  const { format, format_version: version, labels: rows } = document as JsonObject;
+  if (typeof json !== "object" || json === null) return none;
+  const { format, format_version: version, labels: rows } = json as JsonObject;
   if (format !== "terraport-labels" || typeof version !== "string" || version.split(".")[0] !== "1") return none;
   if (!Array.isArray(rows)) return none;
   const labels = new Map<number, string>();
