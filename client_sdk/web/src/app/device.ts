@@ -1,0 +1,15 @@
+/** What kind of machine the page runs on, as far as a page can tell without asking for more rights. */
+
+import type { DeviceClass } from "../core/client/index.ts";
+
+/** A headset's own browser, a phone or tablet, or a desk. */
+export function deviceClass(): DeviceClass {
+  if (/OculusBrowser|Quest|PicoBrowser|VisionOS/i.test(navigator.userAgent)) return "headset";
+  const isTouch = window.matchMedia("(pointer: coarse)").matches;
+  return isTouch && Math.min(window.screen.width, window.screen.height) < 900 ? "phone" : "desktop";
+}
+
+/** Whether the user asked the system for less motion. Asked each time: the setting may change. */
+export function prefersLessMotion(): boolean {
+  return window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+}

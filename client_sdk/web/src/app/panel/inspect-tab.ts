@@ -1,0 +1,256 @@
+/** A point of the ground: what it is, where it is, what was measured there; and distances between points. */
+
+import { toSurvey } from "../../core/scene/survey.ts";
+import type { RegionFacts, Vec3 } from "../../core/types.ts";
+import { fill, h, setAttribute, setShown, setText } from "../dom.ts";
+import { formatArea, formatDegrees, formatMetres, formatSurvey, formatValue } from "../format.ts";
+import { icon } from "../icons.ts";
+import { measurePath } from "../measure.ts";
+import type { Tool, ViewerState, ViewerStore } from "../viewer/state.ts";
+import { createFacts } from "./facts.ts";
+import { regionName } from "./look-tab.ts";
+
+/** What the tab can ask for. */
+export interface InspectActions {
+  readonly regions: readonly RegionFacts[];
+  copy(text: string, what: string): void;
+  undoPoint(): void;
+}
+
+/** Make the tab. */
+export function createInspectTab(store: ViewerStore, actions: InspectActions): HTMLElement {
+  const toolButton = (tool: Tool, name: string) =>
+    h(
+      "button",
+      {
+        type: "button",
+        class: "button",
+        "data-tool": tool,
+        on: { click: () => store.set({ tool: store.get().tool === tool ? "land" : tool }) },
+      },
+      icon(tool),
+      name,
+    );
+  const pickButton = toolButton("pick", "Pick a point");
+  const measureButton = toolButton("measure", "Measure");
+
+  const pickHint = h("p", { class: "faint" });
+  const pickFacts = createFacts([
+    ["region", "Region"],
+    ["area", "Area of the region"],
+    ["region-slope", "Its mean slope"],
+    ["east", "East"],
+    ["north", "North"],
+    ["height", "Height"],
+    ["slope", "Slope here"],
+    ["segment", "Segment"],
+  ]);
+  const attributes = h("dl", { class: "facts", id: "pick-attributes" });
+  const crs = h("p", { class: "faint", id: "pick-crs" });
+  const copyPick = h(
+    "button",
+    { type: "button", class: "button wide", "data-action": "copy-coordinates", on: { click: () => copyPlace() } },
+    icon("copy"),
+    "Copy the coordinates",
+  );
+  const pickSection = h(
+    "section",
+    { id: "picked", "aria-label": "Picked point" },
+    h("h3", {}, "Point"),
+    pickHint,
+    pickFacts.element,
+    attributes,
+    crs,
+    copyPick,
+  );
+
+  const measureHint = h("p", { class: "faint" });
+  const measureFacts = createFacts([
+    ["straight", "Straight"],
+    ["horizontal", "Horizontal"],
+    ["difference", "Height difference"],
+    ["gradient", "Slope"],
+    ["direction", "Direction"],
+    ["points", "Points"],
+  ]);
+  const legs = h("ol", { id: "legs", class: "legs", "aria-label": "Legs" });
+  const undo = h(
+    "button",
+    { type: "button", class: "button", "data-action": "undo-point", on: { click: actions.undoPoint } },
+    icon("undo"),
+    "Undo",
+  );
+  const clear = h(
+    "button",
+    {
+      type: "button",
+      class: "button",
+      "data-action": "clear-measure",
+      on: { click: () => store.set({ measured: [] }) },
+    },
+    icon("delete"),
+    "Clear",
+  );
+  const copyMeasure = h(
+    "button",
+    { type: "button", class: "button", "data-action": "copy-measure", on: { click: () => copyPath() } },
+    icon("copy"),
+    "Copy",
+  );
+  const measureSection = h(
+    "section",
+    { id: "measured", "aria-label": "Measurement" },
+    h("h3", {}, "Distance"),
+    measureHint,
+    measureFacts.element,
+    legs,
+    h("div", { class: "row" }, undo, clear, copyMeasure),
+  );
+
+  function surveyOf(place: Vec3): [number, number, number] {
+    return toSurvey(store.get().manifest, place);
+  }
+
+  function pickedPlace(): Vec3 | null {
+    const { picked } = store.get();
+    if (picked === null) return null;
+    return typeof picked.answer === "object" && picked.answer !== null ? picked.answer.position : picked.place;
+  }
+
+  function copyPlace(): void {
+    const place = pickedPlace();
+    if (place !== null) actions.copy(formatSurvey(surveyOf(place)), "Coordinates");
+  }
+
+  function copyPath(): void {
+    const { measured } = store.get();
+    const path = measurePath(measured);
+    if (path === null) return;
+    const lines = [
+      "east north height",
+      ...measured.map((place) => formatSurvey(surveyOf(place))),
+      `straight ${path.straightM.toFixed(3)} m, horizontal ${path.horizontalM.toFixed(3)} m, height difference ${path.heightDifferenceM.toFixed(3)} m, slope ${path.direct.slopeDeg.toFixed(2)} deg`,
+    ];
+    actions.copy(lines.join("\n"), "Measurement");
+  }
+
+  function showPick(state: ViewerState): void {
+    const { picked } = state;
+    const answer = picked !== null && typeof picked.answer === "object" ? picked.answer : null;
+    const place = pickedPlace();
+    setText(
+      pickHint,
+      picked === null
+        ? "Choose “Pick a point”, then click the ground."
+        : picked.answer === null
+          ? "Asking the service…"
+          : picked.answer === "none"
+            ? "The survey has no full detail at this point; this is the base."
+            : picked.answer === "failed"
+              ? "The service does not answer just now; this is what the page itself knows."
+              : "",
+    );
+    setShown(pickHint, picked === null || answer === null);
+    const region = actions.regions[answer?.region ?? picked?.region ?? -1];
+    const survey = place === null ? null : surveyOf(place);
+    const known = picked !== null;
+    const label = answer?.label ?? null;
+    pickFacts.set("region", known ? (label ?? regionName(region)) : "");
+    pickFacts.set("area", region === undefined ? "" : formatArea(region.areaM2));
+    pickFacts.set("region-slope", region?.slopeDeg == null ? "" : formatDegrees(region.slopeDeg));
+    pickFacts.set("east", survey === null ? "" : formatMetres(survey[0]).replace(" m", ""));
+    pickFacts.set("north", survey === null ? "" : formatMetres(survey[1]).replace(" m", ""));
+    pickFacts.set("height", survey === null ? "" : formatMetres(answer?.heightM ?? survey[2]));
+    pickFacts.set("slope", answer === null ? "" : formatDegrees(slopeOf(answer.normal)));
+    const segment = answer?.segment ?? picked?.segment ?? -1;
+    pickFacts.set("segment", !known ? "" : segment < 0 ? "base" : String(segment));
+    fill(
+      attributes,
+      ...Object.entries(answer?.attributes ?? {}).map(([name, value]) =>
+        h(
+          "div",
+          { class: "fact" },
+          h("dt", {}, name),
+          h("dd", { class: "number", "data-attribute": name }, formatValue(value)),
+        ),
+      ),
+    );
+    const { manifest } = state;
+    setShown(crs, known);
+    setText(
+      crs,
+      manifest.crs === null
+        ? "The survey names no coordinate system."
+        : `${manifest.crs.name}${manifest.crs.epsg === null ? "" : ` (EPSG:${manifest.crs.epsg})`}`,
+    );
+    setShown(copyPick, known);
+  }
+
+  function showMeasure(state: ViewerState): void {
+    const { measured } = state;
+    const path = measurePath(measured);
+    setText(
+      measureHint,
+      measured.length === 0
+        ? "Choose “Measure”, then click two or more points of the ground."
+        : measured.length === 1
+          ? "Click the next point."
+          : "",
+    );
+    setShown(measureHint, path === null);
+    measureFacts.set("straight", path === null ? "" : formatMetres(path.straightM));
+    measureFacts.set("horizontal", path === null ? "" : formatMetres(path.horizontalM));
+    measureFacts.set("difference", path === null ? "" : signed(path.heightDifferenceM));
+    measureFacts.set("gradient", path === null ? "" : slopeText(path.direct.slopeDeg));
+    measureFacts.set("direction", path?.direct.azimuthDeg == null ? "" : formatDegrees(path.direct.azimuthDeg));
+    measureFacts.set("points", measured.length < 3 ? "" : String(measured.length));
+    setShown(legs, (path?.legs.length ?? 0) > 1);
+    fill(
+      legs,
+      ...(path?.legs ?? []).map((leg) =>
+        h(
+          "li",
+          { class: "number" },
+          `${formatMetres(leg.straightM)} · ${signed(leg.heightDifferenceM)} · ${formatDegrees(leg.slopeDeg)}`,
+        ),
+      ),
+    );
+    for (const button of [undo, clear]) setShown(button, measured.length > 0);
+    setShown(copyMeasure, path !== null);
+  }
+
+  let shown: Partial<ViewerState> = {};
+  function show(state: ViewerState): void {
+    setAttribute(pickButton, "aria-pressed", String(state.tool === "pick"));
+    setAttribute(measureButton, "aria-pressed", String(state.tool === "measure"));
+    if (state.picked !== shown.picked) showPick(state);
+    if (state.measured !== shown.measured) showMeasure(state);
+    shown = state;
+  }
+
+  store.subscribe(show);
+  show(store.get());
+  return h(
+    "div",
+    { class: "tab-content" },
+    h("div", { class: "row" }, pickButton, measureButton),
+    pickSection,
+    measureSection,
+  );
+}
+
+/** Angle between a face and level ground. */
+function slopeOf(normal: Vec3): number {
+  const size = Math.hypot(...normal);
+  return size === 0 ? 0 : (Math.acos(Math.min(1, Math.abs(normal[1]) / size)) * 180) / Math.PI;
+}
+
+/** Degrees, and per cent as roads have it, where that says something. */
+function slopeText(degrees: number): string {
+  const percent = Math.tan((degrees * Math.PI) / 180) * 100;
+  return Math.abs(degrees) > 80 ? formatDegrees(degrees) : `${formatDegrees(degrees)} (${Math.round(percent)} %)`;
+}
+
+function signed(metres: number): string {
+  return `${metres > 0 ? "+" : ""}${formatMetres(metres)}`;
+}

@@ -1,0 +1,200 @@
+/** Where the user landed, how far the detail reaches, and how the next landing is made. */
+
+import { fill, h, setShown, setText } from "../dom.ts";
+import { formatBytes, formatCount, formatMs, formatPercent, formatRadius } from "../format.ts";
+import { icon } from "../icons.ts";
+import type { ViewerState, ViewerStore } from "../viewer/state.ts";
+import { createFacts } from "./facts.ts";
+
+/** What the tab can ask for. */
+export interface LandingActions {
+  land(): void;
+  cancel(): void;
+  copyLink(): void;
+  aimAtCentre(): void;
+}
+
+/** Smallest radius of the slider, metres. */
+const MIN_RADIUS_M = 5;
+/** A slider over all that the server allows would have its useful part in the first tenth: it is logarithmic. */
+const STEPS = 100;
+
+const BUDGET_NAMES: Readonly<Record<string, string>> = {
+  max_triangles: "triangles",
+  max_bytes: "bytes",
+  max_segments: "segments",
+};
+
+/** Make the tab. */
+export function createLandingTab(store: ViewerStore, actions: LandingActions): HTMLElement {
+  const status = h("p", { id: "landing-status", class: "status-line" });
+  const bar = h("div", {});
+  const progress = h(
+    "div",
+    {
+      id: "landing-progress",
+      class: "progress",
+      role: "progressbar",
+      "aria-label": "Detail of the landing",
+      "aria-valuemin": 0,
+      "aria-valuemax": 100,
+    },
+    bar,
+  );
+  const landButton = h(
+    "button",
+    { type: "button", class: "button primary", "data-action": "land", on: { click: actions.land } },
+    icon("land"),
+    "Land here",
+  );
+  const cancelButton = h(
+    "button",
+    { type: "button", class: "button", "data-action": "cancel-aim", on: { click: actions.cancel } },
+    "Cancel",
+  );
+  const aimButton = h(
+    "button",
+    { type: "button", class: "button", "data-action": "aim-centre", on: { click: actions.aimAtCentre } },
+    "Aim at the centre",
+  );
+  const facts = createFacts([
+    ["radius", "Detail reaches"],
+    ["segments", "Segments"],
+    ["triangles", "Triangles"],
+    ["bytes", "Loaded"],
+    ["time", "Ready after"],
+    ["shown", "Shown after"],
+  ]);
+  const cut = h("p", { id: "landing-cut", class: "hint" });
+
+  const slider = h("input", {
+    id: "radius",
+    type: "range",
+    min: 0,
+    max: STEPS,
+    step: 1,
+    "aria-describedby": "radius-hint",
+    on: {
+      input: () => store.set({ radiusM: toRadius(Number(slider.value), maxOf(store.get())) }),
+    },
+  });
+  const output = h("output", { for: "radius", class: "number" });
+  const hint = h("p", { id: "radius-hint", class: "faint" });
+  const brings = h("input", {
+    id: "brings-camera",
+    type: "checkbox",
+    on: { change: () => store.set({ bringsCamera: brings.checked }) },
+  });
+  const copy = h(
+    "button",
+    { type: "button", class: "button wide", "data-action": "copy-link", on: { click: actions.copyLink } },
+    icon("link"),
+    "Copy a link to this place",
+  );
+
+  const element = h(
+    "div",
+    { class: "tab-content" },
+    status,
+    progress,
+    h("div", { class: "row" }, landButton, cancelButton, aimButton),
+    facts.element,
+    cut,
+    h(
+      "div",
+      { class: "field" },
+      h("div", { class: "field-head" }, h("label", { for: "radius" }, "Radius of the next landing"), output),
+      slider,
+      hint,
+    ),
+    h("label", { class: "choice", for: "brings-camera" }, brings, "Orbit: bring the view along when landing"),
+    copy,
+  );
+
+  function show(state: ViewerState): void {
+    const { landing, landed, aim } = state;
+    setText(status, statusText(state));
+    const isLoading = landing !== null && (landing.phase === "planning" || landing.phase === "streaming");
+    const part = aim !== null ? aim.fraction : isLoading ? landing.fraction : null;
+    setShown(progress, part !== null || isLoading);
+    progress.setAttribute("aria-valuenow", String(Math.round((part ?? 0) * 100)));
+    bar.style.transform = `scaleX(${part ?? 0})`;
+    setShown(landButton, aim !== null);
+    setShown(cancelButton, aim !== null);
+    setShown(aimButton, aim === null);
+
+    facts.set("radius", landed === null ? "" : formatRadius(landed.effectiveRadiusM));
+    facts.set("segments", landed === null ? "" : formatCount(landed.segments));
+    facts.set("triangles", landed === null ? "" : formatCount(landed.triangles));
+    facts.set("bytes", landed === null ? "" : landed.bytes === 0 ? "nothing, all was here" : formatBytes(landed.bytes));
+    facts.set("time", landed === null ? "" : formatMs(landed.readyMs));
+    facts.set("shown", landed === null ? "" : formatMs(landed.shownMs));
+    setShown(cut, landed?.omittedBy != null || (landed?.missing ?? 0) > 0 || landed?.degraded === true);
+    fill(cut, ...cutTexts(state));
+
+    slider.value = String(toStep(state.radiusM, maxOf(state)));
+    const radius = formatRadius(state.radiusM);
+    setText(output, radius);
+    slider.setAttribute("aria-valuetext", radius);
+    setText(
+      hint,
+      state.maxRadiusM === null
+        ? "Detail is shown within this distance of where you land."
+        : `Detail is shown within this distance. The service allows ${formatRadius(state.maxRadiusM)}.`,
+    );
+    brings.checked = state.bringsCamera;
+    copy.disabled = landed === null;
+  }
+
+  store.subscribe(show);
+  show(store.get());
+  return element;
+}
+
+/** The landing in one sentence. */
+export function statusText({ landing, landed, aim }: ViewerState): string {
+  if (aim !== null) {
+    if (aim.fraction === null) return "Aimed. Asking for the ground there…";
+    if (aim.fraction >= 1) return "Aimed, and all the detail is here. Land when you like.";
+    return `Aimed. ${formatPercent(aim.fraction)} of ${formatBytes(aim.bytes)} is here.`;
+  }
+  if (landing?.phase === "planning") return "Landing: asking for the ground…";
+  if (landing?.phase === "streaming" || landing?.phase === "degraded-presentable") {
+    const rest = landing.plan === null ? "" : ` of ${formatBytes(landing.plan.loadBytes)}`;
+    if (landed?.degraded) return `The middle is shown; ${formatPercent(landing.fraction)}${rest} is here.`;
+    return `Landing: ${formatPercent(landing.fraction)}${rest} is here.`;
+  }
+  if (landed !== null) return landed.degraded ? "Landed, with the middle of the detail only." : "Landed.";
+  return "Click the ground to aim, and once more to land there in full detail.";
+}
+
+function cutTexts({ landed }: ViewerState): string[] {
+  if (landed === null) return [];
+  const texts: string[] = [];
+  if (landed.omittedBy !== null) {
+    const budget = BUDGET_NAMES[landed.omittedBy] ?? landed.omittedBy;
+    texts.push(
+      `Detail ends at ${formatRadius(landed.effectiveRadiusM)} instead of ${formatRadius(landed.radiusM)}: this device's budget of ${budget} is used up. `,
+    );
+  }
+  if (landed.missing > 0) {
+    texts.push(
+      `${formatCount(landed.missing)} segments could not be had; the base is shown there. Landing again tries again. `,
+    );
+  }
+  if (landed.degraded) texts.push("The rest follows as it comes.");
+  return texts;
+}
+
+function maxOf(state: ViewerState): number {
+  return Math.max(MIN_RADIUS_M * 2, state.maxRadiusM ?? 500);
+}
+
+function toRadius(step: number, maxM: number): number {
+  const exact = MIN_RADIUS_M * (maxM / MIN_RADIUS_M) ** (step / STEPS);
+  return Math.min(maxM, exact < 20 ? Math.round(exact) : Math.round(exact / 5) * 5);
+}
+
+function toStep(radiusM: number, maxM: number): number {
+  return Math.round((STEPS * Math.log(Math.max(radiusM, MIN_RADIUS_M) / MIN_RADIUS_M)) / Math.log(maxM / MIN_RADIUS_M));
+}

@@ -1,0 +1,262 @@
+/** How the ground is coloured, and what the colours mean. */
+
+import type { RegionFacts, SceneManifest } from "../../core/types.ts";
+import { attributeLegend, type LegendStop, slopeLegend } from "../../three/palette.ts";
+import type { ViewMode } from "../../three/types.ts";
+import { fill, h, setAttribute } from "../dom.ts";
+import { formatArea, formatValue } from "../format.ts";
+import type { ViewerState, ViewerStore } from "../viewer/state.ts";
+
+/** What the tab asks the drawn scene. */
+export interface LookSources {
+  readonly regions: readonly RegionFacts[];
+  regionColour(id: number): string;
+}
+
+/** A way to colour the ground. */
+export interface Choice {
+  readonly mode: ViewMode;
+  readonly name: string;
+  readonly hint: string;
+}
+
+/** Regions that the legend lists at once; the rest behind a button. */
+const LISTED_REGIONS = 40;
+
+/** Make the tab. */
+export function createLookTab(store: ViewerStore, sources: LookSources): HTMLElement {
+  const choices = modesOf(store.get().manifest);
+  const inputs = choices.map((choice) => {
+    const input = h("input", {
+      type: "radio",
+      name: "mode",
+      value: keyOf(choice.mode),
+      on: { change: () => store.set({ mode: choice.mode, highlightedRegion: null }) },
+    });
+    return { choice, input };
+  });
+  const legend = h("div", { id: "legend", class: "legend" });
+  const element = h(
+    "div",
+    { class: "tab-content" },
+    h(
+      "fieldset",
+      { id: "modes", class: "modes" },
+      h("legend", {}, "Colour the ground by"),
+      ...inputs.map(({ choice, input }) =>
+        h(
+          "label",
+          { class: "choice", "data-mode": keyOf(choice.mode) },
+          input,
+          h("span", {}, choice.name),
+          h("span", { class: "faint" }, choice.hint),
+        ),
+      ),
+    ),
+    legend,
+  );
+  let shownKey = "";
+  let listsAll = false;
+
+  function show(state: ViewerState): void {
+    const key = keyOf(state.mode);
+    for (const { choice, input } of inputs) input.checked = keyOf(choice.mode) === key;
+    if (key !== shownKey) {
+      shownKey = key;
+      listsAll = false;
+      drawLegend(state);
+    } else if (state.mode.kind === "regions") {
+      markHighlighted(state.highlightedRegion);
+    } else if (state.mode.kind === "attribute") {
+      labelRamp(attributeLegend(state.mode.min, state.mode.max));
+    }
+  }
+
+  function drawLegend(state: ViewerState): void {
+    const { mode } = state;
+    if (mode.kind === "regions") drawRegions(state);
+    else if (mode.kind === "attribute") drawAttribute(mode);
+    else if (mode.kind === "slope") {
+      fill(
+        legend,
+        h("h3", {}, "Slope"),
+        ramp(slopeLegend(), (value) => `${Math.round(value)}°`),
+      );
+    } else if (mode.kind === "segments") {
+      fill(
+        legend,
+        h(
+          "p",
+          { class: "faint" },
+          "Each colour is one segment, the piece in which detail is streamed. Grey is the base.",
+        ),
+      );
+    } else fill(legend);
+  }
+
+  function drawRegions(state: ViewerState): void {
+    const byArea = sources.regions.toSorted((a, b) => (b.areaM2 ?? 0) - (a.areaM2 ?? 0));
+    const listed = listsAll ? byArea : byArea.slice(0, LISTED_REGIONS);
+    const rest = byArea.length - listed.length;
+    const more = h(
+      "button",
+      {
+        type: "button",
+        class: "button wide",
+        on: {
+          click: () => {
+            listsAll = true;
+            drawRegions(store.get());
+          },
+        },
+      },
+      `Show ${rest} more`,
+    );
+    fill(
+      legend,
+      h("h3", { id: "regions-title" }, `Regions (${byArea.length})`),
+      h("p", { class: "faint" }, "Choose one to see it alone in colour."),
+      h("ul", { class: "regions", "aria-labelledby": "regions-title" }, ...listed.map(regionRow)),
+      rest > 0 && more,
+    );
+    markHighlighted(state.highlightedRegion);
+  }
+
+  function regionRow(region: RegionFacts): HTMLElement {
+    const swatch = h("span", { class: "swatch", "aria-hidden": "true" });
+    swatch.style.background = sources.regionColour(region.id);
+    const button = h(
+      "button",
+      {
+        type: "button",
+        class: "region",
+        "data-region": region.id,
+        "aria-pressed": "false",
+        on: {
+          click: () => {
+            const { highlightedRegion } = store.get();
+            store.set({ highlightedRegion: highlightedRegion === region.id ? null : region.id });
+          },
+        },
+      },
+      swatch,
+      h("span", { class: "region-name" }, regionName(region)),
+      h("span", { class: "faint number" }, formatArea(region.areaM2)),
+    );
+    return h("li", {}, button);
+  }
+
+  function markHighlighted(id: number | null): void {
+    for (const button of legend.querySelectorAll<HTMLElement>("[data-region]")) {
+      setAttribute(button, "aria-pressed", String(Number(button.dataset.region) === id));
+    }
+  }
+
+  function drawAttribute(mode: ViewMode & { kind: "attribute" }): void {
+    const info = store.get().manifest.attributes.find(({ name }) => name === mode.name);
+    const bound = (key: "min" | "max", title: string) => {
+      const input = h("input", {
+        id: `range-${key}`,
+        type: "number",
+        step: "any",
+        value: Number(mode[key].toPrecision(5)),
+        on: {
+          change: () => {
+            const { mode: current } = store.get();
+            if (current.kind !== "attribute") return;
+            const next = { ...current, [key]: Number(input.value) };
+            const isRange = input.value !== "" && Number.isFinite(next.min) && next.min < next.max;
+            setAttribute(input, "aria-invalid", isRange ? null : "true");
+            if (isRange) store.set({ mode: next });
+          },
+        },
+      });
+      return h("div", {}, h("label", { for: `range-${key}` }, title), input);
+    };
+    const whole = h(
+      "button",
+      {
+        type: "button",
+        class: "button",
+        on: {
+          click: () => {
+            store.set({ mode: attributeMode(mode.name, info?.min ?? null, info?.max ?? null) });
+            drawLegend(store.get());
+          },
+        },
+      },
+      "Whole range",
+    );
+    fill(
+      legend,
+      h("h3", {}, mode.name),
+      ramp(attributeLegend(mode.min, mode.max), formatValue),
+      h("div", { class: "range-fields" }, bound("min", "From"), bound("max", "To"), whole),
+      h(
+        "p",
+        { class: "faint" },
+        `In the scene: ${formatValue(info?.min)} to ${formatValue(info?.max)}. Grey has no value.`,
+      ),
+    );
+  }
+
+  function labelRamp(stops: readonly LegendStop[]): void {
+    const labels = legend.querySelectorAll(".ramp-values span");
+    const middle = stops[(stops.length - 1) / 2];
+    for (const [index, stop] of [stops[0], middle, stops[stops.length - 1]].entries()) {
+      const label = labels[index];
+      if (label !== undefined && stop !== undefined) label.textContent = formatValue(stop.value);
+    }
+  }
+
+  store.subscribe(show);
+  show(store.get());
+  return element;
+}
+
+/** The modes that a scene has. */
+export function modesOf(manifest: SceneManifest): readonly Choice[] {
+  const choices: Choice[] = [
+    { mode: { kind: "colour" }, name: manifest.hasTextures ? "Photographs" : "Colour", hint: "as surveyed" },
+  ];
+  if (manifest.hasTextures && manifest.hasColour) {
+    choices.push({ mode: { kind: "vertex-colour" }, name: "Point colours", hint: "without photographs" });
+  }
+  choices.push({ mode: { kind: "regions" }, name: "Regions", hint: "what the ground is" });
+  for (const { name, min, max } of manifest.attributes) {
+    choices.push({ mode: attributeMode(name, min, max), name, hint: "measured" });
+  }
+  choices.push({ mode: { kind: "slope" }, name: "Slope", hint: "level to vertical" });
+  choices.push({ mode: { kind: "segments" }, name: "Segments", hint: "how it is streamed" });
+  return choices;
+}
+
+/** An attribute over all its values; where there are none, over something that has a length. */
+export function attributeMode(name: string, min: number | null, max: number | null): ViewMode {
+  const low = min ?? 0;
+  const high = max ?? 1;
+  return { kind: "attribute", name, min: low, max: high > low ? high : low + 1 };
+}
+
+/** What a region is called. */
+export function regionName(region: RegionFacts | undefined): string {
+  if (region === undefined) return "no region";
+  return region.label ?? `Region ${region.stableId ?? region.id}`;
+}
+
+function keyOf(mode: ViewMode): string {
+  return mode.kind === "attribute" ? `attribute:${mode.name}` : mode.kind;
+}
+
+function ramp(stops: readonly LegendStop[], text: (value: number) => string): HTMLElement {
+  const band = h("div", { class: "ramp" });
+  const colours = stops.map(({ colour, place }) => `${colour} ${(place * 100).toFixed(1)}%`);
+  band.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
+  const marks = [stops[0]!, stops[(stops.length - 1) / 2]!, stops[stops.length - 1]!];
+  return h(
+    "div",
+    {},
+    band,
+    h("div", { class: "ramp-values number" }, ...marks.map(({ value }) => h("span", {}, text(value)))),
+  );
+}

@@ -1,0 +1,215 @@
+/** Bookmarks: places that the user keeps in this browser. */
+
+import {
+  type Bookmark,
+  exportBookmarks,
+  importBookmarks,
+  type KeyValueStorage,
+  MAX_NAME_LENGTH,
+  readBookmarks,
+  withBookmark,
+  withoutBookmark,
+  withRenamed,
+  writeBookmarks,
+} from "../bookmarks.ts";
+import { fill, h, setShown } from "../dom.ts";
+import { icon } from "../icons.ts";
+
+/** What the tab needs. */
+export interface PlacesOptions {
+  readonly storage: KeyValueStorage;
+  readonly scene: string;
+  /** The address of what is shown now; null before the first landing. */
+  currentHash(): string | null;
+  go(hash: string): void;
+  say(text: string): void;
+}
+
+/** The tab. */
+export interface PlacesTab {
+  readonly element: HTMLElement;
+  /** Keep what is shown; false where nothing was landed on. */
+  keep(): boolean;
+  list(): readonly Bookmark[];
+}
+
+/** Make the tab. */
+export function createPlacesTab({ storage, scene, currentHash, go, say }: PlacesOptions): PlacesTab {
+  let bookmarks = readBookmarks(storage, scene);
+  let renaming: string | null = null;
+
+  const list = h("ul", { id: "places", class: "places", "aria-label": "Kept places" });
+  const empty = h(
+    "p",
+    { class: "faint" },
+    "Land somewhere and keep the place: it comes back with the view, the radius and the colours.",
+  );
+  const name = h("input", {
+    id: "place-name",
+    type: "text",
+    maxlength: MAX_NAME_LENGTH,
+    placeholder: "North wall, crack",
+  });
+  const form = h(
+    "form",
+    {
+      class: "keep-form",
+      on: {
+        submit: (event) => {
+          event.preventDefault();
+          keep();
+        },
+      },
+    },
+    h("label", { for: "place-name" }, "Name of this place"),
+    h(
+      "div",
+      { class: "row" },
+      name,
+      h("button", { type: "submit", class: "button primary", "data-action": "keep" }, "Keep"),
+    ),
+  );
+  const file = h("input", {
+    type: "file",
+    accept: ".json,application/json",
+    class: "visually-hidden",
+    tabindex: -1,
+    "aria-label": "File with places",
+    on: { change: () => void importFile() },
+  });
+  const exportButton = h("button", { type: "button", class: "button", on: { click: exportFile } }, "Export");
+  const importButton = h("button", { type: "button", class: "button", on: { click: () => file.click() } }, "Import");
+
+  function save(next: readonly Bookmark[]): void {
+    bookmarks = next;
+    if (!writeBookmarks(storage, scene, bookmarks))
+      say("The browser does not keep places: its storage is full or off.");
+    show();
+  }
+
+  function keep(): boolean {
+    const hash = currentHash();
+    if (hash === null) {
+      say("Land somewhere first: a place is kept with its detail.");
+      return false;
+    }
+    const before = bookmarks.length;
+    save(withBookmark(bookmarks, name.value, hash));
+    const kept = bookmarks[bookmarks.length - 1];
+    say(bookmarks.length > before ? `Kept as ${kept?.name}` : "There are too many places; delete some first.");
+    name.value = "";
+    return true;
+  }
+
+  function show(): void {
+    setShown(empty, bookmarks.length === 0);
+    exportButton.disabled = bookmarks.length === 0;
+    fill(list, ...bookmarks.map((bookmark) => (bookmark.id === renaming ? renameRow(bookmark) : row(bookmark))));
+  }
+
+  function row(bookmark: Bookmark): HTMLElement {
+    const button = (action: string, title: string, image: "edit" | "delete", run: () => void) =>
+      h(
+        "button",
+        {
+          type: "button",
+          class: "icon-button",
+          "data-action": action,
+          "aria-label": `${title} ${bookmark.name}`,
+          title,
+          on: { click: run },
+        },
+        icon(image),
+      );
+    return h(
+      "li",
+      { "data-place": bookmark.id },
+      h(
+        "button",
+        { type: "button", class: "place-go", "data-action": "go", on: { click: () => go(bookmark.hash) } },
+        icon("go"),
+        bookmark.name,
+      ),
+      button("rename", "Rename", "edit", () => {
+        renaming = bookmark.id;
+        show();
+        list.querySelector<HTMLInputElement>("input")?.select();
+      }),
+      button("delete", "Delete", "delete", () => {
+        save(withoutBookmark(bookmarks, bookmark.id));
+        say(`Deleted ${bookmark.name}`);
+        name.focus();
+      }),
+    );
+  }
+
+  function renameRow(bookmark: Bookmark): HTMLElement {
+    const input = h("input", {
+      type: "text",
+      maxlength: MAX_NAME_LENGTH,
+      value: bookmark.name,
+      "aria-label": `New name of ${bookmark.name}`,
+    });
+    const finish = (text: string) => {
+      renaming = null;
+      save(withRenamed(bookmarks, bookmark.id, text));
+      list.querySelector<HTMLElement>(`[data-place="${CSS.escape(bookmark.id)}"] [data-action="rename"]`)?.focus();
+    };
+    input.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") {
+        event.stopPropagation();
+        finish("");
+      }
+    });
+    const form = h(
+      "form",
+      {
+        class: "row",
+        on: {
+          submit: (event) => {
+            event.preventDefault();
+            finish(input.value);
+          },
+        },
+      },
+      input,
+      h("button", { type: "submit", class: "button" }, "Save"),
+    );
+    return h("li", { "data-place": bookmark.id }, form);
+  }
+
+  function exportFile(): void {
+    const url = URL.createObjectURL(new Blob([exportBookmarks(scene, bookmarks)], { type: "application/json" }));
+    h("a", { href: url, download: `${scene}-places.json` }).click();
+    window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
+  }
+
+  async function importFile(): Promise<void> {
+    const chosen = file.files?.[0];
+    file.value = "";
+    if (chosen === undefined) return;
+    // A list of places is some kilobytes; a file of another kind is not read into memory.
+    const merged = chosen.size > 1_000_000 ? null : importBookmarks(bookmarks, await chosen.text());
+    if (merged === null) {
+      say("That file has no places of terraport.");
+      return;
+    }
+    const added = merged.length - bookmarks.length;
+    save(merged);
+    say(`${added} ${added === 1 ? "place" : "places"} added`);
+  }
+
+  show();
+  return {
+    element: h(
+      "div",
+      { class: "tab-content" },
+      form,
+      empty,
+      list,
+      h("div", { class: "row" }, exportButton, importButton, file),
+    ),
+    keep,
+    list: () => bookmarks,
+  };
+}

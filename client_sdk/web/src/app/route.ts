@@ -1,0 +1,152 @@
+/**
+ * The page's address: `#scene=ID&at=x,y,z&radius=60&look=yaw,pitch&view=walk&mode=regions`.
+ *
+ * Everything that makes a place is in the hash, so that a link, a bookmark and the browser's history are one thing. A token
+ * never is. Parsing takes any text: what it does not understand it leaves out.
+ */
+
+import type { Vec3 } from "../core/types.ts";
+import type { ViewMode } from "../three/types.ts";
+
+/** How the user looks: turning about a point, or standing on the ground. */
+export type ViewKind = "orbit" | "walk";
+
+/** A landing and how it is looked at. Angles in degrees: yaw is a compass azimuth (0 north, 90 east), pitch up positive. */
+export interface Place {
+  readonly at: Vec3;
+  readonly radiusM: number | null;
+  readonly view: ViewKind | null;
+  readonly yawDeg: number | null;
+  readonly pitchDeg: number | null;
+  /** Orbit only: from the eye to the point that it turns about. */
+  readonly distanceM: number | null;
+  /** Where the user stands (walk) or what the eye turns about (orbit), where that is not `at`. */
+  readonly focus: Vec3 | null;
+}
+
+/** What the hash says. */
+export interface Route {
+  readonly scene: string | null;
+  readonly place: Place | null;
+  readonly mode: RouteMode | null;
+}
+
+/** A mode as the address has it: an attribute's range may be left to the scene. */
+export type RouteMode =
+  | Exclude<ViewMode, { readonly kind: "attribute" }>
+  | { readonly kind: "attribute"; readonly name: string; readonly range: readonly [number, number] | null };
+
+const PLAIN_MODES = ["colour", "vertex-colour", "regions", "segments", "slope"] as const;
+
+/** Coordinates and radii beyond these are not valid on the wire either. */
+const MAX_COORDINATE_M = 1e7;
+const MAX_RADIUS_M = 1e6;
+
+/** Read a hash, with or without `#`. */
+export function parseRoute(hash: string): Route {
+  const fields = new URLSearchParams(hash.replace(/^#/, ""));
+  return { scene: fields.get("scene") || null, place: parsePlace(fields), mode: parseMode(fields) };
+}
+
+/** Write a hash with its `#`. Commas stay readable; names are escaped. */
+export function formatRoute(route: Route): string {
+  const parts: string[] = [];
+  if (route.scene !== null) parts.push(`scene=${encodeURIComponent(route.scene)}`);
+  if (route.place !== null) parts.push(...formatPlace(route.place));
+  if (route.mode !== null) parts.push(...formatMode(route.mode));
+  return `#${parts.join("&")}`;
+}
+
+/** The address of a scene without a place. */
+export function sceneRoute(scene: string): Route {
+  return { scene, place: null, mode: null };
+}
+
+/** Whether two places ask for the same landing; how it is looked at does not count. */
+export function isSameLanding(a: Place | null, b: Place | null): boolean {
+  if (a === null || b === null) return a === b;
+  return a.radiusM === b.radiusM && a.at.every((value, axis) => Math.abs(value - b.at[axis]!) < 0.005);
+}
+
+function parsePlace(fields: URLSearchParams): Place | null {
+  const at = parsePoint(fields.get("at"));
+  if (at === null) return null;
+  const look = parseNumbers(fields.get("look"), 2);
+  const view = fields.get("view");
+  return {
+    at,
+    radiusM: within(parseNumber(fields.get("radius")), Number.MIN_VALUE, MAX_RADIUS_M),
+    view: view === "walk" || view === "orbit" ? view : null,
+    yawDeg: look === null ? null : wrapDegrees(look[0]!),
+    pitchDeg: look === null ? null : Math.min(90, Math.max(-90, look[1]!)),
+    distanceM: within(parseNumber(fields.get("distance")), Number.MIN_VALUE, MAX_COORDINATE_M),
+    focus: parsePoint(fields.get("focus")),
+  };
+}
+
+function formatPlace(place: Place): string[] {
+  const parts = [`at=${point(place.at)}`];
+  if (place.radiusM !== null) parts.push(`radius=${rounded(place.radiusM, 2)}`);
+  if (place.yawDeg !== null && place.pitchDeg !== null) {
+    parts.push(`look=${rounded(wrapDegrees(place.yawDeg), 1)},${rounded(place.pitchDeg, 1)}`);
+  }
+  if (place.distanceM !== null) parts.push(`distance=${rounded(place.distanceM, 2)}`);
+  if (place.focus !== null) parts.push(`focus=${point(place.focus)}`);
+  if (place.view !== null) parts.push(`view=${place.view}`);
+  return parts;
+}
+
+function parseMode(fields: URLSearchParams): RouteMode | null {
+  const kind = fields.get("mode");
+  for (const plain of PLAIN_MODES) {
+    if (kind === plain) return { kind: plain };
+  }
+  const name = fields.get("attribute");
+  if (kind !== "attribute" || !name) return null;
+  const range = parseNumbers(fields.get("range"), 2);
+  const ordered = range !== null && range[0]! < range[1]!;
+  return { kind: "attribute", name, range: ordered ? [range[0]!, range[1]!] : null };
+}
+
+function formatMode(mode: RouteMode): string[] {
+  if (mode.kind !== "attribute") return [`mode=${mode.kind}`];
+  const parts = ["mode=attribute", `attribute=${encodeURIComponent(mode.name)}`];
+  if (mode.range !== null)
+    parts.push(`range=${Number(mode.range[0].toPrecision(6))},${Number(mode.range[1].toPrecision(6))}`);
+  return parts;
+}
+
+function parsePoint(text: string | null): Vec3 | null {
+  const numbers = parseNumbers(text, 3);
+  if (numbers === null || numbers.some((value) => Math.abs(value) > MAX_COORDINATE_M)) return null;
+  return [numbers[0]!, numbers[1]!, numbers[2]!];
+}
+
+function parseNumbers(text: string | null, count: number): number[] | null {
+  const numbers = (text ?? "").split(",").map(parseNumber);
+  return numbers.length === count && numbers.every((value) => value !== null) ? (numbers as number[]) : null;
+}
+
+function parseNumber(text: string | null): number | null {
+  // Number("") is 0, and Number("0x10") is 16: only decimal numbers are meant.
+  return text !== null && /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(text) && Number.isFinite(Number(text))
+    ? Number(text)
+    : null;
+}
+
+function within(value: number | null, min: number, max: number): number | null {
+  return value !== null && value >= min && value <= max ? value : null;
+}
+
+function wrapDegrees(degrees: number): number {
+  return ((degrees % 360) + 360) % 360;
+}
+
+function point(place: Vec3): string {
+  return place.map((value) => rounded(value, 2)).join(",");
+}
+
+function rounded(value: number, digits: number): string {
+  // Number() drops trailing zeros; adding 0 turns -0 into 0.
+  return String(Number(value.toFixed(digits)) + 0);
+}

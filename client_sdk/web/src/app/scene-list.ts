@@ -1,0 +1,184 @@
+/** The scenes of the service, as cards. */
+
+import { listScenes } from "../core/scene/load.ts";
+import type { SceneSummary } from "../core/types.ts";
+import { fill, h } from "./dom.ts";
+import { loadFailure } from "./failures.ts";
+import { formatCompact, formatCount } from "./format.ts";
+import { icon } from "./icons.ts";
+import { relief } from "./relief.ts";
+import { formatRoute, sceneRoute } from "./route.ts";
+import type { Shell } from "./shell.ts";
+import { actionButton, stateCard } from "./state-card.ts";
+
+/** What the list needs. */
+export interface SceneListOptions {
+  readonly shell: Shell;
+  /** Whether a service with one scene opens it at once: not where the user asked for the list. */
+  readonly opensOnlyScene: boolean;
+}
+
+/** A page of the app; the app puts `element` into the document, and disposes the page when it leaves. */
+export interface Page {
+  readonly element: HTMLElement;
+  dispose(): void;
+}
+
+/** Make the list, and load it. */
+export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Page {
+  const abort = new AbortController();
+  const main = h("main", { id: "scene-list", class: "list-main" });
+  const footer = h("footer", { class: "list-footer faint" });
+  const element = h(
+    "div",
+    { class: "list-page" },
+    h(
+      "header",
+      { class: "list-header" },
+      h("a", { class: "wordmark", href: "#list" }, icon("mountain"), "terraport"),
+      shell.theme.button(),
+    ),
+    main,
+    footer,
+  );
+  document.title = "terraport";
+
+  async function load(): Promise<void> {
+    showWaiting();
+    try {
+      const { scenes, links } = await listScenes(shell.serverUrl, { token: shell.token.token, signal: abort.signal });
+      const only = scenes.length === 1 ? scenes[0] : undefined;
+      if (only !== undefined && opensOnlyScene) {
+        // Replaced: going back must not come here only to be sent forward again.
+        window.location.replace(formatRoute(sceneRoute(only.id)));
+        return;
+      }
+      showScenes(scenes);
+      showLinks(links);
+    } catch (error) {
+      if (!abort.signal.aborted) showFailure(error);
+    }
+  }
+
+  function showWaiting(): void {
+    const bone = () =>
+      h(
+        "li",
+        { class: "card waiting", "aria-hidden": "true" },
+        h("div", { class: "relief" }),
+        h("div", { class: "card-text" }, h("div", { class: "bone" }), h("div", { class: "bone short" })),
+        h("div", { class: "card-links" }),
+      );
+    fill(
+      main,
+      h("h1", {}, "Scenes"),
+      h("p", { class: "faint", role: "status" }, "Asking the service what it has…"),
+      h("ul", { class: "cards" }, bone(), bone(), bone()),
+    );
+  }
+
+  function showScenes(scenes: readonly SceneSummary[]): void {
+    if (scenes.length === 0) {
+      const reload = actionButton("Look again", "reload-list", () => void load(), true);
+      const card = stateCard({
+        id: "list-empty",
+        icon: "mountain",
+        title: "No scenes yet",
+        children: [
+          h("p", { class: "faint" }, "The service runs, but its folder has no scene. Make one from a survey with:"),
+          h("code", {}, "terraport build SURVEY -o SCENES/NAME"),
+        ],
+        actions: [reload],
+      });
+      fill(main, card);
+      return;
+    }
+    const noun = scenes.length === 1 ? "scene" : "scenes";
+    fill(
+      main,
+      h("h1", {}, "Scenes"),
+      h("p", { class: "faint", role: "status" }, `${formatCount(scenes.length)} ${noun}. Open one to look around.`),
+      h("ul", { class: "cards" }, ...scenes.map(card)),
+    );
+    shell.announcer.say(`${scenes.length} ${noun}`);
+  }
+
+  function card(scene: SceneSummary): HTMLElement {
+    const segments = `${formatCount(scene.segments)} segments`;
+    const triangles = `${formatCompact(scene.detailFaces)} triangles`;
+    return h(
+      "li",
+      { class: "card", "data-scene": scene.id },
+      relief(scene.id),
+      h(
+        "div",
+        { class: "card-text" },
+        h("h2", {}, h("a", { class: "card-open", href: formatRoute(sceneRoute(scene.id)) }, scene.name)),
+        h(
+          "p",
+          { class: "faint number", title: `${formatCount(scene.detailFaces)} triangles` },
+          `${triangles} · ${segments}`,
+        ),
+      ),
+      h(
+        "div",
+        { class: "card-links" },
+        h("span", { class: "faint" }, scene.id === scene.name ? "" : scene.id),
+        scene.reportUrl !== "" &&
+          h(
+            "a",
+            {
+              href: scene.reportUrl,
+              target: "_blank",
+              rel: "noreferrer",
+              "aria-label": `Build report of ${scene.name}`,
+            },
+            icon("report"),
+            "Report",
+          ),
+      ),
+    );
+  }
+
+  function showLinks(links: Readonly<Record<string, string>>): void {
+    const link = (name: string, text: string) => {
+      const address = links[name];
+      return address !== undefined && h("a", { href: address }, text);
+    };
+    fill(footer, link("docs", "API"), link("metrics", "Metrics"));
+    footer.hidden = footer.childElementCount === 0;
+  }
+
+  function showFailure(error: unknown): void {
+    const code = shell.codeOf(error);
+    const { title, text } = loadFailure(code, error instanceof Error ? error.message : "");
+    const again = actionButton("Try again", "reload-list", () => void load(), code !== "unauthorised");
+    const token = actionButton("Enter a token", "token", () => void askToken(), true);
+    fill(
+      main,
+      stateCard({
+        id: code === "unauthorised" ? "list-token" : "list-failed",
+        icon: code === "unauthorised" ? "key" : "warn",
+        title,
+        failed: code !== "unauthorised",
+        children: [h("p", { class: "faint" }, text)],
+        actions: code === "unauthorised" || code === "forbidden" ? [token] : [again],
+      }),
+    );
+    if (code === "unauthorised") void askToken();
+  }
+
+  async function askToken(): Promise<void> {
+    const given = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
+    if (given !== null && !abort.signal.aborted) await load();
+  }
+
+  footer.hidden = true;
+  void load();
+  return {
+    element,
+    dispose() {
+      abort.abort();
+    },
+  };
+}

@@ -1,0 +1,180 @@
+/** One scene: loaded, shown, and loaded anew where the service publishes another version of it. */
+
+import { budgetsFor, loadSceneInWorker, openStream } from "../core/client/index.ts";
+import { sceneUrlOf } from "../core/scene/urls.ts";
+import type { SceneFiles } from "../core/types.ts";
+import { deviceClass } from "./device.ts";
+import { h, setText } from "./dom.ts";
+import { loadFailure } from "./failures.ts";
+import { formatBytes } from "./format.ts";
+import type { Route } from "./route.ts";
+import type { Page } from "./scene-list.ts";
+import type { Shell } from "./shell.ts";
+import { actionButton, stateCard } from "./state-card.ts";
+import { createViewer, type Viewer } from "./viewer/viewer.ts";
+
+/** The page of a scene. */
+export interface ScenePage extends Page {
+  /** The address changed, within the same scene: go there. */
+  follow(route: Route): void;
+}
+
+/** Load a scene and show it. */
+export function createScenePage(shell: Shell, id: string, firstRoute: Route): ScenePage {
+  const element = h("div", { class: "scene-page" });
+  const sceneUrl = sceneUrlOf(shell.serverUrl, id);
+  let route = firstRoute;
+  let viewer: Viewer | null = null;
+  let loading: AbortController | null = null;
+  let disposed = false;
+
+  async function load(): Promise<void> {
+    loading?.abort();
+    const abort = new AbortController();
+    loading = abort;
+    const progress = showLoading();
+    try {
+      const files = await loadFiles(abort.signal, progress);
+      if (!abort.signal.aborted) open(files);
+    } catch (error) {
+      if (!abort.signal.aborted) showFailure(error);
+    }
+  }
+
+  function loadFiles(signal: AbortSignal, onProgress: (done: number, total: number) => void): Promise<SceneFiles> {
+    const { token } = shell.token;
+    return loadSceneInWorker(sceneUrl, { ...(token === undefined ? {} : { token }), onProgress, signal });
+  }
+
+  function open(files: SceneFiles): void {
+    const budgets = budgetsFor(deviceClass());
+    const { token } = shell.token;
+    const stream = openStream({
+      sceneUrl,
+      ...(token === undefined ? {} : { token }),
+      budgets,
+      cacheBytes: budgets.cacheBytes,
+      creditBytes: budgets.creditBytes,
+    });
+    try {
+      viewer = createViewer({
+        shell,
+        sceneUrl,
+        files,
+        stream,
+        budgets,
+        route,
+        reload: () => {
+          route = viewer?.route ?? route;
+          close();
+          void load();
+        },
+        loadFiles: () => loadFiles(new AbortController().signal, () => undefined),
+      });
+    } catch (error) {
+      stream.close();
+      showNoGraphics(error);
+      return;
+    }
+    document.title = `${files.manifest.name} · terraport`;
+    element.replaceChildren(viewer.element);
+    viewer.start();
+  }
+
+  function showLoading(): (doneBytes: number, totalBytes: number) => void {
+    const bar = h("div", {});
+    const text = h("p", { class: "faint number", "aria-hidden": "true" }, "Asking the service…");
+    const track = h(
+      "div",
+      {
+        id: "load-progress",
+        class: "progress",
+        role: "progressbar",
+        "aria-label": "Ground of the scene",
+        "aria-valuemin": 0,
+        "aria-valuemax": 100,
+        "aria-valuenow": 0,
+      },
+      bar,
+    );
+    element.replaceChildren(
+      stateCard({ id: "scene-loading", icon: "mountain", title: `Opening ${id}`, children: [track, text] }),
+    );
+    return (doneBytes, totalBytes) => {
+      const part = totalBytes > 0 ? Math.min(1, doneBytes / totalBytes) : 0;
+      bar.style.transform = `scaleX(${part})`;
+      track.setAttribute("aria-valuenow", String(Math.round(part * 100)));
+      setText(text, `${formatBytes(doneBytes)} of ${formatBytes(totalBytes)}`);
+    };
+  }
+
+  function showFailure(error: unknown): void {
+    const code = shell.codeOf(error);
+    const { title, text } = loadFailure(code, error instanceof Error ? error.message : "");
+    const needsToken = code === "unauthorised" || code === "forbidden";
+    const actions = [
+      needsToken
+        ? actionButton("Enter a token", "token", () => void askToken(), true)
+        : actionButton("Try again", "reload-scene", () => void load(), true),
+      actionButton("All scenes", "scenes", () => window.location.assign("#list")),
+    ];
+    element.replaceChildren(
+      stateCard({
+        id: needsToken ? "scene-token" : "scene-failed",
+        icon: needsToken ? "key" : "warn",
+        title,
+        failed: true,
+        children: [h("p", { class: "faint" }, text)],
+        actions,
+      }),
+    );
+    if (code === "unauthorised") void askToken();
+  }
+
+  function showNoGraphics(error: unknown): void {
+    element.replaceChildren(
+      stateCard({
+        id: "no-webgl",
+        icon: "warn",
+        title: "This browser cannot draw the scene",
+        failed: true,
+        children: [
+          h(
+            "p",
+            { class: "faint" },
+            "The viewer needs WebGL 2. Switch on graphics acceleration in the browser's settings, close other pages that draw in 3D, or use another browser.",
+          ),
+          h("p", { class: "faint" }, error instanceof Error ? error.message : ""),
+        ],
+        actions: [
+          actionButton("Try again", "reload-scene", () => void load(), true),
+          actionButton("All scenes", "scenes", () => window.location.assign("#list")),
+        ],
+      }),
+    );
+  }
+
+  async function askToken(): Promise<void> {
+    const given = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
+    if (given !== null && !disposed) void load();
+  }
+
+  function close(): void {
+    viewer?.dispose();
+    viewer = null;
+  }
+
+  void load();
+  return {
+    element,
+    follow(next) {
+      route = next;
+      viewer?.follow(next);
+    },
+    dispose() {
+      disposed = true;
+      loading?.abort();
+      close();
+    },
+  };
+}

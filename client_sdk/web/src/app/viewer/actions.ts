@@ -1,0 +1,129 @@
+/** What keys, buttons and messages ask for. */
+
+import type { Landings } from "../../three/types.ts";
+import type { Remedy } from "../failures.ts";
+import type { Going } from "./going.ts";
+import type { GroundTools } from "./ground-tools.ts";
+import { headsetOptions } from "./headset-options.ts";
+import type { KeyAction } from "./keys.ts";
+import type { Parts } from "./parts.ts";
+import type { Tool } from "./state.ts";
+import { renewToken } from "./stream-watch.ts";
+import type { ViewerPanel } from "./viewer-panel.ts";
+
+/** What the actions are done with. */
+export interface ActionOptions {
+  readonly parts: Parts;
+  readonly going: Going;
+  readonly tools: GroundTools;
+  readonly landings: Landings;
+  readonly panel: () => ViewerPanel;
+  readonly openHelp: () => void;
+  /** The user works with keys: the middle of the picture is marked. */
+  readonly usesKeys: () => void;
+}
+
+/** The actions. */
+export interface Actions {
+  act(action: KeyAction): void;
+  mend(remedy: Remedy, noticeKey: string): void;
+  copy(text: string, what: string): Promise<void>;
+  /** Straight from the click. */
+  enterHeadset(): Promise<void>;
+}
+
+/** Make them. */
+export function createActions(options: ActionOptions): Actions {
+  const { parts, going, tools, landings, panel, openHelp, usesKeys } = options;
+  const { store, camera, world, notices, stream, shell, desk, headset, markers, loop } = parts;
+
+  function useToolAtCentre(): void {
+    usesKeys();
+    tools.tap(world.canvas.clientWidth / 2, world.canvas.clientHeight / 2);
+  }
+
+  return {
+    act(action) {
+      const { aim, tool, panelOpen } = store.get();
+      switch (action) {
+        case "aim":
+          useToolAtCentre();
+          break;
+        case "land":
+          if (tool === "land") going.landAim();
+          else useToolAtCentre();
+          break;
+        case "cancel":
+          if (aim !== null) desk.cancelAim();
+          else if (tool !== "land") store.set({ tool: "land" });
+          break;
+        case "home":
+          camera.home();
+          going.moved();
+          break;
+        case "view":
+          going.setView(camera.view === "orbit" ? "walk" : "orbit");
+          break;
+        case "undo":
+          tools.undoPoint();
+          break;
+        case "panel":
+          store.set({ panelOpen: !panelOpen });
+          break;
+        case "keep":
+          panel().keep();
+          break;
+        case "help":
+          openHelp();
+          break;
+        default:
+          store.set({ tool: action.slice("tool-".length) as Tool });
+      }
+    },
+    mend(remedy, noticeKey) {
+      if (remedy === "reconnect") {
+        // The message goes when there is a link again.
+        stream.reconnect();
+        return;
+      }
+      if (remedy === "token") void renewToken(parts, true);
+      else if (remedy === "scenes") window.location.assign("#list");
+      else if (remedy === "reload-page") window.location.reload();
+      else if (remedy === "reload-scene") parts.reload();
+      else if (remedy === "smaller-radius") {
+        const { maxRadiusM, landing } = store.get();
+        if (maxRadiusM !== null && landing !== null) {
+          store.set({ radiusM: maxRadiusM });
+          going.land({ place: landing.position, radiusM: maxRadiusM, look: null, isEntry: true });
+        }
+      }
+      if (remedy !== "token") notices.clear(noticeKey);
+    },
+    async copy(text, what) {
+      try {
+        await navigator.clipboard.writeText(text);
+        shell.announcer.say(`${what} copied`);
+        panel().flash(`${what} copied`);
+      } catch {
+        panel().showText(text);
+      }
+    },
+    async enterHeadset() {
+      try {
+        await headset.enter(headsetOptions(parts, landings, () => panel().keptPlaces()));
+        if (headset.session === null) return;
+        store.set({ presenting: true, aim: null });
+        markers.setVisible(false);
+        loop.request();
+      } catch (error) {
+        notices.show({
+          key: "headset",
+          tone: "warning",
+          title: "The headset could not be entered",
+          text: error instanceof Error ? error.message : "The browser refused.",
+          remedies: ["dismiss"],
+        });
+      }
+    },
+  };
+}

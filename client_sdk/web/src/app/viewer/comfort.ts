@@ -1,0 +1,60 @@
+/**
+ * The comfort rule, watched while it runs: what is visible changes in a swap, and nowhere else.
+ *
+ * Every swap, the page's and the headset's, goes through the `landings` made here; the digest of what is drawn is compared
+ * in every frame.
+ */
+
+import type { Stage } from "../../three/stage.ts";
+import type { Landings, SwapReport } from "../../three/types.ts";
+import type { ViewerStore } from "./state.ts";
+
+/** The watch. */
+export interface ComfortWatch {
+  /** The stage's own, with every swap counted. */
+  readonly landings: Landings;
+  /** Once per frame, after everything that could change something. */
+  check(): void;
+  /** A new version was opened, or the graphics device is back: what is visible begins anew, and is no stray change. */
+  restart(): void;
+}
+
+/** Watch a stage. `told` hears of every swap. */
+export function watchComfort(stage: Stage, store: ViewerStore, told: (report: SwapReport) => void): ComfortWatch {
+  let digest = stage.visibleDigest();
+
+  return {
+    landings: {
+      get status() {
+        return stage.status;
+      },
+      get bounds() {
+        return stage.bounds;
+      },
+      land: (position, radiusM, options) => stage.land(position, radiusM, options),
+      aim: (position, radiusM) => stage.aim(position, radiusM),
+      cast: (origin, direction, maxDistanceM) => stage.cast(origin, direction, maxDistanceM),
+      groundAt: (x, z, fromY) => stage.groundAt(x, z, fromY),
+      swap() {
+        const report = stage.swap();
+        if (report === null) return null;
+        const now = stage.visibleDigest();
+        const { swaps, visibleChanges } = store.get();
+        store.set({ swaps: swaps + 1, visibleChanges: visibleChanges + (now === digest ? 0 : 1) });
+        digest = now;
+        told(report);
+        return report;
+      },
+    },
+    check() {
+      const now = stage.visibleDigest();
+      if (now === digest) return;
+      digest = now;
+      const { visibleChanges, strayChanges } = store.get();
+      store.set({ visibleChanges: visibleChanges + 1, strayChanges: strayChanges + 1 });
+    },
+    restart() {
+      digest = stage.visibleDigest();
+    },
+  };
+}

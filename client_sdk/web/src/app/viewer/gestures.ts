@@ -1,0 +1,155 @@
+/** What hands do on the canvas, in words: drag, pan, pinch, tap, press. Mouse, pen and touch alike. */
+
+/** Who is told. Places are CSS pixels of the canvas. */
+export interface GestureTarget {
+  drag(dx: number, dy: number): void;
+  pan(dx: number, dy: number): void;
+  twist(degrees: number): void;
+  /** `factor` below 1 brings nearer what is at (x, y). */
+  zoom(factor: number, x: number, y: number): void;
+  tap(x: number, y: number): void;
+  /** Held still: the aim begins, follows the finger, and ends with `pressEnd`. False where there is nothing to aim at. */
+  press(x: number, y: number): boolean;
+  pressMove(x: number, y: number): void;
+  pressEnd(cancelled: boolean): void;
+}
+
+/** A tap may tremble by so many pixels. */
+const STILL_PX = 8;
+const PRESS_MS = 450;
+
+interface Contact {
+  readonly startX: number;
+  readonly startY: number;
+  x: number;
+  y: number;
+  moved: boolean;
+}
+
+/** Listen on the canvas; returns how to stop. */
+export function listenToGestures(canvas: HTMLElement, target: GestureTarget): () => void {
+  const contacts = new Map<number, Contact>();
+  let pressTimer: number | null = null;
+  let pressed = false;
+  let pans = false;
+  /** Two fingers were down: lifting one of them is not a tap, nor the start of a drag. */
+  let wasPinch = false;
+  const abort = new AbortController();
+  const options = { signal: abort.signal };
+
+  const placeOf = (event: MouseEvent) => {
+    const box = canvas.getBoundingClientRect();
+    return { x: event.clientX - box.left, y: event.clientY - box.top };
+  };
+
+  function stopPressTimer(): void {
+    if (pressTimer !== null) window.clearTimeout(pressTimer);
+    pressTimer = null;
+  }
+
+  function endPress(cancelled: boolean): void {
+    stopPressTimer();
+    if (pressed) target.pressEnd(cancelled);
+    pressed = false;
+  }
+
+  canvas.addEventListener(
+    "pointerdown",
+    (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      const { x, y } = placeOf(event);
+      contacts.set(event.pointerId, { startX: x, startY: y, x, y, moved: false });
+      if (contacts.size === 1) {
+        wasPinch = false;
+        pans = event.button === 1 || event.button === 2 || event.shiftKey || event.ctrlKey;
+        if (!pans) {
+          pressTimer = window.setTimeout(() => {
+            pressed = target.press(x, y);
+          }, PRESS_MS);
+        }
+      } else {
+        wasPinch = true;
+        endPress(true);
+      }
+    },
+    options,
+  );
+
+  canvas.addEventListener(
+    "pointermove",
+    (event) => {
+      const contact = contacts.get(event.pointerId);
+      if (contact === undefined) return;
+      const { x, y } = placeOf(event);
+      const dx = x - contact.x;
+      const dy = y - contact.y;
+      if (contacts.size === 2) {
+        pinch(event.pointerId, contact, x, y);
+        return;
+      }
+      if (!contact.moved && Math.hypot(x - contact.startX, y - contact.startY) < STILL_PX) return;
+      if (!contact.moved && !pressed) stopPressTimer();
+      contact.moved = true;
+      contact.x = x;
+      contact.y = y;
+      if (pressed) target.pressMove(x, y);
+      else if (wasPinch) return;
+      else if (pans) target.pan(dx, dy);
+      else target.drag(dx, dy);
+    },
+    options,
+  );
+
+  /** Both fingers: their middle pans, their distance zooms, their direction turns. */
+  function pinch(id: number, contact: Contact, x: number, y: number): void {
+    const other = [...contacts].find(([otherId]) => otherId !== id)?.[1];
+    if (other === undefined) return;
+    const before = { x: contact.x - other.x, y: contact.y - other.y };
+    const after = { x: x - other.x, y: y - other.y };
+    const middleX = (x + other.x) / 2;
+    const middleY = (y + other.y) / 2;
+    target.pan((x - contact.x) / 2, (y - contact.y) / 2);
+    const beforeSize = Math.hypot(before.x, before.y);
+    const afterSize = Math.hypot(after.x, after.y);
+    if (beforeSize > 10 && afterSize > 10) {
+      target.zoom(beforeSize / afterSize, middleX, middleY);
+      const turn = Math.atan2(before.x * after.y - before.y * after.x, before.x * after.x + before.y * after.y);
+      target.twist((-turn * 180) / Math.PI);
+    }
+    contact.x = x;
+    contact.y = y;
+  }
+
+  function lift(event: PointerEvent, cancelled: boolean): void {
+    const contact = contacts.get(event.pointerId);
+    if (contact === undefined) return;
+    contacts.delete(event.pointerId);
+    if (contacts.size > 0) return;
+    if (pressed) {
+      endPress(cancelled);
+      return;
+    }
+    stopPressTimer();
+    if (!cancelled && !contact.moved && !wasPinch && !pans) target.tap(contact.startX, contact.startY);
+  }
+
+  canvas.addEventListener("pointerup", (event) => lift(event, false), options);
+  canvas.addEventListener("pointercancel", (event) => lift(event, true), options);
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault(), options);
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      const { x, y } = placeOf(event);
+      // Lines and pages to pixels, as browsers scroll; a notch of a wheel is about a tenth nearer.
+      const pixels = event.deltaY * (event.deltaMode === 1 ? 32 : event.deltaMode === 2 ? 400 : 1);
+      target.zoom(Math.exp(Math.max(-240, Math.min(240, pixels)) * 0.0014), x, y);
+    },
+    { ...options, passive: false },
+  );
+
+  return () => {
+    stopPressTimer();
+    abort.abort();
+  };
+}

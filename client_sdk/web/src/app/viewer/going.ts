@@ -1,0 +1,127 @@
+/** Going to places: landings that the user or the address asks for, and the address that follows. */
+
+import type { LandOptions } from "../../core/types.ts";
+import { prefersLessMotion } from "../device.ts";
+import { isSameLanding, type Route } from "../route.ts";
+import type { LandingOrder } from "./landing-desk.ts";
+import type { Parts } from "./parts.ts";
+import { landedText } from "./react.ts";
+import { modeOf, placeOf, routeModeOf } from "./route-state.ts";
+import type { Landed } from "./state.ts";
+
+/** The ways to go. */
+export interface Going {
+  /** Returns the landing's number. */
+  land(order: LandingOrder, options?: LandOptions): number;
+  /** Land where the user aims. */
+  landAim(): void;
+  /** Go where an address says; `isEntry` makes it an entry of the history. */
+  follow(route: Route, isEntry: boolean): void;
+  /** The first swap of a landing was made: put the user there. */
+  arrived(order: LandingOrder): void;
+  shown(landed: Landed, order: LandingOrder, isCompletion: boolean): void;
+  /** The camera moved: by the user, or to a place. */
+  moved(): void;
+  setView(view: "orbit" | "walk"): void;
+  routeNow(): Route;
+}
+
+/** Make them. `parts` is asked when something happens, not before. */
+export function createGoing(parts: () => Parts): Going {
+  /** Since the newest landing the user has walked: to walk again is to go back to where he stood. */
+  let hasWalked = false;
+
+  function land(order: LandingOrder, options?: LandOptions): number {
+    const { notices, desk, loop } = parts();
+    notices.clear("landing");
+    notices.clear("degraded");
+    const landing = desk.land(order, options);
+    loop.request();
+    return landing;
+  }
+
+  function routeNow(): Route {
+    const { store, camera } = parts();
+    const { manifest, landed, mode } = store.get();
+    return {
+      scene: manifest.id,
+      place: landed === null ? null : placeOf(landed, camera.look),
+      mode: routeModeOf(mode, manifest),
+    };
+  }
+
+  function isBeyondDetail(): boolean {
+    const { store, camera } = parts();
+    const { landed } = store.get();
+    const [x, , z] = camera.focus;
+    return landed !== null && Math.hypot(x - landed.place[0], z - landed.place[2]) > landed.effectiveRadiusM;
+  }
+
+  function moved(): void {
+    const { store, camera, link, loop } = parts();
+    hasWalked ||= camera.view === "walk";
+    store.set({ view: camera.view, outside: camera.view === "walk" && isBeyondDetail() });
+    if (store.get().landed !== null) link.follow(routeNow);
+    loop.request();
+  }
+
+  return {
+    land,
+    routeNow,
+    moved,
+    landAim() {
+      const { aim } = parts().store.get();
+      if (aim !== null) land({ place: aim.place, radiusM: aim.radiusM, look: null, isEntry: true });
+    },
+    follow(route, isEntry) {
+      const { store, camera } = parts();
+      const { manifest, landed } = store.get();
+      store.set({ mode: modeOf(route.mode, manifest) });
+      const { place } = route;
+      if (place === null) return;
+      const radiusM = place.radiusM ?? store.get().radiusM;
+      store.set({ radiusM });
+      if (landed !== null && isSameLanding(place, placeOf(landed, camera.look))) {
+        camera.moveTo(place.at, place, !prefersLessMotion());
+        moved();
+        return;
+      }
+      land({ place: place.at, radiusM, look: place, isEntry });
+    },
+    arrived({ place, look }) {
+      const { store, camera } = parts();
+      const { bringsCamera } = store.get();
+      if (look !== null) camera.moveTo(place, look, false);
+      else if (camera.view === "walk") camera.moveTo(place, null, false);
+      else if (bringsCamera) camera.moveTo(place, null, true);
+      hasWalked = camera.view === "walk";
+      store.set({ view: camera.view, outside: false });
+    },
+    shown(landed, order, isCompletion) {
+      const { markers, notices, shell, link, highest } = parts();
+      markers.setEdge(landed.place, landed.effectiveRadiusM, highest);
+      if (landed.degraded) {
+        notices.show({
+          key: "degraded",
+          tone: "warning",
+          title: "Only the middle is shown so far",
+          text: "The connection is slow. The rest of this landing is still coming, and is shown as soon as it is whole.",
+          remedies: ["dismiss"],
+        });
+      } else {
+        notices.clear("degraded");
+        shell.announcer.say(landedText(landed, isCompletion));
+      }
+      if (isCompletion) return;
+      if (order.isEntry) link.push(routeNow());
+      else link.follow(routeNow);
+    },
+    setView(view) {
+      const { store, camera } = parts();
+      const { landed } = store.get();
+      if (view === "walk") camera.setView("walk", hasWalked ? camera.stood : (landed?.place ?? null));
+      else camera.setView("orbit", null);
+      moved();
+    },
+  };
+}

@@ -1,0 +1,96 @@
+/** What the headset is given of the page. */
+
+import type { Landings } from "../../three/types.ts";
+import type { HeadsetOptions, Standpoint } from "../../xr/types.ts";
+import type { Bookmark } from "../bookmarks.ts";
+import { modesOf } from "../panel/look-tab.ts";
+import { parseRoute } from "../route.ts";
+import { waitingOf } from "./landing-desk.ts";
+import type { Parts } from "./parts.ts";
+
+/** Make the options. `landings` counts the swaps. */
+export function headsetOptions(
+  { world, store, stage, camera, markers, loop, link, going, highest }: Parts,
+  landings: Landings,
+  keptPlaces: () => readonly Bookmark[],
+): HeadsetOptions {
+  const modes = modesOf(store.get().manifest).map(({ name, mode }) => ({ label: name, mode }));
+  const pageBudgetMs = stage.uploadBudgetMs;
+
+  /** The page's own record of a landing that the headset made. */
+  function noteLanding({ place, yawDeg }: Standpoint): void {
+    const { status } = stage;
+    const { plan } = status;
+    const effectiveRadiusM = plan?.effectiveRadiusM ?? status.radiusM;
+    store.set({
+      landed: {
+        place: status.position,
+        radiusM: status.radiusM,
+        effectiveRadiusM,
+        segments: stage.visible.length,
+        triangles: plan?.totalTriangles ?? 0,
+        bytes: status.payloadBytes,
+        readyMs: status.readyMs,
+        shownMs: status.presentableMs,
+        degraded: status.phase !== "shown",
+        missing: status.missing.length,
+        omittedBy: plan?.omittedBy ?? null,
+      },
+    });
+    camera.moveTo(place, { view: "walk", yawDeg, pitchDeg: -6, distanceM: null, focus: null }, false);
+    link.push(going.routeNow());
+  }
+
+  return {
+    renderer: world.renderer,
+    scene: world.scene,
+    rig: world.rig,
+    camera: world.camera,
+    landings,
+    radiusM: () => store.get().radiusM,
+    landOptions: () => waitingOf(store.get().radiusM, true),
+    start() {
+      const { landed, view } = store.get();
+      // From an orbit nobody is put in the air: he stands where he landed, or below where he looked.
+      const place = view === "walk" ? camera.focus : (landed?.place ?? camera.focus);
+      return { place, yawDeg: camera.yawDeg };
+    },
+    landed: noteLanding,
+    ended(last) {
+      store.set({ presenting: false });
+      markers.setVisible(true);
+      const { landed } = store.get();
+      if (landed !== null) markers.setEdge(landed.place, landed.effectiveRadiusM, highest);
+      if (last !== null) {
+        camera.moveTo(
+          last.place,
+          { view: "walk", yawDeg: last.yawDeg, pitchDeg: -6, distanceM: null, focus: null },
+          false,
+        );
+        store.set({ view: "walk" });
+      }
+      loop.request();
+    },
+    setUploadBudgetMs(budgetMs) {
+      stage.uploadBudgetMs = budgetMs ?? pageBudgetMs;
+    },
+    menu: {
+      modes: () => modes,
+      modeIndex() {
+        const { mode } = store.get();
+        return modes.findIndex(
+          ({ mode: other }) =>
+            other.kind === mode.kind &&
+            (mode.kind !== "attribute" || (other.kind === "attribute" && other.name === mode.name)),
+        );
+      },
+      setMode: (mode) => store.set({ mode }),
+      setRadiusM: (radiusM) => store.set({ radiusM }),
+      bookmarks: () =>
+        keptPlaces().flatMap(({ name, hash }) => {
+          const { place } = parseRoute(hash);
+          return place === null ? [] : [{ label: name, place: place.at, yawDeg: place.yawDeg, radiusM: place.radiusM }];
+        }),
+    },
+  };
+}

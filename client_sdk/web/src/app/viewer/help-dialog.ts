@@ -1,0 +1,76 @@
+/** How to move, aim, land and look: for mouse, touch and keys. */
+
+import { h } from "../dom.ts";
+import { icon } from "../icons.ts";
+
+/** The dialog. */
+export interface HelpDialog {
+  readonly element: HTMLDialogElement;
+  open(): void;
+}
+
+const SECTIONS: readonly (readonly [title: string, rows: readonly (readonly [what: string, how: string])[]])[] = [
+  [
+    "Land",
+    [
+      ["Aim", "Click or tap the ground. Detail begins to load."],
+      ["Land there", "Click the target again, or press Enter. Or hold, move, and let go."],
+      ["Cancel", "Escape"],
+      ["With keys alone", "Space or E aims at the middle of the picture, Enter lands."],
+    ],
+  ],
+  [
+    "Orbit",
+    [
+      ["Turn", "Drag; ← → and Page up, Page down or ↑ ↓"],
+      ["Move", "Right button or Shift and drag, two fingers; W A S D"],
+      ["Nearer, farther", "Wheel, pinch; + and −"],
+      ["Whole scene", "H or Home"],
+    ],
+  ],
+  [
+    "Walk",
+    [
+      ["Look round", "Drag; ← →, Page up, Page down"],
+      ["Walk", "W A S D, ↑ ↓, or the pad on a touch screen"],
+      ["Run", "Shift"],
+      ["Orbit or walk", "V"],
+    ],
+  ],
+  [
+    "Look at data",
+    [
+      ["Land, pick, measure", "L, P, M"],
+      ["Take back a measured point", "Backspace"],
+      ["Keep this place", "B"],
+      ["Panel", "I"],
+    ],
+  ],
+];
+
+/** Make it, closed. */
+export function createHelpDialog(): HelpDialog {
+  const close = h(
+    "button",
+    { type: "button", class: "icon-button", "aria-label": "Close", on: { click: () => element.close() } },
+    icon("close"),
+  );
+  const element = h(
+    "dialog",
+    { id: "help-dialog", class: "dialog help", "aria-labelledby": "help-title" },
+    h("div", { class: "dialog-head" }, h("h2", { id: "help-title" }, "How to look around"), close),
+    h(
+      "div",
+      { class: "help-sections" },
+      ...SECTIONS.map(([title, rows]) =>
+        h(
+          "section",
+          {},
+          h("h3", {}, title),
+          h("dl", {}, ...rows.flatMap(([what, how]) => [h("dt", {}, what), h("dd", {}, how)])),
+        ),
+      ),
+    ),
+  );
+  return { element, open: () => element.showModal() };
+}

@@ -1,0 +1,151 @@
+/** Aims and landings of the page: from a click to the swap, and what is said about it. */
+
+import type { LandOptions, StreamEvent, Vec3 } from "../../core/types.ts";
+import type { LandingStatus, Landings } from "../../three/types.ts";
+import type { Look } from "./camera-desk.ts";
+import type { Landed, ViewerStore } from "./state.ts";
+
+/** The part of the drawn scene that is used. */
+export type LandingStage = Pick<Landings, "status" | "land" | "aim" | "swap">;
+
+/** What to do around a swap. */
+export interface LandingDeskOptions {
+  readonly store: ViewerStore;
+  readonly stage: LandingStage;
+  /** Calls `swap` in a frame in which the user may not see the change, and nothing else before it returns. */
+  readonly unseen: (swap: () => void) => void;
+  /** The first swap of a landing was made: the user goes there. In the same frame. */
+  readonly arrived: (order: LandingOrder) => void;
+  /** Something was shown. */
+  readonly shown: (landed: Landed, order: LandingOrder, isCompletion: boolean) => void;
+}
+
+/** A landing that was asked for. */
+export interface LandingOrder {
+  readonly place: Vec3;
+  readonly radiusM: number;
+  /** How to look when there; null keeps the look. */
+  readonly look: Look | null;
+  /** Whether it becomes an entry of the browser's history. */
+  readonly isEntry: boolean;
+}
+
+/** The desk. */
+export interface LandingDesk {
+  aim(place: Vec3, radiusM: number): void;
+  cancelAim(): void;
+  /** Returns the landing's number. */
+  land(order: LandingOrder, options?: LandOptions): number;
+  handle(event: StreamEvent): void;
+  /** Once per frame: swaps when there is something to show. True while a landing is under way. */
+  update(): boolean;
+}
+
+/**
+ * After so long without any progress, or so long in all, the inner part of a landing is shown alone. A user who waits longer
+ * than this thinks that the page is broken; one who sees where he stands does not mind the rim.
+ */
+const STALL_MS = 3000;
+const DEADLINE_MS = 12_000;
+/** In a headset the user stands in a place that he wanted to leave: he waits less. */
+const HEADSET_DEADLINE_MS = 6000;
+const INNER_PART = 0.35;
+
+/** How long a landing waits before its inner part is shown alone. */
+export function waitingOf(radiusM: number, inHeadset: boolean): Required<LandOptions> {
+  return {
+    innerRadiusM: radiusM * INNER_PART,
+    deadlineMs: inHeadset ? HEADSET_DEADLINE_MS : DEADLINE_MS,
+    stallMs: STALL_MS,
+  };
+}
+
+/** Make it. */
+export function createLandingDesk({ store, stage, unseen, arrived, shown }: LandingDeskOptions): LandingDesk {
+  let order: LandingOrder | null = null;
+  let hasArrived = false;
+  let swapPending = false;
+  /** Bytes that the newest aim brought, of those that it needs. */
+  let aimBytes = { done: 0, total: 0 };
+
+  function swapNow(): void {
+    swapPending = false;
+    const before = stage.status;
+    const report = stage.swap();
+    if (report === null || order === null) return;
+    const isCompletion = hasArrived;
+    if (!hasArrived) arrived(order);
+    hasArrived = true;
+    const { plan } = before;
+    const landed: Landed = {
+      place: before.position,
+      radiusM: before.radiusM,
+      effectiveRadiusM: plan?.effectiveRadiusM ?? before.radiusM,
+      segments: plan === null ? report.shown.length : plan.load.length + plan.keep.length - before.missing.length,
+      triangles: plan?.totalTriangles ?? 0,
+      bytes: before.payloadBytes,
+      readyMs: before.readyMs,
+      shownMs: before.presentableMs,
+      degraded: report.degraded,
+      missing: before.missing.length,
+      omittedBy: plan?.omittedBy ?? null,
+    };
+    store.set({ landed, landing: stage.status });
+    shown(landed, order, isCompletion);
+  }
+
+  return {
+    aim(place, radiusM) {
+      aimBytes = { done: 0, total: 0 };
+      store.set({ aim: { place, radiusM, fraction: null, bytes: 0 } });
+      stage.aim(place, radiusM);
+    },
+    cancelAim() {
+      store.set({ aim: null });
+    },
+    land(next, options) {
+      order = next;
+      hasArrived = false;
+      store.set({ aim: null });
+      const landing = stage.land(next.place, next.radiusM, { ...waitingOf(next.radiusM, false), ...options });
+      store.set({ landing: stage.status });
+      return landing;
+    },
+    handle(event) {
+      const { aim } = store.get();
+      if (aim === null) return;
+      if (event.type === "prefetching") {
+        aimBytes = { done: 0, total: event.bytes };
+        const fraction = event.bytes === 0 ? 1 : 0;
+        store.set({ aim: { ...aim, fraction, bytes: event.bytes } });
+      } else if (event.type === "arrived" && event.landing === null && aimBytes.total > 0) {
+        aimBytes.done += event.facts.length;
+        store.set({ aim: { ...aim, fraction: Math.min(1, aimBytes.done / aimBytes.total) } });
+      } else if (event.type === "prefetched") {
+        store.set({ aim: { ...aim, fraction: 1 } });
+      }
+    },
+    update() {
+      const { status } = stage;
+      // The same facts in a new object are no news.
+      if (!isSame(status, store.get().landing)) store.set({ landing: status });
+      const { phase } = status;
+      if ((phase === "presentable" || phase === "degraded-presentable") && !swapPending) {
+        swapPending = true;
+        unseen(swapNow);
+      }
+      return swapPending || phase === "planning" || phase === "streaming";
+    },
+  };
+}
+
+function isSame(a: LandingStatus, b: LandingStatus | null): boolean {
+  return (
+    b !== null &&
+    a.landing === b.landing &&
+    a.phase === b.phase &&
+    a.fraction === b.fraction &&
+    a.plan === b.plan &&
+    a.refusal === b.refusal
+  );
+}

@@ -1,0 +1,172 @@
+/**
+ * What is drawn on the ground: the arc and ring of an aim, the edge of the landing, the path of a measurement.
+ *
+ * Every line is drawn twice: faint through the ground, so that a ring behind a bank is not lost, and full where it is seen.
+ */
+
+import { Group } from "three";
+import { Line2 } from "three/addons/lines/Line2.js";
+import { LineGeometry } from "three/addons/lines/LineGeometry.js";
+import { LineMaterial } from "three/addons/lines/LineMaterial.js";
+import type { Vec3 } from "../../core/types.ts";
+import { arcPoints, drapedCircle } from "../arc.ts";
+
+/** The ground's highest point at (x, z). */
+export type Ground = (x: number, z: number) => number | null;
+
+/** The markers. */
+export interface Markers {
+  readonly object: Group;
+  /** Null takes the aim away. The arc starts at `start`, a little below it. */
+  setAim(aim: { readonly place: Vec3; readonly radiusM: number } | null, start: Vec3, eye: Vec3, ground: Ground): void;
+  /** Part of the ring that is filled. */
+  setFraction(fraction: number | null): void;
+  /** Edge of the landing's detail; null takes it away. */
+  setEdge(place: Vec3 | null, radiusM: number, ground: Ground): void;
+  setPath(points: readonly Vec3[]): void;
+  /** Headsets draw their own. */
+  setVisible(visible: boolean): void;
+  resize(width: number, height: number): void;
+  dispose(): void;
+}
+
+const CIRCLE_POINTS = 144;
+const ARC_POINTS = 48;
+/** Above the ground by a part of the radius: what is far away is seen at a slant, and needs more. */
+const LIFT = 0.006;
+const MIN_LIFT_M = 0.12;
+
+const AIM = 0xffb02e;
+const EDGE = 0xffffff;
+const PATH = 0xe0218a;
+const CASING = 0x10181c;
+
+/** Make them, empty. */
+export function createMarkers(): Markers {
+  const object = new Group();
+  const lines: MarkerLine[] = [];
+  const make = (colour: number, width: number, opacity: number) => {
+    const line = markerLine(colour, width, opacity);
+    lines.push(line);
+    object.add(line.object);
+    return line;
+  };
+  const aimCasing = make(CASING, 7, 0.45);
+  const aimTrack = make(AIM, 3, 0.4);
+  const aimFill = make(AIM, 5, 1);
+  const aimDot = make(AIM, 4, 1);
+  const arc = make(AIM, 3, 0.95);
+  const edgeCasing = make(CASING, 5, 0.3);
+  const edge = make(EDGE, 2, 0.75);
+  const pathCasing = make(0xffffff, 6, 0.85);
+  const path = make(PATH, 3, 1);
+
+  return {
+    object,
+    setAim(aim, start, eye, ground) {
+      const rings = [aimCasing, aimTrack, aimFill];
+      if (aim === null) {
+        for (const line of [...rings, aimDot, arc]) line.set(null);
+        return;
+      }
+      const { place, radiusM } = aim;
+      const points = drapedCircle(place, radiusM, CIRCLE_POINTS, ground, Math.max(MIN_LIFT_M, radiusM * LIFT));
+      for (const line of rings) line.set(points);
+      const distanceM = Math.hypot(place[0] - eye[0], place[1] - eye[1], place[2] - eye[2]);
+      // About as large on the screen from anywhere.
+      aimDot.set(drapedCircle(place, Math.max(0.25, distanceM * 0.012), 32, () => null, MIN_LIFT_M));
+      arc.set(arcPoints(start, place, ARC_POINTS));
+    },
+    setFraction(fraction) {
+      aimFill.setPart(fraction ?? 0);
+    },
+    setEdge(place, radiusM, ground) {
+      const points =
+        place === null
+          ? null
+          : drapedCircle(place, radiusM, CIRCLE_POINTS, ground, Math.max(MIN_LIFT_M, radiusM * LIFT));
+      edgeCasing.set(points);
+      edge.set(points);
+    },
+    setPath(points) {
+      const packed = points.length < 2 ? null : Float32Array.from(points.flat());
+      pathCasing.set(packed);
+      path.set(packed);
+    },
+    setVisible(visible) {
+      object.visible = visible;
+    },
+    resize(width, height) {
+      for (const line of lines) line.resize(width, height);
+    },
+    dispose() {
+      for (const line of lines) line.dispose();
+    },
+  };
+}
+
+interface MarkerLine {
+  readonly object: Group;
+  set(points: Float32Array | null): void;
+  /** Draw the first part of it, 0 to 1. */
+  setPart(part: number): void;
+  resize(width: number, height: number): void;
+  dispose(): void;
+}
+
+function markerLine(colour: number, width: number, opacity: number): MarkerLine {
+  const materials = [
+    // Behind the ground.
+    new LineMaterial({
+      color: colour,
+      linewidth: width,
+      opacity: opacity * 0.22,
+      transparent: true,
+      depthTest: false,
+      depthWrite: false,
+    }),
+    new LineMaterial({ color: colour, linewidth: width, opacity, transparent: true, depthWrite: false }),
+  ];
+  const object = new Group();
+  object.visible = false;
+  let geometry: LineGeometry | null = null;
+  let part = 1;
+  let segments = 0;
+
+  const showPart = () => {
+    if (geometry !== null) geometry.instanceCount = Math.round(segments * part);
+  };
+
+  return {
+    object,
+    set(points) {
+      geometry?.dispose();
+      geometry = null;
+      object.clear();
+      object.visible = points !== null;
+      if (points === null) return;
+      // A geometry of its own for each set of points: LineGeometry cannot change its length.
+      geometry = new LineGeometry();
+      geometry.setPositions(points);
+      segments = points.length / 3 - 1;
+      for (const [order, material] of materials.entries()) {
+        const line = new Line2(geometry, material);
+        line.renderOrder = 10 + order;
+        line.frustumCulled = false;
+        object.add(line);
+      }
+      showPart();
+    },
+    setPart(next) {
+      part = Math.min(1, Math.max(0, next));
+      showPart();
+    },
+    resize(x, y) {
+      for (const material of materials) material.resolution.set(x, y);
+    },
+    dispose() {
+      geometry?.dispose();
+      for (const material of materials) material.dispose();
+    },
+  };
+}

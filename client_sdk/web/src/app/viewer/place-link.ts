@@ -1,0 +1,46 @@
+/** The address bar as the record of where the user is: one entry of the history for each landing. */
+
+import { formatRoute, type Place, type Route } from "../route.ts";
+
+/** The address. */
+export interface PlaceLink {
+  /** A landing was shown: a new entry, unless the address asked for it. */
+  push(route: Route): void;
+  /** The look has changed: the present entry follows, a little later. */
+  follow(route: () => Route): void;
+  dispose(): void;
+}
+
+/** Browsers refuse more than some hundred changes in half a minute. */
+const FOLLOW_MS = 500;
+
+/** Keep it. */
+export function createPlaceLink(): PlaceLink {
+  let timer: number | null = null;
+  const stop = () => {
+    if (timer !== null) window.clearTimeout(timer);
+    timer = null;
+  };
+  return {
+    push(route) {
+      stop();
+      const hash = formatRoute(route);
+      if (hash !== window.location.hash) window.history.pushState(null, "", hash);
+    },
+    follow(route) {
+      stop();
+      timer = window.setTimeout(() => {
+        timer = null;
+        window.history.replaceState(null, "", formatRoute(route()));
+      }, FOLLOW_MS);
+    },
+    dispose: stop,
+  };
+}
+
+/** Without what the place alone decides: a focus at the landing itself is not written. */
+export function shortPlace(place: Place): Place {
+  const { focus, at } = place;
+  const isThere = focus !== null && Math.hypot(focus[0] - at[0], focus[1] - at[1], focus[2] - at[2]) < 0.5;
+  return isThere ? { ...place, focus: null } : place;
+}

@@ -1,0 +1,80 @@
+/** What the viewer shows, as one value. */
+
+import type { LinkState, PickHit, SceneManifest, Vec3 } from "../../core/types.ts";
+import type { LandingStatus, ViewMode } from "../../three/types.ts";
+import type { ViewKind } from "../route.ts";
+import type { Store } from "../store.ts";
+
+/** What a click on the ground does. */
+export type Tool = "land" | "pick" | "measure";
+
+/** The parts of the panel. */
+export type PanelTab = "landing" | "look" | "inspect" | "places" | "figures";
+
+/** Where the user points and may land. */
+export interface Aim {
+  readonly place: Vec3;
+  readonly radiusM: number;
+  /** Bytes that came of those that a landing there would need, 0 to 1; null until the service has answered. */
+  readonly fraction: number | null;
+  readonly bytes: number;
+}
+
+/** A point that was looked at. */
+export interface Picked {
+  /** As the page itself met the ground. */
+  readonly place: Vec3;
+  readonly segment: number;
+  readonly region: number;
+  /** What the service says; null while it is asked. */
+  readonly answer: PickHit | "none" | "failed" | null;
+}
+
+/** Facts of the newest swap. */
+export interface Landed {
+  readonly place: Vec3;
+  readonly radiusM: number;
+  readonly effectiveRadiusM: number;
+  readonly segments: number;
+  readonly triangles: number;
+  readonly bytes: number;
+  readonly readyMs: number | null;
+  readonly shownMs: number | null;
+  readonly degraded: boolean;
+  readonly missing: number;
+  readonly omittedBy: string | null;
+}
+
+/** The state. */
+export interface ViewerState {
+  readonly manifest: SceneManifest;
+  readonly link: LinkState | null;
+  readonly view: ViewKind;
+  readonly tool: Tool;
+  readonly mode: ViewMode;
+  readonly highlightedRegion: number | null;
+  readonly radiusM: number;
+  /** Of the service; null until it said so. */
+  readonly maxRadiusM: number | null;
+  readonly landing: LandingStatus | null;
+  readonly landed: Landed | null;
+  readonly aim: Aim | null;
+  readonly picked: Picked | null;
+  readonly measured: readonly Vec3[];
+  /** Whether the camera goes along when the user lands while orbiting. */
+  readonly bringsCamera: boolean;
+  readonly panelOpen: boolean;
+  readonly tab: PanelTab;
+  /** The walker stands beyond the landing's detail. */
+  readonly outside: boolean;
+  readonly presenting: boolean;
+  readonly contextLost: boolean;
+  /** Swaps, and changes of what is visible. */
+  readonly swaps: number;
+  readonly visibleChanges: number;
+  /** Changes that no swap made: none, ever (the comfort rule). */
+  readonly strayChanges: number;
+}
+
+/** The viewer's store. */
+export type ViewerStore = Store<ViewerState>;

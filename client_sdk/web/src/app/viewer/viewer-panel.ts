@@ -1,0 +1,122 @@
+/** The panel of a viewer, with its tabs joined to the viewer's parts. */
+
+import type { Bookmark } from "../bookmarks.ts";
+import { h, setText } from "../dom.ts";
+import { createFiguresTab } from "../panel/figures-tab.ts";
+import { createInspectTab } from "../panel/inspect-tab.ts";
+import { createLandingTab } from "../panel/landing-tab.ts";
+import { createLookTab } from "../panel/look-tab.ts";
+import { createPanel } from "../panel/panel.ts";
+import { createPlacesTab } from "../panel/places-tab.ts";
+import { formatRoute } from "../route.ts";
+import type { Parts } from "./parts.ts";
+
+/** What the panel needs of the viewer beside its parts. */
+export interface ViewerPanelOptions {
+  readonly frames: readonly number[];
+  copy(text: string, what: string): void;
+  landAim(): void;
+  aimAtCentre(): void;
+  undoPoint(): void;
+  go(hash: string): void;
+  diagnostics(): Promise<object>;
+}
+
+/** The panel. */
+export interface ViewerPanel {
+  readonly element: HTMLElement;
+  /** Read the figures anew, where they are shown. */
+  refresh(): void;
+  /** Keep what is shown as a place. */
+  keep(): void;
+  keptPlaces(): readonly Bookmark[];
+  /** A word for some seconds: what a button has done. */
+  flash(text: string): void;
+  /** For a browser that does not let the page copy: the text to be copied by hand. */
+  showText(text: string): void;
+}
+
+const FLASH_MS = 2500;
+
+/** Make it. */
+export function createViewerPanel(parts: Parts, options: ViewerPanelOptions): ViewerPanel {
+  const { store, stage, files, shell, desk, going } = parts;
+  const { manifest, regions } = files;
+
+  const figures = createFiguresTab(store, {
+    stats: () => stage.stats(),
+    frames: options.frames,
+    copyDiagnostics() {
+      void options.diagnostics().then((report) => options.copy(JSON.stringify(report, null, 2), "Diagnostics"));
+    },
+  });
+  const places = createPlacesTab({
+    storage: shell.storage,
+    scene: manifest.id,
+    currentHash: () => (store.get().landed === null ? null : formatRoute(going.routeNow())),
+    go: options.go,
+    say(text) {
+      shell.announcer.say(text);
+      flash(text);
+    },
+  });
+  const panel = createPanel(store, {
+    landing: createLandingTab(store, {
+      land: options.landAim,
+      cancel: () => desk.cancelAim(),
+      copyLink: () => options.copy(new URL(formatRoute(going.routeNow()), window.location.href).href, "Link"),
+      aimAtCentre: options.aimAtCentre,
+    }),
+    look: createLookTab(store, { regions, regionColour: (id) => stage.regionColour(id) }),
+    inspect: createInspectTab(store, { regions, copy: options.copy, undoPoint: options.undoPoint }),
+    places: places.element,
+    figures: figures.element,
+  });
+
+  const toast = h("div", { class: "toast", "aria-hidden": "true", hidden: true });
+  let timer = 0;
+  function flash(text: string): void {
+    window.clearTimeout(timer);
+    setText(toast, text);
+    toast.hidden = false;
+    timer = window.setTimeout(() => {
+      toast.hidden = true;
+    }, FLASH_MS);
+  }
+
+  const text = h("textarea", { readonly: true, rows: 8, "aria-label": "Text to copy" });
+  const copyDialog = h(
+    "dialog",
+    { id: "copy-dialog", class: "dialog", "aria-labelledby": "copy-title" },
+    h(
+      "div",
+      { class: "stack" },
+      h("h2", { id: "copy-title" }, "Copy this text"),
+      h("p", { class: "faint" }, "The browser does not let the page copy by itself here."),
+      text,
+      h(
+        "div",
+        { class: "dialog-actions" },
+        h("button", { type: "button", class: "button primary", on: { click: () => copyDialog.close() } }, "Done"),
+      ),
+    ),
+  );
+
+  return {
+    element: h("div", { class: "panel-place" }, panel, copyDialog, toast),
+    refresh() {
+      const { panelOpen, tab } = store.get();
+      if (panelOpen && tab === "figures") figures.refresh();
+    },
+    keep() {
+      places.keep();
+    },
+    keptPlaces: places.list,
+    flash,
+    showText(value) {
+      text.value = value;
+      copyDialog.showModal();
+      text.select();
+    },
+  };
+}

@@ -1,0 +1,332 @@
+/** The viewer of one scene: puts its parts together, and draws. */
+
+import { Stage } from "../../three/stage.ts";
+import { prefersLessMotion } from "../device.ts";
+import { h, setAttribute } from "../dom.ts";
+import { createFrameTimes } from "../frame-times.ts";
+import { farthest } from "../orbit-pose.ts";
+import { parseRoute, type Route } from "../route.ts";
+import { createStore } from "../store.ts";
+import type { WalkInput } from "../walk-pose.ts";
+import { createActions } from "./actions.ts";
+import { createBars } from "./bars.ts";
+import { createBlink } from "./blink.ts";
+import { createCameraDesk, type Ray } from "./camera-desk.ts";
+import { watchComfort } from "./comfort.ts";
+import { createEmbedListeners } from "./embed.ts";
+import { createEmbed } from "./embed-object.ts";
+import { createFrameLoop, type FrameResult } from "./frame-loop.ts";
+import { listenToGestures } from "./gestures.ts";
+import { createGoing } from "./going.ts";
+import { createGroundTools } from "./ground-tools.ts";
+import { createHeadsetEntry } from "./headset-entry.ts";
+import { createHelpDialog } from "./help-dialog.ts";
+import { listenToKeys } from "./keys.ts";
+import { createLabels } from "./labels.ts";
+import { createLandingDesk } from "./landing-desk.ts";
+import { createMarkers } from "./markers.ts";
+import { createNotices } from "./notices.ts";
+import type { Parts, ViewerOptions } from "./parts.ts";
+import { createPlaceLink } from "./place-link.ts";
+import { reactToState } from "./react.ts";
+import { firstState } from "./route-state.ts";
+import type { ViewerState } from "./state.ts";
+import { watchStream } from "./stream-watch.ts";
+import { createViewerPanel } from "./viewer-panel.ts";
+import { createWalkPad } from "./walk-pad.ts";
+import { createWorld } from "./world.ts";
+
+/** An open viewer. */
+export interface Viewer {
+  readonly element: HTMLElement;
+  /** The address of what is shown. */
+  readonly route: Route;
+  /** Go where the address says. To be called once `element` is in the page. */
+  start(): void;
+  follow(route: Route): void;
+  dispose(): void;
+}
+
+/** How long frames go on after the last thing that may need one: a message from the stream, a move. */
+const LINGER_MS = 250;
+/** The figures are read so often while they are shown. */
+const FIGURES_MS = 500;
+
+function isStageBusy(stage: Stage & { readonly busy?: boolean }): boolean {
+  return stage.busy ?? true;
+}
+
+/** Make it. Throws where the browser has no WebGL 2; the stream is the caller's to close then. */
+export function createViewer(options: ViewerOptions): Viewer {
+  const { shell, files, stream } = options;
+  const { manifest } = files;
+  const store = createStore<ViewerState>(firstState(options));
+  const times = createFrameTimes();
+  const listeners = createEmbedListeners();
+  const abort = new AbortController();
+
+  // --- What is drawn ------------------------------------------------------------------------------------------------
+
+  const view = h("div", { class: "view" });
+  const world = createWorld(view, manifest.name, {
+    resized(width, height) {
+      camera.resize(width, height);
+      markers.resize(width, height);
+      // The canvas is empty until something is drawn.
+      draw();
+      loop.request();
+    },
+    contextLost: () => contextLost(),
+    contextRestored: () => contextRestored(),
+  });
+  // A fourth of the GPU's share for what nothing shows yet; the rest is for two landings, one coming and one going.
+  const stage = new Stage({ renderer: world.renderer, stream, files, gpuBytes: options.budgets.gpuBytes / 4 });
+  const markers = createMarkers();
+  world.scene.add(stage.object, markers.object);
+  const labels = createLabels();
+  const blink = createBlink();
+
+  const maxDistanceM = farthest(manifest.bounds) * 2;
+  const cast = ({ origin, direction }: Ray) => stage.cast(origin, direction, maxDistanceM);
+  const groundHeight = (x: number, z: number, fromY: number) => stage.groundAt(x, z, fromY)?.position[1] ?? null;
+  const highest = (x: number, z: number) => groundHeight(x, z, manifest.bounds[4] + 1);
+  const camera = createCameraDesk(world.rig, world.camera, manifest.bounds, groundHeight);
+
+  // --- Who does what ------------------------------------------------------------------------------------------------
+
+  const comfort = watchComfort(stage, store, (report) => listeners.emit("swap", report));
+  const going = createGoing(() => parts);
+  const desk = createLandingDesk({
+    store,
+    stage: comfort.landings,
+    unseen(swap) {
+      // Who stands on the ground closes his eyes; from above, a change of what lies below does no harm.
+      if (camera.view === "walk") blink.start(swap, prefersLessMotion());
+      else swap();
+    },
+    arrived: going.arrived,
+    shown: going.shown,
+  });
+  const notices = createNotices(shell.announcer, (remedy, key) => actions.mend(remedy, key));
+  const headset = createHeadsetEntry(() => bars.showHeadset(true));
+  const loop = createFrameLoop(world.renderer, times, frame);
+  const parts: Parts = {
+    ...options,
+    store,
+    world,
+    stage,
+    camera,
+    comfort,
+    desk,
+    markers,
+    notices,
+    loop,
+    listeners,
+    headset,
+    link: createPlaceLink(),
+    going,
+    cast,
+    highest,
+  };
+  const watch = watchStream(parts);
+  let lastEventMs = 0;
+  stream.onEvent = (event) => {
+    lastEventMs = performance.now();
+    watch(event);
+  };
+  const tools = createGroundTools({
+    store,
+    stream,
+    rayAt: camera.rayAt,
+    cast,
+    pixelOf: camera.pixelOf,
+    aim: (place) => desk.aim(place, store.get().radiusM),
+    land: () => going.landAim(),
+    say: shell.announcer.say,
+  });
+  const help = createHelpDialog();
+  const actions = createActions({
+    parts,
+    going,
+    tools,
+    landings: comfort.landings,
+    panel: () => panel,
+    openHelp: help.open,
+    usesKeys: () => setAttribute(element, "data-keys", true),
+  });
+
+  // --- What is on the page ------------------------------------------------------------------------------------------
+
+  const pad = createWalkPad(() => loop.request());
+  const bars = createBars({
+    store,
+    name: manifest.name,
+    themeButton: shell.theme.button(),
+    act: actions.act,
+    enterHeadset: () => void actions.enterHeadset(),
+  });
+  const panel = createViewerPanel(parts, {
+    frames: times.recent,
+    copy: (text, what) => void actions.copy(text, what),
+    landAim: going.landAim,
+    aimAtCentre: () => actions.act("aim"),
+    undoPoint: tools.undoPoint,
+    go: (hash) => going.follow(parseRoute(hash), true),
+    diagnostics: () => embed.diagnostics(),
+  });
+  view.append(
+    labels.element,
+    h("div", { class: "crosshair", "aria-hidden": "true" }),
+    blink.element,
+    bars.top,
+    notices.element,
+    pad.element,
+    bars.tools,
+    h(
+      "p",
+      { id: "view-help", class: "visually-hidden" },
+      "Drag or use the arrow keys to look around. Space aims at the middle of the picture, Enter lands there. Question mark tells all keys.",
+    ),
+  );
+  const element = h("main", { id: "viewer", class: "viewer" }, view, panel.element, help.element);
+  const embed = createEmbed(parts, { frameTimes: times.recent, nextFrame });
+  window.terraport = embed;
+
+  function showState(state: ViewerState): void {
+    setAttribute(element, "data-view", state.view);
+    setAttribute(element, "data-tool", state.tool);
+    setAttribute(element, "data-panel", state.panelOpen ? "open" : "closed");
+  }
+  showState(store.get());
+
+  // --- Who listens --------------------------------------------------------------------------------------------------
+
+  const moving = (move: () => void) => {
+    move();
+    going.moved();
+  };
+  const stops = [
+    reactToState(parts, labels),
+    store.subscribe(showState),
+    shell.theme.subscribe((theme) => {
+      stage.setMode(store.get().mode, theme);
+      loop.request();
+    }),
+    listenToGestures(world.canvas, {
+      drag: (dx, dy) => moving(() => camera.drag(dx, dy)),
+      pan: (dx, dy) => moving(() => camera.pan(dx, dy)),
+      twist: (degrees) => moving(() => camera.twist(degrees)),
+      zoom: (factor, x, y) => moving(() => camera.zoom(factor, cast(camera.rayAt(x, y))?.position ?? null)),
+      tap: tools.tap,
+      press: tools.press,
+      pressMove: tools.pressMove,
+      pressEnd: tools.pressEnd,
+    }),
+  ];
+  const keys = listenToKeys(world.canvas, actions.act, () => {
+    setAttribute(element, "data-keys", true);
+    loop.request();
+  });
+  world.canvas.addEventListener("pointerdown", () => setAttribute(element, "data-keys", null), {
+    signal: abort.signal,
+  });
+  const figures = window.setInterval(panel.refresh, FIGURES_MS);
+
+  // --- Frames -------------------------------------------------------------------------------------------------------
+
+  let waitingForFrame: (() => void)[] = [];
+
+  function nextFrame(): Promise<void> {
+    return new Promise((resolve) => {
+      waitingForFrame.push(resolve);
+      loop.request();
+    });
+  }
+
+  function walkInput(): WalkInput {
+    const input = keys.input(camera.view === "walk");
+    return {
+      ...input,
+      forward: Math.max(-1, Math.min(1, input.forward + pad.forward)),
+      right: Math.max(-1, Math.min(1, input.right + pad.right)),
+      fast: input.fast || pad.fast,
+    };
+  }
+
+  function frame(timeMs: number, dtS: number, xrFrame: XRFrame | null): FrameResult {
+    const { session } = headset;
+    let isBusy = false;
+    if (session !== null) {
+      session.frame(timeMs, xrFrame ?? undefined);
+    } else {
+      if (camera.update(timeMs, dtS, walkInput(), keys.zoom())) {
+        isBusy = true;
+        going.moved();
+      }
+      if (desk.update()) isBusy = true;
+      blink.update(timeMs);
+    }
+    stage.update(world.camera);
+    comfort.check();
+    draw();
+    session?.drawn();
+    const lingers = performance.now() - lastEventMs < LINGER_MS;
+    return isBusy || blink.isRunning || isStageBusy(stage) || lingers ? "again" : "rest";
+  }
+
+  function draw(): void {
+    if (!store.get().contextLost) world.render();
+    if (headset.session === null) labels.update(camera.pixelOf);
+    const waiting = waitingForFrame;
+    waitingForFrame = [];
+    for (const resolve of waiting) resolve();
+  }
+
+  function contextLost(): void {
+    stage.contextLost();
+    store.set({ contextLost: true });
+    notices.show({
+      key: "graphics",
+      tone: "warning",
+      title: "The graphics device was reset",
+      text: "The picture comes back as soon as the browser gives it back. If it stays empty, reload the page.",
+      remedies: ["reload-page"],
+    });
+  }
+
+  function contextRestored(): void {
+    stage.contextRestored();
+    store.set({ contextLost: false });
+    notices.clear("graphics");
+    shell.announcer.say("The picture is back");
+    loop.request();
+  }
+
+  return {
+    element,
+    get route() {
+      return going.routeNow();
+    },
+    start() {
+      stage.setMode(store.get().mode, shell.theme.theme);
+      going.follow(options.route, false);
+      loop.request();
+    },
+    follow: (route) => going.follow(route, false),
+    dispose() {
+      window.terraport = undefined;
+      abort.abort();
+      headset.end();
+      window.clearInterval(figures);
+      for (const stop of stops) stop();
+      keys.dispose();
+      parts.link.dispose();
+      notices.dispose();
+      loop.stop();
+      stream.close();
+      stage.dispose();
+      markers.dispose();
+      world.dispose();
+    },
+  };
+}

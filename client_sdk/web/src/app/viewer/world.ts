@@ -1,0 +1,92 @@
+/** Canvas, renderer, camera and rig: what is drawn with, apart from what is drawn. */
+
+import { Group, PerspectiveCamera, Scene, WebGLRenderer } from "three";
+import { h } from "../dom.ts";
+
+/** The world. */
+export interface World {
+  readonly canvas: HTMLCanvasElement;
+  readonly renderer: WebGLRenderer;
+  readonly scene: Scene;
+  /** Carries the camera; a headset moves it. */
+  readonly rig: Group;
+  readonly camera: PerspectiveCamera;
+  render(): void;
+  dispose(): void;
+}
+
+/** What the world tells. */
+export interface WorldEvents {
+  /** The canvas has another size, CSS pixels. Draw at once: an empty canvas would flash. */
+  resized(width: number, height: number): void;
+  contextLost(): void;
+  contextRestored(): void;
+}
+
+/** Sharper than this nobody sees, and it costs by the square. */
+const MAX_PIXEL_RATIO = 2;
+const FOV_DEG = 55;
+
+/** Make it. Throws where the browser has no WebGL 2. */
+export function createWorld(container: HTMLElement, name: string, events: WorldEvents): World {
+  const canvas = h("canvas", {
+    id: "view",
+    tabindex: 0,
+    role: "application",
+    "aria-label": `Ground of ${name}`,
+    "aria-roledescription": "3D view",
+    "aria-describedby": "view-help",
+  });
+  const renderer = new WebGLRenderer({ canvas, alpha: true, antialias: true, powerPreference: "high-performance" });
+  // The sky is the page's: it shows where nothing is drawn.
+  renderer.setClearColor(0x000000, 0);
+  renderer.setPixelRatio(Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO));
+  renderer.xr.enabled = true;
+  container.prepend(canvas);
+
+  const scene = new Scene();
+  const rig = new Group();
+  const camera = new PerspectiveCamera(FOV_DEG, 1, 0.1, 4000);
+  rig.add(camera);
+  scene.add(rig);
+
+  const abort = new AbortController();
+  canvas.addEventListener(
+    "webglcontextlost",
+    (event) => {
+      // Without this the browser never gives it back.
+      event.preventDefault();
+      events.contextLost();
+    },
+    { signal: abort.signal },
+  );
+  canvas.addEventListener("webglcontextrestored", () => events.contextRestored(), { signal: abort.signal });
+
+  const observer = new ResizeObserver(() => {
+    const { clientWidth: width, clientHeight: height } = container;
+    if (width === 0 || height === 0 || renderer.xr.isPresenting) return;
+    renderer.setPixelRatio(Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO));
+    renderer.setSize(width, height, false);
+    events.resized(width, height);
+  });
+  observer.observe(container);
+
+  return {
+    canvas,
+    renderer,
+    scene,
+    rig,
+    camera,
+    render() {
+      renderer.render(scene, camera);
+    },
+    dispose() {
+      observer.disconnect();
+      abort.abort();
+      renderer.dispose();
+      // Browsers allow a handful of contexts: this one is given back now, not when memory is collected.
+      renderer.forceContextLoss();
+      canvas.remove();
+    },
+  };
+}
