@@ -1,0 +1,279 @@
+/** The connection's own rules, against the model server and a clock that is wound by hand. */
+
+import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
+import { Link } from "../../src/core/client/link.ts";
+import { Outgoing } from "../../src/core/client/outgoing.ts";
+import type { SessionEvent } from "../../src/core/session/events.ts";
+import { ClientSession } from "../../src/core/session/session.ts";
+import type { LinkState } from "../../src/core/types.ts";
+import { ModelServer } from "../session/model-server.ts";
+import { MIDDLE, ToyScene, toyHash } from "../session/toy-scene.ts";
+
+const toy = new ToyScene();
+
+/** A WebSocket whose other end is the test. */
+class StandInSocket {
+  static all: StandInSocket[] = [];
+  binaryType = "blob";
+  onopen: (() => void) | null = null;
+  onmessage: ((event: { data: ArrayBuffer | string }) => void) | null = null;
+  onclose: ((event: { code: number; reason: string }) => void) | null = null;
+  onerror: (() => void) | null = null;
+  readonly sent: (Uint8Array<ArrayBuffer> | string)[] = [];
+  readonly closed: (number | undefined)[] = [];
+  readonly url: string;
+  readonly protocols: string[];
+  server = new ModelServer(toy);
+
+  constructor(url: string, protocols: string[]) {
+    this.url = url;
+    this.protocols = protocols;
+    StandInSocket.all.push(this);
+  }
+
+  send(data: Uint8Array<ArrayBuffer> | string): void {
+    this.sent.push(data);
+    this.server.receive(data);
+  }
+
+  close(code?: number): void {
+    this.closed.push(code);
+  }
+
+  /** Let the server say all that it has to say. */
+  talk(): void {
+    for (let data = this.server.next(); data !== null; data = this.server.next()) {
+      this.onmessage?.({ data: typeof data === "string" ? data : data.slice().buffer });
+    }
+  }
+
+  open(): this {
+    this.onopen?.();
+    this.talk();
+    return this;
+  }
+
+  lose(code = 1006, reason = ""): void {
+    this.onclose?.({ code, reason });
+  }
+}
+
+function newest(): StandInSocket {
+  return StandInSocket.all.at(-1)!;
+}
+
+let session: ClientSession;
+let link: Link;
+let told: LinkState[];
+let events: SessionEvent[];
+
+beforeEach(() => {
+  vi.useFakeTimers();
+  StandInSocket.all = [];
+  told = [];
+  events = [];
+  const options = { client: "t", budgets: {}, creditBytes: 1 << 20, subprotocol: "terraport.v1.msgpack" } as const;
+  session = new ClientSession(options, 1 << 20, toyHash);
+  link = new Link({
+    session,
+    url: "ws://h/scenes/toy/stream",
+    token: "t0ken/+",
+    WebSocket: StandInSocket as unknown as typeof WebSocket,
+    handle: (news) => events.push(...news),
+    told: (state) => told.push(state),
+  });
+  link.start();
+});
+
+afterEach(() => {
+  link.leave();
+  vi.useRealTimers();
+});
+
+test("the token goes into an entry of the subprotocols, never into the address (2.3)", () => {
+  expect(newest().url).toBe("ws://h/scenes/toy/stream");
+  expect(newest().protocols).toEqual(["terraport.v1.msgpack", "terraport.token.dDBrZW4vKw"]);
+  expect(newest().binaryType).toBe("arraybuffer");
+});
+
+describe("a connection", () => {
+  test("without a welcome is given up after 10 s", () => {
+    newest().onopen?.();
+    vi.advanceTimersByTime(9_999);
+    expect(newest().closed).toEqual([]);
+    vi.advanceTimersByTime(1);
+    expect(newest().closed[0]).toBe(4408);
+    expect(told.at(-1)).toMatchObject({ state: "waiting", attempt: 2, closeCode: 4408, code: "timeout" });
+  });
+
+  test("that cannot be made is tried again: 0.5 s, 1 s, 2 s, 4 s at most, half of it at least", () => {
+    for (const most of [500, 1000, 2000, 4000]) {
+      const before = StandInSocket.all.length;
+      newest().lose();
+      const state = told.at(-1);
+      if (state?.state !== "waiting") throw new Error(`is ${state?.state}`);
+      expect(state.retryInMs).toBeGreaterThanOrEqual(most / 2);
+      expect(state.retryInMs).toBeLessThanOrEqual(most);
+      vi.advanceTimersByTime(state.retryInMs);
+      expect(StandInSocket.all.length).toBe(before + 1);
+    }
+  });
+
+  test("that readied a landing begins the waits anew", () => {
+    for (let attempt = 0; attempt < 4; attempt++) {
+      newest().lose();
+      const state = told.at(-1);
+      vi.advanceTimersByTime(state?.state === "waiting" ? state.retryInMs : 0);
+    }
+    newest().open();
+    session.land(MIDDLE, 2);
+    link.pump();
+    newest().talk();
+    expect(events.at(-1)?.type).toBe("ready");
+    newest().lose();
+    expect(told.at(-1)).toMatchObject({ state: "waiting", attempt: 1 });
+  });
+
+  test("is made again after the time that the server names, once (10.1)", () => {
+    newest().open();
+    newest().server.say({ type: "notice", kind: "draining", reconnect_after_ms: 7000 });
+    newest().talk();
+    newest().lose(4503, "draining");
+    expect(told.at(-1)).toMatchObject({ state: "waiting", retryInMs: 7000, code: "draining" });
+    vi.advanceTimersByTime(7000);
+    newest().lose();
+    expect(told.at(-1)).toMatchObject({ state: "waiting" });
+    expect(told.at(-1)).not.toMatchObject({ retryInMs: 7000 });
+  });
+
+  test.each([4400, 4401, 4403, 4404, 4409, 4413, 1000])("closed with %d is not made again", (code) => {
+    newest().open();
+    newest().lose(code);
+    expect(told.at(-1)).toMatchObject({ state: "closed", closeCode: code });
+    vi.advanceTimersByTime(120_000);
+    expect(StandInSocket.all.length).toBe(1);
+  });
+
+  test("on which the server breaks the protocol is closed with 4400, for good", () => {
+    newest().open();
+    newest().onmessage?.({ data: Uint8Array.of(0xc1).buffer });
+    expect(newest().closed[0]).toBe(4400);
+    expect(told.at(-1)).toMatchObject({ state: "closed", closeCode: 4400, code: "malformed" });
+  });
+
+  test("whose server owes an answer is given up after 30 s of silence, and not before", () => {
+    const socket = newest().open();
+    vi.advanceTimersByTime(300_000);
+    expect(socket.closed).toEqual([]);
+    session.land(MIDDLE, 2);
+    link.pump();
+    vi.advanceTimersByTime(29_000);
+    expect(socket.closed).toEqual([]);
+    vi.advanceTimersByTime(7_000);
+    expect(socket.closed[0]).toBe(4408);
+    vi.advanceTimersByTime(1000);
+    newest().open();
+    newest().talk();
+    expect(events.at(-1)?.type).toBe("ready");
+  });
+
+  test("refused for a too large offer is made again at once without one", () => {
+    const socket = newest();
+    socket.onopen?.();
+    socket.server = new ModelServer(toy);
+    socket.server.say({ type: "error", code: "too_large", message: "rows", fatal: true });
+    socket.talk();
+    socket.lose(4413);
+    expect(StandInSocket.all.length).toBe(2);
+    newest().onopen?.();
+    newest().onmessage = null;
+    expect(newest().server.heard).toMatchObject([{ type: "hello", held: [] }]);
+    newest().lose(4413);
+    expect(told.at(-1)).toMatchObject({ state: "closed", closeCode: 4413 });
+  });
+});
+
+describe("reconnect", () => {
+  test("cuts a wait short, and does nothing to an open connection", () => {
+    newest().lose();
+    link.reconnect(undefined);
+    expect(StandInSocket.all.length).toBe(2);
+    newest().open();
+    link.reconnect(undefined);
+    link.reconnect("t0ken/+");
+    vi.advanceTimersByTime(60_000);
+    expect(StandInSocket.all.length).toBe(2);
+  });
+
+  test("with another token connects anew with it, after a refusal too", () => {
+    newest().lose(4401);
+    expect(told.at(-1)).toMatchObject({ state: "closed", code: "unauthorised" });
+    link.reconnect("other");
+    expect(newest().protocols[1]).toBe("terraport.token.b3RoZXI");
+    newest().open();
+    link.reconnect("third");
+    expect(StandInSocket.all.length).toBe(3);
+    expect(StandInSocket.all[1]?.closed).toEqual([1000]);
+  });
+});
+
+test("aims go ten times a second at most, the newest always", () => {
+  newest().open();
+  for (let ms = 0; ms < 1000; ms += 10) {
+    session.aim([ms / 100, 0, 0], 1);
+    link.pump();
+    vi.advanceTimersByTime(10);
+  }
+  vi.advanceTimersByTime(200);
+  const aims = newest().server.heard.filter((message) => message.type === "aim");
+  expect(aims.length).toBeGreaterThanOrEqual(10);
+  expect(aims.length).toBeLessThanOrEqual(11);
+  expect(aims.at(-1)?.position[0]).toBe(9.9);
+});
+
+test("however fast the user lands, the server's rate is kept and one landing waits", () => {
+  newest().open();
+  for (let count = 0; count < 3000; count++) {
+    session.land(MIDDLE, 1 + count / 1000);
+    link.pump();
+  }
+  const lands = () => newest().server.heard.filter((message) => message.type === "land");
+  expect(lands().length).toBeLessThanOrEqual(480);
+  vi.advanceTimersByTime(1000);
+  newest().talk();
+  expect(lands().length).toBeLessThanOrEqual(482);
+  expect(lands().at(-1)?.radius_m).toBe(3.999);
+  expect(session.visible).toEqual(toy.within(MIDDLE, 3.999));
+});
+
+test("leaving says goodbye, and nothing is done afterwards", () => {
+  newest().open();
+  link.leave();
+  expect(newest().server.heard.at(-1)?.type).toBe("bye");
+  expect(newest().closed).toEqual([1000]);
+  link.reconnect("other");
+  vi.advanceTimersByTime(60_000);
+  expect(StandInSocket.all.length).toBe(1);
+});
+
+test("outgoing messages keep their order over a pause", () => {
+  const sent: (string | Uint8Array)[] = [];
+  let drained = 0;
+  const outgoing = new Outgoing(
+    (data) => sent.push(data),
+    () => {
+      drained += 1;
+    },
+  );
+  outgoing.allow(10);
+  const all = Array.from({ length: 100 }, (_, at) => `${at}`);
+  outgoing.push(all.slice(0, 90));
+  outgoing.push(all.slice(90));
+  expect(sent.length).toBe(80);
+  expect(outgoing.blocked).toBe(true);
+  vi.advanceTimersByTime(1000);
+  expect(sent.length).toBe(88);
+  vi.advanceTimersByTime(2000);
+  expect(sent).toEqual(all);
+  expect([outgoing.blocked, drained]).toEqual([false, 1]);
+});
