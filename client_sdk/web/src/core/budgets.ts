@@ -42,17 +42,18 @@ const BUDGETS: Readonly<Record<DeviceClass, DeviceBudgets>> = {
   phone: {
     maxTriangles: 1_500_000,
     maxBytes: 32 * MIB,
-    maxSegments: 2048,
+    maxSegments: 1024,
     radiusM: 40,
     cacheBytes: 48 * MIB,
     creditBytes: 4 * MIB,
     gpuBytes: 256 * MIB,
   },
-  // Two eyes, 72 times a second, on a phone's GPU: triangles are what is scarce, memory less so.
+  // Two eyes, 72 times a second, on a phone's GPU: triangles are what is scarce, and draw calls, of which each segment
+  // in view is one for each eye; memory less so.
   headset: {
     maxTriangles: 900_000,
     maxBytes: 32 * MIB,
-    maxSegments: 2048,
+    maxSegments: 512,
     radiusM: 40,
     cacheBytes: 96 * MIB,
     creditBytes: 8 * MIB,
