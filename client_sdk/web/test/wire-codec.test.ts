@@ -1,0 +1,117 @@
+/** What the corpus does not say: our own mistakes, tokens, what a client does after a close, numbers as Python writes them. */
+
+import { readFileSync } from "node:fs";
+import { describe, expect, it } from "vitest";
+import { decodeMessage, encodeMessage, tokenSubprotocol } from "../src/core/wire/codec.ts";
+import { afterClose, codeOfClose, DecodeError, InvalidMessageError } from "../src/core/wire/errors.ts";
+import { isPayload } from "../src/core/wire/frames.ts";
+import { writeJson } from "../src/core/wire/json-writer.ts";
+import type { ClientMessage, ServerMessage } from "../src/core/wire/messages.generated.ts";
+import { plainFloat } from "../src/core/wire/plain.ts";
+
+const SPEC = readFileSync(new URL("../../../spec/wire-protocol.md", import.meta.url), "utf-8");
+
+describe("a message of our own that is not allowed", () => {
+  it.each<[ClientMessage | ServerMessage, string]>([
+    [{ type: "land", generation: 1, position: [0, 0, 0], radius_m: 0 }, "radius_m"],
+    [{ type: "land", generation: 1, position: [0, Number.NaN, 0], radius_m: 1 }, "position"],
+    [{ type: "land", generation: 1.5, position: [0, 0, 0], radius_m: 1 }, "generation"],
+    [{ type: "land", generation: 1, position: [0, 0, 0], radius_m: 1, deadline_ms: 5 }, "deadline_ms"],
+    [{ type: "land", generation: 1, position: [0, 0, 0], radius_m: 1, inner_radius_m: 2 }, "inner_radius_m"],
+    [{ type: "evict", segments: [4, 9, 4] }, "segments"],
+    [{ type: "evict", segments: [-1] }, "segments"],
+    [{ type: "held", segments: [{ segment: 1, xxh3: 2n ** 64n }] }, "segments.xxh3"],
+    [{ type: "credit", bytes: 2 ** 53 }, "bytes"],
+    [{ type: "reject", generation: 1, segment: 1, reason: "\ud800" }, "reason"],
+  ])("%o is not sent", (message, field) => {
+    const encode = () => encodeMessage(message, "terraport.v1.msgpack");
+    expect(encode).toThrow(InvalidMessageError);
+    expect(encode).toThrow(`${message.type}.${field}: `);
+  });
+
+  it("nor is one that is absent where it must be there", () => {
+    const message = { type: "aim", generation: 1 } as unknown as ClientMessage;
+    expect(() => encodeMessage(message, "terraport.v1.json")).toThrow("aim.position: got nothing");
+  });
+});
+
+it("absent fields may be undefined, and are not written", () => {
+  const message = { type: "pick", request: 3, origin: [1, 2, 3], direction: undefined } as const;
+  expect(encodeMessage(message, "terraport.v1.json")).toBe('{"type":"pick","request":3,"origin":[1.0,2.0,3.0]}');
+});
+
+it("names that every object has are names like any other", () => {
+  const attributes = '{"__proto__":1.5,"constructor":2,"toString":3}';
+  const hit = `{"position":[0,0,0],"normal":[0,1,0],"segment":1,"region":0,"height_m":0,"attributes":${attributes}}`;
+  const message = decodeMessage(`{"type":"picked","request":1,"hit":${hit}}`, "terraport.v1.json", "server_to_client");
+  if (message.type !== "picked") throw new Error("expected picked");
+  expect(Object.entries(message.hit!.attributes)).toEqual([
+    ["__proto__", 1.5],
+    ["constructor", 2],
+    ["toString", 3],
+  ]);
+  for (const type of ["constructor", "__proto__", "hasOwnProperty"]) {
+    const unknown = decodeMessage(JSON.stringify({ type }), "terraport.v1.json", "server_to_client");
+    expect(unknown).toEqual({ type: "unknown", name: type });
+  }
+});
+
+it("a stricter limit of size can be asked for", () => {
+  const text = '{"type":"bye"}';
+  expect(decodeMessage(text, "terraport.v1.json", "client_to_server", 14)).toEqual({ type: "bye" });
+  expect(() => decodeMessage(text, "terraport.v1.json", "client_to_server", 13)).toThrow(DecodeError);
+  // Bytes of UTF-8 count, not characters.
+  expect(() => decodeMessage('{"type":"é"}', "terraport.v1.json", "client_to_server", 12)).toThrow("13 bytes");
+});
+
+it("a token goes into a subprotocol's name, as the Python side reads it", () => {
+  expect(tokenSubprotocol("abc")).toBe("terraport.token.YWJj");
+  expect(tokenSubprotocol("ü~?>")).toBe("terraport.token.w7x-Pz4");
+});
+
+it("payload is told from messages by its first byte", () => {
+  expect(isPayload(Uint8Array.of(0x01))).toBe(true);
+  expect(isPayload(Uint8Array.of(0x81))).toBe(false);
+  expect(isPayload(new Uint8Array())).toBe(false);
+  expect(isPayload("\u0001")).toBe(false);
+});
+
+describe("after a close", () => {
+  // | 4401 | unauthorised | ask for a token |
+  const rows = [...SPEC.matchAll(/^\| ([0-9, ]+) \| [^|]+ \| (done|again|ask for a token|do not repeat) \|$/gm)];
+  const meaning = { done: "done", again: "again", "ask for a token": "token", "do not repeat": "stop" } as const;
+
+  it("a client does what the specification says", () => {
+    expect(rows.length).toBe(12);
+    for (const [, codes, action] of rows) {
+      for (const code of codes!.split(", ")) {
+        expect(`${code} ${afterClose(Number(code))}`).toBe(`${code} ${meaning[action as keyof typeof meaning]}`);
+      }
+    }
+  });
+
+  it("the code stands for an error", () => {
+    expect(codeOfClose(4401)).toBe("unauthorised");
+    expect(codeOfClose(4400)).toBe("malformed");
+    expect(codeOfClose(1006)).toBe("closed");
+  });
+});
+
+it.each([
+  // By Python's repr().
+  [0, "0.0"],
+  [-0, "-0.0"],
+  [60, "60.0"],
+  [0.1, "0.1"],
+  [-12.5, "-12.5"],
+  [0.0001, "0.0001"],
+  [0.00001234, "1.234e-05"],
+  [123456789.125, "123456789.125"],
+  [1e15, "1000000000000000.0"],
+  [9999999999999998, "9999999999999998.0"],
+  [1e16, "1e+16"],
+  [1.5e300, "1.5e+300"],
+  [5e-324, "5e-324"],
+])("%d is written %s", (value, text) => {
+  expect(writeJson(plainFloat(value))).toBe(text);
+});
