@@ -21,9 +21,11 @@ const ANISOTROPY = 4;
 
 /**
  * Makes and fills what three.js then only draws with (GLBufferAttribute, ExternalTexture): so uploading needs no draw, and a
- * segment can be split over as many frames as it takes. Leaves every binding as it found it, since three.js remembers them.
+ * segment can be split over as many frames as it takes. three.js remembers what is bound, so no binding is changed behind
+ * its back.
  */
 export class GpuStore {
+  readonly #renderer: WebGLRenderer;
   readonly #gl: WebGL2RenderingContext;
   bufferBytes = 0;
   textureBytes = 0;
@@ -35,6 +37,7 @@ export class GpuStore {
     if (!(gl instanceof WebGL2RenderingContext)) {
       throw new TypeError("the renderer has no WebGL 2 context");
     }
+    this.#renderer = renderer;
     this.#gl = gl;
   }
 
@@ -121,32 +124,26 @@ export class GpuStore {
     this.freedBytes += target.bytes;
   }
 
+  /** Through three.js, which remembers what is bound: asking WebGL would do, but some of the answers wait for the GPU. */
   #withTexture(texture: WebGLTexture, act: () => void): void {
-    const gl = this.#gl;
-    const before: WebGLTexture | null = gl.getParameter(gl.TEXTURE_BINDING_2D);
-    gl.bindTexture(gl.TEXTURE_2D, texture);
+    const { state } = this.#renderer;
+    state.bindTexture(this.#gl.TEXTURE_2D, texture);
     act();
-    gl.bindTexture(gl.TEXTURE_2D, before);
+    state.unbindTexture();
   }
 
   #withUnpack(skipRows: number, act: () => void): void {
     const gl = this.#gl;
-    const wanted: readonly (readonly [GLenum, number | boolean])[] = [
-      [gl.UNPACK_FLIP_Y_WEBGL, false],
-      [gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false],
-      [gl.UNPACK_ALIGNMENT, 4],
-      [gl.UNPACK_ROW_LENGTH, 0],
-      [gl.UNPACK_SKIP_PIXELS, 0],
-      [gl.UNPACK_SKIP_ROWS, skipRows],
-    ];
-    const before = wanted.map(([name]): number | boolean => gl.getParameter(name));
-    for (const [name, value] of wanted) {
-      gl.pixelStorei(name, value);
-    }
+    // Remembered by three.js as well. Its types lack the function.
+    const state = this.#renderer.state as unknown as { pixelStorei(name: GLenum, value: number | boolean): void };
+    state.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
+    state.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
+    state.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+    state.pixelStorei(gl.UNPACK_ROW_LENGTH, 0);
+    state.pixelStorei(gl.UNPACK_SKIP_PIXELS, 0);
+    state.pixelStorei(gl.UNPACK_SKIP_ROWS, skipRows);
     act();
-    wanted.forEach(([name], index) => {
-      gl.pixelStorei(name, before[index]!);
-    });
+    state.pixelStorei(gl.UNPACK_SKIP_ROWS, 0); // The one that three.js takes for granted.
   }
 }
 
