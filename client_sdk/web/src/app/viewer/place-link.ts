@@ -21,6 +21,8 @@ export function createPlaceLink(): PlaceLink {
     if (timer !== null) window.clearTimeout(timer);
     timer = null;
   };
+  // Back or forward: what was to be written belongs to the entry that was left.
+  window.addEventListener("popstate", stop);
   return {
     push(route) {
       stop();
@@ -34,7 +36,10 @@ export function createPlaceLink(): PlaceLink {
         window.history.replaceState(null, "", formatRoute(route()));
       }, FOLLOW_MS);
     },
-    dispose: stop,
+    dispose() {
+      stop();
+      window.removeEventListener("popstate", stop);
+    },
   };
 }
 
