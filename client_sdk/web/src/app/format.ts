@@ -45,6 +45,11 @@ export function formatMetres(metres: number | null | undefined): string {
   return `${fixed(metres, digits)} m`;
 }
 
+/** East, north or height in the survey's system: `641182.93`; a centimetre is what surveys are good for. */
+export function formatCoordinate(metres: number): string {
+  return fixed(metres, 2);
+}
+
 /** A radius: `60 m`, `7.5 m`. */
 export function formatRadius(metres: number | null | undefined): string {
   if (!isNumber(metres)) return "–";

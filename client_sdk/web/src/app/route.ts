@@ -86,11 +86,11 @@ function parsePlace(fields: URLSearchParams): Place | null {
 
 function formatPlace(place: Place): string[] {
   const parts = [`at=${point(place.at)}`];
-  if (place.radiusM !== null) parts.push(`radius=${rounded(place.radiusM, 2)}`);
+  if (place.radiusM !== null) parts.push(`radius=${rounded(atLeastACentimetre(place.radiusM), 2)}`);
   if (place.yawDeg !== null && place.pitchDeg !== null) {
     parts.push(`look=${rounded(wrapDegrees(place.yawDeg), 1)},${rounded(place.pitchDeg, 1)}`);
   }
-  if (place.distanceM !== null) parts.push(`distance=${rounded(place.distanceM, 2)}`);
+  if (place.distanceM !== null) parts.push(`distance=${rounded(atLeastACentimetre(place.distanceM), 2)}`);
   if (place.focus !== null) parts.push(`focus=${point(place.focus)}`);
   if (place.view !== null) parts.push(`view=${place.view}`);
   return parts;
@@ -136,6 +136,11 @@ function parseNumber(text: string | null): number | null {
 
 function within(value: number | null, min: number, max: number): number | null {
   return value !== null && value >= min && value <= max ? value : null;
+}
+
+/** A length above 0 must not be rounded to 0, which is none. */
+function atLeastACentimetre(metres: number): number {
+  return Math.max(0.01, metres);
 }
 
 function wrapDegrees(degrees: number): number {

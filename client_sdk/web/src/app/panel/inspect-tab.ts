@@ -3,7 +3,7 @@
 import { toSurvey } from "../../core/scene/survey.ts";
 import type { RegionFacts, Vec3 } from "../../core/types.ts";
 import { fill, h, setAttribute, setShown, setText } from "../dom.ts";
-import { formatArea, formatDegrees, formatMetres, formatSurvey, formatValue } from "../format.ts";
+import { formatArea, formatCoordinate, formatDegrees, formatMetres, formatSurvey, formatValue } from "../format.ts";
 import { icon } from "../icons.ts";
 import { measurePath } from "../measure.ts";
 import type { Tool, ViewerState, ViewerStore } from "../viewer/state.ts";
@@ -158,9 +158,9 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     pickFacts.set("region", known ? (label ?? regionName(region)) : "");
     pickFacts.set("area", region === undefined ? "" : formatArea(region.areaM2));
     pickFacts.set("region-slope", region?.slopeDeg == null ? "" : formatDegrees(region.slopeDeg));
-    pickFacts.set("east", survey === null ? "" : formatMetres(survey[0]).replace(" m", ""));
-    pickFacts.set("north", survey === null ? "" : formatMetres(survey[1]).replace(" m", ""));
-    pickFacts.set("height", survey === null ? "" : formatMetres(answer?.heightM ?? survey[2]));
+    pickFacts.set("east", survey === null ? "" : formatCoordinate(survey[0]));
+    pickFacts.set("north", survey === null ? "" : formatCoordinate(survey[1]));
+    pickFacts.set("height", survey === null ? "" : `${formatCoordinate(answer?.heightM ?? survey[2])} m`);
     pickFacts.set("slope", answer === null ? "" : formatDegrees(slopeOf(answer.normal)));
     const segment = answer?.segment ?? picked?.segment ?? -1;
     pickFacts.set("segment", !known ? "" : segment < 0 ? "base" : String(segment));
@@ -223,20 +223,22 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
   function show(state: ViewerState): void {
     setAttribute(pickButton, "aria-pressed", String(state.tool === "pick"));
     setAttribute(measureButton, "aria-pressed", String(state.tool === "measure"));
+    setAttribute(element, "data-tool", state.tool);
     if (state.picked !== shown.picked) showPick(state);
     if (state.measured !== shown.measured) showMeasure(state);
     shown = state;
   }
 
-  store.subscribe(show);
-  show(store.get());
-  return h(
+  const element = h(
     "div",
-    { class: "tab-content" },
+    { class: "tab-content inspect" },
     h("div", { class: "row" }, pickButton, measureButton),
     pickSection,
     measureSection,
   );
+  store.subscribe(show);
+  show(store.get());
+  return element;
 }
 
 /** Angle between a face and level ground. */

@@ -115,7 +115,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
     fill(
       legend,
       h("h3", { id: "regions-title" }, `Regions (${byArea.length})`),
-      h("p", { class: "faint" }, "Choose one to see it alone in colour."),
+      h("p", { class: "faint" }, "Choose one to see it alone in colour. Grey: the base, no detail landed here."),
       h("ul", { class: "regions", "aria-labelledby": "regions-title" }, ...listed.map(regionRow)),
       rest > 0 && more,
     );

@@ -8,7 +8,7 @@ const FULL_MS = 50;
 /** Draw into a canvas; its colours are the page's. */
 export function drawSparkline(canvas: HTMLCanvasElement, times: readonly number[]): void {
   const scale = window.devicePixelRatio;
-  if (canvas.width !== WIDTH * scale) {
+  if (canvas.width !== WIDTH * scale || canvas.height !== HEIGHT * scale) {
     canvas.width = WIDTH * scale;
     canvas.height = HEIGHT * scale;
   }

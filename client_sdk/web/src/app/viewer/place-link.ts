@@ -6,8 +6,8 @@ import { formatRoute, type Place, type Route } from "../route.ts";
 export interface PlaceLink {
   /** A landing was shown: a new entry, unless the address asked for it. */
   push(route: Route): void;
-  /** The look has changed: the present entry follows, a little later. */
-  follow(route: () => Route): void;
+  /** The look has changed: the present entry follows, a little later. Null: the user is on his way elsewhere. */
+  follow(route: () => Route | null): void;
   dispose(): void;
 }
 
@@ -33,7 +33,8 @@ export function createPlaceLink(): PlaceLink {
       stop();
       timer = window.setTimeout(() => {
         timer = null;
-        window.history.replaceState(null, "", formatRoute(route()));
+        const now = route();
+        if (now !== null) window.history.replaceState(null, "", formatRoute(now));
       }, FOLLOW_MS);
     },
     dispose() {
