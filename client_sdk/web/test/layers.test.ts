@@ -25,7 +25,7 @@ const MAY_IMPORT: Readonly<Record<string, readonly string[]>> = {
 /** Packages by part; `app` takes what it needs of these through the others, but three.js for its controls. */
 const PACKAGES: Readonly<Record<string, readonly string[]>> = {
   core: ["hash-wasm", "meshoptimizer"],
-  three: ["three", "three-mesh-bvh"],
+  three: ["three"],
   xr: ["three"],
   app: ["three"],
 };
