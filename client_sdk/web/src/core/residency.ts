@@ -9,15 +9,12 @@
  * PURE: no I/O, no clock; whoever owns it decodes, uploads, frees, and says so.
  */
 
-import { InFlight, type InFlightLimits } from "./in-flight.ts";
 import { LandingRecord } from "./landing-record.ts";
+import { SegmentShelf, type ShelfLimits } from "./segment-shelf.ts";
 import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
 
 /** How much is done at once, and kept. */
-export interface ResidencyOptions extends InFlightLimits {
-  /** GPU bytes of segments that are neither visible nor wanted by the newest landing: what an aim brought. */
-  readonly spareBytes: number;
-}
+export type ResidencyOptions = ShelfLimits;
 
 /** What one swap changed. */
 export interface Swap {
@@ -35,41 +32,23 @@ export interface DecodeRequest {
   readonly epoch: number;
 }
 
-type Step = "held" | "decoding" | "decoded" | "uploaded" | "resident" | "failed";
-
-interface Entry {
-  step: Step;
-  /** On the GPU, once decoded. */
-  bytes: number;
-  /** Newest landing when an aim brought it, or -1: it came for a landing. */
-  aimedDuring: number;
-  /** When it was last wanted or brought, as a running number. */
-  usedAt: number;
-}
-
 /** The segments of one stage. Not shared between stages; a call is a step, in whatever order events come. */
 export class Residency {
-  readonly #options: ResidencyOptions;
-  readonly #inFlight: InFlight;
-  readonly #entries = new Map<number, Entry>();
+  readonly #shelf: SegmentShelf;
   #visible: readonly number[] = [];
   #visibleIds = new Set<number>();
   #wanted: readonly number[] = [];
   #wantedIds = new Set<number>();
   #prefetched: number[] = [];
-  #toFree: number[] = [];
   #newest: LandingRecord | null = null;
   #coming: readonly number[] | null = null;
   #comingRevision = 0;
   #preparedRevision = -1;
-  #spareBytes = 0;
   #epoch = 0;
-  #tick = 0;
   #restoring = false;
 
   constructor(options: ResidencyOptions) {
-    this.#options = options;
-    this.#inFlight = new InFlight(options);
+    this.#shelf = new SegmentShelf(options, (segment) => this.#wantedIds.has(segment) || this.#visibleIds.has(segment));
   }
 
   /** Segments shown, ascending. */
@@ -89,12 +68,24 @@ export class Residency {
 
   /** Segments being decoded, or decoded and not uploaded. */
   get inFlight(): number {
-    return this.#inFlight.count;
+    return this.#shelf.inFlight;
+  }
+
+  /** Whether there is something to decode, upload or free now, or on its way. */
+  get isBusy(): boolean {
+    const waits = (segment: number): boolean => this.#shelf.stepOf(segment) === "held";
+    return (
+      this.#shelf.inFlight > 0 ||
+      this.#shelf.hasFrees ||
+      this.#restoring ||
+      (this.#newest?.plan !== null && this.#wanted.some(waits)) ||
+      (this.#shelf.hasSpareRoom && this.#prefetched.some(waits))
+    );
   }
 
   /** GPU bytes of segments there, or on their way, that nobody wants now. */
   get spareBytes(): number {
-    return this.#spareBytes;
+    return this.#shelf.spareBytes;
   }
 
   /** Whether the visible set is being uploaded again after the context was lost: only the base is to be drawn. */
@@ -129,17 +120,16 @@ export class Residency {
     }
     landing.planned(plan);
     for (const segment of plan.keep) {
-      this.#hold(segment, -1);
+      this.#shelf.hold(segment, -1);
     }
     this.#setWanted([...plan.keep, ...plan.load.map((facts) => facts.segment)]);
-    this.#dropUnwantedMeshes();
+    this.#shelf.freeUnneededMeshes();
   }
 
   /** A segment's payload is here: for a landing, or (null) for an aim. */
   arrived(facts: SegmentFacts, landing: number | null): void {
-    const entry = this.#hold(facts.segment, landing === null ? (this.#newest?.landing ?? 0) : -1);
-    if (entry.step === "failed") {
-      entry.step = "held"; // It came once more: perhaps whole this time.
+    if (this.#shelf.hold(facts.segment, landing === null ? (this.#newest?.landing ?? 0) : -1)) {
+      this.#shelf.forgive(facts.segment);
       this.#recompute();
     }
     this.#newest?.arrived(facts);
@@ -170,13 +160,13 @@ export class Residency {
     record.ready(visible, missing, elapsedMs, payloadBytes);
     record.swapped = isShown ? "full" : "nothing"; // After a reconnect the same set may be declared once more.
     for (const segment of visible) {
-      this.#hold(segment, -1);
+      this.#shelf.hold(segment, -1);
     }
     // In the plan's order, nearest first; what the plan did not name last.
     const order = new Map(this.#wanted.map((segment, index) => [segment, index]));
     const place = (segment: number): number => order.get(segment) ?? Number.MAX_SAFE_INTEGER;
     this.#setWanted([...visible].sort((a, b) => place(a) - place(b)));
-    this.#dropUnwantedMeshes();
+    this.#shelf.freeUnneededMeshes();
   }
 
   /** The server said no to a landing: what is shown stays. */
@@ -185,19 +175,14 @@ export class Residency {
     if (record) {
       record.refuse(message);
       this.#setWanted([]);
-      this.#dropUnwantedMeshes();
+      this.#shelf.freeUnneededMeshes();
     }
   }
 
   /** The cache let these go: they cannot be decoded any more. What is on the GPU stays. */
   dropped(segments: Iterable<number>): void {
     for (const segment of segments) {
-      const entry = this.#entries.get(segment);
-      if (entry?.step === "held" && this.#isNeeded(segment)) {
-        entry.step = "failed";
-      } else if (entry?.step === "held" || entry?.step === "failed") {
-        this.#entries.delete(segment);
-      }
+      this.#shelf.drop(segment);
     }
     this.#recompute();
   }
@@ -208,11 +193,8 @@ export class Residency {
    */
   versionChanged(): void {
     this.#epoch += 1;
-    this.#entries.clear();
+    this.#shelf.clear();
     this.#prefetched = [];
-    this.#toFree = [];
-    this.#inFlight.clear();
-    this.#spareBytes = 0;
     this.#restoring = false;
     this.#newest?.restart();
     this.#setWanted([]);
@@ -229,10 +211,7 @@ export class Residency {
   takeDecodes(): DecodeRequest[] {
     const requests: DecodeRequest[] = [];
     const ask = (segment: number): void => {
-      const entry = this.#entries.get(segment);
-      if (entry?.step === "held" && this.#inFlight.hasRoom) {
-        entry.step = "decoding";
-        this.#inFlight.ask();
+      if (this.#shelf.tryDecode(segment)) {
         requests.push({ segment, epoch: this.#epoch });
       }
     };
@@ -242,52 +221,29 @@ export class Residency {
     if (this.#newest?.plan) {
       this.#wanted.forEach(ask);
     }
-    while (this.#prefetched.length > 0 && this.#inFlight.hasRoom) {
-      const segment = this.#prefetched[0]!;
-      if (this.#spareBytes >= this.#options.spareBytes) {
-        break; // Room comes with the next swap.
-      }
-      this.#prefetched.shift();
-      ask(segment);
+    // What finds no spare room waits for the next swap.
+    while (this.#prefetched.length > 0 && this.#shelf.hasRoom && this.#shelf.hasSpareRoom) {
+      ask(this.#prefetched.shift()!);
     }
     return requests;
   }
 
   /** A mesh came that will take `bytes` on the GPU. False where nobody wants it any more: throw it away. */
   decoded(segment: number, epoch: number, bytes: number): boolean {
-    const entry = this.#entries.get(segment);
-    if (epoch !== this.#epoch || entry?.step !== "decoding") {
-      return false;
-    }
-    const isRefused = entry.aimedDuring < 0 || this.#spareBytes + bytes > this.#options.spareBytes;
-    if (!this.#isNeeded(segment) && isRefused) {
-      entry.step = "held";
-      this.#inFlight.dismiss();
-      return false;
-    }
-    entry.step = "decoded";
-    entry.bytes = bytes;
-    entry.usedAt = this.#nextTick();
-    this.#inFlight.wait(bytes);
-    if (!this.#isNeeded(segment)) {
-      this.#spareBytes += bytes;
-    }
-    return true;
+    return epoch === this.#epoch && this.#shelf.take(segment, bytes);
   }
 
   /** It could not be decoded: its base faces stay, and it is told as missing. */
   decodeFailed(segment: number, epoch: number): void {
-    const entry = this.#entries.get(segment);
-    if (epoch === this.#epoch && entry?.step === "decoding") {
-      entry.step = "failed";
-      this.#inFlight.dismiss();
+    if (epoch === this.#epoch) {
+      this.#shelf.fail(segment);
       this.#recompute();
     }
   }
 
   /** The most urgent mesh that waits for its upload, or is in the middle of it. */
   nextUpload(): number | null {
-    const waits = (segment: number): boolean => this.#entries.get(segment)?.step === "decoded";
+    const waits = (segment: number): boolean => this.#shelf.stepOf(segment) === "decoded";
     if (this.#restoring) {
       const urgent = this.#visible.find(waits);
       if (urgent !== undefined) {
@@ -298,29 +254,17 @@ export class Residency {
     if (wanted !== undefined) {
       return wanted;
     }
-    for (const [segment, entry] of this.#entries) {
-      if (entry.step === "decoded") {
-        return segment;
-      }
-    }
-    return null;
+    return this.#shelf.anyDecoded();
   }
 
   /** All of it is on the GPU. */
   uploaded(segment: number): void {
-    const entry = this.#entries.get(segment);
-    if (entry?.step === "decoded") {
-      entry.step = "uploaded";
-      this.#inFlight.leave(entry.bytes);
-    }
+    this.#shelf.uploaded(segment);
   }
 
   /** And it can be drawn without any further preparation. */
   warmed(segment: number): void {
-    const entry = this.#entries.get(segment);
-    if (entry?.step === "uploaded") {
-      entry.step = "resident";
-    }
+    this.#shelf.warmed(segment);
   }
 
   /** The base's hidden faces for the coming set of this revision are on the GPU too. */
@@ -330,9 +274,7 @@ export class Residency {
 
   /** Ids whose GPU memory, or waiting mesh, is to be freed; each is told once. */
   takeFreed(): number[] {
-    const freed = this.#toFree;
-    this.#toFree = [];
-    return freed;
+    return this.#shelf.takeFreed();
   }
 
   /** Whether a swap would show the newest landing: in full, the declared inner part of it, or not yet. */
@@ -346,7 +288,7 @@ export class Residency {
       return null;
     }
     for (const segment of this.#coming) {
-      if (this.#entries.get(segment)?.step !== "resident") {
+      if (this.#shelf.stepOf(segment) !== "resident") {
         return null;
       }
     }
@@ -368,20 +310,15 @@ export class Residency {
     landing.swapped = kind;
     this.#visible = visible;
     this.#visibleIds = after;
-    this.#freeLeftBehind(landing.landing, new Set(hidden));
+    this.#shelf.freeLeftBehind(landing.landing, new Set(hidden));
+    this.#prefetched = this.#prefetched.filter((segment) => this.#shelf.isAimedSince(segment, landing.landing));
     this.#recompute();
     return { landing: landing.landing, degraded: kind === "degraded", visible, shown, hidden };
   }
 
   /** Everything on the GPU is gone. The visible set stays what it is, and is uploaded again before anything else. */
   contextLost(): void {
-    for (const [segment, entry] of this.#entries) {
-      if (isOnGpu(entry)) {
-        this.#free(segment, entry);
-      }
-    }
-    this.#toFree = []; // There is nothing to be freed any more.
-    this.#spareBytes = 0;
+    this.#shelf.loseGpu();
     this.#restoring = this.#visible.length > 0;
     this.#preparedRevision = -1;
   }
@@ -394,7 +331,7 @@ export class Residency {
     if (!this.#restoring || this.#visible.some((segment) => !this.#isSettled(segment))) {
       return null;
     }
-    return this.#visible.filter((segment) => this.#entries.get(segment)?.step === "resident");
+    return this.#visible.filter((segment) => this.#shelf.stepOf(segment) === "resident");
   }
 
   /** The restorable set is drawn again. It is the visible set, less what could not be decoded again: no hole may stay there. */
@@ -418,14 +355,14 @@ export class Residency {
   /** Share of the newest landing that came and was uploaded, 0 to 1. */
   fraction(): number {
     const landing = this.#newest;
-    return landing ? landing.fraction((segment) => this.#entries.get(segment)?.step === "resident") : 0;
+    return landing ? landing.fraction((segment) => this.#shelf.stepOf(segment) === "resident") : 0;
   }
 
   /** What the newest landing's full set lacks: told by the stream, or not decodable. Ascending. */
   missing(): readonly number[] {
     const landing = this.#newest;
     const expected = landing?.target()?.segments ?? landing?.expected() ?? [];
-    const failed = expected.filter((segment) => this.#entries.get(segment)?.step === "failed");
+    const failed = expected.filter((segment) => this.#shelf.stepOf(segment) === "failed");
     return [...new Set([...(landing?.missing ?? []), ...failed])].sort(ascending);
   }
 
@@ -433,119 +370,34 @@ export class Residency {
     return this.#newest?.landing === landing && this.#newest.refusal === null ? this.#newest : null;
   }
 
-  #nextTick(): number {
-    this.#tick += 1;
-    return this.#tick;
-  }
-
-  #hold(segment: number, aimedDuring: number): Entry {
-    let entry = this.#entries.get(segment);
-    if (!entry) {
-      entry = { step: "held", bytes: 0, aimedDuring, usedAt: this.#nextTick() };
-      this.#entries.set(segment, entry);
-    }
-    entry.aimedDuring = Math.max(entry.aimedDuring, aimedDuring);
-    return entry;
-  }
-
-  #isNeeded(segment: number): boolean {
-    return this.#wantedIds.has(segment) || this.#visibleIds.has(segment);
-  }
-
-  #isSpare(segment: number, entry: Entry): boolean {
-    return isOnGpu(entry) && !this.#isNeeded(segment);
-  }
-
   #isSettled(segment: number): boolean {
-    const entry = this.#entries.get(segment);
-    return entry === undefined || entry.step === "resident" || entry.step === "failed";
+    const step = this.#shelf.stepOf(segment);
+    return step === undefined || step === "resident" || step === "failed";
   }
 
   #setWanted(wanted: readonly number[]): void {
     this.#wanted = wanted;
     this.#wantedIds = new Set(wanted);
-    this.#recountSpare();
+    this.#shelf.trim();
     this.#recompute();
   }
 
   #setVisible(visible: readonly number[]): void {
     this.#visible = visible;
     this.#visibleIds = new Set(visible);
-    this.#recountSpare();
-  }
-
-  #recountSpare(): void {
-    this.#spareBytes = 0;
-    for (const [segment, entry] of this.#entries) {
-      if (this.#isSpare(segment, entry)) {
-        this.#spareBytes += entry.bytes;
-      }
-    }
-    this.#trim();
-  }
-
-  /** Free spare segments, the longest unused first, until they fit. */
-  #trim(): void {
-    if (this.#spareBytes <= this.#options.spareBytes) {
-      return;
-    }
-    const spare = [...this.#entries].filter(([segment, entry]) => this.#isSpare(segment, entry));
-    spare.sort((a, b) => a[1].usedAt - b[1].usedAt);
-    for (const [segment, entry] of spare) {
-      if (this.#spareBytes <= this.#options.spareBytes) {
-        break;
-      }
-      this.#spareBytes -= entry.bytes;
-      this.#free(segment, entry);
-    }
-  }
-
-  #free(segment: number, entry: Entry): void {
-    if (entry.step === "decoded") {
-      this.#inFlight.leave(entry.bytes);
-    }
-    entry.step = "held"; // The payload is still here.
-    this.#toFree.push(segment);
-  }
-
-  /** Meshes that wait for a landing that nobody wants any more take memory and give nothing. */
-  #dropUnwantedMeshes(): void {
-    for (const [segment, entry] of this.#entries) {
-      if (entry.step === "decoded" && !this.#isNeeded(segment) && entry.aimedDuring < 0) {
-        this.#free(segment, entry);
-      }
-    }
-    this.#recountSpare();
-  }
-
-  /** After a swap: what was shown before, and whatever came for earlier landings and aims. */
-  #freeLeftBehind(landing: number, hidden: ReadonlySet<number>): void {
-    for (const [segment, entry] of this.#entries) {
-      if (isOnGpu(entry) && !this.#isNeeded(segment) && (hidden.has(segment) || entry.aimedDuring < landing)) {
-        this.#free(segment, entry);
-      }
-    }
-    this.#prefetched = this.#prefetched.filter((segment) => (this.#entries.get(segment)?.aimedDuring ?? -1) >= landing);
-    this.#recountSpare();
+    this.#shelf.trim();
   }
 
   /** Work out what the next swap will show. */
   #recompute(): void {
     const landing = this.#newest;
     const ids = landing && landing.swapped !== "full" ? (landing.target()?.segments ?? landing.expected()) : null;
-    const next = ids
-      ? [...ids].filter((segment) => this.#entries.get(segment)?.step !== "failed").sort(ascending)
-      : null;
+    const next = ids ? [...ids].filter((segment) => this.#shelf.stepOf(segment) !== "failed").sort(ascending) : null;
     if (!sameIds(next, this.#coming)) {
       this.#coming = next;
       this.#comingRevision += 1;
     }
   }
-}
-
-/** Or on its way there, with memory of its own. */
-function isOnGpu(entry: Entry): boolean {
-  return entry.step === "decoded" || entry.step === "uploaded" || entry.step === "resident";
 }
 
 function ascending(a: number, b: number): number {

@@ -72,6 +72,7 @@ export class GroundMaterial {
       ramp: { value: attributeRamp().map((colour) => new Vector3(...colour)) },
       slopes: { value: slopeRamp().map((colour) => new Vector3(...colour)) },
       relief: { value: 1 },
+      highlight: { value: -1 },
     };
     this.material = new ShaderMaterial({
       name: "ground",
@@ -92,6 +93,12 @@ export class GroundMaterial {
     if (mode.kind === "attribute") {
       this.#uniforms.measureRange.value.set(mode.min, mode.max);
     }
+    this.material.uniformsNeedUpdate = true;
+  }
+
+  /** Dim whatever is not of this region; null ends it. */
+  highlight(region: number | null): void {
+    this.#uniforms.highlight.value = region ?? -1;
     this.material.uniformsNeedUpdate = true;
   }
 

@@ -99,6 +99,7 @@ uniform vec2 measureRange;
 uniform vec3 ramp[${RAMP_STOPS}];
 uniform vec3 slopes[${RAMP_STOPS}];
 uniform float relief;
+uniform float highlight;
 
 out vec4 outColour;
 
@@ -147,6 +148,10 @@ void main() {
   // Half a sky and a sun in the north-west, as on maps: level ground keeps its colour. The normal is not turned over for
   // back faces: the strip of a segment's underside that shows at the rim is to look like the ground it belongs to.
   float light = 0.32 + 0.25 * (0.5 + 0.5 * tilt.y) + 0.62 * max(dot(tilt, vec3(-0.5, 0.7071068, -0.5)), 0.0);
-  outColour = linearToOutputTexel(vec4(colour * mix(1.0, light, strength), 1.0));
+  colour *= mix(1.0, light, strength);
+  if (highlight > -0.5 && !(hasRegion && abs(vRegion - highlight) < 0.5)) {
+    colour = 0.3 * mix(vec3(dot(colour, vec3(0.2126, 0.7152, 0.0722))), colour, 0.25);
+  }
+  outColour = linearToOutputTexel(vec4(colour, 1.0));
 }
 `;

@@ -7,7 +7,6 @@
 
 import { type Camera, Group, type WebGLRenderer } from "three";
 
-import { mix32 } from "../core/cover.ts";
 import { Residency } from "../core/residency.ts";
 import type {
   Bounds,
@@ -25,10 +24,10 @@ import { FrameTimes } from "./frame-times.ts";
 import { GpuStore } from "./gpu-store.ts";
 import { GroundMaterial } from "./ground-material.ts";
 import { castGround, groundOnVertical, type Pickable, type ShownGround } from "./ground-picking.ts";
+import { GroundSet } from "./ground-set.ts";
 import { statusOf } from "./landing-status.ts";
 import { gpuBytesOf } from "./mesh-upload.ts";
 import { regionColour, segmentColour, toCss } from "./palette.ts";
-import { SegmentGround } from "./segment-ground.ts";
 import type { GroundHit, LandingStatus, Landings, StageStats, SwapReport, ViewMode, VisibleDigest } from "./types.ts";
 
 /** Light or dark page: decides the grey of "no value" alone. */
@@ -41,12 +40,18 @@ export interface StageOptions {
   readonly files: SceneFiles;
   /** Bytes on the GPU of segments that nothing shows or waits for (prefetched by an aim). Default 128 MiB. */
   readonly gpuBytes?: number;
-  /** Milliseconds of one frame for uploads; default 3, and at most 1.5 while a headset shows unless set. */
+  /**
+   * Milliseconds of one frame for uploads. Default 1.5 in a headset; else 3, or, where frames are slow anyway, a seventh of
+   * their interval up to 30 ms, so that a landing does not take ten times as long there.
+   */
   readonly uploadBudgetMs?: number;
 }
 
 const DEFAULT_GPU_BYTES = 128 * 1024 * 1024;
 const DEFAULT_UPLOAD_BUDGET_MS = 3;
+const SLOW_FRAME_SHARE = 0.15;
+/** With the slice in hand when it is used up, well below a long task of 50 ms. */
+const MAX_UPLOAD_BUDGET_MS = 30;
 /** A headset draws twice in 11 to 14 ms. */
 const HEADSET_UPLOAD_BUDGET_MS = 1.5;
 /**
@@ -57,11 +62,10 @@ const MAX_FRAME_UPLOAD_BYTES = 6 * 1024 * 1024;
 /** Segments decoded ahead of their upload. Small ones need many, since each takes two frames; textures take 22 MB each. */
 const MAX_IN_FLIGHT = 16;
 const MAX_IN_FLIGHT_BYTES = 64 * 1024 * 1024;
-/** Segments that are freed, or drawn for the first time, in one frame. */
-const MAX_FRAME_FREES = 8;
-const MAX_FRAME_WARMINGS = 8;
 /** Revision of the base's list for what was visible when the context was lost: above any of a coming set. */
 const RESTORED_REVISION = Number.MAX_SAFE_INTEGER;
+/** A page that draws only when there is something to draw rests in between: that is no slow frame. */
+const REST_MS = 1000;
 /** How old the stream's counters may be. */
 const STATS_EVERY_MS = 500;
 
@@ -73,19 +77,17 @@ export class Stage implements Landings {
   readonly #stream: Stream;
   readonly #residency: Residency;
   readonly #material: GroundMaterial;
+  readonly #grounds: GroundSet;
   readonly #times = new FrameTimes();
   readonly #store: GpuStore;
   #files: SceneFiles;
   #base: BaseGround;
   #baseBoxes: Pickable;
   #uploadBudgetMs: number | null;
+  #updatedAtMs = Number.NEGATIVE_INFINITY;
+  /** Between the last two updates; 0 after a rest. */
+  #intervalMs = 0;
   #mode: ViewMode = { kind: "colour" };
-  /** Everything on its way to the GPU, or there, by id. */
-  #grounds = new Map<number, SegmentGround>();
-  /** Of these, the ones that are shown; after a change of version, those of the old one. */
-  #shown = new Map<number, SegmentGround>();
-  #warming: SegmentGround[] = [];
-  #freeing: SegmentGround[] = [];
   #digest: VisibleDigest | null = null;
   #isLost = false;
   #isOldVersion = false;
@@ -105,6 +107,7 @@ export class Stage implements Landings {
     });
     this.#store = new GpuStore(options.renderer);
     this.#material = new GroundMaterial(options.files.manifest.stepM, options.files.regions);
+    this.#grounds = new GroundSet(this.object, this.#store, this.#material, this.#residency);
     this.#base = new BaseGround(this.#store, options.files, this.#material);
     this.#baseBoxes = pickableBase(options.files);
     this.object.name = "ground";
@@ -130,10 +133,29 @@ export class Stage implements Landings {
     return this.#mode;
   }
 
+  /**
+   * Whether `update` has something to do that was not asked for from outside: a page that rests between changes must draw on
+   * while it is so. What is drawn changes in `update` (the base's arrival, a restored context), `swap`, `setMode`,
+   * `highlightRegion` and `replaceFiles` alone.
+   */
+  get busy(): boolean {
+    if (this.#isLost || this.#isDisposed) {
+      return false;
+    }
+    const { comingRevision, coming } = this.#residency;
+    const isBaseBehind = !this.#isOldVersion && coming !== null && this.#base.preparedRevision !== comingRevision;
+    return !this.#base.isThere || isBaseBehind || this.#grounds.isBusy || this.#residency.isBusy;
+  }
+
   /** Milliseconds of one frame for uploads; may be set at any time, and counts as it is then. */
   get uploadBudgetMs(): number {
-    const most = this.#renderer.xr.isPresenting ? HEADSET_UPLOAD_BUDGET_MS : DEFAULT_UPLOAD_BUDGET_MS;
-    return this.#uploadBudgetMs ?? most;
+    if (this.#uploadBudgetMs !== null) {
+      return this.#uploadBudgetMs;
+    }
+    if (this.#renderer.xr.isPresenting) {
+      return HEADSET_UPLOAD_BUDGET_MS;
+    }
+    return Math.min(Math.max(DEFAULT_UPLOAD_BUDGET_MS, SLOW_FRAME_SHARE * this.#intervalMs), MAX_UPLOAD_BUDGET_MS);
   }
 
   set uploadBudgetMs(budgetMs: number) {
@@ -190,15 +212,18 @@ export class Stage implements Landings {
       return;
     }
     const startMs = performance.now();
-    this.#endWarming();
+    const intervalMs = startMs - this.#updatedAtMs;
+    this.#intervalMs = intervalMs < REST_MS ? intervalMs : 0;
+    this.#updatedAtMs = startMs;
+    this.#grounds.endWarming();
     this.#finishRestoring();
     this.#askForMeshes();
-    this.#free();
+    this.#grounds.free();
     this.#prepareBase();
     const endMs = startMs + this.uploadBudgetMs;
     let bytes = 0;
     while (bytes < MAX_FRAME_UPLOAD_BYTES && performance.now() < endMs) {
-      const slice = this.#base.step() || this.#stepSegment();
+      const slice = this.#base.step() || this.#grounds.step();
       if (slice === 0) {
         break;
       }
@@ -219,10 +244,10 @@ export class Stage implements Landings {
       return null;
     }
     for (const segment of swap.hidden) {
-      this.#setShown(segment, false);
+      this.#grounds.setShown(segment, false);
     }
     for (const segment of swap.shown) {
-      this.#setShown(segment, true);
+      this.#grounds.setShown(segment, true);
     }
     this.#base.flip();
     return {
@@ -246,10 +271,13 @@ export class Stage implements Landings {
   setMode(mode: ViewMode, theme: Theme = "light"): void {
     this.#mode = mode;
     this.#material.setMode(mode, theme);
-    for (const ground of new Set([...this.#grounds.values(), ...this.#shown.values()])) {
-      ground.setMeasure(this.#measureName);
-    }
+    this.#grounds.setMeasure(this.#measureName);
     this.#base.setMeasure(this.#measureName);
+  }
+
+  /** Show one region in its colours and dim everything else, in every mode; null ends it. Changes nothing of what is visible. */
+  highlightRegion(id: number | null): void {
+    this.#material.highlight(id);
   }
 
   /** CSS colour of a region of this scene version, in mode `regions`. */
@@ -272,24 +300,20 @@ export class Stage implements Landings {
     this.#refreshStreamStats();
     const { bufferBytes, textureBytes, createdBytes, freedBytes } = this.#store;
     let visibleTriangles = this.#base.isThere ? this.#base.faceCount - this.#base.hiddenCount : 0;
-    let pickingBytes = this.#baseBoxes.boxes.bytes;
-    for (const ground of this.#shown.values()) {
+    for (const ground of this.#grounds.shown.values()) {
       visibleTriangles += ground.faceCount;
-    }
-    for (const ground of this.#grounds.values()) {
-      pickingBytes += ground.boxes.bytes;
     }
     return {
       stream: this.#streamStats,
       gpu: {
-        segments: this.#grounds.size,
-        visibleSegments: this.#shown.size,
+        segments: this.#grounds.count,
+        visibleSegments: this.#grounds.shown.size,
         bufferBytes,
         textureBytes,
         createdBytes,
         freedBytes,
       },
-      pickingBytes,
+      pickingBytes: this.#baseBoxes.boxes.bytes + this.#grounds.pickingBytes,
       visibleTriangles,
       updateMaxMs: this.#times.maxMs,
       updateMedianMs: this.#times.medianMs,
@@ -301,13 +325,7 @@ export class Stage implements Landings {
     this.#digest ??= this.#digestOfDrawn();
     this.#isLost = true;
     this.#residency.contextLost();
-    for (const ground of [...new Set([...this.#grounds.values(), ...this.#shown.values(), ...this.#freeing])]) {
-      ground.free();
-    }
-    this.#grounds.clear();
-    this.#shown.clear();
-    this.#warming = [];
-    this.#freeing = [];
+    this.#grounds.freeAll();
     this.#base.dispose();
   }
 
@@ -328,11 +346,7 @@ export class Stage implements Landings {
     this.#files = files;
     this.#isOldVersion = false;
     this.#digest = null;
-    this.#freeing.push(...this.#shown.values());
-    for (const ground of this.#shown.values()) {
-      ground.mesh?.removeFromParent();
-    }
-    this.#shown.clear();
+    this.#grounds.hideAll();
     this.#residency.clearVisible();
     this.#material.setRegions(files.regions);
     this.#baseBoxes = pickableBase(files);
@@ -343,13 +357,7 @@ export class Stage implements Landings {
   /** Free everything, at once. The stream is not closed. */
   dispose(): void {
     this.#isDisposed = true;
-    for (const ground of new Set([...this.#grounds.values(), ...this.#shown.values(), ...this.#freeing])) {
-      ground.free();
-    }
-    this.#grounds.clear();
-    this.#shown.clear();
-    this.#warming = [];
-    this.#freeing = [];
+    this.#grounds.freeAll();
     this.#base.dispose();
     this.#material.dispose();
     this.object.removeFromParent();
@@ -369,26 +377,7 @@ export class Stage implements Landings {
   #leaveVersion(): void {
     this.#residency.versionChanged();
     this.#isOldVersion = true;
-    for (const [segment, ground] of this.#grounds) {
-      if (this.#shown.get(segment) !== ground) {
-        this.#freeing.push(ground);
-      }
-    }
-    this.#grounds = new Map();
-    this.#warming = [];
-  }
-
-  #setShown(segment: number, isShown: boolean): void {
-    const ground = isShown ? this.#grounds.get(segment) : this.#shown.get(segment);
-    if (!ground?.mesh) {
-      return;
-    }
-    ground.mesh.visible = isShown;
-    if (isShown) {
-      this.#shown.set(segment, ground);
-    } else {
-      this.#shown.delete(segment);
-    }
+    this.#grounds.leaveVersion();
   }
 
   #askForMeshes(): void {
@@ -405,47 +394,7 @@ export class Stage implements Landings {
       data.image?.bitmap.close();
       return;
     }
-    this.#grounds.set(segment, new SegmentGround(this.#store, data, this.#material, this.#measureName));
-  }
-
-  #stepSegment(): number {
-    const segment = this.#residency.nextUpload();
-    const ground = segment === null ? undefined : this.#grounds.get(segment);
-    if (!ground || ground.mesh || this.#warming.length >= MAX_FRAME_WARMINGS) {
-      return 0;
-    }
-    const bytes = ground.step();
-    if (ground.mesh) {
-      this.object.add(ground.mesh);
-      this.#warming.push(ground);
-      this.#residency.uploaded(ground.segment);
-    }
-    return bytes;
-  }
-
-  /** Whatever was warmed was drawn since the last call. */
-  #endWarming(): void {
-    for (const ground of this.#warming) {
-      ground.endWarming();
-      this.#residency.warmed(ground.segment);
-    }
-    this.#warming = [];
-  }
-
-  /** Take what is to be freed out of the way at once, and give a few of them back to the driver. */
-  #free(): void {
-    for (const segment of this.#residency.takeFreed()) {
-      const ground = this.#grounds.get(segment);
-      if (ground) {
-        this.#grounds.delete(segment);
-        this.#warming = this.#warming.filter((other) => other !== ground);
-        ground.mesh?.removeFromParent();
-        this.#freeing.push(ground);
-      }
-    }
-    for (const ground of this.#freeing.splice(0, MAX_FRAME_FREES)) {
-      ground.free();
-    }
+    this.#grounds.add(segment, data);
   }
 
   #prepareBase(): void {
@@ -468,27 +417,19 @@ export class Stage implements Landings {
     }
     this.#residency.restored();
     for (const segment of this.#residency.visible) {
-      this.#setShown(segment, true);
+      this.#grounds.setShown(segment, true);
     }
     this.#base.flip();
     this.#digest = null;
   }
 
   #digestOfDrawn(): VisibleDigest {
-    let hash = 0;
-    let count = 0;
-    for (const [segment, ground] of this.#shown) {
-      if (ground.mesh?.visible) {
-        hash ^= mix32(segment);
-        count += 1;
-      }
-    }
-    return `${count}:${(hash >>> 0).toString(16)}:${this.#base.hiddenCount}:${this.#base.hiddenHash.toString(16)}`;
+    return `${this.#grounds.digest()}:${this.#base.hiddenCount}:${this.#base.hiddenHash.toString(16)}`;
   }
 
   #shownGround(): ShownGround {
     return {
-      segments: this.#shown.values(),
+      segments: this.#grounds.shown.values(),
       base: this.#baseBoxes,
       hidden: this.#base.hidden,
       pushM: this.#files.manifest.deviationM,

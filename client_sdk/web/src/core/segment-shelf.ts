@@ -1,0 +1,245 @@
+/**
+ * Where every known segment stands between payload and GPU, and what of it nobody needs.
+ *
+ * PURE. Which segments are needed is said from outside (residency.ts); what is not is *spare*, and bounded in bytes.
+ */
+
+import { InFlight, type InFlightLimits } from "./in-flight.ts";
+
+/** How much is done at once, and kept. */
+export interface ShelfLimits extends InFlightLimits {
+  /** GPU bytes of segments that are neither visible nor wanted by the newest landing: what an aim brought. */
+  readonly spareBytes: number;
+}
+
+/** `held`: the payload is here. `decoded`: waits for, or under, upload. `resident`: can be drawn at once. */
+export type Step = "held" | "decoding" | "decoded" | "uploaded" | "resident" | "failed";
+
+interface Entry {
+  step: Step;
+  /** On the GPU, once decoded. */
+  bytes: number;
+  /** Newest landing when an aim brought it, or -1: it came for a landing. */
+  aimedDuring: number;
+  /** When it came or was decoded, as a running number. */
+  usedAt: number;
+}
+
+/** Segments by id. */
+export class SegmentShelf {
+  readonly #limits: ShelfLimits;
+  readonly #inFlight: InFlight;
+  readonly #isNeeded: (segment: number) => boolean;
+  readonly #entries = new Map<number, Entry>();
+  #toFree: number[] = [];
+  #spareBytes = 0;
+  #tick = 0;
+
+  /** @param isNeeded Whether a segment is visible, or wanted by the newest landing. After it changes: {@link trim}. */
+  constructor(limits: ShelfLimits, isNeeded: (segment: number) => boolean) {
+    this.#limits = limits;
+    this.#inFlight = new InFlight(limits);
+    this.#isNeeded = isNeeded;
+  }
+
+  get spareBytes(): number {
+    return this.#spareBytes;
+  }
+
+  /** Whether an aim's segment may be decoded now. */
+  get hasSpareRoom(): boolean {
+    return this.#spareBytes < this.#limits.spareBytes;
+  }
+
+  /** Segments being decoded, or decoded and not uploaded. */
+  get inFlight(): number {
+    return this.#inFlight.count;
+  }
+
+  get hasFrees(): boolean {
+    return this.#toFree.length > 0;
+  }
+
+  /** Where a segment stands; undefined for one that is not known. */
+  stepOf(segment: number): Step | undefined {
+    return this.#entries.get(segment)?.step;
+  }
+
+  /** A payload is here. `aimedDuring` is the newest landing if an aim brought it, else -1. True where it had failed before. */
+  hold(segment: number, aimedDuring: number): boolean {
+    const entry = this.#entries.get(segment);
+    if (!entry) {
+      this.#entries.set(segment, { step: "held", bytes: 0, aimedDuring, usedAt: this.#nextTick() });
+      return false;
+    }
+    entry.aimedDuring = Math.max(entry.aimedDuring, aimedDuring);
+    return entry.step === "failed";
+  }
+
+  /** It came once more: perhaps whole this time. */
+  forgive(segment: number): void {
+    const entry = this.#entries.get(segment);
+    if (entry?.step === "failed") {
+      entry.step = "held";
+    }
+  }
+
+  /** The payload is gone. What is on the GPU stays; what is needed and not there counts as failed. */
+  drop(segment: number): void {
+    const entry = this.#entries.get(segment);
+    if (entry?.step === "held" && this.#isNeeded(segment)) {
+      entry.step = "failed";
+    } else if (entry?.step === "held" || entry?.step === "failed") {
+      this.#entries.delete(segment);
+    }
+  }
+
+  /** Forget all, without freeing. */
+  clear(): void {
+    this.#entries.clear();
+    this.#toFree = [];
+    this.#inFlight.clear();
+    this.#spareBytes = 0;
+  }
+
+  /** Start decoding a held segment, if there is room. */
+  tryDecode(segment: number): boolean {
+    const entry = this.#entries.get(segment);
+    if (entry?.step !== "held" || !this.#inFlight.hasRoom) {
+      return false;
+    }
+    entry.step = "decoding";
+    this.#inFlight.ask();
+    return true;
+  }
+
+  /** Whether one more may be decoded. */
+  get hasRoom(): boolean {
+    return this.#inFlight.hasRoom;
+  }
+
+  /** A mesh of that many GPU bytes came. False where nobody needs it, and it came for no aim, or there is no spare room. */
+  take(segment: number, bytes: number): boolean {
+    const entry = this.#entries.get(segment);
+    if (entry?.step !== "decoding") {
+      return false;
+    }
+    const isNeeded = this.#isNeeded(segment);
+    if (!isNeeded && (entry.aimedDuring < 0 || this.#spareBytes + bytes > this.#limits.spareBytes)) {
+      entry.step = "held";
+      this.#inFlight.dismiss();
+      return false;
+    }
+    entry.step = "decoded";
+    entry.bytes = bytes;
+    entry.usedAt = this.#nextTick();
+    this.#inFlight.wait(bytes);
+    this.#spareBytes += isNeeded ? 0 : bytes;
+    return true;
+  }
+
+  /** Decoding failed. */
+  fail(segment: number): void {
+    const entry = this.#entries.get(segment);
+    if (entry?.step === "decoding") {
+      entry.step = "failed";
+      this.#inFlight.dismiss();
+    }
+  }
+
+  /** All of it is on the GPU. */
+  uploaded(segment: number): void {
+    const entry = this.#entries.get(segment);
+    if (entry?.step === "decoded") {
+      entry.step = "uploaded";
+      this.#inFlight.leave(entry.bytes);
+    }
+  }
+
+  /** And it can be drawn without any further preparation. */
+  warmed(segment: number): void {
+    const entry = this.#entries.get(segment);
+    if (entry?.step === "uploaded") {
+      entry.step = "resident";
+    }
+  }
+
+  /** Any mesh that waits for its upload. */
+  anyDecoded(): number | null {
+    for (const [segment, entry] of this.#entries) {
+      if (entry.step === "decoded") {
+        return segment;
+      }
+    }
+    return null;
+  }
+
+  /** Meshes that wait, for no aim, and that nobody needs any more: they take memory and give nothing. */
+  freeUnneededMeshes(): void {
+    this.#freeIf((entry, segment) => entry.step === "decoded" && entry.aimedDuring < 0 && !this.#isNeeded(segment));
+  }
+
+  /** After a swap: what it hid, and whatever came for earlier landings and aims. */
+  freeLeftBehind(landing: number, hidden: ReadonlySet<number>): void {
+    this.#freeIf((entry, segment) => !this.#isNeeded(segment) && (hidden.has(segment) || entry.aimedDuring < landing));
+  }
+
+  /** Whether an aim brought it since this landing was asked for. */
+  isAimedSince(segment: number, landing: number): boolean {
+    return (this.#entries.get(segment)?.aimedDuring ?? -1) >= landing;
+  }
+
+  /** Everything on the GPU is gone without being freed; the payloads are here. */
+  loseGpu(): void {
+    this.#freeIf(() => true);
+    this.#toFree = [];
+  }
+
+  /** Ids whose GPU memory, or waiting mesh, is to be freed; each is told once. */
+  takeFreed(): number[] {
+    const freed = this.#toFree;
+    this.#toFree = [];
+    return freed;
+  }
+
+  /** Count what is spare anew, and free of it what was used longest ago until the rest fits. */
+  trim(): void {
+    const spare = [...this.#entries].filter(([segment, entry]) => isOnGpu(entry) && !this.#isNeeded(segment));
+    this.#spareBytes = spare.reduce((sum, [, entry]) => sum + entry.bytes, 0);
+    spare.sort((a, b) => a[1].usedAt - b[1].usedAt);
+    for (const [segment, entry] of spare) {
+      if (this.#spareBytes <= this.#limits.spareBytes) {
+        break;
+      }
+      this.#spareBytes -= entry.bytes;
+      this.#free(segment, entry);
+    }
+  }
+
+  #freeIf(isToGo: (entry: Entry, segment: number) => boolean): void {
+    for (const [segment, entry] of this.#entries) {
+      if (isOnGpu(entry) && isToGo(entry, segment)) {
+        this.#free(segment, entry);
+      }
+    }
+    this.trim();
+  }
+
+  #free(segment: number, entry: Entry): void {
+    if (entry.step === "decoded") {
+      this.#inFlight.leave(entry.bytes);
+    }
+    entry.step = "held"; // The payload is still here.
+    this.#toFree.push(segment);
+  }
+
+  #nextTick(): number {
+    this.#tick += 1;
+    return this.#tick;
+  }
+}
+
+/** Or on its way there, with memory of its own. */
+function isOnGpu(entry: Entry): boolean {
+  return entry.step === "decoded" || entry.step === "uploaded" || entry.step === "resident";
+}
