@@ -54,6 +54,24 @@ describe("evictions", () => {
     expect(pair.client.visible).toEqual(toy.within([10, 0, 10], 2));
   });
 
+  test("wait where a landing becomes ready while a newer one has no plan: that may keep what went out of sight", () => {
+    const pair = new Pair(toy, { cacheBytes: 0 }).connect();
+    pair.client.land([0, 0, 0], 2);
+    pair.settle();
+    pair.client.land([10, 0, 10], 2);
+    const all = pair.received.length + toy.within([10, 0, 10], 2).length;
+    while (pair.received.length < all) pair.step();
+    pair.client.land([0, 0, 0], 2);
+    const onTheirWay = pair.client.dataToSend();
+    pair.client.receive(pair.server!.next()!);
+    expect(pair.client.visible).toEqual(toy.within([10, 0, 10], 2));
+    for (const data of onTheirWay) pair.server!.receive(data);
+    pair.settle();
+    expect(pair.of("rejected")).toEqual([]);
+    expect(pair.of("planned").at(-1)?.plan.load_bytes).toBe(0);
+    expect(pair.client.visible).toEqual(toy.within([0, 0, 0], 2));
+  });
+
   test("spare what a degraded landing shows until it is ready", () => {
     const pair = new Pair(toy, { cacheBytes: 0 }).connect();
     pair.settle();

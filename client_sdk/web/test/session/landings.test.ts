@@ -199,6 +199,25 @@ describe("a lost connection", () => {
     },
   );
 
+  test("makes what the old one said of ready void", () => {
+    const pair = new Pair(toy).connect();
+    pair.settle();
+    let frames = 0;
+    pair.spoil = (data) => (frames++ === 0 ? flipped(data) : data);
+    const number = pair.client.land([0, 0, 0], 0.5);
+    while (frames === 0) pair.step();
+    // The reject of it waits in the outbox while the server says ready.
+    pair.client.receive(pair.server!.next()!);
+    expect(pair.of("rejected").length).toBe(1);
+    expect(pair.of("ready")).toEqual([]);
+    pair.disconnect();
+    pair.connect();
+    while (pair.received.length === 0) pair.step();
+    expect(pair.of("ready")).toEqual([]);
+    pair.settle();
+    expect(pair.of("ready").map((event) => event.landing)).toEqual([number]);
+  });
+
   test("leaves what is shown until the new landing is ready (10.3)", () => {
     const pair = new Pair(toy).connect();
     pair.client.land([0, 0, 0], 2);
