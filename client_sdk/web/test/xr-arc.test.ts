@@ -1,7 +1,7 @@
 import { describe, expect, test } from "vitest";
 import type { Vec3 } from "../src/core/types.ts";
 import type { GroundHit } from "../src/three/types.ts";
-import { ARC_DEFAULTS, castArc, flightS, newArc, throwArc } from "../src/xr/arc.ts";
+import { ARC_DEFAULTS, castArc, cutShort, flightS, newArc, pointsAway, throwArc } from "../src/xr/arc.ts";
 import { judgeFooting, newStand } from "../src/xr/footing.ts";
 
 /** Ground as a height over (x, z), met by small steps: slow, and plain enough to trust. Null: no ground there. */
@@ -97,6 +97,18 @@ describe("arc", () => {
     for (const [k, value] of one.points.entries()) {
       expect(other.points[k]).toBeCloseTo(value, 4);
     }
+  });
+
+  test("straight up is away from the ground; as steeply as one throws far is not", () => {
+    expect(pointsAway([0, 1, 0])).toBe(true);
+    expect(pointsAway([0, 2, -1])).toBe(true);
+    expect(pointsAway([0, 1, -1])).toBe(false);
+    expect(pointsAway([0, -1, 0])).toBe(false);
+    const arc = newArc();
+    throwArc(arc, hand, [0, 3, -1]);
+    cutShort(arc);
+    expect(arc.hit).toBeNull();
+    expect(arc.count).toBeLessThan(6);
   });
 
   test("ends where it meets the ground, and casts no more after that", () => {

@@ -3,7 +3,7 @@
 import type { Object3D } from "three";
 import type { Vec3 } from "../core/types.ts";
 import type { Landings } from "../three/types.ts";
-import { ARC_DEFAULTS, castArc, newArc, throwArc } from "./arc.ts";
+import { ARC_DEFAULTS, castArc, cutShort, newArc, pointsAway, throwArc } from "./arc.ts";
 import { judgeFooting, newStand } from "./footing.ts";
 import type { Pointer } from "./inputs.ts";
 import { newReadiness, type Readiness, readinessOf, resetReadiness } from "./readiness.ts";
@@ -89,7 +89,11 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       casts = 0;
       turnRad = facingOfStick(pointer.stickX, pointer.stickY, turnRad);
       throwArc(arc, pointer.origin, pointer.direction);
-      castArc(arc, counted);
+      if (pointsAway(pointer.direction)) {
+        cutShort(arc);
+      } else {
+        castArc(arc, counted);
+      }
       judgeFooting(stand, arc.hit, counted);
       const firm = stand.footing === "firm" && arc.hit !== null;
       noteTarget(trail, nowMs, firm ? arc.hit!.position : null);

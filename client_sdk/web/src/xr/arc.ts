@@ -44,6 +44,24 @@ export function newArc(options: ArcOptions = ARC_DEFAULTS): Arc {
   return { points: new Float32Array((options.pieces + 1) * 3), count: 0, hit: null, lengthM: 0 };
 }
 
+/** Higher than this nobody means the ground: the hand is raised to call the landing off. Degrees above level. */
+export const AWAY_UP_DEG = 60;
+/** Pieces of the arc that are drawn then. */
+const STUB = 3;
+
+const AWAY_UP = Math.sin((AWAY_UP_DEG * Math.PI) / 180);
+
+/** Whether a direction points away from the ground. */
+export function pointsAway(direction: Vec3): boolean {
+  return direction[1] > AWAY_UP * Math.hypot(direction[0], direction[1], direction[2]);
+}
+
+/** Keep the arc's first bit alone, without a hit. */
+export function cutShort(arc: Arc): void {
+  arc.count = Math.min(arc.count, STUB + 1);
+  arc.hit = null;
+}
+
 /** Seconds until the stone has reached the range or the drop; `upMS` and `alongMS` are its first speeds. */
 export function flightS(upMS: number, alongMS: number, options: ArcOptions): number {
   const { gravityMS2, maxDropM, maxRangeM } = options;

@@ -63,7 +63,16 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   const requested = requestSession();
   const { landings, renderer, rig, camera, scene } = options;
   const first = options.start?.() ?? standpointOf(camera);
-  const started = await startSession(renderer, await requested);
+  const granted = await requested;
+  // Before the first frame: what the page's camera sees is drawn at the wrong height until the first pose is known.
+  const veil = createVeil();
+  veil.set(1, 0);
+  scene.add(veil.object);
+  const started = await startSession(renderer, granted).catch((error: unknown) => {
+    scene.remove(veil.object);
+    veil.dispose();
+    throw error;
+  });
   const { session, space } = started;
 
   const giveBack = borrowCamera(camera, rig);
@@ -73,7 +82,6 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   const turn = newSnapTurn();
   const palm = newPalmHold();
   const told: Told = { linkLost: false };
-  const veil = createVeil();
   const sky = createSky(matchMedia("(prefers-color-scheme: dark)").matches);
   const aiming = createAiming(landings, options.radiusM);
   const waiting = createRing();
@@ -218,6 +226,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       desk.hide();
       board.moved();
       options.landed?.(stance.standpoint());
+      stance.settle();
     }
     shown(teleport, true, report?.degraded ?? false);
   };
@@ -259,8 +268,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     board.update(stance.eye, stance.facingRad, nowMs);
     veil.set(teleport.opacity, vignetteOf(turn, nowMs));
   };
-  const loseTracking = (): void => {
-    tracked = false;
+  const hideHands = (): void => {
     endAim(null);
     wands.hide();
   };
@@ -270,11 +278,9 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     stance.stand(groundUnder(first.place), yawOfAzimuth(first.yawDeg));
   };
 
-  const onReset = (): void => stance.recentred();
   const onVisibility = (): void => {
     if (session.visibilityState !== "visible") {
-      endAim(null);
-      wands.hide();
+      hideHands();
     }
   };
   const hung: readonly Object3D[] = [
@@ -298,24 +304,26 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     for (const each of [sky, veil, waiting, board.panel, aiming, desk, wands]) {
       each.dispose();
     }
-    space.removeEventListener("reset", onReset);
+    space.removeEventListener("reset", stance.recentred);
     session.removeEventListener("visibilitychange", onVisibility);
     giveBack();
     options.setUploadBudgetMs?.(null);
     options.ended?.(last);
     resolveEnd();
   };
-  space.addEventListener("reset", onReset);
+  space.addEventListener("reset", stance.recentred);
   session.addEventListener("visibilitychange", onVisibility);
   // After three.js's own listener, which puts the renderer's size and the camera's lens back.
   session.addEventListener("end", onEnd, { once: true });
   scene.add(...hung);
   rig.add(wands.object);
-  veil.set(1, 0);
 
   return {
     get active() {
       return active;
+    },
+    get standpoint() {
+      return placed ? stance.standpoint() : null;
     },
     frame(timeMs, frame) {
       startedMs = performance.now();
@@ -329,7 +337,8 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       lastFrameMs = timeMs;
       const viewer = frame.getViewerPose(space);
       if (viewer === undefined || viewer === null) {
-        loseTracking();
+        tracked = false;
+        hideHands();
         return;
       }
       tracked = true;

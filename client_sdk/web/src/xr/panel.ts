@@ -1,6 +1,7 @@
 /** A panel in the world: a canvas as texture on a plane that hangs where it was put. */
 
 import {
+  AlwaysDepth,
   CanvasTexture,
   LinearFilter,
   LinearMipmapLinearFilter,
@@ -41,8 +42,9 @@ export function createPanel(name: string, width: number, height: number): Panel 
   const material = new MeshBasicMaterial({
     map: texture,
     transparent: true,
-    depthTest: false,
-    depthWrite: false,
+    // Seen even where it hangs within a rock face; yet it leaves its depth, so that a hand before it is drawn before it.
+    depthFunc: AlwaysDepth,
+    alphaTest: 0.5,
     toneMapped: false,
     fog: false,
   });

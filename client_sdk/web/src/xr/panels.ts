@@ -11,6 +11,9 @@ import type { HeadsetBookmark, HeadsetMenu } from "./types.ts";
 /** How often an open menu looks whether something of it has changed. */
 const REFRESH_MS = 250;
 
+/** The ray ends on the panel and is drawn over it. */
+const AFTER_PANELS = 940;
+
 export interface MenuState {
   readonly menu: HeadsetMenu | undefined;
   readonly radiusM: () => number;
@@ -41,7 +44,7 @@ export interface MenuDesk {
 /** A menu, closed. */
 export function createMenuDesk(state: MenuState): MenuDesk {
   const menu = createMenu();
-  const ray = createRibbon(2);
+  const ray = createRibbon(2, AFTER_PANELS);
   const ends = new Float32Array(6);
   let page = 0;
   let turnDeg = 30;
@@ -61,36 +64,29 @@ export function createMenuDesk(state: MenuState): MenuDesk {
     ray.hide();
   };
   const act = (action: MenuAction): void => {
-    switch (action.kind) {
-      case "radius":
-        return state.menu?.setRadiusM(action.radiusM);
-      case "mode": {
-        const chosen = state.menu?.modes()[action.index];
-        return chosen === undefined ? undefined : state.menu?.setMode(chosen.mode);
-      }
-      case "turn":
-        turnDeg = action.angleDeg;
-        return;
-      case "snap":
-        return state.snap(action.sign);
-      case "page":
-        page = action.page;
-        return;
-      case "bookmark": {
-        const bookmark = state.menu?.bookmarks()[action.index];
-        if (bookmark !== undefined) {
-          hide();
-          if (bookmark.radiusM !== null) {
-            state.menu?.setRadiusM(bookmark.radiusM);
-          }
-          state.visit(bookmark);
+    if (action.kind === "radius") {
+      state.menu?.setRadiusM(action.radiusM);
+    } else if (action.kind === "mode") {
+      choose(state.menu, action.index);
+    } else if (action.kind === "turn") {
+      turnDeg = action.angleDeg;
+    } else if (action.kind === "snap") {
+      state.snap(action.sign);
+    } else if (action.kind === "page") {
+      page = action.page;
+    } else if (action.kind === "bookmark") {
+      const bookmark = state.menu?.bookmarks()[action.index];
+      if (bookmark !== undefined) {
+        hide();
+        if (bookmark.radiusM !== null) {
+          state.menu?.setRadiusM(bookmark.radiusM);
         }
-        return;
+        state.visit(bookmark);
       }
-      case "close":
-        return hide();
-      case "leave":
-        return state.leave();
+    } else if (action.kind === "close") {
+      hide();
+    } else {
+      state.leave();
     }
   };
   return {
@@ -156,6 +152,13 @@ export function createMenuDesk(state: MenuState): MenuDesk {
       ray.dispose();
     },
   };
+}
+
+function choose(menu: HeadsetMenu | undefined, index: number): void {
+  const chosen = menu?.modes()[index];
+  if (chosen !== undefined) {
+    menu?.setMode(chosen.mode);
+  }
 }
 
 function layRay(ends: Float32Array, pointer: Pointer, lengthM: number): void {

@@ -37,8 +37,8 @@ export interface Ribbon {
   dispose(): void;
 }
 
-/** A ribbon for at most `most` points, hidden. */
-export function createRibbon(most: number): Ribbon {
+/** A ribbon for at most `most` points, hidden. `order`: three.js's order of drawing. */
+export function createRibbon(most: number, order = 802): Ribbon {
   const geometry = new BufferGeometry();
   const positions = new BufferAttribute(new Float32Array(most * 6), 3).setUsage(DynamicDrawUsage);
   const along = new BufferAttribute(new Float32Array(most * 2), 1).setUsage(DynamicDrawUsage);
@@ -61,7 +61,7 @@ export function createRibbon(most: number): Ribbon {
   const object = new Mesh(geometry, material);
   object.name = "teleport-arc";
   object.frustumCulled = false;
-  object.renderOrder = 802;
+  object.renderOrder = order;
   object.visible = false;
   return {
     object,

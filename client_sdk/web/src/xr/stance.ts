@@ -29,6 +29,8 @@ export interface Stance {
   standpoint(): Standpoint;
   /** Take the head of this frame. After the system has recentred the play space, the rig makes good for it. */
   read(viewer: XRViewerPose): void;
+  /** Put the rig back where it belongs, whatever the page did with it. */
+  settle(): void;
   /** The system has recentred: from the next frame on poses are in another frame. */
   recentred(): void;
   /** Put the head over the ground. */
@@ -48,7 +50,8 @@ export function createStance(rig: Group, floorM: number): Stance {
   let before: HeadPose | null = null;
   const set = (next: RigPose): void => {
     pose = next;
-    rig.position.set(...next.position);
+    // Also where nothing changed: the page may have put its own camera somewhere, for when the session is over.
+    rig.position.set(next.position[0], next.position[1], next.position[2]);
     rig.rotation.set(0, next.yawRad, 0);
     rig.updateMatrixWorld(true);
     eye = toScene(pose, head.position);
@@ -78,12 +81,11 @@ export function createStance(rig: Group, floorM: number): Stance {
       head.yawRad = yawOfQuaternion(orientation.x, orientation.y, orientation.z, orientation.w);
       guessBegan = viewer.emulatedPosition && !guessed;
       guessed = viewer.emulatedPosition;
-      if (before !== null) {
-        set(keepAcrossReset(pose, before, head));
-        before = null;
-      } else {
-        eye = toScene(pose, head.position);
-      }
+      set(before === null ? pose : keepAcrossReset(pose, before, head));
+      before = null;
+    },
+    settle() {
+      set(pose);
     },
     recentred() {
       // Two of them before a frame: the head was last seen before the first.

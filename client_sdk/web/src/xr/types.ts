@@ -77,6 +77,8 @@ export interface HeadsetStats {
  */
 export interface HeadsetSession {
   readonly active: boolean;
+  /** The ground under the head and the way it looks, now; null before the first pose. */
+  readonly standpoint: Standpoint | null;
   readonly frame: (timeMs: number, frame: XRFrame | undefined) => void;
   readonly drawn: () => void;
   /** Every event of the stream. */

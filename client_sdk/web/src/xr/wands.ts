@@ -13,6 +13,7 @@ import {
 import type { Pointer } from "./inputs.ts";
 
 const JOINTS = 25;
+const AFTER_PANELS = 950;
 
 // Lit from above by its own shader: the scene has no lamps.
 const VERTEX = /* glsl */ `
@@ -71,6 +72,8 @@ export function createWands(): Wands {
     uniforms: { uColour: { value: new Color(0x9aa6b2) } },
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
+    // Opaque all the same: with the transparent things it is drawn after the panels, which hide what is behind them.
+    transparent: true,
   });
   const wandGeometry = new CapsuleGeometry(0.016, 0.085, 4, 12).rotateX(Math.PI / 2);
   const jointGeometry = new IcosahedronGeometry(1, 1);
@@ -128,10 +131,12 @@ export function createWands(): Wands {
 function newDrawn(pointer: Pointer, wand: Mesh, joints: InstancedMesh): Drawn {
   wand.matrixAutoUpdate = false;
   wand.visible = false;
+  wand.renderOrder = AFTER_PANELS;
   joints.instanceMatrix.setUsage(DynamicDrawUsage);
   // Its bounding sphere would be that of the first frame.
   joints.frustumCulled = false;
   joints.visible = false;
+  joints.renderOrder = AFTER_PANELS;
   const { hand } = pointer.source;
   return {
     wand,
