@@ -304,10 +304,17 @@ async def _check_proxy(running: Services, url: str) -> None:
         assert "server" not in answer.headers
         assert (await http.get(f"{url}/metrics")).status_code == 404
         assert (await http.get(f"{url}/scenes")).status_code == 401
+        if (ROOT / "server/terraport_server/page/index.html").is_file():
+            page = await http.get(f"{url}/")
+            assert "wasm-unsafe-eval" in page.headers["content-security-policy"], page.headers
+            script = re.search(r'src="\./(assets/[^"]+\.js)"', page.text)
+            assert script is not None, page.text
+            answer = await http.get(f"{url}/{script.group(1)}", headers={"Accept-Encoding": "br"})
+            assert answer.headers["content-encoding"] == "br", answer.headers
         plain = await http.get(f"http://{running.proxy.address}/", headers={"Host": "localhost"})
         assert plain.status_code in {301, 308}, plain.status_code
         assert plain.headers["location"].startswith("https://localhost")
-    say("ok: TLS by the proxy's own CA; plain HTTP is sent there; /metrics stays inside")
+    say("ok: TLS by the proxy's own CA; the viewer without a token; /metrics stays inside")
 
 
 def _query(running: Services, expression: str) -> list[str]:
