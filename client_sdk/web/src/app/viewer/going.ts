@@ -24,6 +24,8 @@ export interface Going {
   moved(): void;
   setView(view: "orbit" | "walk"): void;
   routeNow(): Route;
+  /** As `routeNow`; null while the user is on his way elsewhere. */
+  settledRoute(): Route | null;
 }
 
 /** Make them. `parts` is asked when something happens, not before. */
@@ -50,6 +52,16 @@ export function createGoing(parts: () => Parts): Going {
     };
   }
 
+  /** Null while the user is on his way: back or forward have put that place into the address, and there it stays. */
+  function settledRoute(): Route | null {
+    const { stage, store } = parts();
+    const { phase, position, radiusM } = stage.status;
+    const { landed } = store.get();
+    const isThere =
+      landed !== null && landed.radiusM === radiusM && position.every((value, axis) => value === landed.place[axis]);
+    return isThere || phase === "refused" ? routeNow() : null;
+  }
+
   function isBeyondDetail(): boolean {
     const { store, camera } = parts();
     const { landed } = store.get();
@@ -61,13 +73,14 @@ export function createGoing(parts: () => Parts): Going {
     const { store, camera, link, loop } = parts();
     hasWalked ||= camera.view === "walk";
     store.set({ view: camera.view, outside: camera.view === "walk" && isBeyondDetail() });
-    if (store.get().landed !== null) link.follow(routeNow);
+    if (store.get().landed !== null) link.follow(settledRoute);
     loop.request();
   }
 
   return {
     land,
     routeNow,
+    settledRoute,
     moved,
     landAim() {
       const { aim } = parts().store.get();
@@ -114,7 +127,7 @@ export function createGoing(parts: () => Parts): Going {
       }
       if (isCompletion) return;
       if (order.isEntry) link.push(routeNow());
-      else link.follow(routeNow);
+      else link.follow(settledRoute);
     },
     setView(view) {
       const { store, camera } = parts();

@@ -22,7 +22,7 @@ export function reactToState(parts: Parts, labels: Labels): () => void {
     }
     if (state.measured !== before.measured) markers.setPath(state.measured);
     if (state.tool !== before.tool && state.tool !== "land") parts.desk.cancelAim();
-    if (state.mode !== before.mode) parts.link.follow(parts.going.routeNow);
+    if (state.mode !== before.mode) parts.link.follow(parts.going.settledRoute);
     if (
       state.aim !== before.aim ||
       state.picked?.place !== before.picked?.place ||
