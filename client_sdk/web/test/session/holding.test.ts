@@ -72,6 +72,23 @@ describe("evictions", () => {
     expect(pair.client.visible).toEqual(toy.within([0, 0, 0], 2));
   });
 
+  test("are not told to a new connection: what it is not offered, it does not count on", () => {
+    const pair = new Pair(toy, { cacheBytes: 0 }).connect();
+    for (const place of [
+      [0, 0, 0],
+      [10, 0, 10],
+    ] as const) {
+      pair.client.land(place, 2);
+      pair.settle();
+    }
+    expect(pair.of("dropped").length).toBe(1);
+    pair.disconnect();
+    pair.connect().settle();
+    pair.client.land([0, 0, 0], 2);
+    pair.settle();
+    expect(pair.server?.heard.map((message) => message.type)).toEqual(["hello", "land"]);
+  });
+
   test("spare what a degraded landing shows until it is ready", () => {
     const pair = new Pair(toy, { cacheBytes: 0 }).connect();
     pair.settle();
