@@ -18,7 +18,7 @@ async def main(url: str, places: list[list[float]]) -> None:
         for x, y, z, radius_m in places:
             landing = await session.land((x, y, z), radius_m)
             await landing.ready()
-            print(json.dumps(list(session.visible)))
+            sys.stdout.write(json.dumps(list(session.visible)) + "\n")
 
 
 asyncio.run(main(sys.argv[1], json.loads(sys.argv[2])))
