@@ -5,7 +5,7 @@
  * were uploaded before, a few milliseconds in each frame's `update`. (core/residency.ts says what is uploaded and when.)
  */
 
-import { type Camera, Group, type WebGLRenderer } from "three";
+import { type Camera, Group, PerspectiveCamera, type WebGLRenderer } from "three";
 
 import { Residency } from "../core/residency.ts";
 import type {
@@ -113,6 +113,7 @@ export class Stage implements Landings {
     this.object.name = "ground";
     this.object.matrixAutoUpdate = false;
     this.object.add(this.#base.mesh);
+    this.#compile();
   }
 
   /** Box of the scene. */
@@ -144,7 +145,9 @@ export class Stage implements Landings {
     }
     const { comingRevision, coming } = this.#residency;
     const isBaseBehind = !this.#isOldVersion && coming !== null && this.#base.preparedRevision !== comingRevision;
-    return !this.#base.isThere || isBaseBehind || this.#grounds.isBusy || this.#residency.isBusy;
+    return (
+      !this.object.visible || !this.#base.isThere || isBaseBehind || this.#grounds.isBusy || this.#residency.isBusy
+    );
   }
 
   /** Milliseconds of one frame for uploads; may be set at any time, and counts as it is then. */
@@ -335,6 +338,7 @@ export class Stage implements Landings {
       return;
     }
     this.#isLost = false;
+    this.object.visible = true;
     this.#makeBase();
     if (!this.#residency.restoring) {
       this.#digest = null;
@@ -365,6 +369,15 @@ export class Stage implements Landings {
 
   get #measureName(): string | null {
     return this.#mode.kind === "attribute" ? this.#mode.name : null;
+  }
+
+  /** Nothing is drawn until the shader is there: the first draw would wait for it, on some drivers for half a second. */
+  #compile(): void {
+    this.object.visible = false;
+    const show = (): void => {
+      this.object.visible = true;
+    };
+    this.#renderer.compileAsync(this.object, new PerspectiveCamera()).then(show, show);
   }
 
   #makeBase(): void {
