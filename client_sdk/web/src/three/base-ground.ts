@@ -45,6 +45,7 @@ export class BaseGround {
   #front: 0 | 1 = 0;
   #toAdd: number[] = [];
   #toRemove: number[] = [];
+  #measureName: string | null = null;
   #wantedRevision = -1;
   #preparedRevision = -1;
 
@@ -151,9 +152,9 @@ export class BaseGround {
   setMeasure(name: string | null): void {
     const info = this.#files.base.attributes.find((attribute) => attribute.name === name);
     this.#facts.measure = info ? [info.offset, info.step] : null;
-    const attribute = name === null ? undefined : this.#upload.measures.get(name);
+    this.#measureName = name;
     for (const side of this.#sides ?? []) {
-      setMeasure(this.#geometryOf(side), attribute);
+      setMeasure(this.#geometryOf(side), this.#measure);
     }
   }
 
@@ -166,6 +167,11 @@ export class BaseGround {
     this.#upload.free();
     this.mesh.visible = false;
     this.mesh.removeFromParent();
+  }
+
+  /** Known once it is uploaded. */
+  get #measure(): GLBufferAttribute | undefined {
+    return this.#measureName === null ? undefined : this.#upload.measures.get(this.#measureName);
   }
 
   #makeSides(): readonly [Side, Side] {
@@ -190,7 +196,10 @@ export class BaseGround {
   }
 
   #geometryOf(side: Side): BufferGeometry {
-    side.geometry ??= geometryOf(this.#upload, side.index, this.#files.base);
+    if (!side.geometry) {
+      side.geometry = geometryOf(this.#upload, side.index, this.#files.base);
+      setMeasure(side.geometry, this.#measure);
+    }
     return side.geometry;
   }
 

@@ -43,7 +43,7 @@ const EYE_GRID_M = 0.0625;
 /** Material and its uniforms. `bind` is called for each draw, once per eye. */
 export class GroundMaterial {
   readonly material: ShaderMaterial;
-  readonly #gridM: number;
+  #gridM: number;
   readonly #uniforms;
   #regionColours: DataTexture;
 
@@ -128,8 +128,9 @@ export class GroundMaterial {
     this.material.uniformsNeedUpdate = true;
   }
 
-  /** Regions of another version. */
-  setRegions(regions: readonly RegionFacts[]): void {
+  /** Grid and regions of another version. */
+  setVersion(stepM: number, regions: readonly RegionFacts[]): void {
+    this.#gridM = Math.max(stepM, EYE_GRID_M);
     this.#regionColours.dispose();
     this.#regionColours = regionTexture(regions);
     this.#uniforms.regionColours.value = this.#regionColours;

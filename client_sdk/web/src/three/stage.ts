@@ -352,7 +352,7 @@ export class Stage implements Landings {
     this.#digest = null;
     this.#grounds.hideAll();
     this.#residency.clearVisible();
-    this.#material.setRegions(files.regions);
+    this.#material.setVersion(files.manifest.stepM, files.regions);
     this.#baseBoxes = pickableBase(files);
     this.#base.dispose();
     this.#makeBase();
