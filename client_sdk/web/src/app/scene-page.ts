@@ -81,6 +81,11 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
     viewer.start();
   }
 
+  /** A card is the whole page: its main landmark. */
+  function showCard(card: HTMLElement): void {
+    element.replaceChildren(h("main", {}, card));
+  }
+
   function showLoading(): (doneBytes: number, totalBytes: number) => void {
     const bar = h("div", {});
     const text = h("p", { class: "faint number", "aria-hidden": "true" }, "Asking the service…");
@@ -97,9 +102,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
       },
       bar,
     );
-    element.replaceChildren(
-      stateCard({ id: "scene-loading", icon: "mountain", title: `Opening ${id}`, children: [track, text] }),
-    );
+    showCard(stateCard({ id: "scene-loading", icon: "mountain", title: `Opening ${id}`, children: [track, text] }));
     return (doneBytes, totalBytes) => {
       const part = totalBytes > 0 ? Math.min(1, doneBytes / totalBytes) : 0;
       bar.style.transform = `scaleX(${part})`;
@@ -118,7 +121,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
         : actionButton("Try again", "reload-scene", () => void load(), true),
       actionButton("All scenes", "scenes", () => window.location.assign("#list")),
     ];
-    element.replaceChildren(
+    showCard(
       stateCard({
         id: needsToken ? "scene-token" : "scene-failed",
         icon: needsToken ? "key" : "warn",
@@ -132,7 +135,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   }
 
   function showNoGraphics(error: unknown): void {
-    element.replaceChildren(
+    showCard(
       stateCard({
         id: "no-webgl",
         icon: "warn",

@@ -56,7 +56,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
   const pickSection = h(
     "section",
     { id: "picked", "aria-label": "Picked point" },
-    h("h3", {}, "Point"),
+    h("h2", {}, "Point"),
     pickHint,
     pickFacts.element,
     attributes,
@@ -100,7 +100,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
   const measureSection = h(
     "section",
     { id: "measured", "aria-label": "Measurement" },
-    h("h3", {}, "Distance"),
+    h("h2", {}, "Distance"),
     measureHint,
     measureFacts.element,
     legs,

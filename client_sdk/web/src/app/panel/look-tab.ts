@@ -79,7 +79,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
     else if (mode.kind === "slope") {
       fill(
         legend,
-        h("h3", {}, "Slope"),
+        h("h2", {}, "Slope"),
         ramp(slopeLegend(), (value) => `${Math.round(value)}°`),
       );
     } else if (mode.kind === "segments") {
@@ -114,7 +114,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
     );
     fill(
       legend,
-      h("h3", { id: "regions-title" }, `Regions (${byArea.length})`),
+      h("h2", { id: "regions-title" }, `Regions (${byArea.length})`),
       h("p", { class: "faint" }, "Choose one to see it alone in colour. Grey: the base, no detail landed here."),
       h("ul", { class: "regions", "aria-labelledby": "regions-title" }, ...listed.map(regionRow)),
       rest > 0 && more,
@@ -189,7 +189,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
     );
     fill(
       legend,
-      h("h3", {}, mode.name),
+      h("h2", {}, mode.name),
       ramp(attributeLegend(mode.min, mode.max), formatValue),
       h("div", { class: "range-fields" }, bound("min", "From"), bound("max", "To"), whole),
       h(

@@ -91,10 +91,10 @@ export function createActions(options: ActionOptions): Actions {
       else if (remedy === "reload-page") window.location.reload();
       else if (remedy === "reload-scene") parts.reload();
       else if (remedy === "smaller-radius") {
-        const { maxRadiusM, landing } = store.get();
-        if (maxRadiusM !== null && landing !== null) {
+        const { maxRadiusM } = store.get();
+        if (maxRadiusM !== null) {
           store.set({ radiusM: maxRadiusM });
-          going.land({ place: landing.position, radiusM: maxRadiusM, look: null, isEntry: true });
+          going.landAgain(maxRadiusM);
         }
       }
       if (remedy !== "token") notices.clear(noticeKey);

@@ -13,6 +13,8 @@ import type { Landed } from "./state.ts";
 export interface Going {
   /** Returns the landing's number. */
   land(order: LandingOrder, options?: LandOptions): number;
+  /** The newest order once more, with another radius. */
+  landAgain(radiusM: number): void;
   /** Land where the user aims. */
   landAim(): void;
   /** Go where an address says; `isEntry` makes it an entry of the history. */
@@ -32,9 +34,11 @@ export interface Going {
 export function createGoing(parts: () => Parts): Going {
   /** Since the newest landing the user has walked: to walk again is to go back to where he stood. */
   let hasWalked = false;
+  let newest: LandingOrder | null = null;
 
   function land(order: LandingOrder, options?: LandOptions): number {
     const { notices, desk, loop } = parts();
+    newest = order;
     notices.clear("landing");
     notices.clear("degraded");
     const landing = desk.land(order, options);
@@ -82,6 +86,9 @@ export function createGoing(parts: () => Parts): Going {
     routeNow,
     settledRoute,
     moved,
+    landAgain(radiusM) {
+      if (newest !== null) land({ ...newest, radiusM });
+    },
     landAim() {
       const { aim } = parts().store.get();
       if (aim !== null) land({ place: aim.place, radiusM: aim.radiusM, look: null, isEntry: true });

@@ -36,6 +36,9 @@ const ARC_POINTS = 48;
 const LIFT = 0.006;
 const MIN_LIFT_M = 0.12;
 
+/** Of an edge so much must lie on the ground, or it is not drawn. */
+const MIN_EDGE_PART = 0.4;
+
 const AIM = 0xffb02e;
 const EDGE = 0xffffff;
 const PATH = 0xe0218a;
@@ -81,10 +84,16 @@ export function createMarkers(): Markers {
       aimFill.setPart(fraction ?? 0);
     },
     setEdge(place, radiusM, ground) {
-      const points =
-        place === null
-          ? null
-          : drapedCircle(place, radiusM, CIRCLE_POINTS, ground, Math.max(MIN_LIFT_M, radiusM * LIFT));
+      let onGround = 0;
+      const counted: Ground = (x, z) => {
+        const y = ground(x, z);
+        if (y !== null) onGround += 1;
+        return y;
+      };
+      const lift = Math.max(MIN_LIFT_M, radiusM * LIFT);
+      const circle = place === null ? null : drapedCircle(place, radiusM, CIRCLE_POINTS, counted, lift);
+      // An edge beyond the ground is none: detail then ends where the survey does.
+      const points = onGround > CIRCLE_POINTS * MIN_EDGE_PART ? circle : null;
       edgeCasing.set(points);
       edge.set(points);
     },

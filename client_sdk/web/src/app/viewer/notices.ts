@@ -56,7 +56,7 @@ export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: s
         fill(
           box,
           icon(notice.tone === "info" ? "help" : "warn"),
-          h("h3", {}, notice.title),
+          h("h2", {}, notice.title),
           text,
           h("div", { class: "notice-actions" }, ...buttons),
         );

@@ -1,7 +1,6 @@
 /** What follows from a change of the viewer's state: colours, markers, labels, words. */
 
 import type { Vec3 } from "../../core/types.ts";
-import type { Stage } from "../../three/stage.ts";
 import { formatBytes, formatCount, formatMetres, formatMs, formatPercent, formatRadius } from "../format.ts";
 import { measurePath } from "../measure.ts";
 import type { Label, Labels } from "./labels.ts";
@@ -13,7 +12,7 @@ export function reactToState(parts: Parts, labels: Labels): () => void {
   return parts.store.subscribe((state, before) => {
     const { stage, markers, loop, listeners, shell } = parts;
     if (state.mode !== before.mode) stage.setMode(state.mode, shell.theme.theme);
-    if (state.highlightedRegion !== before.highlightedRegion) highlight(stage, state.highlightedRegion);
+    if (state.highlightedRegion !== before.highlightedRegion) stage.highlightRegion(state.highlightedRegion);
     if (state.aim?.place !== before.aim?.place)
       markers.setAim(state.aim, arcStart(parts, state), parts.camera.eye, parts.highest);
     if (state.aim?.fraction !== before.aim?.fraction) markers.setFraction(state.aim?.fraction ?? null);
@@ -62,10 +61,6 @@ function labelsOf({ aim, picked, measured }: ViewerState): readonly Label[] {
     });
   }
   return labels;
-}
-
-function highlight(stage: Stage & { highlightRegion?(id: number | null): void }, id: number | null): void {
-  stage.highlightRegion?.(id);
 }
 
 function sayWhereDetailEnds({ notices }: Parts, { outside, view }: ViewerState): void {

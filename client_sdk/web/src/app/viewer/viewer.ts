@@ -52,10 +52,6 @@ const LINGER_MS = 250;
 /** The figures are read so often while they are shown. */
 const FIGURES_MS = 500;
 
-function isStageBusy(stage: Stage & { readonly busy?: boolean }): boolean {
-  return stage.busy ?? true;
-}
-
 /** Make it. Throws where the browser has no WebGL 2; the stream is the caller's to close then. */
 export function createViewer(options: ViewerOptions): Viewer {
   const { shell, files, stream } = options;
@@ -271,7 +267,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     draw();
     session?.drawn();
     const lingers = performance.now() - lastEventMs < LINGER_MS;
-    return isBusy || blink.isRunning || isStageBusy(stage) || lingers ? "again" : "rest";
+    return isBusy || blink.isRunning || stage.busy || lingers ? "again" : "rest";
   }
 
   function draw(): void {
