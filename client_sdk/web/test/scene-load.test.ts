@@ -4,7 +4,7 @@ import { readFileSync } from "node:fs";
 import type { IncomingMessage, Server, ServerResponse } from "node:http";
 import { createServer } from "node:http";
 import type { AddressInfo } from "node:net";
-import { afterEach, beforeEach, describe, expect, it } from "vitest";
+import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import { readImageHeader } from "../src/core/payload/image-header.ts";
 import { StreamError } from "../src/core/scene/errors.ts";
 import type { LoadOptions } from "../src/core/scene/load.ts";
@@ -184,8 +184,10 @@ describe("a server that refuses", () => {
     await loadScene(`${url}/scenes/tiny`, { token: "secret" });
     expect(asked.length).toBeGreaterThanOrEqual(5);
     for (const line of asked) expect(line).toMatch(/^[^ ]+ Bearer secret$/);
-    gate = (_request, response) => {
-      response.writeHead(302, { location: "http://127.0.0.1:9/" }).end();
+    // To a place that would answer.
+    gate = (request, response) => {
+      if (request.url!.startsWith("/prefix")) return false;
+      response.writeHead(302, { location: `${url}/prefix${request.url}` }).end();
       return true;
     };
     await expect(loadScene(`${url}/scenes/tiny`, { token: "secret" })).rejects.toMatchObject({ code: "unreachable" });
@@ -205,6 +207,26 @@ it("stops where it is aborted", async () => {
   const loading = loadScene(`${url}/scenes/tiny`, { signal: abort.signal });
   setTimeout(() => abort.abort(new Error("enough")), 50);
   await expect(loading).rejects.toThrow("enough");
+});
+
+it("stops the other files where one fails", async () => {
+  scenes.set("tiny", filesOf("tiny"));
+  let gone = false;
+  gate = (request, response) => {
+    if (request.url!.includes("base.cover")) response.writeHead(500).end();
+    else if (!request.url!.includes("base.glb")) return false;
+    // base.glb: never answered; the client lets go of it.
+    else response.on("close", () => (gone = true));
+    return true;
+  };
+  await expect(loadScene(`${url}/scenes/tiny`)).rejects.toMatchObject({ status: 500 });
+  await vi.waitFor(() => expect(gone).toBe(true));
+});
+
+it("refuses a cover that names segments which the scene does not have", async () => {
+  const damage: Damage = { name: "too few", file: "scene.json", edit: { set: [["counts", "segments"], 3] } };
+  scenes.set("tiny", filesOf("tiny", damage));
+  await expect(loadScene(`${url}/scenes/tiny`)).rejects.toThrow("segment 3 in the cover, expected below 3");
 });
 
 it("reads no more than the manifest says", async () => {

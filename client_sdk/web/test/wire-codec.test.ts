@@ -56,6 +56,21 @@ it("names that every object has are names like any other", () => {
   }
 });
 
+it("a key that stands twice is refused, in both forms and at every level", () => {
+  for (const text of ['{"type":"bye","type":"bye"}', '{"type":"bye","x":{"a":1,"a":1}}']) {
+    expect(() => decodeMessage(text, "terraport.v1.json", "client_to_server")).toThrow("twice");
+  }
+  // {"type": "bye", "x": 1, "x": 1} and {"type": "bye", "x": {"a": 1, "a": 1}}
+  for (const tail of [
+    [0x83, 0xa1, 0x78, 1, 0xa1, 0x78, 1],
+    [0x82, 0xa1, 0x78, 0x82, 0xa1, 0x61, 1, 0xa1, 0x61, 1],
+  ]) {
+    const [size, ...rest] = tail;
+    const bytes = Uint8Array.from([size!, 0xa4, ...Buffer.from("type"), 0xa3, ...Buffer.from("bye"), ...rest]);
+    expect(() => decodeMessage(bytes, "terraport.v1.msgpack", "client_to_server")).toThrow("twice");
+  }
+});
+
 it("a stricter limit of size can be asked for", () => {
   const text = '{"type":"bye"}';
   expect(decodeMessage(text, "terraport.v1.json", "client_to_server", 14)).toEqual({ type: "bye" });
