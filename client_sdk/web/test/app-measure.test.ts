@@ -1,7 +1,7 @@
 /** Distances, arcs and circles. */
 
 import { describe, expect, test } from "vitest";
-import { arcPoints, drapedCircle } from "../src/app/arc.ts";
+import { arcPoints, drapeCircle, levelCircle } from "../src/app/arc.ts";
 import { measureLeg, measurePath } from "../src/app/measure.ts";
 
 describe("a leg", () => {
@@ -62,7 +62,16 @@ test("an arc goes from below the eye to the place, and over both", () => {
 });
 
 test("a circle lies on the ground, is closed, and keeps its height over nothing", () => {
-  const points = drapedCircle([10, 5, 20], 8, 16, (x) => (x > 10 ? null : x * 0.5), 0.25);
+  const drape = drapeCircle([10, 5, 20], 8, 16, 0.25);
+  const asked: number[] = [];
+  const ground = (x: number) => {
+    asked.push(x);
+    return x > 10 ? null : x * 0.5;
+  };
+  expect([drape.step(ground, 7), drape.step(ground, 7), drape.step(ground, 7)]).toEqual([false, false, true]);
+  expect(asked).toHaveLength(16);
+  expect(drape.onGround).toBeCloseTo(asked.filter((x) => x <= 10).length / 16, 12);
+  const { points } = drape;
   expect([...points.slice(0, 3)]).toEqual([...points.slice(48)]);
   for (let index = 0; index <= 16; index += 1) {
     const [x, y, z] = [points[index * 3]!, points[index * 3 + 1]!, points[index * 3 + 2]!];
@@ -70,4 +79,9 @@ test("a circle lies on the ground, is closed, and keeps its height over nothing"
     if (x < 10 - 1e-4) expect(y).toBeCloseTo(x * 0.5 + 0.25, 4);
     expect(Number.isFinite(y)).toBe(true);
   }
+});
+
+test("a level circle is level", () => {
+  const points = levelCircle([1, 2, 3], 4, 8, 0.5);
+  for (let index = 0; index <= 8; index += 1) expect(points[index * 3 + 1]).toBe(2.5);
 });

@@ -25,27 +25,56 @@ export function arcPoints(from: Vec3, to: Vec3, count: number, dropM = 0.6): Flo
   return points;
 }
 
+/** The ground's height at (x, z), or null where there is none: there a circle keeps its last height. */
+export type Heights = (x: number, z: number) => number | null;
+
+/** A circle that is being laid on the ground. */
+export interface Drape {
+  /** Ask for the height of so many more points; true when all are there. */
+  step(groundY: Heights, count: number): boolean;
+  /** Packed x, y, z; closed: the last point is the first. Whole once `step` said so. */
+  readonly points: Float32Array;
+  /** Part of the points below which there is ground, 0 to 1. */
+  readonly onGround: number;
+}
+
 /**
- * A closed circle draped over the ground, packed x, y, z.
+ * Lay a closed circle on the ground, a few points at a time: each is a ray through everything that is shown, and all of
+ * them together are more than one frame has time for.
  *
- * @param groundY height of the ground at (x, z), or null where there is none: there the circle keeps its last height.
  * @param liftM how far above the ground it lies, so that it is not buried in it.
  */
-export function drapedCircle(
-  centre: Vec3,
-  radiusM: number,
-  count: number,
-  groundY: (x: number, z: number) => number | null,
-  liftM: number,
-): Float32Array {
+export function drapeCircle(centre: Vec3, radiusM: number, count: number, liftM: number): Drape {
   const points = new Float32Array((count + 1) * 3);
+  let done = 0;
+  let found = 0;
   let y = centre[1];
-  for (let index = 0; index <= count; index += 1) {
-    const angle = ((index % count) / count) * Math.PI * 2;
-    const x = centre[0] + Math.sin(angle) * radiusM;
-    const z = centre[2] - Math.cos(angle) * radiusM;
-    y = groundY(x, z) ?? y;
-    points.set([x, y + liftM, z], index * 3);
-  }
-  return points;
+  return {
+    points,
+    get onGround() {
+      return found / count;
+    },
+    step(groundY, more) {
+      const end = Math.min(count, done + more);
+      for (; done < end; done += 1) {
+        const angle = (done / count) * Math.PI * 2;
+        const x = centre[0] + Math.sin(angle) * radiusM;
+        const z = centre[2] - Math.cos(angle) * radiusM;
+        const ground = groundY(x, z);
+        if (ground !== null) found += 1;
+        y = ground ?? y;
+        points.set([x, y + liftM, z], done * 3);
+      }
+      if (done < count) return false;
+      points.copyWithin(count * 3, 0, 3);
+      return true;
+    },
+  };
+}
+
+/** A level circle. */
+export function levelCircle(centre: Vec3, radiusM: number, count: number, liftM: number): Float32Array {
+  const drape = drapeCircle(centre, radiusM, count, liftM);
+  drape.step(() => null, count);
+  return drape.points;
 }

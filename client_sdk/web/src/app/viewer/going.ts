@@ -118,8 +118,8 @@ export function createGoing(parts: () => Parts): Going {
       store.set({ view: camera.view, outside: false });
     },
     shown(landed, order, isCompletion) {
-      const { markers, notices, shell, link, highest } = parts();
-      markers.setEdge(landed.place, landed.effectiveRadiusM, highest);
+      const { markers, notices, shell, link } = parts();
+      markers.setEdge(landed.place, landed.effectiveRadiusM);
       if (landed.degraded) {
         notices.show({
           key: "degraded",

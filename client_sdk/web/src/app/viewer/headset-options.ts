@@ -10,7 +10,7 @@ import type { Parts } from "./parts.ts";
 
 /** Make the options. `landings` counts the swaps. */
 export function headsetOptions(
-  { world, store, stage, camera, markers, loop, link, going, highest }: Parts,
+  { world, store, stage, camera, markers, loop, link, going }: Parts,
   landings: Landings,
   keptPlaces: () => readonly Bookmark[],
 ): HeadsetOptions {
@@ -60,7 +60,7 @@ export function headsetOptions(
       store.set({ presenting: false });
       markers.setVisible(true);
       const { landed } = store.get();
-      if (landed !== null) markers.setEdge(landed.place, landed.effectiveRadiusM, highest);
+      if (landed !== null) markers.setEdge(landed.place, landed.effectiveRadiusM);
       if (last !== null) {
         camera.moveTo(
           last.place,

@@ -9,20 +9,19 @@ import { Line2 } from "three/addons/lines/Line2.js";
 import { LineGeometry } from "three/addons/lines/LineGeometry.js";
 import { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import type { Vec3 } from "../../core/types.ts";
-import { arcPoints, drapedCircle } from "../arc.ts";
-
-/** The ground's highest point at (x, z). */
-export type Ground = (x: number, z: number) => number | null;
+import { arcPoints, type Drape, drapeCircle, type Heights, levelCircle } from "../arc.ts";
 
 /** The markers. */
 export interface Markers {
   readonly object: Group;
   /** Null takes the aim away. The arc starts at `start`, a little below it. */
-  setAim(aim: { readonly place: Vec3; readonly radiusM: number } | null, start: Vec3, eye: Vec3, ground: Ground): void;
+  setAim(aim: { readonly place: Vec3; readonly radiusM: number } | null, start: Vec3, eye: Vec3): void;
   /** Part of the ring that is filled. */
   setFraction(fraction: number | null): void;
   /** Edge of the landing's detail; null takes it away. */
-  setEdge(place: Vec3 | null, radiusM: number, ground: Ground): void;
+  setEdge(place: Vec3 | null, radiusM: number): void;
+  /** Once per frame: rings are laid on the ground a few points at a time. True while there is more to lay. */
+  step(groundY: Heights): boolean;
   setPath(points: readonly Vec3[]): void;
   /** Headsets draw their own. */
   setVisible(visible: boolean): void;
@@ -31,6 +30,8 @@ export interface Markers {
 }
 
 const CIRCLE_POINTS = 144;
+/** Heights that one frame may ask for: some tenths of a millisecond each on a slow machine. */
+const POINTS_PER_FRAME = 18;
 const ARC_POINTS = 48;
 /** Above the ground by a part of the radius: what is far away is seen at a slant, and needs more. */
 const LIFT = 0.006;
@@ -63,39 +64,51 @@ export function createMarkers(): Markers {
   const edge = make(EDGE, 2, 0.75);
   const pathCasing = make(0xffffff, 6, 0.85);
   const path = make(PATH, 3, 1);
+  const rings = [aimCasing, aimTrack, aimFill];
+  let aimDrape: Drape | null = null;
+  let nextAim: Drape | null = null;
+  let edgeDrape: Drape | null = null;
 
   return {
     object,
-    setAim(aim, start, eye, ground) {
-      const rings = [aimCasing, aimTrack, aimFill];
+    setAim(aim, start, eye) {
       if (aim === null) {
         for (const line of [...rings, aimDot, arc]) line.set(null);
+        aimDrape = null;
+        nextAim = null;
         return;
       }
       const { place, radiusM } = aim;
-      const points = drapedCircle(place, radiusM, CIRCLE_POINTS, ground, Math.max(MIN_LIFT_M, radiusM * LIFT));
-      for (const line of rings) line.set(points);
+      const drape = drapeCircle(place, radiusM, CIRCLE_POINTS, liftOf(radiusM));
+      // A ring that is half laid is laid first: under a moving finger there would never be one.
+      if (aimDrape === null) aimDrape = drape;
+      else nextAim = drape;
       const distanceM = Math.hypot(place[0] - eye[0], place[1] - eye[1], place[2] - eye[2]);
       // About as large on the screen from anywhere.
-      aimDot.set(drapedCircle(place, Math.max(0.25, distanceM * 0.012), 32, () => null, MIN_LIFT_M));
+      aimDot.set(levelCircle(place, Math.max(0.25, distanceM * 0.012), 32, MIN_LIFT_M));
       arc.set(arcPoints(start, place, ARC_POINTS));
     },
     setFraction(fraction) {
       aimFill.setPart(fraction ?? 0);
     },
-    setEdge(place, radiusM, ground) {
-      let onGround = 0;
-      const counted: Ground = (x, z) => {
-        const y = ground(x, z);
-        if (y !== null) onGround += 1;
-        return y;
-      };
-      const lift = Math.max(MIN_LIFT_M, radiusM * LIFT);
-      const circle = place === null ? null : drapedCircle(place, radiusM, CIRCLE_POINTS, counted, lift);
-      // An edge beyond the ground is none: detail then ends where the survey does.
-      const points = onGround > CIRCLE_POINTS * MIN_EDGE_PART ? circle : null;
-      edgeCasing.set(points);
-      edge.set(points);
+    setEdge(place, radiusM) {
+      edgeCasing.set(null);
+      edge.set(null);
+      edgeDrape = place === null ? null : drapeCircle(place, radiusM, CIRCLE_POINTS, liftOf(radiusM));
+    },
+    step(groundY) {
+      if (aimDrape?.step(groundY, POINTS_PER_FRAME)) {
+        for (const line of rings) line.set(aimDrape.points);
+        aimDrape = nextAim;
+        nextAim = null;
+      } else if (aimDrape === null && edgeDrape?.step(groundY, POINTS_PER_FRAME)) {
+        // An edge beyond the ground is none: detail then ends where the survey does.
+        const points = edgeDrape.onGround >= MIN_EDGE_PART ? edgeDrape.points : null;
+        edgeCasing.set(points);
+        edge.set(points);
+        edgeDrape = null;
+      }
+      return aimDrape !== null || edgeDrape !== null;
     },
     setPath(points) {
       const packed = points.length < 2 ? null : Float32Array.from(points.flat());
@@ -112,6 +125,10 @@ export function createMarkers(): Markers {
       for (const line of lines) line.dispose();
     },
   };
+}
+
+function liftOf(radiusM: number): number {
+  return Math.max(MIN_LIFT_M, radiusM * LIFT);
 }
 
 interface MarkerLine {
@@ -138,32 +155,34 @@ function markerLine(colour: number, width: number, opacity: number): MarkerLine 
   ];
   const object = new Group();
   object.visible = false;
-  let geometry: LineGeometry | null = null;
-  let part = 1;
   let segments = 0;
+  let part = 1;
+  // There from the start, unseen, so that the renderer can make its program before anything is shown.
+  let geometry = new LineGeometry();
+  geometry.setPositions([0, 0, 0, 0, 0, 1]);
+  const lines = materials.map((material, order) => {
+    const line = new Line2(geometry, material);
+    line.renderOrder = 10 + order;
+    line.frustumCulled = false;
+    object.add(line);
+    return line;
+  });
 
   const showPart = () => {
-    if (geometry !== null) geometry.instanceCount = Math.round(segments * part);
+    geometry.instanceCount = Math.round(segments * part);
   };
 
   return {
     object,
     set(points) {
-      geometry?.dispose();
-      geometry = null;
-      object.clear();
       object.visible = points !== null;
       if (points === null) return;
       // A geometry of its own for each set of points: LineGeometry cannot change its length.
+      geometry.dispose();
       geometry = new LineGeometry();
       geometry.setPositions(points);
       segments = points.length / 3 - 1;
-      for (const [order, material] of materials.entries()) {
-        const line = new Line2(geometry, material);
-        line.renderOrder = 10 + order;
-        line.frustumCulled = false;
-        object.add(line);
-      }
+      for (const line of lines) line.geometry = geometry;
       showPart();
     },
     setPart(next) {
@@ -174,7 +193,7 @@ function markerLine(colour: number, width: number, opacity: number): MarkerLine 
       for (const material of materials) material.resolution.set(x, y);
     },
     dispose() {
-      geometry?.dispose();
+      geometry.dispose();
       for (const material of materials) material.dispose();
     },
   };

@@ -26,8 +26,12 @@ export function createPlaceLink(): PlaceLink {
   return {
     push(route) {
       stop();
-      const hash = formatRoute(route);
-      if (hash !== window.location.hash) window.history.pushState(null, "", hash);
+      // Not in the frame of the swap: browsers take ten milliseconds for it.
+      timer = window.setTimeout(() => {
+        timer = null;
+        const hash = formatRoute(route);
+        if (hash !== window.location.hash) window.history.pushState(null, "", hash);
+      });
     },
     follow(route) {
       stop();

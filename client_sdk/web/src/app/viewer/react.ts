@@ -13,8 +13,7 @@ export function reactToState(parts: Parts, labels: Labels): () => void {
     const { stage, markers, loop, listeners, shell } = parts;
     if (state.mode !== before.mode) stage.setMode(state.mode, shell.theme.theme);
     if (state.highlightedRegion !== before.highlightedRegion) stage.highlightRegion(state.highlightedRegion);
-    if (state.aim?.place !== before.aim?.place)
-      markers.setAim(state.aim, arcStart(parts, state), parts.camera.eye, parts.highest);
+    if (state.aim?.place !== before.aim?.place) markers.setAim(state.aim, arcStart(parts, state), parts.camera.eye);
     if (state.aim?.fraction !== before.aim?.fraction) markers.setFraction(state.aim?.fraction ?? null);
     if (state.radiusM !== before.radiusM && state.aim !== null && state.aim.radiusM !== state.radiusM) {
       parts.desk.aim(state.aim.place, state.radiusM);

@@ -264,6 +264,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     }
     stage.update(world.camera);
     comfort.check();
+    if (markers.step(highest)) isBusy = true;
     draw();
     session?.drawn();
     const lingers = performance.now() - lastEventMs < LINGER_MS;
@@ -305,6 +306,8 @@ export function createViewer(options: ViewerOptions): Viewer {
     },
     start() {
       stage.setMode(store.get().mode, shell.theme.theme);
+      // Programs are made beside, not in the frame that needs them first.
+      world.renderer.compileAsync(world.scene, world.camera).catch(() => undefined);
       going.follow(options.route, false);
       loop.request();
     },
