@@ -124,20 +124,49 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
         "div",
         { class: "card-links" },
         h("span", { class: "faint" }, scene.id === scene.name ? "" : scene.id),
-        scene.reportUrl !== "" &&
-          h(
-            "a",
-            {
-              href: scene.reportUrl,
-              target: "_blank",
-              rel: "noreferrer",
-              "aria-label": `Build report of ${scene.name}`,
-            },
-            icon("report"),
-            "Report",
-          ),
+        scene.reportUrl !== "" && reportLink(scene),
       ),
     );
+  }
+
+  /** A link cannot carry a token: with one the report is fetched, and saved as a file. */
+  function reportLink({ id, name, reportUrl }: SceneSummary): HTMLElement {
+    const properties = {
+      href: reportUrl,
+      target: "_blank",
+      rel: "noreferrer",
+      "aria-label": `Build report of ${name}`,
+    };
+    if (shell.token.token === undefined) return h("a", properties, icon("report"), "Report");
+    return h(
+      "a",
+      {
+        ...properties,
+        "aria-label": `Save the build report of ${name}`,
+        on: {
+          click: (event) => {
+            event.preventDefault();
+            void saveReport(id, reportUrl);
+          },
+        },
+      },
+      icon("report"),
+      "Save report",
+    );
+  }
+
+  async function saveReport(id: string, reportUrl: string): Promise<void> {
+    try {
+      const headers = { Authorization: `Bearer ${shell.token.token}` };
+      const answer = await fetch(reportUrl, { headers, signal: abort.signal });
+      if (!answer.ok) throw new Error(`status ${answer.status}`);
+      const url = URL.createObjectURL(await answer.blob());
+      h("a", { href: url, download: `${id}-report.html` }).click();
+      window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
+      shell.announcer.say("Report saved");
+    } catch {
+      shell.announcer.say("The report could not be had. Try again later.", true);
+    }
   }
 
   function showLinks(links: Readonly<Record<string, string>>): void {
