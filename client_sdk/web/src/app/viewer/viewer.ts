@@ -306,8 +306,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     },
     start() {
       stage.setMode(store.get().mode, shell.theme.theme);
-      // Programs are made beside, not in the frame that needs them first.
-      world.renderer.compileAsync(world.scene, world.camera).catch(() => undefined);
+      world.prepare();
       going.follow(options.route, false);
       loop.request();
     },

@@ -11,6 +11,8 @@ export interface World {
   /** Carries the camera; a headset moves it. */
   readonly rig: Group;
   readonly camera: PerspectiveCamera;
+  /** Make the programs of what is in the scene now, so that no frame has to wait for them when it first shows it. */
+  prepare(): void;
   render(): void;
   dispose(): void;
 }
@@ -77,6 +79,14 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
     scene,
     rig,
     camera,
+    prepare() {
+      // Beside, where the browser can; else here, where the page is loading anyway.
+      if (renderer.extensions.has("KHR_parallel_shader_compile")) {
+        renderer.compileAsync(scene, camera).catch(() => undefined);
+      } else {
+        renderer.compile(scene, camera);
+      }
+    },
     render() {
       renderer.render(scene, camera);
     },
