@@ -18,7 +18,7 @@ import pytest
 from browser.small_scenes import small_scenes
 from browser.watched_page import Watch
 from faults.service import Service
-from playwright.sync_api import Browser, Page, Playwright, sync_playwright
+from playwright.sync_api import Browser, Page, Playwright, expect, sync_playwright
 
 from terraport_server.viewer_page import BUILT_PAGE
 
@@ -65,6 +65,7 @@ def chromium_path() -> str:
 def playwright(chromium_path: str) -> Iterator[Playwright]:
     """The browser's driver."""
     del chromium_path  # skips first
+    expect.set_options(timeout=TIMEOUT_MS)
     with sync_playwright() as driver:
         yield driver
 
