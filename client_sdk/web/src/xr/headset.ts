@@ -278,11 +278,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     stance.stand(groundUnder(first.place), yawOfAzimuth(first.yawDeg));
   };
 
-  const onVisibility = (): void => {
-    if (session.visibilityState !== "visible") {
-      hideHands();
-    }
-  };
+  const onVisibility = (): void => (session.visibilityState === "visible" ? undefined : hideHands());
   const hung: readonly Object3D[] = [
     sky.object,
     veil.object,

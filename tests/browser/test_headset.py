@@ -1,0 +1,288 @@
+"""The viewer in an emulated headset, on the real service: teleports, turns, hands, comfort."""
+
+from __future__ import annotations
+
+import io
+import math
+import os
+import random
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from browser.emulated_headset import IWER, EmulatedHeadset
+from browser.small_scenes import SMALL
+from browser.watched_page import Watch, save_shot
+from faults.service import Service
+from PIL import Image
+from playwright.sync_api import Page
+
+CANVAS_SIZE = (
+    "(() => { const { width, height } = document.querySelector('canvas');"
+    " return [width, height]; })()"
+)
+
+BLACK = 3
+"""Brightest channel of a frame that counts as black."""
+
+
+@pytest.fixture
+def headset(open_page: Callable[..., tuple[Page, Watch]], server: Service) -> EmulatedHeadset:
+    """A page with a scene and a headset, not yet entered."""
+    if not IWER.is_file():
+        if os.environ.get("TERRAPORT_BROWSER") == "required":
+            pytest.fail("TERRAPORT_BROWSER=required, but the emulator is not installed (npm ci)")
+        pytest.skip("the emulator is not installed (npm ci in client_sdk/web)")
+    page, _ = open_page()
+    emulated = EmulatedHeadset(page)
+    emulated.open(f"{server.url}/#scene={SMALL}")
+    return emulated
+
+
+def _ground(headset: EmulatedHeadset, place: list[float]) -> float:
+    """Height of what is shown, under a place."""
+    hit: dict[str, Any] = headset.page.evaluate(
+        "([x, y, z]) => terraport.cast([x, y + 1, z], [0, -1, 0])", place
+    )
+    height: float = hit["position"][1]
+    return height
+
+
+def _turned(degrees_from: float, degrees_to: float) -> float:
+    """Clockwise from one azimuth to another, in (-180, 180]."""
+    return 180.0 - (180.0 - (degrees_to - degrees_from)) % 360.0
+
+
+def _check_eyes(picture: bytes) -> None:
+    """Both eyes see the same place, from two places."""
+    pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("L"), dtype=np.float64)
+    half = pixels.shape[1] // 2
+    left, right = pixels[:, :half], pixels[:, half : 2 * half]
+    unlike = float(np.abs(left - right).mean())
+    # Not one picture twice, nor two different ones: rows of one eye are rows of the other.
+    assert 0.05 < unlike < 12
+    assert float(left.std()) > 5
+    assert unlike < float(np.abs(left[:-12] - right[12:]).mean())
+
+
+def _land(headset: EmulatedHeadset) -> None:
+    headset.press("right", "trigger", 1)
+    headset.frames(3)
+    assert headset.phase() == "aiming"
+    headset.press("right", "trigger", 0)
+    headset.until("terraport.status.phase === 'shown'")
+    headset.until("terraport.headset.stats().phase === 'idle'")
+
+
+def test_a_teleport_swaps_and_moves_in_one_black_frame(headset: EmulatedHeadset) -> None:
+    headset.enter()
+    assert headset.page.evaluate("terraport.headset.stats().frameRateHz") == 90
+    before, facing = headset.standpoint()
+    assert _ground(headset, before) == pytest.approx(before[1], abs=0.01)
+    headset.point("right", pitch=-6, yaw=3)
+    headset.press("right", "trigger", 1)
+    headset.frames(4)
+    assert headset.phase() == "aiming"
+    assert 0 < headset.page.evaluate("terraport.headset.stats().casts") <= 24
+    _check_eyes(save_shot(headset.page, "headset-aiming"))
+    headset.trace()
+    headset.press("right", "trigger", 0)
+    headset.until("terraport.status.phase === 'shown'")
+    headset.until("terraport.headset.stats().phase === 'idle'")
+    headset.frames(2)
+    frames = headset.traced()
+
+    changes = [k for k, (a, b) in enumerate(pairwise(frames), 1) if a["digest"] != b["digest"]]
+    assert len(changes) == 1
+    (swap,) = changes
+    assert frames[swap]["most"] <= BLACK
+    # Black is left again only after that frame, and the move is in it, not before and not after.
+    assert frames[swap + 1]["most"] <= BLACK
+    assert frames[swap - 1]["standpoint"] != frames[swap]["standpoint"]
+    for standpoint in (each["standpoint"] for each in frames[:swap]):
+        assert standpoint["place"] == pytest.approx(before)
+    assert frames[0]["most"] > 40
+    assert frames[-1]["most"] > 40
+
+    after, azimuth = headset.standpoint()
+    ring = headset.page.evaluate("terraport.status.position")
+    # The head, 0.36 m beside the middle of the play space, stands over the ring.
+    assert (after[0], after[2]) == pytest.approx((ring[0], ring[2]), abs=1e-4)
+    assert math.dist(before, after) > 3
+    assert after[1] == pytest.approx(_ground(headset, after), abs=0.01)
+    assert _turned(facing, azimuth) == pytest.approx(0, abs=1e-3)
+    assert headset.page.evaluate("terraport.state.strayChanges") == 0
+    save_shot(headset.page, "headset-landed")
+
+
+def test_what_is_visible_does_not_depend_on_the_head(headset: EmulatedHeadset) -> None:
+    headset.enter()
+    headset.point("right", pitch=0)
+    _land(headset)
+    digest = headset.page.evaluate("terraport.visibleDigest")
+    random_source = random.Random(5)
+    headset.trace()
+    for _ in range(24):
+        at = (
+            random_source.uniform(-2, 2),
+            random_source.uniform(0.4, 2),
+            random_source.uniform(-2, 2),
+        )
+        headset.head(*at, yaw=random_source.uniform(0, 360), pitch=random_source.uniform(-90, 90))
+        headset.frames(1)
+    frames = headset.traced()
+    assert len(frames) >= 24
+    assert {each["digest"] for each in frames} == {digest}
+    assert headset.page.evaluate("terraport.state.strayChanges") == 0
+    assert headset.page.evaluate("terraport.state.swaps") == 1
+
+
+def test_the_thumbstick_turns_about_the_head_and_chooses_the_facing(
+    headset: EmulatedHeadset,
+) -> None:
+    headset.enter()
+    headset.head(1.2, 1.7, -0.8, yaw=25)
+    headset.frames(2)
+    before, facing = headset.standpoint()
+    headset.trace()
+    headset.push("left", 1, 0)
+    headset.frames(6)
+    headset.push("left", 0, 0)
+    headset.frames(2)
+    frames = headset.traced()
+    place, azimuth = headset.standpoint()
+    assert _turned(facing, azimuth) == pytest.approx(30, abs=1e-3)
+    assert place == pytest.approx(before, abs=1e-4)
+    turns = [
+        k
+        for k, (a, b) in enumerate(pairwise(frames), 1)
+        if abs(_turned(a["standpoint"]["yawDeg"], b["standpoint"]["yawDeg"])) > 1
+    ]
+    assert len(turns) == 1
+    turn = frames[turns[0]]
+    assert turn["corners"] <= BLACK < 30 < turn["middle"]
+    assert frames[0]["corners"] > 30
+    assert frames[-1]["corners"] > 30
+
+    # Pushed forward the stick aims, and its direction then is the facing after the landing.
+    headset.point("left", pitch=-6, at=(-0.2, 1.3, -0.3))
+    headset.push("left", 0, -1)
+    headset.frames(3)
+    assert headset.phase() == "aiming"
+    headset.push("left", 1, 0)
+    headset.frames(2)
+    headset.push("left", 0, 0)
+    headset.until("terraport.status.phase === 'shown'")
+    headset.until("terraport.headset.stats().phase === 'idle'")
+    _, chosen = headset.standpoint()
+    assert _turned(azimuth, chosen) == pytest.approx(90, abs=1e-3)
+
+
+def test_an_aim_is_called_off(headset: EmulatedHeadset) -> None:
+    headset.enter()
+    landing = headset.page.evaluate("terraport.status.landing")
+
+    def aim() -> None:
+        headset.point("right", pitch=-6)
+        headset.press("right", "trigger", 1)
+        headset.frames(3)
+        assert headset.phase() == "aiming"
+
+    def let_go() -> None:
+        headset.press("right", "trigger", 0)
+        headset.frames(3)
+        assert headset.phase() == "idle"
+
+    aim()
+    headset.press("right", "squeeze", 1)
+    headset.frames(3)
+    assert headset.phase() == "idle"
+    headset.press("right", "squeeze", 0)
+    let_go()
+
+    aim()
+    headset.press("right", "b-button", 1)
+    headset.frames(3)
+    assert headset.phase() == "idle"
+    headset.press("right", "b-button", 0)
+    let_go()
+
+    aim()
+    headset.point("right", pitch=75)
+    headset.frames(3)
+    let_go()
+
+    aim()
+    headset.page.evaluate("emulated.device.updateVisibilityState('visible-blurred')")
+    headset.frames(3)
+    assert headset.phase() == "idle"
+    headset.page.evaluate("emulated.device.updateVisibilityState('visible')")
+    let_go()
+
+    # Recentred in the headset's own menu: nothing moves.
+    headset.head(1.5, 1.65, -0.7, yaw=40)
+    headset.frames(2)
+    before, facing = headset.standpoint()
+    headset.page.evaluate("emulated.device.recenter()")
+    headset.frames(3)
+    after, azimuth = headset.standpoint()
+    assert after == pytest.approx(before, abs=1e-4)
+    assert _turned(facing, azimuth) == pytest.approx(0, abs=1e-3)
+    assert headset.page.evaluate("terraport.status.landing") == landing
+
+
+def test_a_hand_teleports_by_pinching(headset: EmulatedHeadset) -> None:
+    headset.page.evaluate("emulated.device.primaryInputMode = 'hand'")
+    headset.enter()
+    before, _ = headset.standpoint()
+    headset.point("right", pitch=-8, kind="hands")
+    headset.frames(2)
+    headset.pinch("right", 1)
+    headset.frames(4)
+    assert headset.phase() == "aiming"
+    save_shot(headset.page, "headset-hand")
+    headset.pinch("right", 0)
+    headset.until("terraport.status.phase === 'shown'")
+    headset.until("terraport.headset.stats().phase === 'idle'")
+    after, _ = headset.standpoint()
+    assert math.dist(before, after) > 2
+
+
+def test_the_page_gets_its_camera_back(headset: EmulatedHeadset) -> None:
+    page = headset.page
+    size = page.evaluate(CANVAS_SIZE)
+    headset.enter()
+    headset.point("right", pitch=0)
+    _land(headset)
+    place, azimuth = headset.standpoint()
+    digest = page.evaluate("terraport.visibleDigest")
+    # Out by the menu, as a user would: the last button of the panel, 0.75 m ahead.
+    headset.press("right", "a-button", 1)
+    headset.frames(3)
+    headset.press("right", "a-button", 0)
+    headset.frames(2)
+    headset.point("right", pitch=-12, at=(0.3, 1.45, 0.2))
+    headset.frames(3)
+    save_shot(page, "headset-menu")
+    below = math.degrees(math.atan2(0.22 + 0.16, 0.75))
+    headset.point("right", pitch=-below, at=(0.3, 1.65, 0.2))
+    headset.frames(2)
+    headset.press("right", "trigger", 1)
+    headset.until("terraport.headset === null")
+    headset.until("terraport.state.presenting === false")
+    assert size == page.evaluate(CANVAS_SIZE)
+    assert page.evaluate("terraport.visibleDigest") == digest
+    state = page.evaluate("terraport.state")
+    assert state["view"] == "walk"
+    assert page.evaluate("terraport.status.position")[0] == pytest.approx(place[0], abs=0.01)
+    assert 0 <= azimuth < 360
+    # And in again.
+    headset.press("right", "trigger", 0)
+    # The emulator puts the canvas back as the last of its parent, over the page's bars.
+    page.locator("#enter-headset").dispatch_event("click")
+    headset.until("!!terraport.headset && terraport.headset.standpoint !== null")
+    headset.frames(3)
+    again, _ = headset.standpoint()
+    assert (again[0], again[2]) == pytest.approx((place[0], place[2]), abs=0.2)
