@@ -30,8 +30,9 @@ export interface Markers {
 }
 
 const CIRCLE_POINTS = 144;
-/** Heights that one frame may ask for: some tenths of a millisecond each on a slow machine. */
-const POINTS_PER_FRAME = 18;
+/** Of one frame, for asking how high the ground is: a tenth of a millisecond each on a slow machine, or a hundredth. */
+const DRAPE_MS = 4;
+const POINTS_AT_ONCE = 6;
 const ARC_POINTS = 48;
 /** Above the ground by a part of the radius: what is far away is seen at a slant, and needs more. */
 const LIFT = 0.006;
@@ -97,11 +98,11 @@ export function createMarkers(): Markers {
       edgeDrape = place === null ? null : drapeCircle(place, radiusM, CIRCLE_POINTS, liftOf(radiusM));
     },
     step(groundY) {
-      if (aimDrape?.step(groundY, POINTS_PER_FRAME)) {
+      if (aimDrape !== null && laid(aimDrape, groundY)) {
         for (const line of rings) line.set(aimDrape.points);
         aimDrape = nextAim;
         nextAim = null;
-      } else if (aimDrape === null && edgeDrape?.step(groundY, POINTS_PER_FRAME)) {
+      } else if (aimDrape === null && edgeDrape !== null && laid(edgeDrape, groundY)) {
         // An edge beyond the ground is none: detail then ends where the survey does.
         const points = edgeDrape.onGround >= MIN_EDGE_PART ? edgeDrape.points : null;
         edgeCasing.set(points);
@@ -125,6 +126,15 @@ export function createMarkers(): Markers {
       for (const line of lines) line.dispose();
     },
   };
+}
+
+/** Lay as much as a frame has time for; true when all is laid. */
+function laid(drape: Drape, groundY: Heights): boolean {
+  const endMs = performance.now() + DRAPE_MS;
+  while (!drape.step(groundY, POINTS_AT_ONCE)) {
+    if (performance.now() > endMs) return false;
+  }
+  return true;
 }
 
 function liftOf(radiusM: number): number {
