@@ -10,8 +10,8 @@ from playwright.sync_api import BrowserContext, ConsoleMessage, Page
 
 __all__ = ["Watch", "save_shot"]
 
-# Software rendering: Chromium says so itself, and that reading pixels back is slow with it; three.js,
-# that it cannot compile shaders beside the page's thread there.
+# Software rendering: Chromium says so itself, and that reading pixels back is slow then. three.js
+# says that it cannot compile shaders beside the page's thread.
 _HARMLESS = (
     re.compile(r"GPU stall due to ReadPixels"),
     re.compile(r"Automatic fallback to software WebGL"),
