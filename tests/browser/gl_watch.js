@@ -32,6 +32,7 @@
     },
     /** Draw calls of the ground in the newest frame: [[index buffer, indices], ...]. */
     ground: () => watch.frame.filter((call) => call.ground).map((call) => [call.index, call.count]),
+    bytesOf: (id) => [...buffers.values()].find((one) => one.id === id).bytes,
     /** Indices in an index buffer of the ground, read back from the GPU. */
     indices(id, size) {
       const gl = watch.context;
@@ -52,6 +53,29 @@
     },
   };
   window.glWatch = watch;
+
+  // Milliseconds that each frame's callback kept the main thread, and between frames; tasks of more than 50 ms.
+  watch.frameMs = [];
+  watch.gapMs = [];
+  watch.longTasks = [];
+  /** Bytes written to buffers and textures, by frame. */
+  watch.uploads = [];
+  let uploaded = 0;
+  let lastFrameMs = 0;
+  const requestFrame = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (callback) =>
+    requestFrame((timeMs) => {
+      const startMs = performance.now();
+      if (lastFrameMs > 0) watch.gapMs.push(timeMs - lastFrameMs);
+      lastFrameMs = timeMs;
+      callback(timeMs);
+      watch.frameMs.push(performance.now() - startMs);
+      watch.uploads.push(uploaded);
+      uploaded = 0;
+    });
+  new PerformanceObserver((list) => {
+    for (const { startTime, duration } of list.getEntries()) watch.longTasks.push([startTime, duration]);
+  }).observe({ type: "longtask", buffered: true });
 
   function sum(things) {
     let bytes = 0;
@@ -122,6 +146,10 @@
     const key = target === gl.ELEMENT_ARRAY_BUFFER ? state.indexOf.get(state.arrays) : state.bound.get(target);
     const size = typeof data === "number" ? data : length ? length * data.BYTES_PER_ELEMENT : (data?.byteLength ?? 0);
     if (key) grow(buffers, key, size);
+    if (typeof data !== "number") uploaded += size;
+  });
+  wrap("bufferSubData", null, (_gl, _state, [, , data, , length]) => {
+    uploaded += length ? length * data.BYTES_PER_ELEMENT : data.byteLength;
   });
   const pixels = (width, height, levels) => {
     let bytes = 0;

@@ -30,6 +30,8 @@ class Proxy:
         """Bytes from the server so far, over all connections."""
         self.refuse = False
         """Close new connections at once."""
+        self.bytes_per_s: float | None = None
+        """How fast each connection may be from the server; None: as it comes."""
         self.flows = asyncio.Event()
         """Cleared: nothing from the server goes through, as on a line that stalls."""
         self.flows.set()
@@ -100,8 +102,10 @@ class Proxy:
     async def _copy_down(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         sent = 0
         with contextlib.suppress(OSError):
-            while data := await reader.read(1 << 16):
+            while data := await reader.read(1 << 16 if self.bytes_per_s is None else 1 << 12):
                 await self.flows.wait()
+                if self.bytes_per_s is not None:
+                    await asyncio.sleep(len(data) / self.bytes_per_s)
                 if self.flip_at is not None and self.flip_at < self.down_bytes + len(data):
                     spoilt = bytearray(data)
                     spoilt[self.flip_at - self.down_bytes] ^= 1

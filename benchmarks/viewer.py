@@ -1,0 +1,514 @@
+"""The viewer in Chromium on the real service: holes, comfort, frames, memory, size, land to ready.
+
+::
+
+    python benchmarks/viewer.py                                   # all of it, on a small scene
+    python benchmarks/viewer.py --scenes FOLDER --scene sample --only frames,ready
+    python benchmarks/viewer.py --smoke                           # once, briefly
+
+WebGL is drawn by the CPU (SwiftShader), so a frame takes what it takes there; what is told of our
+own work is told apart. Skips, and says so, where there is no Chromium or no built page.
+
+- *holes*: at each landing, poses at eye height and above; a pixel is a hole where the mixed model
+  leaves any of its samples to the background while the whole base and the whole detail both cover
+  all of them. *strict*: one of the two covers it; *inner* of these: not at that one's own outline.
+  Lines drawn on the ground are left out. Then harm is done on purpose, to show that it is found.
+- *comfort*: changes of the visible set over random head poses between landings.
+- *frames*: main-thread milliseconds of each frame and of `Stage.update` while a landing streams in.
+- *memory*: heap and GPU bytes after many landings, at the place where it began.
+- *ready*: land to ready and to shown in the page beside the Python SDK, the same places in turn.
+
+Fails (exit status 1) where there is a hole, a change, or memory 5 % over its start.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import random
+import shutil
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+try:
+    from browser.conftest import BUILT_PAGE, FLAGS, PROGRAMS
+    from browser.driven_viewer import DrivenViewer
+    from browser.small_scenes import SMALL, small_scenes
+    from faults.service import Service
+    from playwright.sync_api import Browser, sync_playwright
+except ImportError as error:
+    print(f"skipped: {error}")
+    sys.exit(0)
+
+import terraport.sync
+
+POSES: Final = Path(__file__).with_name("parts") / "viewer_poses.js"
+BATCH: Final = 50
+"""Poses of one call into the page."""
+SEED: Final = 6
+PAGE: Final = Path(os.environ.get("TERRAPORT_VIEWER_DIR", BUILT_PAGE))
+"""The built page that is measured: the one that the service would serve."""
+
+
+def main() -> int:
+    """Measure and print; returns the exit status."""
+    parser = argparse.ArgumentParser(description="The viewer, measured in Chromium.")
+    parser.add_argument("--smoke", action="store_true", help="once, briefly")
+    parser.add_argument("--scenes", type=Path, help="folder of scenes instead of the small one")
+    parser.add_argument("--scene", default=SMALL)
+    parser.add_argument("--radius-m", type=float, default=60.0)
+    parser.add_argument("--landings", type=int, default=20, help="of the holes")
+    parser.add_argument("--poses", type=int, default=200, help="at each landing")
+    parser.add_argument("--only", default="size,holes,comfort,frames,memory,ready")
+    options = parser.parse_args()
+    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    if program is None or not (PAGE / "index.html").is_file():
+        print("skipped: no Chromium, or the viewer is not built")
+        return 0
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = options.scenes or small_scenes(Path(folder))
+        # Beside the scenes the service writes its log.
+        (Path(folder) / "served").mkdir()
+        served = Path(folder) / "served" / "scenes"
+        served.symlink_to(scenes.resolve())
+        with Service(served) as service, sync_playwright() as driver:
+            browser = driver.chromium.launch(executable_path=program, args=list(FLAGS))
+            bench = Bench(browser, service.url, options)
+            for name in options.only.split(","):
+                began_s = time.monotonic()
+                print(f"== {name}", flush=True)
+                getattr(bench, name)()
+                print(f"({time.monotonic() - began_s:.0f} s)", flush=True)
+            browser.close()
+    for line in bench.missed:
+        print(f"MISSED: {line}")
+    return 1 if bench.missed else 0
+
+
+class Bench:
+    """What is measured, by name."""
+
+    def __init__(self, browser: Browser, url: str, options: argparse.Namespace) -> None:
+        self.browser = browser
+        self.url = url
+        self.scene: str = options.scene
+        self.radius_m: float = options.radius_m
+        self.smoke: bool = options.smoke
+        self.landings: int = 2 if options.smoke else options.landings
+        self.poses: int = 6 if options.smoke else options.poses
+        self.missed: list[str] = []
+
+    @contextmanager
+    def viewer(self, width: int, height: int) -> Iterator[DrivenViewer]:
+        """Open the scene in a page of its own, with a canvas of that size.
+
+        The window is never small: in one of 96 x 54 Chromium gives a page one frame a second.
+        """
+        scale = min(1.0, width / 640)
+        size = {"width": round(width / scale), "height": round(height / scale)}
+        context = self.browser.new_context(viewport=size, device_scale_factor=scale)
+        try:
+            viewer = DrivenViewer(context.new_page(), self.url, self.scene)
+            viewer.page.add_init_script(path=POSES)
+            viewer.open()
+            viewer.until("glWatch.ground().length > 0")
+            yield viewer
+        finally:
+            context.close()
+
+    def bar(self, held: bool, what: str) -> None:
+        """Remember what was missed."""
+        if not held:
+            self.missed.append(what)
+
+    # --- size -----------------------------------------------------------------------------------
+
+    def size(self) -> None:
+        """Files of the page: as they are, gzip, brotli; and what a first visit loads of them."""
+        print(f"{'file':34} {'raw':>8} {'gzip':>8} {'brotli':>8}")
+        totals = [0, 0, 0]
+        for file in sorted(PAGE.rglob("*")):
+            if file.suffix not in {".js", ".css", ".html", ".svg"}:
+                continue
+            twins = [file, *(file.with_name(file.name + end) for end in (".gz", ".br"))]
+            # Too small to gain by it: served as it is.
+            sizes = [(twin if twin.is_file() else file).stat().st_size for twin in twins]
+            totals = [a + b for a, b in zip(totals, sizes, strict=True)]
+            print(f"{file.name:34} " + " ".join(f"{one:8,}" for one in sizes))
+        print(f"{'all':34} " + " ".join(f"{one:8,}" for one in totals))
+        context = self.browser.new_context(viewport={"width": 640, "height": 360})
+        page = context.new_page()
+        loaded: list[tuple[str, int]] = []
+
+        def finished(request: Any) -> None:
+            sizes = request.sizes()
+            loaded.append((request.url, sizes["responseBodySize"] + sizes["responseHeadersSize"]))
+
+        context.on("requestfinished", finished)
+        page.goto(f"{self.url}/#scene={self.scene}")
+        viewer = DrivenViewer(page, self.url, self.scene)
+        viewer.until("window.terraport?.state.link?.state === 'open'")
+        page.wait_for_timeout(1000)
+        ours = [size for url, size in loaded if "/scenes" not in url]
+        scene = [size for url, size in loaded if "/scenes" in url]
+        print(f"first visit: page {len(ours)} files, {sum(ours):,} bytes with headers;")
+        print(f"  scene {len(scene)} files, {sum(scene):,} bytes")
+        context.close()
+
+    # --- holes ----------------------------------------------------------------------------------
+
+    def holes(self) -> None:
+        """Pixels of the background within the ground."""
+        width, height = 256, 144
+        with self.viewer(width, height) as viewer:
+            chance = random.Random(SEED)
+            everything = math.dist(*self._corners(viewer))
+            centre = tuple(sum(pair) / 2 for pair in zip(*self._corners(viewer), strict=True))
+            viewer.run("() => { glWatch.groundOnly = true; }")
+            viewer.land(centre, min(everything, 500.0))
+            segments = len(viewer.visible)
+            places = [self._place(viewer, chance) for _ in range(self.landings)]
+            poses = [
+                [self._pose(viewer, chance, place) for _ in range(self.poses)] for place in places
+            ]
+            base = self._base_index(viewer)
+            viewer.run("(id) => { glWatch.omitted = new Set([id]); }", base)
+            self._in_batches(poses, lambda some: self._keep(viewer, "detail", some))
+            viewer.run("() => { glWatch.omitted = new Set(); }")
+            far = (centre[0] + 10 * everything, centre[1], centre[2])
+            viewer.land(far, 1.0)
+            assert viewer.visible == []
+            self._in_batches(poses, lambda some: self._keep(viewer, "base", some))
+            found: dict[str, Any] = {"pixels": 0, "ground": 0, "holes": 0, "strict": 0}
+            found |= {"strictInner": 0, "worst": None}
+            hidden = []
+            for number, place in enumerate(places):
+                viewer.land(place, self.radius_m * chance.uniform(0.4, 1.0))
+                hidden.append(int(viewer.digest.split(":")[2]))
+                self._add(found, self._compare(viewer, number * self.poses, poses[number]))
+            total = len(places) * self.poses
+            print(f"{width} x {height}, {len(places)} landings x {self.poses} poses = {total},")
+            print(f"scene of {segments} segments, hidden base faces {min(hidden)} to {max(hidden)}")
+            print(f"pixels {found['pixels']:,}; covered by base and detail {found['ground']:,}")
+            print(f"HOLES {found['holes']}; strict {found['strict']}, inner {found['strictInner']}")
+            if found["worst"]:
+                print(f"worst {json.dumps(found['worst'])}")
+            self.bar(found["holes"] == 0, f"{found['holes']} pixels of holes")
+            self._harm(viewer, (len(places) - 1) * self.poses, poses[-1])
+
+    def _harm(self, viewer: DrivenViewer, first: int, poses: list[dict[str, Any]]) -> None:
+        """Leave out a segment, then blank base faces: holes must be found."""
+        base = self._base_index(viewer)
+        drawn: list[list[int]] = viewer.run("glWatch.ground()")
+        segment = max((one for one in drawn if one[0] != base), key=lambda one: one[1])[0]
+        viewer.run("(id) => { glWatch.omitted = new Set([id]); }", segment)
+        without = self._compare(viewer, first, poses)["holes"]
+        viewer.run("() => { glWatch.omitted = new Set(); }")
+        faces = viewer.run(
+            "(id) => { const count = glWatch.ground().find((call) => call[0] === id)[1];"
+            " const size = glWatch.bytesOf(id) / count;"
+            " const list = glWatch.indices(id, size); const shown = [];"
+            " for (let at = 0; at < count; at += 3)"
+            "   if (list[at] !== list[at + 1]) shown.push(at / 3);"
+            " window.baseSize = size; window.baseList = list; return shown; }",
+            base,
+        )
+        chance = random.Random(SEED)
+        for count in (1, len(faces) // 100, len(faces) // 10):
+            chosen = chance.sample(faces, max(1, count))
+            viewer.run(
+                "([id, faces]) => { const none = new window.baseList.constructor(3);"
+                " for (const face of faces) glWatch.writeFace(id, face, none); }",
+                [base, chosen],
+            )
+            blank = self._compare(viewer, first, poses)["holes"]
+            viewer.run(
+                "([id, faces]) => { for (const face of faces)"
+                " glWatch.writeFace(id, face, window.baseList.slice(face * 3, face * 3 + 3)); }",
+                [base, chosen],
+            )
+            print(f"harm: {len(chosen)} shown base faces blanked: {blank} pixels of holes")
+        print(f"harm: one shown segment left out: {without} pixels of holes")
+        again = self._compare(viewer, first, poses)["holes"]
+        print(f"harm undone: {again}")
+        self.bar(without > 0 and blank > 0, "harm done on purpose was not found")
+
+    @staticmethod
+    def _corners(viewer: DrivenViewer) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        bounds = viewer.run("[...terraport.state.manifest.bounds]")
+        return tuple(bounds[:3]), tuple(bounds[3:])
+
+    @staticmethod
+    def _base_index(viewer: DrivenViewer) -> int:
+        """Return the index buffer of the base: the one with most indices."""
+        viewer.look((0.0, 500.0, 0.0), 0.0, -90.0)
+        calls: list[list[int]] = viewer.run("glWatch.ground()")
+        return max(calls, key=lambda call: call[1])[0]
+
+    @staticmethod
+    def _add(total: dict[str, Any], some: dict[str, Any]) -> None:
+        for name, value in some.items():
+            if name == "worst":
+                worst = max((total[name], value), key=lambda one: one["holes"] if one else 0)
+                total[name] = worst
+            else:
+                total[name] += value
+
+    @staticmethod
+    def _in_batches(poses: list[list[Any]], do: Callable[[list[Any]], object]) -> None:
+        flat = [pose for some in poses for pose in some]
+        for at in range(0, len(flat), BATCH):
+            do(flat[at : at + BATCH])
+
+    @staticmethod
+    def _keep(viewer: DrivenViewer, name: str, poses: list[Any]) -> None:
+        viewer.run("([name, poses]) => viewerPoses.keep(name, poses)", [name, poses])
+
+    def _compare(self, viewer: DrivenViewer, first: int, poses: list[Any]) -> dict[str, Any]:
+        total: dict[str, Any] = {"pixels": 0, "ground": 0, "holes": 0, "strict": 0}
+        total |= {"strictInner": 0, "worst": None}
+        for at in range(0, len(poses), BATCH):
+            some = viewer.run(
+                "([first, poses]) => viewerPoses.compare(first, poses)",
+                [first + at, poses[at : at + BATCH]],
+            )
+            self._add(total, some)
+        return total
+
+    def _place(self, viewer: DrivenViewer, chance: random.Random) -> tuple[float, float, float]:
+        """Choose a place on the ground, in the inner nine tenths of the scene."""
+        low, high = self._corners(viewer)
+        while True:
+            x = low[0] + (high[0] - low[0]) * chance.uniform(0.05, 0.95)
+            z = low[2] + (high[2] - low[2]) * chance.uniform(0.05, 0.95)
+            height_m = self._ground(viewer, x, z)
+            if height_m is not None:
+                return x, height_m, z
+
+    def _ground(self, viewer: DrivenViewer, x: float, z: float) -> float | None:
+        top = self._corners(viewer)[1][1] + 5
+        found: float | None = viewer.run(
+            "([x, y, z]) => terraport.cast([x, y, z], [0, -1, 0])?.position[1] ?? null",
+            [x, top, z],
+        )
+        return found
+
+    def _pose(
+        self, viewer: DrivenViewer, chance: random.Random, place: tuple[float, float, float]
+    ) -> dict[str, Any]:
+        """Half walk, 1.7 m over the ground near the place; half look down on it from above."""
+        while True:
+            turn, part = chance.uniform(0, math.tau), math.sqrt(chance.random())
+            reach_m = part * self.radius_m * 0.4
+            x, z = place[0] + reach_m * math.sin(turn), place[2] + reach_m * math.cos(turn)
+            height_m = self._ground(viewer, x, z)
+            if height_m is not None:
+                break
+        yaw = chance.uniform(0, 360)
+        if chance.random() < 0.5:
+            pitch = chance.uniform(-60, -3)
+            return {"eye": [x, height_m + 1.7, z], "yawDeg": yaw, "pitchDeg": pitch}
+        pitch, away_m = chance.uniform(-85, -15), chance.uniform(10, 2.5 * self.radius_m)
+        flat_m = away_m * math.cos(math.radians(pitch))
+        eye = [
+            x - flat_m * math.sin(math.radians(yaw)),
+            height_m - away_m * math.sin(math.radians(pitch)),
+            z + flat_m * math.cos(math.radians(yaw)),
+        ]
+        return {"eye": eye, "yawDeg": yaw, "pitchDeg": pitch}
+
+    # --- comfort --------------------------------------------------------------------------------
+
+    def comfort(self) -> None:
+        """Count changes of the visible set over random head poses."""
+        count = 50 if self.smoke else 10_000
+        landings = 2 if self.smoke else 5
+        with self.viewer(96, 54) as viewer:
+            chance = random.Random(SEED)
+            changes = stray = 0
+            for _ in range(landings):
+                place = self._place(viewer, chance)
+                shown = viewer.land(place, self.radius_m)
+                low, high = self._corners(viewer)
+                for at in range(0, count // landings, BATCH):
+                    some = min(BATCH, count // landings - at)
+                    poses = [self._head(chance, low, high, place[1]) for _ in range(some)]
+                    found = viewer.run("(poses) => viewerPoses.changes(poses)", poses)
+                    changes += found["changes"]
+                    stray = found["stray"]
+                    assert viewer.digest == shown["digest"]
+            print(f"{count} poses, each drawn, at {landings} landings: {changes} changes of the")
+            print(f"visible set; counted by the page itself: {stray}")
+            self.bar(changes == 0 and stray == 0, f"{changes} changes of the visible set")
+
+    @staticmethod
+    def _head(
+        chance: random.Random, low: tuple[float, ...], high: tuple[float, ...], ground_m: float
+    ) -> dict[str, Any]:
+        eye = [
+            chance.uniform(low[0], high[0]),
+            ground_m + chance.uniform(-3, 60),
+            chance.uniform(low[2], high[2]),
+        ]
+        return {"eye": eye, "yawDeg": chance.uniform(0, 360), "pitchDeg": chance.uniform(-90, 90)}
+
+    # --- frames ---------------------------------------------------------------------------------
+
+    def frames(self) -> None:
+        """Frames while landings stream in, at two sizes of the canvas."""
+        rounds = 1 if self.smoke else 6
+        for width, height in ((64, 36), (640, 360)):
+            with self.viewer(width, height) as viewer:
+                chance = random.Random(SEED)
+                viewer.page.wait_for_timeout(1000)
+                frame_ms: list[float] = []
+                gap_ms: list[float] = []
+                tasks: list[list[float]] = []
+                updates: list[float] = []
+                medians: list[float] = []
+                moved = 0
+                for _ in range(rounds):
+                    place = self._place(viewer, chance)
+                    viewer.run(
+                        "() => { glWatch.frameMs.length = glWatch.gapMs.length = 0;"
+                        " glWatch.longTasks.length = 0; }"
+                    )
+                    moved += viewer.land(place, self.radius_m)["payloadBytes"]
+                    frame_ms += viewer.run("glWatch.frameMs")
+                    gap_ms += viewer.run("glWatch.gapMs")
+                    tasks += viewer.run("glWatch.longTasks")
+                    updates.append(viewer.run("terraport.stats.updateMaxMs"))
+                    medians.append(viewer.run("terraport.stats.updateMedianMs"))
+                print(f"canvas {width} x {height}, {rounds} landings, {moved:,} payload bytes")
+                print(f"  frame callback, ms: {histogram(frame_ms)}")
+                print(f"  between frames, ms: {histogram(gap_ms)}")
+                print(
+                    f"  Stage.update: longest {max(updates):.1f} ms, median {max(medians):.2f} ms"
+                )
+                print(f"  tasks over 50 ms: {len(tasks)} {[round(one[1]) for one in tasks]}")
+
+    # --- memory ---------------------------------------------------------------------------------
+
+    def memory(self) -> None:
+        """Heap and GPU after many landings, at the place where it began."""
+        count = 4 if self.smoke else 200
+        with self.viewer(64, 36) as viewer:
+            chance = random.Random(SEED)
+            cdp = viewer.page.context.new_cdp_session(viewer.page)
+            cdp.send("HeapProfiler.enable")
+            places = [self._place(viewer, chance) for _ in range(20)]
+            home = places[0]
+            # Twice all places: what is kept in the cache is in both figures.
+            for place in (*places[1:] * (0 if self.smoke else 1), home):
+                viewer.land(place, self.radius_m)
+            start = self._memory(viewer, cdp)
+            for number in range(count - 1):
+                viewer.land(places[1 + number % (len(places) - 1)], self.radius_m)
+            viewer.land(home, self.radius_m)
+            end = self._memory(viewer, cdp)
+            print(f"{'':26} {'start':>14} {'after ' + str(count):>14} {'ratio':>7}")
+            for name, value in start.items():
+                ratio = end[name] / value if value else float(end[name] == value)
+                print(f"{name:26} {value:14,} {end[name]:14,} {ratio:7.3f}")
+                if "created" not in name and not self.smoke:
+                    self.bar(ratio <= 1.05, f"{name} is {ratio:.3f} of its start")
+
+    @staticmethod
+    def _memory(viewer: DrivenViewer, cdp: Any) -> dict[str, int]:
+        viewer.page.wait_for_timeout(1500)
+        for _ in range(3):
+            cdp.send("HeapProfiler.collectGarbage")
+        usage = cdp.send("Runtime.getHeapUsage")
+        stats = viewer.run("terraport.stats")
+        three = viewer.run("terraport.diagnostics()")["three"]
+        gpu = stats["gpu"]
+        return {
+            "heap used": int(usage["usedSize"]),
+            "array buffers": int(usage.get("backingStorageSize", 0)),
+            "stage: buffers": gpu["bufferBytes"],
+            "stage: textures": gpu["textureBytes"],
+            "stage: created": gpu["createdBytes"],
+            "stage: created - freed": gpu["createdBytes"] - gpu["freedBytes"],
+            "WebGL: buffers": viewer.run("glWatch.bufferBytes"),
+            "WebGL: textures": viewer.run("glWatch.textureBytes"),
+            "stage: picking": stats["pickingBytes"],
+            "three: geometries": three["geometries"],
+            "three: textures": three["textures"],
+        }
+
+    # --- land to ready --------------------------------------------------------------------------
+
+    def ready(self) -> None:
+        """Land to ready and to shown, page and SDK in turn."""
+        rounds = 1 if self.smoke else 3
+        count = 3 if self.smoke else 12
+        found: dict[tuple[str, str], list[float]] = {}
+        moved: list[tuple[int, int]] = []
+
+        def note(cache: str, what: str, value: float) -> None:
+            found.setdefault((cache, what), []).append(value)
+
+        for number in range(rounds):
+            chance = random.Random(SEED + number)
+            url = f"{self.url}/scenes/{self.scene}"
+            with self.viewer(64, 36) as viewer, terraport.sync.connect(url) as session:
+                places = [self._place(viewer, chance) for _ in range(count)]
+                for cache in ("cold", "warm"):
+                    for at, place in enumerate(places):
+                        order = ("page", "sdk") if (at + number) % 2 else ("sdk", "page")
+                        loaded = {}
+                        for who in order:
+                            if who == "page":
+                                status = viewer.land(place, self.radius_m)
+                                note(cache, "page ready", status["readyMs"])
+                                note(cache, "page on the GPU", status["presentableMs"])
+                                loaded[who] = status["payloadBytes"]
+                            else:
+                                before = session.stats.payload_bytes
+                                began_s = time.perf_counter()
+                                session.land(place, radius_m=self.radius_m).ready(60)
+                                note(cache, "SDK ready", 1e3 * (time.perf_counter() - began_s))
+                                loaded[who] = session.stats.payload_bytes - before
+                        moved.append((loaded["page"], loaded["sdk"]))
+        print(f"{rounds} x {count} places, radius {self.radius_m:g} m; both loaded the same bytes:")
+        print(f"  {all(page == sdk for page, sdk in moved)}, {sum(page for page, _ in moved):,}")
+        print(f"{'':24} {'median':>9} {'p95':>9} ms")
+        for (cache, what), values in found.items():
+            print(
+                f"{cache + ', ' + what:24} {statistics.median(values):9.1f} {p(values, 0.95):9.1f}"
+            )
+        for cache in ("cold", "warm"):
+            pairs = zip(found[cache, "page ready"], found[cache, "SDK ready"], strict=True)
+            ratio = statistics.median(page / sdk for page, sdk in pairs)
+            print(f"{cache}: page over SDK, median of the ratios {ratio:.2f}")
+
+
+def p(values: list[float], part: float) -> float:
+    """Return a percentile: the value at that part of them, sorted."""
+    return sorted(values)[min(len(values) - 1, int(part * len(values)))]
+
+
+def histogram(values: list[float]) -> str:
+    """Count values by bands of milliseconds."""
+    bands = (4, 8, 16.7, 33, 50, 100, 200)
+    counts = [0] * (len(bands) + 1)
+    for value in values:
+        counts[sum(value > band for band in bands)] += 1
+    names = [f"<= {band:g}" for band in bands] + [f"> {bands[-1]:g}"]
+    told = ", ".join(f"{name}: {count}" for name, count in zip(names, counts, strict=True) if count)
+    middle, far = statistics.median(values), p(values, 0.99)
+    return f"{told}; median {middle:.1f}, p99 {far:.1f}, max {max(values):.1f}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,161 @@
+"""Landings in the page: what is loaded, what is shown, and how one comes back to a place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from browser.driven_viewer import DrivenViewer, payload_bytes
+from browser.small_scenes import SMALL
+from browser.watched_page import Watch
+from faults.service import Service
+from playwright.sync_api import Page, expect
+
+import terraport.sync
+
+PLACE = (0.0, 2.0, 0.0)
+NEXT = (30.0, 2.0, 10.0)
+RADIUS_M = 50.0
+
+
+@pytest.fixture
+def viewer(page: Page, server: Service) -> DrivenViewer:
+    opened = DrivenViewer(page, server.url, SMALL)
+    opened.open()
+    return opened
+
+
+def test_land_hop_and_return(viewer: DrivenViewer, server: Service) -> None:
+    before = payload_bytes(server.url)
+    assert viewer.visible == []
+    first = viewer.land(PLACE, RADIUS_M)
+    hop = viewer.land(NEXT, RADIUS_M)
+    back = viewer.land(PLACE, RADIUS_M)
+
+    assert first["phase"] == hop["phase"] == back["phase"] == "shown"
+    assert first["payloadBytes"] == first["plan"]["totalBytes"] > 0
+    # The hop needs what is new alone; the way back nothing at all.
+    assert 0 < hop["payloadBytes"] < hop["plan"]["totalBytes"]
+    assert back["payloadBytes"] == 0
+    assert len({first["digest"], hop["digest"], back["digest"]}) == 3
+    # What lies a little beyond the radius is kept (release factor), but not asked for.
+    more = set(back["visible"]) - set(first["visible"])
+    assert set(first["visible"]) < set(back["visible"]) == set(back["plan"]["keep"])
+    assert more < set(hop["visible"])
+    # The server's own counter says the same.
+    sent = payload_bytes(server.url)
+    assert sent["land"] - before["land"] == first["payloadBytes"] + hop["payloadBytes"]
+    assert sent["aim"] == before["aim"]
+    assert viewer.stream["repeatedBytes"] == 0
+    assert viewer.run("terraport.state.strayChanges") == 0
+
+
+def test_what_is_drawn_is_what_the_sdk_shows(viewer: DrivenViewer, server: Service) -> None:
+    """Segments and hidden base faces, as the GPU has them, beside the reference client's."""
+
+    with terraport.sync.connect(f"{server.url}/scenes/{SMALL}") as session:
+        session.land(PLACE, radius_m=RADIUS_M).ready(30)
+        parts = session.land(NEXT, radius_m=RADIUS_M).ready(30)
+        segments, base = sorted(part.id for part in parts), session.base()
+
+    viewer.land(PLACE, RADIUS_M)
+    shown = viewer.land(NEXT, RADIUS_M)
+    assert shown["visible"] == segments
+
+    faces = {one["segment"]: one["faces"] for one in shown["plan"]["load"]}
+    hidden = viewer.hidden_on_gpu(len(base.mesh.faces))
+    assert hidden.any()
+    assert np.array_equal(hidden, base.hidden_faces(segments))
+    # From far above everything is in view: each segment is drawn once, whole, and the base once.
+    calls = viewer.look((0.0, 600.0, 0.0), 0.0, -90.0)
+    counts = sorted(count for _, count in calls)
+    assert len(counts) == len(segments) + 1
+    assert counts[-1] == len(base.mesh.faces) * 3
+    assert {faces[one] * 3 for one in segments if one in faces} <= set(counts)
+
+
+def test_an_aim_leaves_nothing_to_load(viewer: DrivenViewer, server: Service) -> None:
+    before = payload_bytes(server.url)
+    canvas = viewer.page.locator("canvas#view")
+    middle = {"x": 320, "y": 200}
+    canvas.click(position=middle)
+    viewer.until("terraport.state.aim?.fraction === 1")
+    aimed = payload_bytes(server.url)
+    assert aimed["aim"] > before["aim"]
+    assert viewer.visible == []  # nothing is shown before the user lands
+
+    canvas.click(position=middle)
+    viewer.until("terraport.status.phase === 'shown'")
+    assert viewer.run("terraport.status.payloadBytes") == 0
+    assert viewer.visible != []
+    assert payload_bytes(server.url)["land"] == before["land"]
+    viewer.until("terraport.stats.stream?.aimHits === 1")
+
+
+def test_a_press_aims_and_its_end_lands(viewer: DrivenViewer) -> None:
+    mouse = viewer.page.mouse
+    mouse.move(320, 200)
+    mouse.down()
+    viewer.until("terraport.state.aim !== null")
+    mouse.move(330, 205)
+    mouse.up()
+    viewer.until("terraport.status.phase === 'shown'")
+    assert viewer.visible != []
+
+
+def test_a_copied_link_leads_to_the_same(
+    open_page: Callable[..., tuple[Page, Watch]], server: Service
+) -> None:
+    page, _ = open_page(permissions=["clipboard-read", "clipboard-write"])
+    viewer = DrivenViewer(page, server.url, SMALL)
+    viewer.open("&mode=slope")
+    viewer.land(NEXT, RADIUS_M)
+    page.get_by_role("button", name="Walk").click()
+    page.get_by_role("button", name="Panel").click()
+    page.get_by_role("button", name="Copy a link to this place").click()
+    expect(page.locator("#live")).to_contain_text("copied")
+    link = str(viewer.run("navigator.clipboard.readText()"))
+    assert link.startswith(server.url)
+    assert "token" not in link
+
+    other_page, _ = open_page()
+    other = DrivenViewer(other_page, server.url, SMALL)
+    hash_ = urlsplit(link).fragment
+    other.open(hash_.removeprefix(f"scene={SMALL}"))
+    other.until("terraport.status.phase === 'shown'")
+    assert other.visible == viewer.visible
+    assert other.digest == viewer.digest
+    assert other.run("terraport.state.view") == "walk"
+    assert other.run("terraport.state.mode.kind") == "slope"
+
+
+def test_back_and_forward_land(viewer: DrivenViewer) -> None:
+    first = viewer.land(PLACE, RADIUS_M)
+    viewer.land(NEXT, RADIUS_M)
+    viewer.page.go_back()
+    viewer.until("terraport.status.landing === 3 && terraport.status.phase === 'shown'")
+    assert set(viewer.visible) >= set(first["visible"])
+    assert viewer.run("terraport.status.payloadBytes") == 0
+    viewer.page.go_forward()
+    viewer.until("terraport.status.landing === 4 && terraport.status.phase === 'shown'")
+    assert viewer.run("terraport.status.position[0]") == NEXT[0]
+
+
+def test_a_kept_place_comes_back(viewer: DrivenViewer) -> None:
+    page = viewer.page
+    first = viewer.land(PLACE, RADIUS_M)
+    page.get_by_role("button", name="Panel").click()
+    page.get_by_role("tab", name="Places").click()
+    page.get_by_label("Name of this place").fill("The floor")
+    page.get_by_role("button", name="Keep", exact=True).click()
+    viewer.land(NEXT, RADIUS_M)
+
+    page.reload()
+    viewer.until("window.terraport?.status.phase === 'shown'")
+    page.get_by_role("button", name="Panel").click()
+    page.get_by_role("tab", name="Places").click()
+    page.get_by_role("button", name="The floor", exact=True).click()
+    viewer.until("terraport.status.landing === 2 && terraport.status.phase === 'shown'")
+    assert set(viewer.visible) >= set(first["visible"])
