@@ -151,6 +151,7 @@ def test_a_kept_place_comes_back(viewer: DrivenViewer) -> None:
     page.get_by_label("Name of this place").fill("The floor")
     page.get_by_role("button", name="Keep", exact=True).click()
     viewer.land(NEXT, RADIUS_M)
+    viewer.until("location.hash.includes('at=30,')")
 
     page.reload()
     viewer.until("window.terraport?.status.phase === 'shown'")
