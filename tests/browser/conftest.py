@@ -42,6 +42,15 @@ VIEWPORT: Final = {"width": 640, "height": 360}
 
 TIMEOUT_MS: Final = 60_000
 """Of one step in the page: two cores are shared with other tests."""
+TEST_TIMEOUT_S: Final = 900
+"""Of one test: the first of a process may wait for the scenes to be built."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give the tests of this folder the time that they may need."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.timeout(TEST_TIMEOUT_S))
 
 
 def _skip(reason: str) -> NoReturn:

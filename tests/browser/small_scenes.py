@@ -31,13 +31,13 @@ FLIGHT: Final = FlightOptions(count=12, width=480, height=360)
 def small_scenes(folder: Path) -> Path:
     """Build both scenes into a folder, unless another test process did or is about to.
 
-    Takes 25 s on one core; the same bytes each time.
+    Takes 25 s on one core, minutes where numba has to compile first; the same bytes each time.
     """
     scenes, building = folder / "scenes", folder / "building"
     try:
         building.mkdir()
     except FileExistsError:
-        eventually(scenes.is_dir, 240)
+        eventually(scenes.is_dir, 600)
         return scenes
     try:
         _build_small(building)
