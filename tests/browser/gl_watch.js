@@ -4,6 +4,7 @@
 // index buffer. It can also do harm (leave out a draw call, blank a face), so that a check can be shown to fail.
 (() => {
   const proto = WebGL2RenderingContext.prototype;
+  const NONE = {};
   const states = new WeakMap();
   const buffers = new Map();
   const textures = new Map();
@@ -86,7 +87,16 @@
   function stateOf(gl) {
     let state = states.get(gl);
     if (!state) {
-      state = { arrays: null, program: null, bound: new Map(), indexOf: new Map(), isGround: new Map(), texture: null };
+      state = {
+        // Stands for no vertex array.
+        arrays: NONE,
+        program: null,
+        bound: new Map(),
+        // Weak: what is watched must not be kept alive by that.
+        indexOf: new WeakMap(),
+        isGround: new Map(),
+        texture: null,
+      };
       states.set(gl, state);
       watch.context = gl;
     }
@@ -133,7 +143,7 @@
     state.texture = texture;
   });
   wrap("bindVertexArray", (_gl, state, [array]) => {
-    state.arrays = array;
+    state.arrays = array ?? NONE;
   });
   wrap("useProgram", (_gl, state, [program]) => {
     state.program = program;
