@@ -8,6 +8,7 @@ given: few files, a small window.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -40,10 +41,10 @@ FLAGS: Final = (
 VIEWPORT: Final = {"width": 640, "height": 360}
 """A frame of it with both scenes' triangles takes some 100 ms."""
 
-TIMEOUT_MS: Final = 60_000
+TIMEOUT_MS: Final = 120_000
 """Of one step in the page: two cores are shared with other tests."""
 TEST_TIMEOUT_S: Final = 900
-"""Of one test: the first of a process may wait for the scenes to be built."""
+"""Of one test: it may wait for the scenes to be built, or for another file's browser."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -70,34 +71,49 @@ def chromium_path() -> str:
     return found
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def playwright(chromium_path: str) -> Iterator[Playwright]:
-    """The browser's driver."""
+    """The browser's driver, no longer than one file's tests.
+
+    While it lives this thread has a running event loop, and the tests of other files in the same
+    process could not ``asyncio.run``.
+    """
     del chromium_path  # skips first
     expect.set_options(timeout=TIMEOUT_MS)
     with sync_playwright() as driver:
         yield driver
 
 
-@pytest.fixture(scope="module")
-def browser(playwright: Playwright, chromium_path: str) -> Iterator[Browser]:
-    """A browser for the tests of one file: what one of them leaks, the next file is spared."""
-    running = playwright.chromium.launch(executable_path=chromium_path, args=list(FLAGS))
-    try:
-        yield running
-    finally:
-        running.close()
-
-
 @pytest.fixture(scope="session")
-def scenes(chromium_path: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the two scenes; built once for all test processes."""
-    del chromium_path
+def common_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One folder for all processes of a test run."""
     own = tmp_path_factory.getbasetemp()
     # The processes of pytest-xdist have folders of their own in a common one.
     folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "browser"
     folder.mkdir(exist_ok=True)
-    return small_scenes(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser(playwright: Playwright, chromium_path: str, common_folder: Path) -> Iterator[Browser]:
+    """A browser for the tests of one file: what one of them leaks, the next file is spared.
+
+    One at a time in all processes: each draws with every core there is.
+    """
+    with (common_folder / "browser.lock").open("w") as turn:
+        fcntl.flock(turn, fcntl.LOCK_EX)
+        running = playwright.chromium.launch(executable_path=chromium_path, args=list(FLAGS))
+        try:
+            yield running
+        finally:
+            running.close()
+
+
+@pytest.fixture(scope="session")
+def scenes(chromium_path: str, common_folder: Path) -> Path:
+    """Folder of the two scenes; built once for all test processes."""
+    del chromium_path
+    return small_scenes(common_folder)
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ __all__ = ["DrivenViewer", "payload_bytes"]
 GL_WATCH: Final = Path(__file__).with_name("gl_watch.js")
 """Wraps WebGL before the page's own scripts run: ``glWatch`` tells what was really drawn."""
 
-TIMEOUT_S: Final = 15.0
+TIMEOUT_S: Final = 120.0
 """Of one wait: two cores are shared, and the browser draws by CPU."""
 
 

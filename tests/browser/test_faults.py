@@ -69,7 +69,7 @@ def test_the_link_is_cut_while_a_landing_streams(open_page: OpenPage, line: Line
     before = line.down_bytes
     line.slow(40_000)
     viewer.begin_landing(NEXT, RADIUS_M, stallMs=30_000, deadlineMs=60_000)
-    eventually(lambda: line.down_bytes > before + 12_000, 20)
+    eventually(lambda: line.down_bytes > before + 12_000, 90)
     viewer.until("terraport.status.phase === 'streaming'")
     line.cut()
     line.slow(None)
@@ -176,12 +176,12 @@ def test_a_scene_is_taken_away_and_published_anew(
         old = viewer.run("terraport.state.manifest.version")
 
         shutil.rmtree(own / "pit")
-        eventually(lambda: httpx.get(f"{service.url}/scenes/pit").status_code == 404, 20)
+        eventually(lambda: httpx.get(f"{service.url}/scenes/pit").status_code == 404, 90)
         assert viewer.digest == first["digest"]  # what is shown stays
 
         shutil.copytree(scenes / PHOTOGRAPHED, tmp_path / "new")
         (tmp_path / "new").rename(own / "pit")
-        eventually(lambda: httpx.get(f"{service.url}/scenes/pit").status_code == 200, 20)
+        eventually(lambda: httpx.get(f"{service.url}/scenes/pit").status_code == 200, 90)
         # The page takes the new version, by its notice or when it has to connect again.
         service.kill()
         service.start()
