@@ -203,7 +203,7 @@ def test_a_client_that_pings_and_does_not_read_gets_the_newest_pong(tmp_path: Pa
             client.read()  # a busy service may read the last pings after it sent ready
         client.socket.close()
     pongs = [int(pong) for pong in client.pongs()]
-    assert 0 < len(pongs) < 700
+    assert 0 < len(pongs) < 1200  # 540 at once, and what the kernel took in between
     assert pongs == sorted(pongs)
     assert pongs[-1] == 1999
     frames = [decode_frame(frame.data) for frame in client.frames if is_payload(frame.data)]
