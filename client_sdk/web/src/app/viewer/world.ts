@@ -85,6 +85,10 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
         renderer.compileAsync(scene, camera).catch(() => undefined);
       } else {
         renderer.compile(scene, camera);
+        // A program that is only begun would be waited for where it is first drawn: in a landing.
+        for (const program of renderer.info.programs ?? []) {
+          program.getUniforms();
+        }
       }
     },
     render() {
