@@ -25,8 +25,6 @@ Fails (exit status 1) where there is a hole, a change, or memory 5 % over its st
 from __future__ import annotations
 
 import argparse
-import json
-import math
 import os
 import random
 import shutil
@@ -34,7 +32,7 @@ import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -46,6 +44,8 @@ try:
     from browser.driven_viewer import DrivenViewer
     from browser.small_scenes import SMALL, small_scenes
     from faults.service import Service
+    from parts.viewer_holes import SIZE, count_holes
+    from parts.viewer_places import corners, random_place
     from playwright.sync_api import Browser, sync_playwright
 except ImportError as error:
     print(f"skipped: {error}")
@@ -59,17 +59,6 @@ BATCH: Final = 50
 DRAWN_EVERY: Final = 10
 """Of the head poses; the digest is asked at each."""
 SEED: Final = 6
-NOTHING: Final[dict[str, Any]] = {
-    "pixels": 0,
-    "ground": 0,
-    "holes": 0,
-    "atOutline": 0,
-    "baseOnly": 0,
-    "detailOnly": 0,
-    "inner": 0,
-    "worst": None,
-}
-"""What is counted of poses, before any."""
 PAGE: Final = Path(os.environ.get("TERRAPORT_VIEWER_DIR", BUILT_PAGE))
 """The built page that is measured: the one that the service would serve."""
 
@@ -183,169 +172,10 @@ class Bench:
 
     def holes(self) -> None:
         """Pixels of the background within the ground."""
-        width, height = 256, 144
-        with self.viewer(width, height) as viewer:
-            chance = random.Random(SEED)
-            everything = math.dist(*self._corners(viewer))
-            centre = tuple(sum(pair) / 2 for pair in zip(*self._corners(viewer), strict=True))
-            viewer.run("() => { glWatch.groundOnly = true; }")
-            viewer.land(centre, min(everything, 500.0))
-            segments = len(viewer.visible)
-            places = [self._place(viewer, chance) for _ in range(self.landings)]
-            poses = [
-                [self._pose(viewer, chance, place) for _ in range(self.poses)] for place in places
-            ]
-            base = self._base_index(viewer)
-            viewer.run("(id) => { glWatch.omitted = new Set([id]); }", base)
-            self._in_batches(poses, lambda some: self._keep(viewer, "detail", some))
-            viewer.run("() => { glWatch.omitted = new Set(); }")
-            far = (centre[0] + 10 * everything, centre[1], centre[2])
-            viewer.land(far, 1.0)
-            assert viewer.visible == []
-            self._in_batches(poses, lambda some: self._keep(viewer, "base", some))
-            found = dict(NOTHING)
-            hidden = []
-            for number, place in enumerate(places):
-                viewer.land(place, self.radius_m * chance.uniform(0.4, 1.0))
-                hidden.append(int(viewer.digest.split(":")[2]))
-                self._add(found, self._compare(viewer, number * self.poses, poses[number]))
-            total = len(places) * self.poses
-            print(f"{width} x {height}, {len(places)} landings x {self.poses} poses = {total},")
-            print(f"scene of {segments} segments, hidden base faces {min(hidden)} to {max(hidden)}")
-            print(f"pixels {found['pixels']:,}; covered by base and detail {found['ground']:,}")
-            print(f"HOLES {found['holes']}; covered by the base alone {found['baseOnly']}, by the")
-            print(
-                f"detail alone {found['detailOnly']}; of both, not at an outline {found['inner']}"
+        with self.viewer(*SIZE) as viewer:
+            self.missed += count_holes(
+                viewer, landings=self.landings, poses_each=self.poses, radius_m=self.radius_m
             )
-            if found["worst"]:
-                print(f"worst {json.dumps(found['worst'])}")
-            self.bar(found["holes"] == 0, f"{found['holes']} pixels of holes")
-            self._harm(viewer, (len(places) - 1) * self.poses, poses[-1])
-
-    def _harm(self, viewer: DrivenViewer, first: int, poses: list[dict[str, Any]]) -> None:
-        """Leave out a segment, then blank base faces: holes must be found."""
-        base = self._base_index(viewer)
-        drawn: list[list[int]] = viewer.run("glWatch.ground()")
-        segment = max((one for one in drawn if one[0] != base), key=lambda one: one[1])[0]
-        viewer.run("(id) => { glWatch.omitted = new Set([id]); }", segment)
-        without = self._compare(viewer, first, poses)["holes"]
-        viewer.run("() => { glWatch.omitted = new Set(); }")
-        faces = viewer.run(
-            "(id) => { const count = glWatch.ground().find((call) => call[0] === id)[1];"
-            " const size = glWatch.bytesOf(id) / count;"
-            " const list = glWatch.indices(id, size); const shown = [];"
-            " for (let at = 0; at < count; at += 3)"
-            "   if (list[at] !== list[at + 1]) shown.push(at / 3);"
-            " window.baseSize = size; window.baseList = list; return shown; }",
-            base,
-        )
-        chance = random.Random(SEED)
-        for count in (1, len(faces) // 100, len(faces) // 10):
-            chosen = chance.sample(faces, max(1, count))
-            viewer.run(
-                "([id, faces]) => { const none = new window.baseList.constructor(3);"
-                " for (const face of faces) glWatch.writeFace(id, face, none); }",
-                [base, chosen],
-            )
-            blank = self._compare(viewer, first, poses)["holes"]
-            viewer.run(
-                "([id, faces]) => { for (const face of faces)"
-                " glWatch.writeFace(id, face, window.baseList.slice(face * 3, face * 3 + 3)); }",
-                [base, chosen],
-            )
-            print(f"harm: {len(chosen)} shown base faces blanked: {blank} pixels of holes")
-        print(f"harm: one shown segment left out: {without} pixels of holes")
-        again = self._compare(viewer, first, poses)["holes"]
-        print(f"harm undone: {again}")
-        self.bar(without > 0 and blank > 0, "harm done on purpose was not found")
-
-    @staticmethod
-    def _corners(viewer: DrivenViewer) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        bounds = viewer.run("[...terraport.state.manifest.bounds]")
-        return tuple(bounds[:3]), tuple(bounds[3:])
-
-    @staticmethod
-    def _base_index(viewer: DrivenViewer) -> int:
-        """Return the index buffer of the base: the one with most indices."""
-        viewer.look((0.0, 500.0, 0.0), 0.0, -90.0)
-        calls: list[list[int]] = viewer.run("glWatch.ground()")
-        return max(calls, key=lambda call: call[1])[0]
-
-    @staticmethod
-    def _add(total: dict[str, Any], some: dict[str, Any]) -> None:
-        for name, value in some.items():
-            if name == "worst":
-                worst = max((total[name], value), key=lambda one: one["holes"] if one else 0)
-                total[name] = worst
-            else:
-                total[name] += value
-
-    @staticmethod
-    def _in_batches(poses: list[list[Any]], do: Callable[[list[Any]], object]) -> None:
-        flat = [pose for some in poses for pose in some]
-        for at in range(0, len(flat), BATCH):
-            do(flat[at : at + BATCH])
-
-    @staticmethod
-    def _keep(viewer: DrivenViewer, name: str, poses: list[Any]) -> None:
-        viewer.run("([name, poses]) => viewerPoses.keep(name, poses)", [name, poses])
-
-    def _compare(self, viewer: DrivenViewer, first: int, poses: list[Any]) -> dict[str, Any]:
-        total = dict(NOTHING)
-        for at in range(0, len(poses), BATCH):
-            some = viewer.run(
-                "([first, poses]) => viewerPoses.compare(first, poses)",
-                [first + at, poses[at : at + BATCH]],
-            )
-            self._add(total, some)
-        return total
-
-    def _place(self, viewer: DrivenViewer, chance: random.Random) -> tuple[float, float, float]:
-        """Choose a place on the ground, in the inner nine tenths of the scene."""
-        low, high = self._corners(viewer)
-        while True:
-            x = low[0] + (high[0] - low[0]) * chance.uniform(0.05, 0.95)
-            z = low[2] + (high[2] - low[2]) * chance.uniform(0.05, 0.95)
-            height_m = self._ground(viewer, x, z)
-            if height_m is not None:
-                return x, height_m, z
-
-    def _ground(self, viewer: DrivenViewer, x: float, z: float) -> float | None:
-        top = self._corners(viewer)[1][1] + 5
-        found: float | None = viewer.run(
-            "([x, y, z]) => terraport.cast([x, y, z], [0, -1, 0])?.position[1] ?? null",
-            [x, top, z],
-        )
-        return found
-
-    def _pose(
-        self, viewer: DrivenViewer, chance: random.Random, place: tuple[float, float, float]
-    ) -> dict[str, Any]:
-        """Half walk, 1.7 m over the ground near the place; half look down on it from above."""
-        while True:
-            turn, part = chance.uniform(0, math.tau), math.sqrt(chance.random())
-            reach_m = part * self.radius_m * 0.4
-            x, z = place[0] + reach_m * math.sin(turn), place[2] + reach_m * math.cos(turn)
-            height_m = self._ground(viewer, x, z)
-            if height_m is not None:
-                break
-        yaw = chance.uniform(0, 360)
-        if chance.random() < 0.5:
-            pitch = chance.uniform(-60, -3)
-            return {"eye": [x, height_m + 1.7, z], "yawDeg": yaw, "pitchDeg": pitch}
-        low, high = self._corners(viewer)
-        while True:
-            pitch, away_m = chance.uniform(-85, -15), chance.uniform(10, 2.5 * self.radius_m)
-            flat_m = away_m * math.cos(math.radians(pitch))
-            eye = [
-                x - flat_m * math.sin(math.radians(yaw)),
-                height_m - away_m * math.sin(math.radians(pitch)),
-                z + flat_m * math.cos(math.radians(yaw)),
-            ]
-            # From outside one sees the ground's underside behind its border.
-            if low[0] < eye[0] < high[0] and low[2] < eye[2] < high[2]:
-                return {"eye": eye, "yawDeg": yaw, "pitchDeg": pitch}
-            yaw = chance.uniform(0, 360)
 
     # --- comfort --------------------------------------------------------------------------------
 
@@ -357,9 +187,9 @@ class Bench:
             chance = random.Random(SEED)
             changes = stray = drawn = 0
             for _ in range(landings):
-                place = self._place(viewer, chance)
+                place = random_place(viewer, chance)
                 shown = viewer.land(place, self.radius_m)
-                low, high = self._corners(viewer)
+                low, high = corners(viewer)
                 for at in range(0, count // landings, BATCH):
                     some = min(BATCH, count // landings - at)
                     poses = [self._head(chance, low, high, place[1]) for _ in range(some)]
@@ -402,7 +232,7 @@ class Bench:
                 medians: list[float] = []
                 moved = 0
                 for _ in range(rounds):
-                    place = self._place(viewer, chance)
+                    place = random_place(viewer, chance)
                     viewer.run(
                         "() => { glWatch.frameMs.length = glWatch.gapMs.length = 0;"
                         " glWatch.longTasks.length = 0; }"
@@ -430,7 +260,7 @@ class Bench:
             chance = random.Random(SEED)
             cdp = viewer.page.context.new_cdp_session(viewer.page)
             cdp.send("HeapProfiler.enable")
-            places = [self._place(viewer, chance) for _ in range(20)]
+            places = [random_place(viewer, chance) for _ in range(20)]
             home = places[0]
             # Twice all places: what is kept in the cache is in both figures.
             for place in (*places[1:] * (0 if self.smoke else 1), home):
@@ -490,7 +320,7 @@ class Bench:
             chance = random.Random(SEED + number)
             url = f"{self.url}/scenes/{self.scene}"
             with self.viewer(64, 36) as viewer, terraport.sync.connect(url) as session:
-                places = [self._place(viewer, chance) for _ in range(count)]
+                places = [random_place(viewer, chance) for _ in range(count)]
                 for cache in ("cold", "warm"):
                     for at, place in enumerate(places):
                         order = ("page", "sdk") if (at + number) % 2 else ("sdk", "page")
