@@ -24,6 +24,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from hatchling.builders.config import BuilderConfig
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 __all__ = ["PageBuildError", "PageBuilder", "PageHook", "Toolchain"]
@@ -241,7 +242,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.communicate()
 
 
-class PageHook(BuildHookInterface):  # type: ignore[type-arg]
+class PageHook(BuildHookInterface[BuilderConfig]):
     """Hatchling's side of it."""
 
     PLUGIN_NAME = "custom"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -171,6 +172,13 @@ def _viewer_line(settings: Settings, scheme: str) -> str:
     if settings.viewer_dir is None and not (BUILT_PAGE / "index.html").is_file():
         return "not built; in a checkout `pip install -e .` builds it"
     # An address that stands for all of them is none that a browser could be pointed at.
-    host = "localhost" if settings.host in {"0.0.0.0", "::"} else settings.host  # noqa: S104
+    host = "localhost" if _is_every_address(settings.host) else settings.host
     host = f"[{host}]" if ":" in host else host
     return f"{scheme}://{host}:{settings.port}/"
+
+
+def _is_every_address(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False  # a name

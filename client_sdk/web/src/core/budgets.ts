@@ -20,8 +20,8 @@ export interface DeviceBudgets extends Budgets {
   readonly cacheBytes: number;
   /** Payload bytes under way at most. */
   readonly creditBytes: number;
-  /** Buffers and textures on the GPU, those of a landing being uploaded included. */
-  readonly gpuBytes: number;
+  /** Buffers and textures on the GPU of segments that nothing shows or waits for. */
+  readonly spareGpuBytes: number;
 }
 
 const MIB = 1024 * 1024;
@@ -36,7 +36,7 @@ const BUDGETS: Readonly<Record<DeviceClass, DeviceBudgets>> = {
     radiusM: 60,
     cacheBytes: 256 * MIB,
     creditBytes: 16 * MIB,
-    gpuBytes: 1024 * MIB,
+    spareGpuBytes: 256 * MIB,
   },
   // A page that takes more than a few hundred MiB is closed by the phone's system, GPU memory included.
   phone: {
@@ -46,7 +46,7 @@ const BUDGETS: Readonly<Record<DeviceClass, DeviceBudgets>> = {
     radiusM: 40,
     cacheBytes: 48 * MIB,
     creditBytes: 4 * MIB,
-    gpuBytes: 256 * MIB,
+    spareGpuBytes: 64 * MIB,
   },
   // Two eyes, 72 times a second, on a phone's GPU: triangles are what is scarce, and draw calls, of which each segment
   // in view is one for each eye; memory less so.
@@ -57,7 +57,7 @@ const BUDGETS: Readonly<Record<DeviceClass, DeviceBudgets>> = {
     radiusM: 40,
     cacheBytes: 96 * MIB,
     creditBytes: 8 * MIB,
-    gpuBytes: 384 * MIB,
+    spareGpuBytes: 96 * MIB,
   },
 };
 

@@ -5,7 +5,7 @@
  * were uploaded before, a few milliseconds in each frame's `update`. (core/residency.ts says what is uploaded and when.)
  */
 
-import { type Camera, Group, PerspectiveCamera, type WebGLRenderer } from "three";
+import { Group, PerspectiveCamera, type WebGLRenderer } from "three";
 
 import { Residency } from "../core/residency.ts";
 import type {
@@ -39,7 +39,7 @@ export interface StageOptions {
   readonly stream: Stream;
   readonly files: SceneFiles;
   /** Bytes on the GPU of segments that nothing shows or waits for (prefetched by an aim). Default 128 MiB. */
-  readonly gpuBytes?: number;
+  readonly spareGpuBytes?: number;
   /**
    * Milliseconds of one frame for uploads. Default 1.5 in a headset; else 3, or, where frames are slow anyway, a seventh of
    * their interval up to 30 ms, so that a landing does not take ten times as long there.
@@ -103,7 +103,7 @@ export class Stage implements Landings {
     this.#residency = new Residency({
       maxInFlight: MAX_IN_FLIGHT,
       maxInFlightBytes: MAX_IN_FLIGHT_BYTES,
-      spareBytes: options.gpuBytes ?? DEFAULT_GPU_BYTES,
+      spareBytes: options.spareGpuBytes ?? DEFAULT_GPU_BYTES,
     });
     this.#store = new GpuStore(options.renderer);
     this.#material = new GroundMaterial(options.files.manifest.stepM, options.files.regions);
@@ -210,7 +210,7 @@ export class Stage implements Landings {
   }
 
   /** Once per frame, before render: ask for meshes, upload, free, within the budget. */
-  update(_camera: Camera): void {
+  update(): void {
     if (this.#isLost || this.#isDisposed) {
       return;
     }

@@ -76,7 +76,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     contextRestored: () => contextRestored(),
   });
   // A fourth of the GPU's share for what nothing shows yet; the rest is for two landings, one coming and one going.
-  const stage = new Stage({ renderer: world.renderer, stream, files, gpuBytes: options.budgets.gpuBytes / 4 });
+  const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes: options.budgets.spareGpuBytes });
   const markers = createMarkers();
   world.scene.add(stage.object, markers.object);
   const labels = createLabels();
@@ -262,7 +262,7 @@ export function createViewer(options: ViewerOptions): Viewer {
       if (desk.update()) isBusy = true;
       blink.update(timeMs);
     }
-    stage.update(world.camera);
+    stage.update();
     comfort.check();
     if (markers.step(highest)) isBusy = true;
     draw();

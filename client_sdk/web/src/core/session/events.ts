@@ -4,7 +4,7 @@
  * PURE.
  */
 
-import type { PickHit } from "../types.ts";
+import type { PickHit, StreamEvent } from "../types.ts";
 import type { PlanMessage, SceneInfoPart, ServerLimitsPart, TimingsPart } from "../wire/messages.generated.ts";
 import type { CachedSegment } from "./cache.ts";
 
@@ -56,16 +56,4 @@ export type SessionEvent =
   | { readonly type: "pick-answered"; readonly request: number; readonly hit: PickHit | null }
   | { readonly type: "pick-refused"; readonly request: number; readonly code: string; readonly message: string }
   /** The server refused one landing, one aim, or (fatal) the connection. */
-  | {
-      readonly type: "refused";
-      readonly code: string;
-      readonly message: string;
-      readonly fatal: boolean;
-      readonly landing: number | null;
-    }
-  | {
-      readonly type: "notice";
-      readonly kind: string;
-      readonly version: string | null;
-      readonly reconnectAfterMs: number | null;
-    };
+  | Extract<StreamEvent, { readonly type: "refused" | "notice" }>;
