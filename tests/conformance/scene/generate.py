@@ -22,6 +22,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1]))
 
+from conformance.scene.axes_scene import write_axes_scene  # noqa: E402
 from payload.images import ktx2, pillow, png  # noqa: E402
 from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured, write_tiny_scene  # noqa: E402
 
@@ -36,9 +37,10 @@ from terraport_payload.glb_container import join_glb, split_glb  # noqa: E402
 
 
 def main() -> None:
-    """Write ``tiny-1.2/`` and ``payload/`` anew; ``tiny/`` and ``tiny-1.1/`` are older and stay."""
-    for name in ("tiny-1.2", "payload"):
+    """Write what is of format 1.2 anew; ``tiny/`` and ``tiny-1.1/`` are older and stay."""
+    for name in ("axes", "tiny-1.2", "payload"):
         shutil.rmtree(HERE / name, ignore_errors=True)
+    write_axes_scene(HERE / "axes")
     write_tiny_scene(HERE / "tiny-1.2", with_arrays=True, image=pillow("JPEG"))
     (HERE / "payload").mkdir()
     write_good()

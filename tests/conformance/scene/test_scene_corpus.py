@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conformance.scene.axes_scene import NAMES, board_picture
 
 from terraport_payload import PayloadError, decode_arrays, decode_glb
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 
 HERE = Path(__file__).resolve().parent
-SCENES = ("tiny", "tiny-1.1", "tiny-1.2")
-"""One of every minor version of the format."""
+SCENES = ("tiny", "tiny-1.1", "tiny-1.2", "axes")
+"""One of every minor version of the format, and one to see axes by."""
 DAMAGED = json.loads((HERE / "damaged.json").read_text())
 PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
 
@@ -30,7 +31,7 @@ def expected_of(path: Path) -> Any:
 
 
 def test_corpus_is_small() -> None:
-    assert sum(p.stat().st_size for p in HERE.rglob("*") if p.is_file()) < 250_000
+    assert sum(p.stat().st_size for p in HERE.rglob("*") if p.is_file()) < 300_000
     for name in SCENES:
         assert sum(p.stat().st_size for p in (HERE / name).rglob("*") if p.is_file()) < 60_000
 
@@ -75,6 +76,30 @@ def test_textures_in_format_1_2() -> None:
         meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
     assert [mesh.texture is not None for mesh in meshes] == [True, False, True, False]
     assert [mesh.colours is None for mesh in meshes] == [True, False, True, False]
+
+
+def test_the_axes_scene_is_what_it_is_said_to_be() -> None:
+    with Scene.open(HERE / "axes") as scene:
+        meshes = [decode_glb(scene.payload(segment)) for segment in range(len(NAMES))]
+        boxes = dict(zip(NAMES, scene.index.bounds.tolist(), strict=True))
+        assert all(scene.cover.over(face).tolist() == [5] for face in range(scene.cover.base_faces))
+    # The arrows: 4 m to +x, 6 m to -z (north), 3 m to +y, all from one place.
+    assert boxes["east"][0] == 1.5
+    assert boxes["east"][3] == 5.5
+    assert boxes["north"][2] == -6.0
+    assert boxes["north"][5] == 0.0
+    assert boxes["up"][1] == 0.5
+    assert boxes["up"][4] == 3.5
+    board = meshes[NAMES.index("board")]
+    assert board.uvs is not None
+    assert board.texture is not None
+    assert board.texture.data == board_picture()
+    upper_left = board.positions[(board.uvs == [0.0, 0.0]).all(axis=1)]
+    assert upper_left.tolist() == [[-5.0, 4.5, -8.0]]  # west and high: it is read from the south
+    for mesh in meshes:
+        corners = mesh.positions[mesh.faces]
+        outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (np.einsum("ij,ij->i", outwards, mesh.normals[mesh.faces[:, 0]]) > 0).all()
 
 
 @pytest.mark.parametrize("case", DAMAGED, ids=[case["name"] for case in DAMAGED])
