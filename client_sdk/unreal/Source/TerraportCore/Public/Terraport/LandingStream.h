@@ -1,0 +1,29 @@
+// What a stage needs of a stream.
+#pragma once
+
+#include "Terraport/Api.h"
+#include "Terraport/StreamOptions.h"
+#include "Terraport/Types.h"
+
+namespace terraport {
+
+/// A stream of landings, as SceneStage uses it: SceneStream (pumped where it is used) and StreamThread (pumped on a thread of
+/// its own) are such. Called from one thread, the stage's; nothing blocks.
+class TERRAPORTCORE_API LandingStream {
+ public:
+  virtual ~LandingStream() = default;
+
+  /// Ask for a landing; it supersedes any that is not ready. Returns its number in the events.
+  virtual int land(const Vec3& position, double radiusM, const LandOptions& options) = 0;
+
+  /// Tell where the user points; only the newest counts.
+  virtual void aim(const Vec3& position, double radiusM) = 0;
+
+  /// The payload of a held segment; null where it is not held.
+  virtual SharedPayload payload(std::uint32_t segment) const = 0;
+
+  /// In which form payloads come.
+  virtual PayloadEncoding encoding() const = 0;
+};
+
+}  // namespace terraport
