@@ -1,0 +1,15 @@
+namespace Terraport
+{
+    /// <summary>What a single landing may ask for; null leaves it to the server.</summary>
+    public sealed class LandOptions
+    {
+        /// <summary>Radius of the inner part that may be shown when the deadline passes, metres.</summary>
+        public double? InnerRadiusM { get; set; }
+
+        /// <summary>When the inner part may be shown before the rest, milliseconds after the command.</summary>
+        public int? DeadlineMs { get; set; }
+
+        /// <summary>How long nothing may come before the landing counts as stalled, milliseconds.</summary>
+        public int? StallMs { get; set; }
+    }
+}

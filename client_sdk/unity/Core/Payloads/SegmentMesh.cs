@@ -1,0 +1,186 @@
+using System;
+using System.Collections.Generic;
+
+namespace Terraport
+{
+    /// <summary>
+    /// A decoded payload, or the base mesh. Its buffers grow and are reused, so that decoding allocates nothing once they are
+    /// large enough: arrays may be longer than the counts say, and an array counts only where its flag is true.
+    /// </summary>
+    public sealed class SegmentMesh
+    {
+        private readonly List<MeshAttribute> attributes = new List<MeshAttribute>();
+        private readonly List<MeshAttribute> spareAttributes = new List<MeshAttribute>();
+
+        /// <summary>An empty mesh.</summary>
+        public SegmentMesh()
+        {
+            Image = new MeshImage();
+        }
+
+        /// <summary>The form it came in: says which of the arrays are used.</summary>
+        public PayloadEncoding Encoding { get; internal set; }
+
+        /// <summary>Vertices; 0 in a mesh that holds nothing.</summary>
+        public int VertexCount { get; internal set; }
+
+        /// <summary>Triangles.</summary>
+        public int FaceCount { get; internal set; }
+
+        /// <summary>Metres, scene frame: a vertex lies at Translation + StepM * code, exact in float32. 0 for float positions.</summary>
+        public Vec3 Translation { get; internal set; }
+
+        /// <summary>Metres of one step of a code; 1 for float positions.</summary>
+        public double StepM { get; internal set; }
+
+        /// <summary>Whether positions are <see cref="Positions"/>; else <see cref="PositionCodes"/>.</summary>
+        public bool HasFloatPositions { get; internal set; }
+
+        /// <summary>Four per vertex, the fourth is padding.</summary>
+        public ushort[] PositionCodes { get; internal set; } = Array.Empty<ushort>();
+
+        /// <summary>Three per vertex, metres, scene frame.</summary>
+        public float[] Positions { get; internal set; } = Array.Empty<float>();
+
+        /// <summary>From GLB: four per vertex, 127 is 1, the fourth is padding.</summary>
+        public sbyte[] NormalCodes { get; internal set; } = Array.Empty<sbyte>();
+
+        /// <summary>From arrays: three per vertex, unit.</summary>
+        public float[] Normals { get; internal set; } = Array.Empty<float>();
+
+        /// <summary>Whether the vertices have colours, in the array of the encoding.</summary>
+        public bool HasColours { get; internal set; }
+
+        /// <summary>From GLB: four per vertex, linear light, 65535 is 1.</summary>
+        public ushort[] LinearColours { get; internal set; } = Array.Empty<ushort>();
+
+        /// <summary>From arrays: four per vertex, sRGB, alpha 255.</summary>
+        public byte[] SrgbColours { get; internal set; } = Array.Empty<byte>();
+
+        /// <summary>Whether there is an image, and texture coordinates in the array of the encoding; (0, 0) is its upper left corner.</summary>
+        public bool HasTexture
+        {
+            get { return Image.Length > 0; }
+        }
+
+        /// <summary>From GLB: two per vertex; a coordinate is code * <see cref="UvScaleU"/> or <see cref="UvScaleV"/>.</summary>
+        public ushort[] UvCodes { get; internal set; } = Array.Empty<ushort>();
+
+        /// <summary>From arrays: two per vertex, 0 to 1.</summary>
+        public float[] Uvs { get; internal set; } = Array.Empty<float>();
+
+        /// <summary>Factor of the first code.</summary>
+        public double UvScaleU { get; internal set; }
+
+        /// <summary>Factor of the second code.</summary>
+        public double UvScaleV { get; internal set; }
+
+        /// <summary>The image's file; its Length is 0 without a texture.</summary>
+        public MeshImage Image { get; private set; }
+
+        /// <summary>Whether every vertex has a region id.</summary>
+        public bool HasRegionIds { get; internal set; }
+
+        /// <summary>One per vertex.</summary>
+        public ushort[] RegionIds { get; internal set; } = Array.Empty<ushort>();
+
+        /// <summary>The survey's attributes, in the payload's order.</summary>
+        public IReadOnlyList<MeshAttribute> Attributes
+        {
+            get { return attributes; }
+        }
+
+        /// <summary>Three per face, counter-clockwise seen from outside, each below <see cref="VertexCount"/>.</summary>
+        public uint[] Indices { get; internal set; } = Array.Empty<uint>();
+
+        /// <summary>Whether every index fits into 16 bits, 65535 (primitive restart) left out.</summary>
+        public bool HasShortIndices
+        {
+            get { return VertexCount <= 65535; }
+        }
+
+        /// <summary>Lowest and highest position code along each axis, x y z x y z; zeros for float positions.</summary>
+        public ushort[] CodeBounds { get; private set; } = new ushort[6];
+
+        /// <summary>Box of the decoded positions, metres, scene frame.</summary>
+        public Box Bounds { get; internal set; }
+
+        /// <summary>Whatever an engine keeps with the mesh; reused with it.</summary>
+        public object EngineData { get; set; }
+
+        /// <summary>
+        /// Bytes that it takes on a GPU: vertices and indices as they are here, and the image uncompressed with its mips.
+        /// </summary>
+        public long GpuBytes
+        {
+            get
+            {
+                long vertex = (HasFloatPositions ? 12 : 8) + (Encoding == PayloadEncoding.Arrays ? 12 : 4);
+                vertex += HasColours ? (Encoding == PayloadEncoding.Arrays ? 4 : 8) : 0;
+                vertex += HasTexture ? (Encoding == PayloadEncoding.Arrays ? 8 : 4) : 0;
+                vertex += HasRegionIds ? 4 : 0;
+                vertex += 4L * attributes.Count;
+                long texels = HasTexture ? (long)Image.Width * Image.Height : 0;
+                return vertex * VertexCount + (HasShortIndices ? 6L : 12L) * FaceCount + texels * 16 / 3;
+            }
+        }
+
+        /// <summary>The position of a vertex in float32 metres, as every terraport client rounds it.</summary>
+        public void PositionAt(int vertex, out float x, out float y, out float z)
+        {
+            if (HasFloatPositions)
+            {
+                x = Positions[vertex * 3];
+                y = Positions[vertex * 3 + 1];
+                z = Positions[vertex * 3 + 2];
+                return;
+            }
+            x = (float)(Translation.X + StepM * PositionCodes[vertex * 4]);
+            y = (float)(Translation.Y + StepM * PositionCodes[vertex * 4 + 1]);
+            z = (float)(Translation.Z + StepM * PositionCodes[vertex * 4 + 2]);
+        }
+
+        /// <summary>Hold nothing; buffers and <see cref="EngineData"/> stay.</summary>
+        internal void Clear()
+        {
+            VertexCount = 0;
+            FaceCount = 0;
+            HasColours = false;
+            HasRegionIds = false;
+            HasFloatPositions = false;
+            Translation = default(Vec3);
+            StepM = 1;
+            UvScaleU = 0;
+            UvScaleV = 0;
+            Bounds = default(Box);
+            Array.Clear(CodeBounds, 0, CodeBounds.Length);
+            Image.Length = 0;
+            Image.MediaType = null;
+            Image.Width = 0;
+            Image.Height = 0;
+            for (int at = attributes.Count - 1; at >= 0; at--)
+            {
+                spareAttributes.Add(attributes[at]);
+            }
+            attributes.Clear();
+        }
+
+        /// <summary>One more attribute, its arrays of an earlier use.</summary>
+        internal MeshAttribute AddAttribute()
+        {
+            MeshAttribute attribute;
+            int last = spareAttributes.Count - 1;
+            if (last >= 0)
+            {
+                attribute = spareAttributes[last];
+                spareAttributes.RemoveAt(last);
+            }
+            else
+            {
+                attribute = new MeshAttribute();
+            }
+            attributes.Add(attribute);
+            return attribute;
+        }
+    }
+}

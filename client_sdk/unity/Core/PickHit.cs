@@ -1,0 +1,32 @@
+using System.Collections.Generic;
+
+namespace Terraport
+{
+    /// <summary>What a pick met, at full detail, whatever is loaded.</summary>
+    public sealed class PickHit
+    {
+        /// <summary>Metres, scene frame.</summary>
+        public Vec3 Position { get; set; }
+
+        /// <summary>Unit, outwards, scene frame.</summary>
+        public Vec3 Normal { get; set; }
+
+        /// <summary>Segment id.</summary>
+        public uint Segment { get; set; }
+
+        /// <summary>Region id of this scene version; null without regions.</summary>
+        public uint? Region { get; set; }
+
+        /// <summary>Number of the piece of ground, the same in every version; null where regions have none.</summary>
+        public long? StableId { get; set; }
+
+        /// <summary>What people call the region; null without a label.</summary>
+        public string Label { get; set; }
+
+        /// <summary>Height in the survey's own vertical reference, metres.</summary>
+        public double HeightM { get; set; }
+
+        /// <summary>Values of the survey's attributes, by name.</summary>
+        public IReadOnlyDictionary<string, double> Attributes { get; set; }
+    }
+}

@@ -1,0 +1,29 @@
+using System.Collections.Generic;
+
+namespace Terraport
+{
+    /// <summary>Everything that is loaded once for a version of a scene.</summary>
+    public sealed class SceneFiles
+    {
+        /// <summary>Parts of one version, as <see cref="SceneLoader"/> checks them.</summary>
+        public SceneFiles(SceneManifest manifest, SegmentMesh baseMesh, Cover cover, IReadOnlyList<RegionFacts> regions)
+        {
+            Manifest = manifest;
+            Base = baseMesh;
+            Cover = cover;
+            Regions = regions;
+        }
+
+        /// <summary>The manifest.</summary>
+        public SceneManifest Manifest { get; private set; }
+
+        /// <summary>The base mesh, whole scene.</summary>
+        public SegmentMesh Base { get; private set; }
+
+        /// <summary>Segments over each base face.</summary>
+        public Cover Cover { get; private set; }
+
+        /// <summary>Facts about the regions; the position is the region id.</summary>
+        public IReadOnlyList<RegionFacts> Regions { get; private set; }
+    }
+}

@@ -1,0 +1,84 @@
+using System.Collections.Generic;
+
+namespace Terraport
+{
+    /// <summary>What a client uses of scene.json (scene format, section 4).</summary>
+    public sealed class SceneManifest
+    {
+        internal SceneManifest()
+        {
+        }
+
+        /// <summary>Scene id of the URL.</summary>
+        public string Id { get; internal set; }
+
+        /// <summary>For people.</summary>
+        public string Name { get; internal set; }
+
+        /// <summary>32 hexadecimal digits: identity of the contents.</summary>
+        public string Version { get; internal set; }
+
+        /// <summary>The survey's coordinate reference system; null where it is not known.</summary>
+        public string CrsName { get; internal set; }
+
+        /// <summary>Its EPSG code; null without one.</summary>
+        public int? CrsEpsg { get; internal set; }
+
+        /// <summary>East of the frame's origin in the survey's CRS, metres.</summary>
+        public double OriginEast { get; internal set; }
+
+        /// <summary>North of the frame's origin, metres.</summary>
+        public double OriginNorth { get; internal set; }
+
+        /// <summary>Height of the frame's origin, metres.</summary>
+        public double OriginHeight { get; internal set; }
+
+        /// <summary>Metres of one step of the scene's grid: a power of two.</summary>
+        public double StepM { get; internal set; }
+
+        /// <summary>Lowest corner of all segments and the base, metres, scene frame.</summary>
+        public Vec3 BoundsMin { get; internal set; }
+
+        /// <summary>Highest corner of all segments and the base, metres, scene frame.</summary>
+        public Vec3 BoundsMax { get; internal set; }
+
+        /// <summary>The survey's attributes.</summary>
+        public IReadOnlyList<AttributeInfo> Attributes { get; internal set; }
+
+        /// <summary>Number of segments: ids are below it.</summary>
+        public int SegmentCount { get; internal set; }
+
+        /// <summary>Triangles of the base.</summary>
+        public int BaseFaces { get; internal set; }
+
+        /// <summary>Triangles of all segments.</summary>
+        public long DetailFaces { get; internal set; }
+
+        /// <summary>Whether every payload has vertex colours.</summary>
+        public bool HasColour { get; internal set; }
+
+        /// <summary>Media types of the payloads' images; empty without textures.</summary>
+        public IReadOnlyList<string> TextureTypes { get; internal set; }
+
+        /// <summary>How far the base is drawn pushed back along the line of sight, metres.</summary>
+        public double DeviationM { get; internal set; }
+
+        /// <summary>Names of the encodings that payloads come in; "glb" is among them.</summary>
+        public IReadOnlyList<string> Encodings { get; internal set; }
+
+        /// <summary>East, north, height in the survey's CRS, metres, of a place in the scene frame.</summary>
+        public void ToSurvey(Vec3 place, out double east, out double north, out double height)
+        {
+            east = OriginEast + place.X;
+            north = OriginNorth - place.Z;
+            height = OriginHeight + place.Y;
+        }
+
+        /// <summary>The place in the scene frame, metres, of a point in the survey's CRS.</summary>
+        public Vec3 FromSurvey(double east, double north, double height)
+        {
+            // Not -(north - OriginNorth): that would make a minus zero of the origin itself.
+            return new Vec3(east - OriginEast, height - OriginHeight, OriginNorth - north);
+        }
+    }
+}

@@ -1,0 +1,38 @@
+using System;
+using System.Diagnostics;
+
+namespace Terraport
+{
+    /// <summary>How much a <see cref="SceneStage"/> does at once, and keeps. Numbers of 0 or less are refused.</summary>
+    public sealed class StageOptions
+    {
+        /// <summary>A landing is shown as soon as it is presentable; else <see cref="SceneStage.Show"/> must be called. Default true.</summary>
+        public bool AutoShow { get; set; } = true;
+
+        /// <summary>GPU bytes of segments that are neither shown nor wanted by the newest landing (an aim brought them). Default 96 MiB.</summary>
+        public long SpareGpuBytes { get; set; } = 96L * 1024 * 1024;
+
+        /// <summary>Segments that are being decoded, or decoded and not uploaded, at a time. Default 16.</summary>
+        public int MaxInFlight { get; set; } = 16;
+
+        /// <summary>GPU bytes of those, as far as can be told before they are decoded. Default 64 MiB.</summary>
+        public long MaxInFlightBytes { get; set; } = 64L * 1024 * 1024;
+
+        /// <summary>
+        /// Bytes that one frame hands to the renderer, however fast it takes them: drivers put work off to a frame in which nobody
+        /// measures it. The mesh that passes the bound is still uploaded. Default 6 MiB.
+        /// </summary>
+        public long MaxFrameUploadBytes { get; set; } = 6L * 1024 * 1024;
+
+        /// <summary>Faces of one block of the base (<see cref="ISceneRenderer.PrepareBase"/>). Default 4096.</summary>
+        public int BaseBlockFaces { get; set; } = 4096;
+
+        /// <summary>A clock that never goes back, milliseconds. Default: the machine's.</summary>
+        public Func<double> ClockMs { get; set; } = MachineMs;
+
+        private static double MachineMs()
+        {
+            return Stopwatch.GetTimestamp() * (1000.0 / Stopwatch.Frequency);
+        }
+    }
+}
