@@ -1,0 +1,59 @@
+using System;
+
+namespace Terraport
+{
+    /// <summary>
+    /// A session with a server over all its connections: lands, aims, picks; receives, verifies and holds payloads.
+    /// </summary>
+    /// <remarks>
+    /// Nothing here blocks. Commands, <see cref="TryNextEvent"/> and <see cref="Pump"/> belong to one thread, the one that
+    /// made the stream; <see cref="TryPin"/> and the pins that it gives may be used from any. Events come in order and wait
+    /// until they are taken.
+    /// </remarks>
+    public interface ISceneStream : IDisposable
+    {
+        /// <summary>Encoding of the payloads that <see cref="TryPin"/> gives.</summary>
+        PayloadEncoding Encoding { get; }
+
+        /// <summary>What has been counted so far.</summary>
+        StreamStats Stats { get; }
+
+        /// <summary>Ask for a landing; it supersedes any that is not ready.</summary>
+        /// <param name="position">Where, metres of the scene frame, each at most 10^7.</param>
+        /// <param name="radiusM">Radius in metres, above 0, at most 10^6; servers set a smaller bound.</param>
+        /// <param name="options">Inner radius, deadline, stall.</param>
+        /// <returns>Its number in the events, from 1; it stays the same over reconnects.</returns>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        int Land(Vec3 position, double radiusM, LandOptions options = default(LandOptions));
+
+        /// <summary>Tell where the user points; only the newest counts, sent at most ten times a second.</summary>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        void Aim(Vec3 position, double radiusM);
+
+        /// <summary>Ask what full detail has along a ray, or, without direction, above and below a point.</summary>
+        /// <returns>
+        /// The request's number in the events: one <see cref="StreamEventKind.Picked"/> or
+        /// <see cref="StreamEventKind.PickRefused"/> follows.
+        /// </returns>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        int Pick(Vec3 origin, Vec3? direction = null);
+
+        /// <summary>Do everything that is due; call it once per frame. A stream with its own thread does nothing here.</summary>
+        void Pump();
+
+        /// <summary>Take the next event; false where none waits.</summary>
+        bool TryNextEvent(out StreamEvent next);
+
+        /// <summary>Take hold of a held segment's payload; false where it is not held (any more). Dispose what it gives.</summary>
+        bool TryPin(uint segment, out PinnedPayload payload);
+
+        /// <summary>
+        /// Connect now: after <see cref="LinkPhase.Closed"/>, or to cut a wait short. Null keeps the token; another token makes
+        /// a new connection in any case, with everything held.
+        /// </summary>
+        void Reconnect(string token = null);
+
+        /// <summary>Say goodbye and free everything. The stream is of no use afterwards; pins stay valid.</summary>
+        void Close();
+    }
+}

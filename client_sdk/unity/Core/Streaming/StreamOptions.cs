@@ -1,0 +1,42 @@
+namespace Terraport
+{
+    /// <summary>What a stream is opened with. Set it up, then do not change it while a stream uses it.</summary>
+    public sealed class StreamOptions
+    {
+        /// <summary>Credit unless another is set: 16 MiB.</summary>
+        public const long DefaultCreditBytes = 16L * 1024 * 1024;
+
+        /// <summary>Bound of the memory for payloads unless another is set: 96 MiB.</summary>
+        public const long DefaultCacheBytes = 96L * 1024 * 1024;
+
+        /// <summary>URL ending in /scenes/{id}; http, https, ws or wss.</summary>
+        public string SceneUrl { get; set; }
+
+        /// <summary>Bearer token; null for a server that asks for none. Never part of a URL.</summary>
+        public string Token { get; set; }
+
+        /// <summary>Encoding of the payloads.</summary>
+        public PayloadEncoding Encoding { get; set; } = PayloadEncoding.Glb;
+
+        /// <summary>Hard bounds of every landing.</summary>
+        public Budgets Budgets { get; set; }
+
+        /// <summary>Payload bytes kept in memory beside what is shown or on its way; 0 keeps nothing else.</summary>
+        public long CacheBytes { get; set; } = DefaultCacheBytes;
+
+        /// <summary>
+        /// Payload bytes under way at most. Half of it is granted back at a time: a larger one saves messages, a smaller one
+        /// bounds what lies in buffers when a landing is superseded.
+        /// </summary>
+        public long CreditBytes { get; set; } = DefaultCreditBytes;
+
+        /// <summary>Release radius / load radius, 1 to 4; null takes the server's.</summary>
+        public double? ReleaseFactor { get; set; }
+
+        /// <summary>How messages are written on the wire; msgpack is smaller, JSON is readable in traces.</summary>
+        public Wire.Subprotocol Subprotocol { get; set; } = Wire.Subprotocol.Msgpack;
+
+        /// <summary>Name and version of the client for the server's logs, at most 128 characters; null for this package's own.</summary>
+        public string Client { get; set; }
+    }
+}
