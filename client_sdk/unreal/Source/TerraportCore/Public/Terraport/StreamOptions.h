@@ -1,0 +1,54 @@
+#pragma once
+
+#include "Terraport/Api.h"
+#include "Terraport/Types.h"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace terraport {
+
+/// Which form messages take on the wire; payload is the same in both.
+enum class Subprotocol : std::uint8_t { Msgpack, Json };
+
+/// Hard bounds of every landing, load and keep together; an absent one does not bound.
+struct Budgets {
+  std::optional<std::int64_t> maxTriangles;
+  /// Payload bytes.
+  std::optional<std::int64_t> maxBytes;
+  std::optional<std::int64_t> maxSegments;
+};
+
+/// How long a landing may take before its inner part is acceptable (wire protocol, 6.4, rule 3).
+struct LandOptions {
+  /// Radius of the degraded set, metres; at most the landing's radius.
+  std::optional<double> innerRadiusM;
+  /// Milliseconds after which the inner set alone is acceptable, 1 to 600,000; needs `innerRadiusM`.
+  std::optional<int> deadlineMs;
+  /// Milliseconds without progress after which it is, too; needs `innerRadiusM`.
+  std::optional<int> stallMs;
+};
+
+/// What a stream is made of. Every bound has a default.
+struct StreamOptions {
+  /// URL of the scene, `http`, `https`, `ws` or `wss`, ending in `/scenes/{id}`.
+  std::string sceneUrl;
+  /// Bearer token; empty for none. Never put into a URL, never logged.
+  std::string token;
+  /// Form of the payloads: `Glb` is the smallest, `Arrays` takes next to no work to decode.
+  Encoding encoding = Encoding::Glb;
+  /// Hard bounds of every landing.
+  Budgets budgets;
+  /// Payload bytes kept in memory beside what is shown or on its way; the least recently used go first.
+  std::uint64_t cacheBytes = 96ull * 1024 * 1024;
+  /// Payload bytes under way at most: they bound what lies in buffers when a landing is superseded.
+  std::uint64_t creditBytes = 8ull * 1024 * 1024;
+  /// Release radius / load radius, 1 to 4; absent takes the server's.
+  std::optional<double> releaseFactor;
+  Subprotocol subprotocol = Subprotocol::Msgpack;
+  /// Name and version of the client, for the server's logs; at most 128 characters.
+  std::string client = "terraport-unreal";
+};
+
+}  // namespace terraport
