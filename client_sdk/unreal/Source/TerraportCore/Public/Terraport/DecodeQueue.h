@@ -8,7 +8,6 @@
 #include "Terraport/Api.h"
 #include "Terraport/SegmentMesh.h"
 #include "Terraport/Status.h"
-#include "Terraport/StreamOptions.h"
 #include "Terraport/Types.h"
 
 namespace terraport {
@@ -18,7 +17,7 @@ struct DecodeJob {
   std::uint32_t segment = 0;
   /// Given back with the answer: answers to requests of an earlier scene version are dropped.
   std::uint32_t epoch = 0;
-  PayloadEncoding encoding = PayloadEncoding::Glb;
+  Encoding encoding = PayloadEncoding::Glb;
   SharedPayload payload;
 };
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "Terraport/Api.h"
-#include "Terraport/StreamOptions.h"
 #include "Terraport/Types.h"
 
 namespace terraport {
@@ -14,7 +13,7 @@ class TERRAPORTCORE_API LandingStream {
   virtual ~LandingStream() = default;
 
   /// Ask for a landing; it supersedes any that is not ready. Returns its number in the events.
-  virtual int land(const Vec3& position, double radiusM, const LandOptions& options) = 0;
+  virtual std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options) = 0;
 
   /// Tell where the user points; only the newest counts.
   virtual void aim(const Vec3& position, double radiusM) = 0;
@@ -23,7 +22,7 @@ class TERRAPORTCORE_API LandingStream {
   virtual SharedPayload payload(std::uint32_t segment) const = 0;
 
   /// In which form payloads come.
-  virtual PayloadEncoding encoding() const = 0;
+  virtual Encoding encoding() const = 0;
 };
 
 }  // namespace terraport

@@ -13,7 +13,6 @@
 #include "Terraport/LandingStream.h"
 #include "Terraport/SceneFiles.h"
 #include "Terraport/SceneRenderer.h"
-#include "Terraport/StreamEvent.h"
 #include "Terraport/Types.h"
 
 namespace terraport {
@@ -57,7 +56,7 @@ enum class LandingPhase : std::uint8_t {
 /// The newest landing, for a progress bar or a fade.
 struct LandingStatus {
   LandingPhase phase = LandingPhase::None;
-  int landing = 0;
+  std::int64_t landing = kNoLanding;
   Vec3 position;
   double radiusM = 0.0;
   /// 0 where there is no plan yet.
@@ -110,7 +109,7 @@ class TERRAPORTCORE_API SceneStage {
   SceneStage& operator=(const SceneStage&) = delete;
 
   /// As LandingStream::land. `nowMs` is any clock that does not run backwards, the same one as for `update`.
-  int land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);
+  std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);
   void aim(const Vec3& position, double radiusM);
 
   /// Pass every event of the stream on.

@@ -4,7 +4,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 namespace terraport {
@@ -20,6 +23,9 @@ inline ByteSpan viewOf(const std::vector<std::uint8_t>& bytes) { return {bytes.d
 
 /// A payload as it came, kept alive by whoever holds it: the cache may let it go while a decoder still reads it.
 using SharedPayload = std::shared_ptr<const std::vector<std::uint8_t>>;
+
+/// Landing of an event that belongs to none.
+constexpr std::int64_t kNoLanding = -1;
 
 /// Metres of the scene frame, or a direction in it.
 struct Vec3 {
@@ -38,6 +44,9 @@ struct Box {
   float maxZ = 0.0F;
 };
 
+/// In which form payloads are sent.
+enum class Encoding : std::uint8_t { Glb, Arrays };
+
 /// What the index says of one segment.
 struct SegmentFacts {
   std::uint32_t segment = 0;
@@ -48,6 +57,161 @@ struct SegmentFacts {
   std::uint32_t faces = 0;
   std::uint32_t vertices = 0;
   Box bounds;
+};
+
+/// Hard bounds of every landing; an absent one does not bound.
+struct Budgets {
+  std::optional<std::uint64_t> maxTriangles;
+  /// Payload bytes.
+  std::optional<std::uint64_t> maxBytes;
+  std::optional<std::uint64_t> maxSegments;
+};
+
+/// How long a landing may take before its inner part is acceptable (wire protocol, 6.4, rule 3).
+struct LandOptions {
+  /// Radius of the degraded set, metres; at most the landing's radius.
+  std::optional<double> innerRadiusM;
+  /// Milliseconds after which the inner set alone is acceptable, 1 to 600,000; needs `innerRadiusM`.
+  std::optional<std::uint32_t> deadlineMs;
+  /// Milliseconds without progress after which it is, too; needs `innerRadiusM`.
+  std::optional<std::uint32_t> stallMs;
+};
+
+/// The plan of a landing.
+struct PlanFacts {
+  std::int64_t landing = kNoLanding;
+  Vec3 position;
+  double radiusM = 0.0;
+  /// The radius within which everything is loaded: smaller than `radiusM` where a budget bound it.
+  double effectiveRadiusM = 0.0;
+  /// What will be sent, nearest first.
+  std::vector<SegmentFacts> load;
+  /// What is here already and stays.
+  std::vector<std::uint32_t> keep;
+  /// Shown before, and not wanted any more.
+  std::vector<std::uint32_t> release;
+  std::uint64_t loadBytes = 0;
+  std::uint64_t totalBytes = 0;
+  std::uint64_t totalTriangles = 0;
+  std::uint64_t omittedSegments = 0;
+  /// The budget that bound it (`max_triangles`, `max_bytes`, `max_segments`); empty where none did.
+  std::string omittedBy;
+};
+
+/// Answer to a pick that met the ground.
+struct PickHit {
+  Vec3 position;
+  /// Unit, on the face's front side.
+  Vec3 normal;
+  std::uint32_t segment = 0;
+  /// Region of the face, in this scene version.
+  std::uint32_t region = 0;
+  /// Number of the region that is the same in every version, where it has one.
+  std::optional<std::uint32_t> stableId;
+  /// Text from people.
+  std::optional<std::string> label;
+  /// Height in the survey's own vertical reference, metres.
+  double heightM = 0.0;
+  std::map<std::string, double> attributes;
+};
+
+enum class LinkPhase : std::uint8_t {
+  Connecting,
+  Open,
+  /// Lost; another attempt follows by itself.
+  Waiting,
+  /// For good, until `reconnect` is called.
+  Closed,
+};
+
+/// Where the connection stands.
+struct LinkState {
+  LinkPhase phase = LinkPhase::Connecting;
+  /// From 1; in Connecting and Waiting.
+  std::uint32_t attempt = 0;
+  /// Runs from the event; in Waiting.
+  double retryInMs = 0.0;
+  /// WebSocket close code; in Waiting and Closed.
+  int closeCode = 0;
+  /// An error code of the wire protocol, or "closed"; in Waiting and Closed.
+  std::string code;
+  std::string message;
+};
+
+/// What has been counted since the stream was made.
+struct StreamStats {
+  std::uint64_t payloadBytes = 0;
+  /// Of those, for segments that were held already; 0 with a right server.
+  std::uint64_t repeatedBytes = 0;
+  std::uint64_t heldSegments = 0;
+  std::uint64_t heldBytes = 0;
+  /// Landings that had an aim before them, and those of them with nothing left to load.
+  std::uint64_t aimedLandings = 0;
+  std::uint64_t aimHits = 0;
+  std::uint64_t prefetchedBytes = 0;
+  std::uint64_t usedPrefetchedBytes = 0;
+};
+
+enum class EventKind : std::uint8_t {
+  /// `link`.
+  Link,
+  /// `sceneVersion`, `session`, `changed`, `maxRadiusM`, `heldCount`.
+  Opened,
+  /// `plan`, `landing`. After a reconnect a landing gets another one.
+  Planned,
+  /// A segment is whole and verified: `facts`; `landing`, or kNoLanding for what an aim brought.
+  Arrived,
+  /// The deadline passed, and `segments` may be shown before the rest: `landing`.
+  Degraded,
+  /// Exactly `segments` (ascending) must be shown: `landing`, `missing`, `elapsedMs`, `payloadBytes`.
+  Ready,
+  /// `landing`, `by`.
+  Superseded,
+  /// An aim is answered: `segmentCount`, `payloadBytes`.
+  Prefetching,
+  /// What an aim brings is all here: `segmentCount`, `payloadBytes`.
+  Prefetched,
+  /// `segments` are not held any more.
+  Dropped,
+  /// `code`, `message`, `fatal`; `landing` or kNoLanding.
+  Refused,
+  /// `noticeKind`, `sceneVersion` (empty for none), `reconnectAfterMs`.
+  Notice,
+  /// `request`; `hit`, absent where nothing is met.
+  Picked,
+  /// `request`, `code`, `message`.
+  PickRefused,
+};
+
+/// What a stream tells. Which fields count is said at the kind. Landing numbers stay the same over reconnects.
+struct StreamEvent {
+  EventKind kind = EventKind::Link;
+  std::int64_t landing = kNoLanding;
+  SegmentFacts facts;
+  std::vector<std::uint32_t> segments;
+  std::vector<std::uint32_t> missing;
+  PlanFacts plan;
+  LinkState link;
+  std::string sceneVersion;
+  /// The server's name for the session, for logs.
+  std::string session;
+  /// The served version is another one than before: base and cover must be loaded anew (wire protocol, 5.4).
+  bool changed = false;
+  double maxRadiusM = 0.0;
+  std::uint64_t heldCount = 0;
+  /// From the call of `land` until all bytes were there and verified.
+  double elapsedMs = 0.0;
+  std::uint64_t payloadBytes = 0;
+  std::uint64_t segmentCount = 0;
+  /// The landing that superseded.
+  std::int64_t by = kNoLanding;
+  std::string code;
+  std::string message;
+  bool fatal = false;
+  std::string noticeKind;
+  std::optional<double> reconnectAfterMs;
+  std::uint64_t request = 0;
+  std::optional<PickHit> hit;
 };
 
 }  // namespace terraport
