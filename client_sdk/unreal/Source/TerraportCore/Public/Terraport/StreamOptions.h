@@ -37,7 +37,7 @@ struct StreamOptions {
   /// Bearer token; empty for none. Never put into a URL, never logged.
   std::string token;
   /// Form of the payloads: `Glb` is the smallest, `Arrays` takes next to no work to decode.
-  Encoding encoding = Encoding::Glb;
+  PayloadEncoding encoding = PayloadEncoding::Glb;
   /// Hard bounds of every landing.
   Budgets budgets;
   /// Payload bytes kept in memory beside what is shown or on its way; the least recently used go first.

@@ -30,7 +30,7 @@ class TERRAPORTCORE_API StreamThread final : public ISceneStream {
   Result<int> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
   bool tryNextEvent(StreamEvent& event) override;
   SharedPayload payload(std::uint32_t segment) const override;
-  Encoding encoding() const override;
+  PayloadEncoding encoding() const override;
   StreamStats stats() const override;
   void reconnect(const std::string& token) override;
   void close() override;
