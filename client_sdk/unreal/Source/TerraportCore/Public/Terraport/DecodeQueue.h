@@ -17,7 +17,7 @@ struct DecodeJob {
   std::uint32_t segment = 0;
   /// Given back with the answer: answers to requests of an earlier scene version are dropped.
   std::uint32_t epoch = 0;
-  Encoding encoding = PayloadEncoding::Glb;
+  PayloadEncoding encoding = PayloadEncoding::Glb;
   SharedPayload payload;
 };
 

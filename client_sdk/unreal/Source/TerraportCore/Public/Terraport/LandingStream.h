@@ -22,7 +22,7 @@ class TERRAPORTCORE_API LandingStream {
   virtual SharedPayload payload(std::uint32_t segment) const = 0;
 
   /// In which form payloads come.
-  virtual Encoding encoding() const = 0;
+  virtual PayloadEncoding encoding() const = 0;
 };
 
 }  // namespace terraport

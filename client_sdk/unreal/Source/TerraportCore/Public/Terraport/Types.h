@@ -45,7 +45,7 @@ struct Box {
 };
 
 /// In which form payloads are sent.
-enum class Encoding : std::uint8_t { Glb, Arrays };
+enum class PayloadEncoding : std::uint8_t { Glb, Arrays };
 
 /// What the index says of one segment.
 struct SegmentFacts {
