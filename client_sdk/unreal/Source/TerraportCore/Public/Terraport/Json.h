@@ -70,7 +70,7 @@ class TERRAPORTCORE_API JsonValue {
   /// A text, UTF-8; a view that lives as long as the document and its text.
   std::optional<std::string_view> text() const;
   /// The bytes of a binary; a view as for `text`.
-  std::optional<ByteView> binary() const;
+  std::optional<ByteSpan> binary() const;
 
   /// Items of a list, members of a map, else 0.
   std::uint32_t size() const;

@@ -28,11 +28,11 @@ class TERRAPORTCORE_API MessageAssembler {
 
   /// Take a piece. `isLast`: it ends the message. Error codes: `too_large` (the message, or what waits), `malformed` (a
   /// text piece goes on in binary). After an error the connection must be closed.
-  Status take(ByteView piece, bool isText, bool isLast);
+  Status take(ByteSpan piece, bool isText, bool isLast);
 
   /// As `take`, where the library says only how many bytes of the message are still to come. Unreal's
   /// `OnRawMessage(data, size, bytesRemaining)` counts what remains of the present WebSocket frame.
-  Status takeRemaining(ByteView piece, bool isText, std::size_t bytesRemaining) {
+  Status takeRemaining(ByteSpan piece, bool isText, std::size_t bytesRemaining) {
     return take(piece, isText, bytesRemaining == 0);
   }
 

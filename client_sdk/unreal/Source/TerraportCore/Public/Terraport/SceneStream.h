@@ -3,7 +3,6 @@
 #include "Terraport/Api.h"
 #include "Terraport/LandingStream.h"
 #include "Terraport/Status.h"
-#include "Terraport/StreamEvent.h"
 #include "Terraport/StreamOptions.h"
 #include "Terraport/Transport.h"
 #include "Terraport/Types.h"
@@ -26,7 +25,7 @@ class TERRAPORTCORE_API ISceneStream : public LandingStream {
   /// Ask what full detail has along a ray from `origin`, or along the vertical line through it where there is no
   /// `direction`. Returns the number of the request in `Picked` or `PickRefused`.
   /// Errors: `invalid_field`; `too_many` while 64 picks wait.
-  virtual Result<int> pick(const Vec3& origin, const std::optional<Vec3>& direction) = 0;
+  virtual Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) = 0;
 
   /// The oldest event that was not taken, swapped into `event`; false where there is none. Events must be taken: while more
   /// than a bounded number waits, the stream takes nothing from the network.
@@ -68,9 +67,9 @@ class TERRAPORTCORE_API SceneStream final : public ISceneStream {
   /// Most bytes of messages that one `pump` takes in; at least one message is taken.
   void setMaxPumpBytes(std::size_t bytes);
 
-  int land(const Vec3& position, double radiusM, const LandOptions& options) override;
+  std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options) override;
   void aim(const Vec3& position, double radiusM) override;
-  Result<int> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
+  Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
   bool tryNextEvent(StreamEvent& event) override;
   SharedPayload payload(std::uint32_t segment) const override;
   PayloadEncoding encoding() const override;

@@ -12,24 +12,6 @@ namespace terraport {
 /// Which form messages take on the wire; payload is the same in both.
 enum class Subprotocol : std::uint8_t { Msgpack, Json };
 
-/// Hard bounds of every landing, load and keep together; an absent one does not bound.
-struct Budgets {
-  std::optional<std::int64_t> maxTriangles;
-  /// Payload bytes.
-  std::optional<std::int64_t> maxBytes;
-  std::optional<std::int64_t> maxSegments;
-};
-
-/// How long a landing may take before its inner part is acceptable (wire protocol, 6.4, rule 3).
-struct LandOptions {
-  /// Radius of the degraded set, metres; at most the landing's radius.
-  std::optional<double> innerRadiusM;
-  /// Milliseconds after which the inner set alone is acceptable, 1 to 600,000; needs `innerRadiusM`.
-  std::optional<int> deadlineMs;
-  /// Milliseconds without progress after which it is, too; needs `innerRadiusM`.
-  std::optional<int> stallMs;
-};
-
 /// What a stream is made of. Every bound has a default.
 struct StreamOptions {
   /// URL of the scene, `http`, `https`, `ws` or `wss`, ending in `/scenes/{id}`.

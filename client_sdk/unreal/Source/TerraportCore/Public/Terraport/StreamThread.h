@@ -25,9 +25,9 @@ class TERRAPORTCORE_API StreamThread final : public ISceneStream {
   StreamThread(const StreamThread&) = delete;
   StreamThread& operator=(const StreamThread&) = delete;
 
-  int land(const Vec3& position, double radiusM, const LandOptions& options) override;
+  std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options) override;
   void aim(const Vec3& position, double radiusM) override;
-  Result<int> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
+  Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
   bool tryNextEvent(StreamEvent& event) override;
   SharedPayload payload(std::uint32_t segment) const override;
   PayloadEncoding encoding() const override;

@@ -46,7 +46,7 @@ class TERRAPORTCORE_API Transport {
   virtual bool tryReceive(TransportMessage& message) = 0;
 
   /// Hand over one whole message; false where the connection is not open or its buffer is full for now.
-  virtual bool trySend(ByteView bytes, bool isText) = 0;
+  virtual bool trySend(ByteSpan bytes, bool isText) = 0;
 
   /// Close code of the server, or 1006 where the connection broke or never came about; 0 before `Closed`.
   virtual int closeCode() const = 0;
