@@ -2,8 +2,9 @@
 
 ``python -m terraport_wire.schema SPEC_DIR`` writes ``SPEC_DIR/schema/*.json`` and the tables
 between the ``generated`` marks of ``SPEC_DIR/wire-protocol.md``; with ``--typescript FILE`` also
-the viewer's tables (`terraport_wire.typescript`); ``--check`` only compares.  The functions are
-pure; `main` alone touches files.
+the viewer's tables (`terraport_wire.typescript`), with ``--csharp FILE`` the Unity client's
+(`terraport_wire.schema_csharp`); ``--check`` only compares.  The functions are pure; `main` alone
+touches files.
 """
 
 from __future__ import annotations
@@ -12,18 +13,27 @@ import argparse
 import json
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from .errors import CLOSE_CODES, HTTP_STATUS
 from .message import Direction, Message, Part, fields_of, part_schema
 from .messages import MESSAGES, PARTS
+from .schema_csharp import csharp_file
 from .typescript import messages_module
 
 __all__ = ["error_table", "field_table", "main", "message_schema", "render_spec", "schema_files"]
 
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
 _BASE = "https://terraport.invalid/schema/v1"
+_Files = dict[Path, str]
+
+# What else is generated where a path is given for it: flag, what the path is, meaning, the files.
+_LANGUAGES: dict[str, tuple[str, str, Callable[[Path], _Files]]] = {
+    "typescript": ("FILE", "the viewer's tables", lambda path: {path: messages_module()}),
+    "csharp": ("FILE", "the Unity client's messages", lambda path: {path: csharp_file()}),
+}
 _MARK = re.compile(r"(<!-- generated: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -95,14 +105,17 @@ def main(arguments: list[str] | None = None) -> int:
     """Write or check the generated files; return the process's exit code."""
     parser = argparse.ArgumentParser(prog="python -m terraport_wire.schema", description=__doc__)
     parser.add_argument("spec_dir", type=Path, help="the folder spec/")
-    parser.add_argument("--typescript", type=Path, metavar="FILE", help="the viewer's tables")
+    for flag, (path_is, meaning, _) in _LANGUAGES.items():
+        parser.add_argument(f"--{flag}", type=Path, metavar=path_is, help=meaning)
     parser.add_argument("--check", action="store_true", help="only compare; exit 1 if any differs")
     options = parser.parse_args(arguments)
     spec = options.spec_dir / "wire-protocol.md"
     expected = {options.spec_dir / "schema" / name: text for name, text in schema_files().items()}
     expected[spec] = render_spec(spec.read_text(encoding="utf-8"))
-    if options.typescript is not None:
-        expected[options.typescript] = messages_module()
+    for flag, (_, _, files) in _LANGUAGES.items():
+        place: Path | None = getattr(options, flag)
+        if place is not None:
+            expected |= files(place)
     stale = [
         path
         for path, text in expected.items()

@@ -1,0 +1,112 @@
+using Terraport.Json;
+
+namespace Terraport.Wire
+{
+    /// <summary>Fields by their tables: read, checked, written.</summary>
+    internal static class FieldTables
+    {
+        /// <summary>Read the fields of a map into a part; unknown keys are skipped, null is absent.</summary>
+        /// <exception cref="RefusedException">With the path of the field that is missing, mistyped or out of range.</exception>
+        internal static void Read(WirePart into, JsonValue raw, bool packed)
+        {
+            if (raw.Kind != JsonKind.Object) throw new RefusedException("got " + raw.Show() + ", expected a map");
+            Field[] fields = into.Fields;
+            var layouts = new object[fields.Length];
+            var values = new JsonValue[fields.Length];
+            for (int number = 0; number < fields.Length; number++)
+            {
+                Field field = fields[number];
+                values[number] = raw[field.Name];
+                if (!values[number].IsNull) layouts[number] = Layout(field, values[number], packed);
+                else if (field.IsRequired) throw Missing(field);
+            }
+            for (int number = 0; number < fields.Length; number++)
+            {
+                if (!values[number].IsNull) into.Set(number, Value(fields[number], values[number], layouts[number]));
+            }
+        }
+
+        /// <summary>Check the value of every field of our own part.</summary>
+        internal static void Check(WirePart part)
+        {
+            Field[] fields = part.Fields;
+            for (int number = 0; number < fields.Length; number++)
+            {
+                Field field = fields[number];
+                object value = part.Get(number);
+                if (value == null)
+                {
+                    if (field.IsRequired) throw Missing(field);
+                    continue;
+                }
+                try
+                {
+                    field.Kind.Check(value);
+                }
+                catch (RefusedException refused)
+                {
+                    throw refused.Below(field.Name);
+                }
+            }
+        }
+
+        /// <summary>Write checked fields, in the table's order, behind a type where there is one.</summary>
+        internal static JsonValue Write(WirePart part, bool packed, string type)
+        {
+            Field[] fields = part.Fields;
+            var given = new object[fields.Length];
+            int count = type == null ? 0 : 1;
+            for (int number = 0; number < fields.Length; number++)
+            {
+                given[number] = part.Get(number);
+                if (given[number] != null) count++;
+            }
+            var names = new string[count];
+            var values = new JsonValue[count];
+            int at = 0;
+            if (type != null)
+            {
+                names[0] = "type";
+                values[0] = JsonValue.OfText(type);
+                at = 1;
+            }
+            for (int number = 0; number < fields.Length; number++)
+            {
+                if (given[number] == null) continue;
+                names[at] = fields[number].Name;
+                values[at] = fields[number].Kind.Write(given[number], packed);
+                at++;
+            }
+            return JsonValue.OfObject(new JsonObject(names, values));
+        }
+
+        private static object Layout(Field field, JsonValue raw, bool packed)
+        {
+            try
+            {
+                return field.Kind.Layout(raw, packed);
+            }
+            catch (RefusedException refused)
+            {
+                throw refused.Below(field.Name);
+            }
+        }
+
+        private static object Value(Field field, JsonValue raw, object layout)
+        {
+            try
+            {
+                return field.Kind.Read(raw, layout);
+            }
+            catch (RefusedException refused)
+            {
+                throw refused.Below(field.Name);
+            }
+        }
+
+        private static RefusedException Missing(Field field)
+        {
+            return new RefusedException("got nothing, expected " + field.Kind.Describe(), field.Name);
+        }
+    }
+}

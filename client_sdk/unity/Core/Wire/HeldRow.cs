@@ -1,0 +1,19 @@
+namespace Terraport.Wire
+{
+    /// <summary>One held segment with its hash: a row of a held table.</summary>
+    public readonly struct HeldRow
+    {
+        /// <summary>Make one.</summary>
+        public HeldRow(uint segment, ulong xxh3)
+        {
+            Segment = segment;
+            Xxh3 = xxh3;
+        }
+
+        /// <summary>Segment id.</summary>
+        public uint Segment { get; }
+
+        /// <summary>XXH3-64 of the payload.</summary>
+        public ulong Xxh3 { get; }
+    }
+}

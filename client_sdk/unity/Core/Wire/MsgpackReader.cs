@@ -1,0 +1,177 @@
+using System;
+using System.Collections.Generic;
+using System.Text;
+using Terraport.Json;
+
+namespace Terraport.Wire
+{
+    /// <summary>
+    /// A strict reader of one msgpack value. Nothing is reserved for a length that the bytes at hand do not have.
+    /// </summary>
+    internal sealed class MsgpackReader
+    {
+        private static readonly UTF8Encoding Utf8 = new UTF8Encoding(false, true);
+
+        private readonly byte[] data;
+        private readonly int start;
+        private readonly int end;
+        private readonly List<JsonValue> values = new List<JsonValue>();
+        private readonly List<string> names = new List<string>();
+        private int at;
+
+        private MsgpackReader(ArraySegment<byte> bytes)
+        {
+            data = bytes.Array;
+            start = bytes.Offset;
+            at = start;
+            end = start + bytes.Count;
+        }
+
+        /// <summary>Read exactly one value; binary fields are views of the bytes.</summary>
+        /// <exception cref="DecodeException">
+        /// <c>malformed</c>: cut off, nested or counted beyond the limits, a token that no message uses, a key that is no text
+        /// or stands twice, text that is no UTF-8, bytes after the end.
+        /// </exception>
+        internal static JsonValue Read(ArraySegment<byte> bytes)
+        {
+            var reader = new MsgpackReader(bytes);
+            JsonValue value = reader.Value(0);
+            int left = reader.end - reader.at;
+            if (left > 0) throw reader.Malformed("got " + left + " bytes after the message, expected none", reader.at);
+            return value;
+        }
+
+        private JsonValue Value(int depth)
+        {
+            int first = at;
+            int token = data[Take(1)];
+            if (token <= 0x7f) return JsonValue.OfInteger(token);
+            if (token >= 0xe0) return JsonValue.OfInteger(token - 0x100);
+            if (token <= 0x8f) return Map((uint)token & 0x0f, depth, first);
+            if (token <= 0x9f) return List((uint)token & 0x0f, depth, first);
+            if (token <= 0xbf) return JsonValue.OfText(Text((uint)token & 0x1f));
+            switch (token)
+            {
+                case 0xc0: return default(JsonValue);
+                case 0xc2: return JsonValue.OfFlag(false);
+                case 0xc3: return JsonValue.OfFlag(true);
+                case 0xc4: return Binary((uint)Unsigned(1));
+                case 0xc5: return Binary((uint)Unsigned(2));
+                case 0xc6: return Binary((uint)Unsigned(4));
+                case 0xca: return JsonValue.OfFloat(new LittleEndian.FloatBits { Bits = (uint)Unsigned(4) }.Number);
+                case 0xcb: return JsonValue.OfFloat(BitConverter.Int64BitsToDouble(unchecked((long)Unsigned(8))));
+                case 0xcc: return JsonValue.OfInteger((long)Unsigned(1));
+                case 0xcd: return JsonValue.OfInteger((long)Unsigned(2));
+                case 0xce: return JsonValue.OfInteger((long)Unsigned(4));
+                case 0xcf: return Long(Unsigned(8));
+                case 0xd0: return JsonValue.OfInteger(unchecked((sbyte)Unsigned(1)));
+                case 0xd1: return JsonValue.OfInteger(unchecked((short)Unsigned(2)));
+                case 0xd2: return JsonValue.OfInteger(unchecked((int)Unsigned(4)));
+                case 0xd3: return JsonValue.OfInteger(unchecked((long)Unsigned(8)));
+                case 0xd9: return JsonValue.OfText(Text((uint)Unsigned(1)));
+                case 0xda: return JsonValue.OfText(Text((uint)Unsigned(2)));
+                case 0xdb: return JsonValue.OfText(Text((uint)Unsigned(4)));
+                case 0xdc: return List((uint)Unsigned(2), depth, first);
+                case 0xdd: return List((uint)Unsigned(4), depth, first);
+                case 0xde: return Map((uint)Unsigned(2), depth, first);
+                case 0xdf: return Map((uint)Unsigned(4), depth, first);
+                default: throw Malformed("got msgpack token 0x" + token.ToString("x2") + ", which no message uses", first);
+            }
+        }
+
+        private static JsonValue Long(ulong value)
+        {
+            return value <= long.MaxValue ? JsonValue.OfInteger((long)value) : JsonValue.OfHugeInteger(value);
+        }
+
+        /// <summary>Move on by so many bytes, which must be there; returns where they start.</summary>
+        private int Take(uint length)
+        {
+            int first = at;
+            if (length > (uint)(end - first))
+            {
+                throw Malformed("got " + (end - first) + " bytes, expected " + length + " of a value", first);
+            }
+            at = first + (int)length;
+            return first;
+        }
+
+        private ulong Unsigned(int width)
+        {
+            int first = Take((uint)width);
+            ulong value = 0;
+            for (int place = 0; place < width; place++) value = value << 8 | data[first + place];
+            return value;
+        }
+
+        private JsonValue Binary(uint length)
+        {
+            int first = Take(length);
+            return JsonValue.OfBinary(new ArraySegment<byte>(data, first, (int)length));
+        }
+
+        private string Text(uint length)
+        {
+            int first = Take(length);
+            try
+            {
+                return Utf8.GetString(data, first, (int)length);
+            }
+            catch (ArgumentException)
+            {
+                throw Malformed("got text that is not UTF-8", first);
+            }
+        }
+
+        private JsonValue List(uint count, int depth, int first)
+        {
+            ExpectContainer(count, depth, first);
+            int mark = values.Count;
+            for (uint number = 0; number < count; number++) values.Add(Value(depth + 1));
+            return JsonValue.OfList(Taken(values, mark));
+        }
+
+        private JsonValue Map(uint count, int depth, int first)
+        {
+            ExpectContainer(count, depth, first);
+            int mark = values.Count;
+            int nameMark = names.Count;
+            for (uint number = 0; number < count; number++)
+            {
+                int place = at;
+                JsonValue key = Value(depth + 1);
+                if (key.Text == null) throw Malformed("got key " + key.Show() + ", expected text", place);
+                names.Add(key.Text);
+                values.Add(Value(depth + 1));
+            }
+            string repeated = JsonObject.FirstRepeated(names, nameMark);
+            if (repeated != null)
+            {
+                throw Malformed("got key " + JsonValue.ShowText(repeated) + " twice, expected each key once", first);
+            }
+            return JsonValue.OfObject(new JsonObject(Taken(names, nameMark), Taken(values, mark)));
+        }
+
+        private static T[] Taken<T>(List<T> stack, int mark)
+        {
+            var taken = new T[stack.Count - mark];
+            stack.CopyTo(mark, taken, 0, taken.Length);
+            stack.RemoveRange(mark, taken.Length);
+            return taken;
+        }
+
+        private void ExpectContainer(uint count, int depth, int first)
+        {
+            if (count > WireLimits.MaxContainerItems)
+            {
+                throw Malformed("got " + count + " items, expected at most " + WireLimits.MaxContainerItems, first);
+            }
+            if (depth + 1 > WireLimits.MaxDepth) throw Malformed("got nesting beyond " + WireLimits.MaxDepth + " levels", first);
+        }
+
+        private DecodeException Malformed(string text, int place)
+        {
+            return new DecodeException("malformed", text, place - start);
+        }
+    }
+}

@@ -1,0 +1,256 @@
+using System;
+using System.Collections.Generic;
+using System.Globalization;
+using Terraport.Json;
+
+namespace Terraport.Wire
+{
+    /// <summary>A version: major and minor.</summary>
+    internal sealed class VersionKind : FieldKind
+    {
+        private const int Most = 65535;
+
+        internal override object Read(JsonValue raw, object layout)
+        {
+            if (raw.Kind != JsonKind.List || raw.Count != 2) throw Refuse(raw);
+            return new ProtocolVersion(Part(raw[0]), Part(raw[1]));
+        }
+
+        internal override void Check(object value)
+        {
+            var version = (ProtocolVersion)value;
+            if (version.Major < 0 || version.Major > Most || version.Minor < 0 || version.Minor > Most)
+            {
+                throw Refuse(version.ToString());
+            }
+        }
+
+        internal override JsonValue Write(object value, bool packed)
+        {
+            var version = (ProtocolVersion)value;
+            return JsonValue.OfList(new[] { JsonValue.OfInteger(version.Major), JsonValue.OfInteger(version.Minor) });
+        }
+
+        internal override string Describe()
+        {
+            return "a version [major, minor]";
+        }
+
+        private int Part(JsonValue raw)
+        {
+            long part;
+            if (!raw.TryInteger(out part) || part < 0 || part > Most) throw Refuse(raw);
+            return (int)part;
+        }
+    }
+
+    /// <summary>A list of versions.</summary>
+    internal sealed class VersionsKind : FieldKind
+    {
+        private static readonly VersionKind One = new VersionKind();
+        private readonly int most;
+
+        internal VersionsKind(int most)
+        {
+            this.most = most;
+        }
+
+        internal override object Read(JsonValue raw, object layout)
+        {
+            if (raw.Kind != JsonKind.List || raw.Count > most) throw Refuse(raw);
+            var versions = new ProtocolVersion[raw.Count];
+            for (int number = 0; number < versions.Length; number++)
+            {
+                versions[number] = (ProtocolVersion)One.Read(raw[number], null);
+            }
+            return versions;
+        }
+
+        internal override void Check(object value)
+        {
+            var versions = (ProtocolVersion[])value;
+            if (versions.Length > most) throw Refuse("a list of " + versions.Length);
+            foreach (ProtocolVersion version in versions) One.Check(version);
+        }
+
+        internal override JsonValue Write(object value, bool packed)
+        {
+            return JsonValue.OfList(Array.ConvertAll((ProtocolVersion[])value, version => One.Write(version, packed)));
+        }
+
+        internal override string Describe()
+        {
+            return "a list of at most " + most + " versions";
+        }
+    }
+
+    /// <summary>A map of names to finite numbers.</summary>
+    internal sealed class NumbersKind : FieldKind
+    {
+        private static readonly TextKind Name = new TextKind(1, 128, null);
+        private readonly int most;
+
+        internal NumbersKind(int most)
+        {
+            this.most = most;
+        }
+
+        internal override object Layout(JsonValue raw, bool packed)
+        {
+            if (raw.Kind != JsonKind.Object) throw Refuse(raw);
+            return null;
+        }
+
+        internal override object Read(JsonValue raw, object layout)
+        {
+            JsonObject members = raw.Members;
+            if (members.Count > most) throw Refuse(raw);
+            var numbers = new KeyValuePair<string, double>[members.Count];
+            for (int place = 0; place < numbers.Length; place++)
+            {
+                string name = members.NameAt(place);
+                Name.Check(name);
+                double number;
+                if (!members.ValueAt(place).TryNumber(out number))
+                {
+                    throw new RefusedException("got " + members.ValueAt(place).Show() + ", expected a finite number", name);
+                }
+                numbers[place] = new KeyValuePair<string, double>(name, number);
+            }
+            return numbers;
+        }
+
+        internal override void Check(object value)
+        {
+            var numbers = (KeyValuePair<string, double>[])value;
+            if (numbers.Length > most) throw Refuse(numbers.Length.ToString(CultureInfo.InvariantCulture));
+            var names = new HashSet<string>(StringComparer.Ordinal);
+            foreach (KeyValuePair<string, double> number in numbers)
+            {
+                Name.Check(number.Key);
+                if (!names.Add(number.Key)) throw new RefusedException("got a name twice, expected each once", number.Key);
+                if (double.IsNaN(number.Value) || double.IsInfinity(number.Value))
+                {
+                    throw new RefusedException("got " + JsonValue.OfFloat(number.Value).Show() + ", expected a finite number", number.Key);
+                }
+            }
+        }
+
+        internal override JsonValue Write(object value, bool packed)
+        {
+            var numbers = (KeyValuePair<string, double>[])value;
+            return JsonValue.OfObject(new JsonObject(
+                Array.ConvertAll(numbers, number => number.Key),
+                Array.ConvertAll(numbers, number => JsonValue.OfFloat(number.Value))));
+        }
+
+        internal override string Describe()
+        {
+            return "a map of at most " + most + " numbers";
+        }
+    }
+
+    /// <summary>A map with fields of its own.</summary>
+    internal sealed class PartKind : FieldKind
+    {
+        private readonly Func<WirePart> create;
+        private readonly string name;
+
+        internal PartKind(Func<WirePart> create, string name)
+        {
+            this.create = create;
+            this.name = name;
+        }
+
+        internal override object Layout(JsonValue raw, bool packed)
+        {
+            WirePart part = create();
+            FieldTables.Read(part, raw, packed);
+            return part;
+        }
+
+        internal override object Read(JsonValue raw, object layout)
+        {
+            return layout;
+        }
+
+        internal override void Check(object value)
+        {
+            FieldTables.Check((WirePart)value);
+        }
+
+        internal override JsonValue Write(object value, bool packed)
+        {
+            return FieldTables.Write((WirePart)value, packed, null);
+        }
+
+        internal override string Describe()
+        {
+            return "a map (" + name + ")";
+        }
+    }
+
+    /// <summary>A list of maps with the same fields.</summary>
+    internal sealed class PartsKind : FieldKind
+    {
+        private readonly Func<WirePart> create;
+        private readonly int most;
+
+        internal PartsKind(Func<WirePart> create, int most)
+        {
+            this.create = create;
+            this.most = most;
+        }
+
+        internal override object Layout(JsonValue raw, bool packed)
+        {
+            if (raw.Kind != JsonKind.List || raw.Count > most) throw Refuse(raw);
+            var parts = new WirePart[raw.Count];
+            for (int number = 0; number < parts.Length; number++)
+            {
+                parts[number] = create();
+                try
+                {
+                    FieldTables.Read(parts[number], raw[number], packed);
+                }
+                catch (RefusedException refused)
+                {
+                    throw refused.Below(number.ToString(CultureInfo.InvariantCulture));
+                }
+            }
+            return parts;
+        }
+
+        internal override object Read(JsonValue raw, object layout)
+        {
+            return layout;
+        }
+
+        internal override void Check(object value)
+        {
+            var parts = (WirePart[])value;
+            if (parts.Length > most) throw Refuse("a list of " + parts.Length);
+            for (int number = 0; number < parts.Length; number++)
+            {
+                try
+                {
+                    FieldTables.Check(parts[number]);
+                }
+                catch (RefusedException refused)
+                {
+                    throw refused.Below(number.ToString(CultureInfo.InvariantCulture));
+                }
+            }
+        }
+
+        internal override JsonValue Write(object value, bool packed)
+        {
+            return JsonValue.OfList(Array.ConvertAll((WirePart[])value, part => FieldTables.Write(part, packed, null)));
+        }
+
+        internal override string Describe()
+        {
+            return "a list of at most " + most + " maps";
+        }
+    }
+}

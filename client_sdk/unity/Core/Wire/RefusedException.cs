@@ -1,0 +1,24 @@
+using System;
+
+namespace Terraport.Wire
+{
+    /// <summary>A value that its kind does not allow; never leaves this folder.</summary>
+    internal sealed class RefusedException : Exception
+    {
+        /// <param name="text">What was received and what was expected.</param>
+        /// <param name="path">Place below the field; empty for the field itself.</param>
+        internal RefusedException(string text, string path = "")
+            : base(text)
+        {
+            Path = path;
+        }
+
+        internal string Path { get; }
+
+        /// <summary>The same, one level further out.</summary>
+        internal RefusedException Below(string place)
+        {
+            return new RefusedException(Message, Path.Length == 0 ? place : place + "." + Path);
+        }
+    }
+}

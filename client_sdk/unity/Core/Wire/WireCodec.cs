@@ -1,0 +1,145 @@
+using System;
+using System.Text;
+using Terraport.Json;
+
+namespace Terraport.Wire
+{
+    /// <summary>Messages to bytes and back (wire protocol, section 3).</summary>
+    public static class WireCodec
+    {
+        private const int LongestType = 64;
+
+        // Beyond this a JSON message holds nothing that the tables could take, and would cost many times its own size.
+        private const int MaxJsonValues = 1 << 20;
+
+        /// <summary>Name of a subprotocol in the WebSocket handshake.</summary>
+        public static string NameOf(Subprotocol subprotocol)
+        {
+            return subprotocol == Subprotocol.Msgpack ? "terraport.v1.msgpack" : "terraport.v1.json";
+        }
+
+        /// <summary>The subprotocol entry that carries a token where no header can be set (section 2.3).</summary>
+        public static string TokenSubprotocol(string token)
+        {
+            string text = Convert.ToBase64String(Encoding.UTF8.GetBytes(token));
+            return "terraport.token." + text.Replace('+', '-').Replace('/', '_').TrimEnd('=');
+        }
+
+        /// <summary>
+        /// Write a message as msgpack or as JSON text in UTF-8. Keys stand in the order of the tables, the type first; absent
+        /// fields are left out; the same message gives the same bytes every time.
+        /// </summary>
+        /// <exception cref="InvalidMessageException">A field is not what the protocol allows.</exception>
+        public static byte[] Encode(WireMessage message, Subprotocol subprotocol)
+        {
+            if (message is UnknownMessage) throw new InvalidMessageException(message.Type, "type", "expected a message of the protocol");
+            Check(message);
+            JsonValue plain = FieldTables.Write(message, subprotocol == Subprotocol.Msgpack, message.Type);
+            return subprotocol == Subprotocol.Msgpack ? MsgpackWriter.Write(plain) : JsonWriter.Write(plain);
+        }
+
+        /// <summary>Check a message of our own.</summary>
+        /// <exception cref="InvalidMessageException">A field is not what the protocol allows.</exception>
+        public static void Check(WireMessage message)
+        {
+            try
+            {
+                FieldTables.Check(message);
+                MessageRules.Check(message);
+            }
+            catch (RefusedException refused)
+            {
+                throw new InvalidMessageException(message.Type, refused.Path, refused.Message);
+            }
+        }
+
+        /// <summary>Read the message that one WebSocket message holds; unknown keys are skipped.</summary>
+        /// <param name="data">The bytes; nothing of the message refers to them afterwards.</param>
+        /// <param name="isText">Whether it came as a text message.</param>
+        /// <param name="subprotocol">What the connection speaks.</param>
+        /// <param name="direction">Who sent it.</param>
+        /// <param name="maxBytes">A stricter limit than the protocol's own for this direction.</param>
+        /// <returns>The message; <see cref="UnknownMessage"/> where its type is not known in that direction.</returns>
+        /// <exception cref="DecodeException">It is no message, too long, or has a field that is not allowed.</exception>
+        public static WireMessage Decode(
+            ArraySegment<byte> data, bool isText, Subprotocol subprotocol, Direction direction, int maxBytes = int.MaxValue)
+        {
+            bool packed = subprotocol == Subprotocol.Msgpack;
+            if (isText == packed)
+            {
+                throw new DecodeException(
+                    "malformed", packed ? "got a text message, expected a binary one" : "got a binary message, expected a text one");
+            }
+            int most = direction == Direction.ClientToServer ? WireLimits.MaxClientMessageBytes : WireLimits.MaxServerMessageBytes;
+            most = Math.Min(most, maxBytes);
+            if (data.Count > most)
+            {
+                throw new DecodeException("too_large", "got a message of " + data.Count + " bytes, expected at most " + most);
+            }
+            JsonValue plain = packed ? MsgpackReader.Read(data) : PlainJson(data);
+            if (plain.Kind != JsonKind.Object)
+            {
+                throw new DecodeException("malformed", "got " + plain.Show() + ", expected a map with a type");
+            }
+            string type = plain["type"].Text;
+            if (type == null)
+            {
+                throw new DecodeException("malformed", "got type " + plain["type"].Show() + ", expected text");
+            }
+            WireMessage message = MessageTypes.Create(direction, type);
+            if (message == null) return new UnknownMessage(Shortened(type));
+            Read(message, plain, packed);
+            return message;
+        }
+
+        private static void Read(WireMessage message, JsonValue plain, bool packed)
+        {
+            try
+            {
+                FieldTables.Read(message, plain, packed);
+                MessageRules.Check(message);
+            }
+            catch (RefusedException refused)
+            {
+                throw new DecodeException(
+                    message.Type,
+                    refused.Path,
+                    refused.Message,
+                    Readable("generation", message, plain),
+                    Readable("request", message, plain));
+            }
+        }
+
+        private static JsonValue PlainJson(ArraySegment<byte> data)
+        {
+            try
+            {
+                return JsonReader.Read(data, WireLimits.MaxDepth, MaxJsonValues);
+            }
+            catch (JsonException error)
+            {
+                throw new DecodeException("malformed", error.Message);
+            }
+        }
+
+        /// <summary>A refused message's number for the answer, where it has one that is in range.</summary>
+        private static uint? Readable(string name, WireMessage message, JsonValue plain)
+        {
+            if (!Array.Exists(message.Fields, field => field.Name == name)) return null;
+            long value;
+            bool isNumber = plain[name].TryInteger(out value) && value >= 0 && value <= uint.MaxValue;
+            return isNumber ? (uint?)value : null;
+        }
+
+        /// <summary>At most so many characters of a type, none cut in two.</summary>
+        private static string Shortened(string type)
+        {
+            int place = 0;
+            for (int count = 0; count < LongestType && place < type.Length; count++)
+            {
+                place += place + 1 < type.Length && char.IsSurrogatePair(type[place], type[place + 1]) ? 2 : 1;
+            }
+            return type.Substring(0, place);
+        }
+    }
+}
