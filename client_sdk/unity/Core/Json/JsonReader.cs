@@ -141,11 +141,14 @@ namespace Terraport.Json
 
         private double Double(int first)
         {
-            double number;
+            // The sign apart: some platforms lose that of a zero.
+            bool negative = data[first] == '-';
+            if (negative) first++;
+            double size;
             string text = Encoding.ASCII.GetString(data, first, at - first);
-            if (double.TryParse(text, NumberStyles.Float, CultureInfo.InvariantCulture, out number)) return number;
             // The grammar was right: some platforms refuse what is beyond a double instead of giving infinity.
-            return data[first] == '-' ? double.NegativeInfinity : double.PositiveInfinity;
+            if (!double.TryParse(text, NumberStyles.Float, CultureInfo.InvariantCulture, out size)) size = double.PositiveInfinity;
+            return negative ? -size : size;
         }
 
         private JsonValue List(int depth)

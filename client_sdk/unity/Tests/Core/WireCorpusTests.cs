@@ -1,0 +1,162 @@
+using System;
+using System.Collections.Generic;
+using System.Text;
+using NUnit.Framework;
+using Terraport.Json;
+using Terraport.Wire;
+
+namespace Terraport.Tests
+{
+    /// <summary>The wire corpus, every file of it, both ways. All that differs is told at once.</summary>
+    [TestFixture]
+    public class WireCorpusTests
+    {
+        [Test]
+        public void GoodMessagesAreReadAndWrittenBack()
+        {
+            RunAll("good", 200);
+        }
+
+        [Test]
+        public void BadMessagesAreRefusedWithTheRightCodeAndField()
+        {
+            RunAll("bad", 800);
+        }
+
+        private static void RunAll(string kind, int fewest)
+        {
+            if (WireCorpus.Folder == null) Assert.Ignore("the corpus is not beside these tests");
+            List<string> names = WireCorpus.Names(kind);
+            Assert.Greater(names.Count, fewest);
+            var wrong = new StringBuilder();
+            foreach (string name in names)
+            {
+                byte[] data;
+                JsonValue facts = WireCorpus.Read(kind, name, out data);
+                string found;
+                try
+                {
+                    found = Compare(facts, data);
+                }
+                catch (DecodeException error)
+                {
+                    found = CompareError(facts["error"], error);
+                }
+                if (found != null) wrong.Append("\n").Append(name).Append(": ").Append(found);
+            }
+            Assert.AreEqual("", wrong.ToString());
+        }
+
+        /// <summary>What differs in a case that decodes; null where nothing does.</summary>
+        private static string Compare(JsonValue facts, byte[] data)
+        {
+            if (facts["subprotocol"].Text == "frame") return CompareFrame(facts, data);
+            bool isJson = facts["subprotocol"].Text == "json";
+            Subprotocol subprotocol = isJson ? Subprotocol.Json : Subprotocol.Msgpack;
+            Direction direction = facts["direction"].Text == "client_to_server" ? Direction.ClientToServer : Direction.ServerToClient;
+            WireMessage message = WireCodec.Decode(new ArraySegment<byte>(data), isJson, subprotocol, direction);
+            if (!facts["error"].IsNull) return "decoded to " + message.Type + ", expected an error";
+            if (message is UnknownMessage) return message.Type == facts["unknown"].Text ? null : "unknown " + message.Type;
+            if (facts["message"].IsNull) return "known, expected " + facts["unknown"].Show();
+            string json = Encoding.UTF8.GetString(WireCodec.Encode(message, Subprotocol.Json));
+            JsonValue form = JsonReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(json)));
+            if (!SameTree(form, facts["message"])) return "got " + json;
+            byte[] back = WireCodec.Encode(message, subprotocol);
+            bool isCanonical;
+            facts["canonical"].TryFlag(out isCanonical);
+            if (Same(back, data) != isCanonical) return "re-encoding gives the same bytes: " + !isCanonical;
+            // Not canonical bytes give canonical ones, which mean the same.
+            WireMessage again = WireCodec.Decode(new ArraySegment<byte>(back), isJson, subprotocol, direction);
+            return Same(WireCodec.Encode(again, subprotocol), back) ? null : "not the same after a second way";
+        }
+
+        private static string CompareFrame(JsonValue facts, byte[] data)
+        {
+            // In the middle of a larger buffer, as a pooled one would be.
+            var within = new byte[data.Length + 7];
+            Buffer.BlockCopy(data, 0, within, 3, data.Length);
+            PayloadFrame frame;
+            bool isKnown = PayloadFrame.TryDecode(new ArraySegment<byte>(within, 3, data.Length), out frame);
+            if (!facts["error"].IsNull) return "decoded, expected an error";
+            JsonValue expected = facts["frame"];
+            if (!isKnown) return expected["unknown_kind"].Show() == data[0].ToString() ? null : "unknown kind";
+            var chunk = new byte[frame.Chunk.Count];
+            Buffer.BlockCopy(frame.Chunk.Array, frame.Chunk.Offset, chunk, 0, chunk.Length);
+            string hex = BitConverter.ToString(chunk).Replace("-", "").ToLowerInvariant();
+            string got = frame.Generation + " " + frame.Segment + " " + frame.Offset + " " + frame.Total + " " + frame.IsLast + " " + hex;
+            bool isLast;
+            expected["last"].TryFlag(out isLast);
+            string want = expected["generation"].Show() + " " + expected["segment"].Show() + " " + expected["offset"].Show()
+                + " " + expected["total"].Show() + " " + isLast + " " + expected["chunk_hex"].Text;
+            if (got != want) return got + ", expected " + want;
+            PayloadFrame again;
+            PayloadFrame.TryDecode(new ArraySegment<byte>(frame.Encode()), out again);
+            return Same(again.Encode(), frame.Encode()) && again.Offset == frame.Offset ? null : "not the same when written back";
+        }
+
+        private static string CompareError(JsonValue expected, DecodeException error)
+        {
+            if (expected.IsNull) return "refused: " + error.Message;
+            bool isFatal;
+            expected["fatal"].TryFlag(out isFatal);
+            string got = Facts(error.Code, error.IsFatal, error.Field, Number(error.Generation), Number(error.Request));
+            string want = Facts(
+                expected["code"].Text, isFatal, expected["field"].Text, Number(expected["generation"]), Number(expected["request"]));
+            return got == want ? null : got + ", expected " + want + ": " + error.Message;
+        }
+
+        private static string Facts(string code, bool isFatal, string field, string generation, string request)
+        {
+            return code + " fatal=" + isFatal + " field=" + field + " generation=" + generation + " request=" + request;
+        }
+
+        private static string Number(uint? number)
+        {
+            return number.HasValue ? number.Value.ToString() : "";
+        }
+
+        private static string Number(JsonValue number)
+        {
+            return number.IsNull ? "" : number.Show();
+        }
+
+        /// <summary>The same values, whatever the order of members; numbers by value.</summary>
+        private static bool SameTree(JsonValue one, JsonValue other)
+        {
+            double number;
+            double otherNumber;
+            if (one.TryNumber(out number)) return other.TryNumber(out otherNumber) && number == otherNumber;
+            if (one.Kind != other.Kind || one.Count != other.Count) return false;
+            switch (one.Kind)
+            {
+                case JsonKind.Text: return one.Text == other.Text;
+                case JsonKind.Flag: return one.Show() == other.Show();
+                case JsonKind.List:
+                    for (int place = 0; place < one.Count; place++)
+                    {
+                        if (!SameTree(one[place], other[place])) return false;
+                    }
+                    return true;
+                case JsonKind.Object:
+                    for (int place = 0; place < one.Count; place++)
+                    {
+                        JsonValue found;
+                        if (!other.Members.TryGet(one.Members.NameAt(place), out found)) return false;
+                        if (!SameTree(one.Members.ValueAt(place), found)) return false;
+                    }
+                    return true;
+                default: return true;
+            }
+        }
+
+        private static bool Same(byte[] one, byte[] other)
+        {
+            if (one.Length != other.Length) return false;
+            for (int place = 0; place < one.Length; place++)
+            {
+                if (one[place] != other[place]) return false;
+            }
+            return true;
+        }
+    }
+}
