@@ -1,3 +1,5 @@
+using System;
+
 namespace Terraport
 {
     /// <summary>The image file of a mesh, its header checked. The buffer is reused: only the first Length bytes count.</summary>
@@ -17,5 +19,25 @@ namespace Terraport
 
         /// <summary>Pixels, by the file's header: a power of two.</summary>
         public int Height { get; internal set; }
+
+        /// <summary>A copy of an image file whose header was checked.</summary>
+        internal void Set(byte[] bytes, int start, int length, ImageHeader header)
+        {
+            Bytes = Grow.To(Bytes, length);
+            Buffer.BlockCopy(bytes, start, Bytes, 0, length);
+            Length = length;
+            MediaType = header.MediaType;
+            Width = (int)header.Width;
+            Height = (int)header.Height;
+        }
+
+        /// <summary>No image; the buffer stays.</summary>
+        internal void Clear()
+        {
+            Length = 0;
+            MediaType = null;
+            Width = 0;
+            Height = 0;
+        }
     }
 }

@@ -154,10 +154,7 @@ namespace Terraport
             UvScaleV = 0;
             Bounds = default(Box);
             Array.Clear(CodeBounds, 0, CodeBounds.Length);
-            Image.Length = 0;
-            Image.MediaType = null;
-            Image.Width = 0;
-            Image.Height = 0;
+            Image.Clear();
             for (int at = attributes.Count - 1; at >= 0; at--)
             {
                 spareAttributes.Add(attributes[at]);

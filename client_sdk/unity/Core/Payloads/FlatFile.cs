@@ -1,0 +1,275 @@
+using System;
+
+namespace Terraport
+{
+    /// <summary>
+    /// A file of named arrays behind a directory, with a checksum (scene format, section 5): arrays payloads and base.cover. Reading
+    /// allocates nothing once its list is large enough; every flipped bit and every truncation is noticed.
+    /// </summary>
+    internal sealed class FlatFile
+    {
+        private const int HeaderBytes = 48;
+        private const int EntryBytes = 96;
+        private const int NameBytes = 72;
+        private const int MostFields = 256;
+        private const int Major = 1;
+        private const int Alignment = 8;
+        private const int ChecksumFrom = 16;
+
+        private readonly JsonTexts texts = new JsonTexts();
+        private Field[] fields = new Field[16];
+        private ArraySegment<byte> file;
+
+        /// <summary>Element types by their code.</summary>
+        internal enum ElementType : byte
+        {
+            Int8 = 1,
+            UInt8 = 2,
+            Int16 = 3,
+            UInt16 = 4,
+            UInt32 = 5,
+            Float32 = 6,
+            UInt64 = 7,
+        }
+
+        /// <summary>Number of segments, base faces or vertices.</summary>
+        internal uint Rows { get; private set; }
+
+        /// <summary>Fields of known types.</summary>
+        internal int FieldCount { get; private set; }
+
+        /// <summary>Read the directory; the bytes must stay as they are while arrays are asked for.</summary>
+        /// <param name="magic">The eight characters that name the kind of file.</param>
+        /// <exception cref="PayloadException">With the offset: size, magic, version, checksum, directory.</exception>
+        internal void Read(ArraySegment<byte> bytes, string magic)
+        {
+            file = bytes;
+            FieldCount = 0;
+            if (bytes.Count < HeaderBytes)
+            {
+                throw new PayloadException(bytes.Count + " bytes, expected at least " + HeaderBytes + " for the header", 0);
+            }
+            for (int at = 0; at < magic.Length; at++)
+            {
+                if (Byte(at) != magic[at])
+                {
+                    throw new PayloadException("another magic, expected " + magic, 0);
+                }
+            }
+            if (Short(16) != Major)
+            {
+                throw new PayloadException("format version " + Short(16) + ", expected " + Major, 16);
+            }
+            if (Long(24) != (ulong)bytes.Count)
+            {
+                throw new PayloadException(bytes.Count + " bytes, expected " + Long(24) + " by the header", 24);
+            }
+            ulong actual = Xxh3.Hash64(bytes.Array, bytes.Offset + ChecksumFrom, bytes.Count - ChecksumFrom);
+            if (actual != Long(8))
+            {
+                throw new PayloadException("checksum " + actual.ToString("x16") + ", expected " + Long(8).ToString("x16"), 8);
+            }
+            Rows = Word(40);
+            ReadDirectory();
+        }
+
+        /// <summary>Let go of the bytes.</summary>
+        internal void Release()
+        {
+            file = default(ArraySegment<byte>);
+        }
+
+        /// <summary>Number of the field of that name (ASCII); -1 where there is none.</summary>
+        internal int Find(string name)
+        {
+            for (int field = 0; field < FieldCount; field++)
+            {
+                if (fields[field].NameLength == name.Length && StartsWith(field, name))
+                {
+                    return field;
+                }
+            }
+            return -1;
+        }
+
+        /// <summary>Whether a field's name starts with that (ASCII).</summary>
+        internal bool StartsWith(int field, string start)
+        {
+            if (fields[field].NameLength < start.Length)
+            {
+                return false;
+            }
+            for (int at = 0; at < start.Length; at++)
+            {
+                if (Byte(fields[field].At + at) != start[at])
+                {
+                    return false;
+                }
+            }
+            return true;
+        }
+
+        /// <summary>A field's name from a byte on; the same object for the same bytes, as far as a small cache reaches.</summary>
+        internal string NameFrom(int field, int from)
+        {
+            return texts.Get(file.Array, file.Offset + fields[field].At + from, fields[field].NameLength - from, false);
+        }
+
+        /// <summary>Rows of a field that must be of that type and width.</summary>
+        internal uint RowsOf(int field, string name, ElementType type, int components)
+        {
+            if (field < 0)
+            {
+                throw new PayloadException("no field " + name);
+            }
+            if (fields[field].Type != type || fields[field].Components != components)
+            {
+                throw new PayloadException("field " + name + " is of another type, expected " + type + " x " + components, fields[field].At);
+            }
+            return fields[field].Rows;
+        }
+
+        /// <summary>Where an array starts in the array of the file, and its bytes.</summary>
+        internal int Locate(int field, out byte[] bytes, out int length)
+        {
+            bytes = file.Array;
+            length = fields[field].Length;
+            return file.Offset + fields[field].Start;
+        }
+
+        /// <summary>Copy an array; the target has room. The machine is little-endian, as the format.</summary>
+        internal void CopyTo(int field, Array target)
+        {
+            Buffer.BlockCopy(file.Array, file.Offset + fields[field].Start, target, 0, fields[field].Length);
+        }
+
+        private static int SizeOf(ElementType type)
+        {
+            switch (type)
+            {
+                case ElementType.Int8:
+                case ElementType.UInt8:
+                    return 1;
+                case ElementType.Int16:
+                case ElementType.UInt16:
+                    return 2;
+                case ElementType.UInt64:
+                    return 8;
+                default:
+                    return 4;
+            }
+        }
+
+        private void ReadDirectory()
+        {
+            uint start = Word(20);
+            uint count = Word(32);
+            uint entryBytes = Word(36);
+            if (count > MostFields || entryBytes < EntryBytes || start < HeaderBytes)
+            {
+                throw new PayloadException(count + " fields of " + entryBytes + " bytes at " + start + ", expected a directory", 32);
+            }
+            if (start + (ulong)count * entryBytes > (ulong)file.Count)
+            {
+                throw new PayloadException("a directory of " + count + " fields runs past the end at " + file.Count, 32);
+            }
+            fields = Grow.To(fields, (int)count);
+            for (int number = 0; number < (int)count; number++)
+            {
+                int at = (int)(start + (uint)number * entryBytes);
+                byte type = Byte(at + NameBytes);
+                if (type >= (byte)ElementType.Int8 && type <= (byte)ElementType.UInt64)
+                {
+                    fields[FieldCount] = ReadField(at);
+                    FieldCount++;
+                }
+            }
+        }
+
+        private Field ReadField(int at)
+        {
+            var field = new Field { At = at, Type = (ElementType)Byte(at + NameBytes), Components = Byte(at + 73), Rows = Word(at + 76) };
+            ulong offset = Long(at + 80);
+            ulong length = Long(at + 88);
+            ulong expected = (ulong)field.Rows * (ulong)field.Components * (ulong)SizeOf(field.Type);
+            if (field.Components < 1 || length != expected)
+            {
+                throw new PayloadException(length + " bytes for " + field.Rows + " rows of " + field.Components + " x " + field.Type, at);
+            }
+            ulong size = (ulong)file.Count;
+            if (offset % Alignment != 0 || offset > size || length > size - offset)
+            {
+                string text = "an array at " + offset + " with " + length + " bytes, expected a multiple of 8 within " + size;
+                throw new PayloadException(text, at);
+            }
+            field.Start = (int)offset;
+            field.Length = (int)length;
+            field.NameLength = NameBytes;
+            while (field.NameLength > 0 && Byte(at + field.NameLength - 1) == 0)
+            {
+                field.NameLength--;
+            }
+            if (!Utf8.IsValid(file.Array, file.Offset + at, field.NameLength))
+            {
+                throw new PayloadException("a field's name is not UTF-8", at);
+            }
+            for (int other = 0; other < FieldCount; other++)
+            {
+                if (IsSameName(fields[other], field))
+                {
+                    throw new PayloadException("a field's name appears twice", at);
+                }
+            }
+            return field;
+        }
+
+        private bool IsSameName(Field left, Field right)
+        {
+            if (left.NameLength != right.NameLength)
+            {
+                return false;
+            }
+            for (int at = 0; at < left.NameLength; at++)
+            {
+                if (Byte(left.At + at) != Byte(right.At + at))
+                {
+                    return false;
+                }
+            }
+            return true;
+        }
+
+        private byte Byte(int at)
+        {
+            return file.Array[file.Offset + at];
+        }
+
+        private int Short(int at)
+        {
+            return Byte(at) | (Byte(at + 1) << 8);
+        }
+
+        private uint Word(int at)
+        {
+            return (uint)Short(at) | ((uint)Short(at + 2) << 16);
+        }
+
+        private ulong Long(int at)
+        {
+            return Word(at) | ((ulong)Word(at + 4) << 32);
+        }
+
+        private struct Field
+        {
+            /// <summary>Where its entry starts: with the name.</summary>
+            internal int At;
+
+            internal int NameLength;
+            internal ElementType Type;
+            internal int Components;
+            internal uint Rows;
+            internal int Start;
+            internal int Length;
+        }
+    }
+}

@@ -1,0 +1,323 @@
+using System;
+
+namespace Terraport
+{
+    /// <summary>
+    /// GLB payloads and the base mesh to meshes (scene format, section 9); safe on hostile bytes. One decoder serves one thread; it
+    /// keeps its scratch memory, so that decoding allocates nothing once that and the mesh's buffers are large enough.
+    /// </summary>
+    public sealed class GlbDecoder
+    {
+        private const ushort NullCode = 65535;
+        private const double LastCode = 65534;
+        private readonly GlbDocument document = new GlbDocument();
+        private readonly GlbAccessors accessors;
+        private int[] words;
+
+        /// <summary>A decoder with no scratch memory yet.</summary>
+        public GlbDecoder()
+        {
+            accessors = new GlbAccessors(document);
+        }
+
+        /// <summary>Decode a payload; arrays stay quantised. The bytes are only read, and nothing of them is kept.</summary>
+        /// <param name="payload">The whole GLB.</param>
+        /// <param name="isBase">The base mesh: its image may have sides of 4096, a segment's 2048.</param>
+        /// <param name="into">Holds the result; empty where the payload is refused.</param>
+        /// <exception cref="PayloadException">For anything that is not a whole GLB of the profile: never another exception.</exception>
+        public void Decode(ArraySegment<byte> payload, bool isBase, SegmentMesh into)
+        {
+            if (payload.Array == null || into == null)
+            {
+                throw new ArgumentNullException(into == null ? "into" : "payload");
+            }
+            into.Clear();
+            bool isWhole = false;
+            try
+            {
+                document.Read(payload);
+                Fill(into, isBase);
+                isWhole = true;
+            }
+            finally
+            {
+                document.Release();
+                if (!isWhole)
+                {
+                    into.Clear();
+                }
+            }
+        }
+
+        private void Fill(SegmentMesh mesh, bool isBase)
+        {
+            JsonTape tape = document.Tape;
+            CheckExtensions();
+            int gltfMesh = document.OnlyOne(0, "meshes");
+            int primitive = document.OnlyOne(gltfMesh, "primitives");
+            int mode = tape.Find(primitive, "mode");
+            if (mode >= 0 && (!tape.IsNumber(mode) || tape.NumberOf(mode) != 4))
+            {
+                throw document.Wrong(mode, "primitive mode", null, "4 (triangles)");
+            }
+            int names = document.ExpectObject(tape.Find(primitive, "attributes"), "attributes", null);
+            mesh.Encoding = PayloadEncoding.Glb;
+            ReadPlace(mesh);
+            ReadPositions(mesh, tape.Find(names, "POSITION"));
+            ReadIndices(mesh, tape.Find(primitive, "indices"));
+            ReadNormals(mesh, tape.Find(names, "NORMAL"));
+            GlbTexture texture;
+            bool hasTexture = GlbTexture.TryFind(document, primitive, out texture);
+            int colours = tape.Find(names, "COLOR_0");
+            if (hasTexture && colours >= 0)
+            {
+                throw new PayloadException("texture and COLOR_0 in one mesh, expected one of them (glTF multiplies)");
+            }
+            if (colours >= 0)
+            {
+                ReadColours(mesh, colours);
+            }
+            int regions = tape.Find(names, "_FEATURE_ID_0");
+            if (regions >= 0)
+            {
+                mesh.RegionIds = ReadCodes(mesh, regions, "_FEATURE_ID_0", mesh.RegionIds);
+                mesh.HasRegionIds = true;
+            }
+            ReadAttributes(mesh, names, gltfMesh);
+            if (hasTexture)
+            {
+                ReadUvs(mesh, tape.Find(names, "TEXCOORD_0"), texture);
+                ReadImage(mesh.Image, texture, isBase);
+            }
+        }
+
+        private void CheckExtensions()
+        {
+            JsonTape tape = document.Tape;
+            int list = tape.Find(0, "extensionsRequired");
+            if (list < 0)
+            {
+                return;
+            }
+            document.ExpectList(list, "extensionsRequired");
+            int entry = list + 1;
+            for (int left = tape.CountOf(list); left > 0; left--)
+            {
+                bool isKnown = tape.IsEqual(entry, "KHR_mesh_quantization") || tape.IsEqual(entry, "EXT_meshopt_compression")
+                    || tape.IsEqual(entry, "EXT_mesh_features") || tape.IsEqual(entry, GlbTexture.UvTransform)
+                    || tape.IsEqual(entry, GlbTexture.WebpExtension) || tape.IsEqual(entry, GlbTexture.BasisExtension);
+                if (!isKnown)
+                {
+                    throw document.Wrong(entry, "required extension", null, "one that we know");
+                }
+                entry = tape.After(entry);
+            }
+        }
+
+        private void ReadPlace(SegmentMesh mesh)
+        {
+            int node = document.OnlyOne(0, "nodes");
+            if (document.Tape.Find(node, "matrix") >= 0 || document.Tape.Find(node, "rotation") >= 0)
+            {
+                throw new PayloadException("node has a matrix or rotation, expected translation and scale alone");
+            }
+            mesh.Translation = document.Triple(node, "translation", 0);
+            Vec3 scale = document.Triple(node, "scale", 1);
+            if (!(scale.X > 0) || scale.Y != scale.X || scale.Z != scale.X)
+            {
+                throw new PayloadException("node scale " + scale + ", expected one positive number three times");
+            }
+            mesh.StepM = scale.X;
+        }
+
+        private void ReadPositions(SegmentMesh mesh, int number)
+        {
+            GlbRows rows = accessors.Vertices(number, GlbAccessors.UnsignedShort, GlbAccessors.Float, "VEC3", 3, "POSITION");
+            mesh.VertexCount = rows.Count;
+            mesh.HasFloatPositions = rows.Component == GlbAccessors.Float;
+            if (!mesh.HasFloatPositions)
+            {
+                mesh.PositionCodes = Grow.To(mesh.PositionCodes, rows.Count * 4);
+                Copy(rows, 8, mesh.PositionCodes);
+                MeshChecks.CodeBounds(mesh.PositionCodes, rows.Count, mesh.CodeBounds);
+                mesh.Bounds = BoundsOf(mesh);
+                return;
+            }
+            if (mesh.StepM != 1 || !mesh.Translation.Equals(new Vec3(0, 0, 0)))
+            {
+                throw new PayloadException("float positions with a node transform, expected none");
+            }
+            mesh.Positions = Grow.To(mesh.Positions, rows.Count * 3);
+            if (rows.IsExponential)
+            {
+                words = Grow.To(words, rows.Count * 3);
+                Copy(rows, 12, words);
+                MeshoptFilters.Exponential(words, mesh.Positions, rows.Count * 3);
+            }
+            else
+            {
+                Copy(rows, 12, mesh.Positions);
+            }
+            MeshChecks.Finite(mesh.Positions, rows.Count * 3, "positions");
+            mesh.Bounds = MeshChecks.BoundsOf(mesh.Positions, rows.Count);
+        }
+
+        /// <summary>The box in metres; codes are placed as a GPU places them.</summary>
+        private static Box BoundsOf(SegmentMesh mesh)
+        {
+            ushort[] codes = mesh.CodeBounds;
+            Vec3 at = mesh.Translation;
+            double step = mesh.StepM;
+            return new Box(
+                Placed(at.X + step * codes[0]), Placed(at.Y + step * codes[1]), Placed(at.Z + step * codes[2]),
+                Placed(at.X + step * codes[3]), Placed(at.Y + step * codes[4]), Placed(at.Z + step * codes[5]));
+        }
+
+        private static float Placed(double metres)
+        {
+            float value = (float)metres;
+            if (value - value != 0)
+            {
+                throw new PayloadException("a position beyond float32, expected finite numbers");
+            }
+            return value;
+        }
+
+        private void ReadIndices(SegmentMesh mesh, int number)
+        {
+            uint[] indices = mesh.Indices;
+            int count = accessors.Indices(number, ref indices);
+            mesh.Indices = indices;
+            MeshChecks.Indices(indices, count, mesh.VertexCount);
+            mesh.FaceCount = count / 3;
+        }
+
+        private void ReadNormals(SegmentMesh mesh, int number)
+        {
+            GlbRows rows = accessors.Vertices(number, GlbAccessors.Byte, 0, "VEC3", 3, "NORMAL");
+            ExpectRows(rows, mesh, "NORMAL");
+            mesh.NormalCodes = Grow.To(mesh.NormalCodes, rows.Count * 4);
+            Copy(rows, 4, mesh.NormalCodes);
+            MeshChecks.NormalCodes(mesh.NormalCodes, rows.Count);
+        }
+
+        private void ReadColours(SegmentMesh mesh, int number)
+        {
+            GlbRows rows = accessors.Vertices(number, GlbAccessors.UnsignedShort, 0, "VEC4", 4, "COLOR_0");
+            ExpectRows(rows, mesh, "COLOR_0");
+            mesh.LinearColours = Grow.To(mesh.LinearColours, rows.Count * 4);
+            Copy(rows, 8, mesh.LinearColours);
+            mesh.HasColours = true;
+        }
+
+        private ushort[] ReadCodes(SegmentMesh mesh, int number, string name, ushort[] target)
+        {
+            GlbRows rows = accessors.Vertices(number, GlbAccessors.UnsignedShort, 0, "SCALAR", 1, name);
+            ExpectRows(rows, mesh, name);
+            target = Grow.To(target, rows.Count);
+            int at = rows.Start;
+            for (int row = 0; row < rows.Count; row++)
+            {
+                target[row] = (ushort)(rows.Bytes[at] | (rows.Bytes[at + 1] << 8));
+                at += rows.Stride;
+            }
+            return target;
+        }
+
+        private void ReadAttributes(SegmentMesh mesh, int names, int gltfMesh)
+        {
+            JsonTape tape = document.Tape;
+            int ours = document.OptionalObject(document.OptionalObject(gltfMesh, "extras"), "terraport");
+            int list = document.Find(ours, "attributes");
+            if (list < 0)
+            {
+                return;
+            }
+            document.ExpectList(list, "extras.terraport.attributes");
+            int row = list + 1;
+            for (int left = tape.CountOf(list); left > 0; left--)
+            {
+                document.ExpectObject(row, "attribute", null);
+                int name = tape.Find(row, "name");
+                int gltfName = tape.Find(row, "gltf_name");
+                if (!tape.IsText(name) || !tape.IsText(gltfName) || !tape.StartsWith(gltfName, '_'))
+                {
+                    throw document.Wrong(gltfName, "attribute name", tape.Shortly(name), "text and _TEXT");
+                }
+                int none = tape.Find(row, "null");
+                if (none >= 0 && (!tape.IsNumber(none) || tape.NumberOf(none) != NullCode))
+                {
+                    throw document.Wrong(none, "null code", tape.Shortly(name), "65535");
+                }
+                MeshAttribute attribute = mesh.AddAttribute();
+                attribute.Name = tape.TextOf(name);
+                attribute.Offset = document.ExpectFinite(tape.Find(row, "offset"), "offset", attribute.Name);
+                attribute.Step = document.ExpectFinite(tape.Find(row, "step"), "step", attribute.Name);
+                double last = attribute.Offset + attribute.Step * LastCode;
+                if (!(attribute.Step > 0) || Math.Abs(attribute.Offset) > float.MaxValue || !(Math.Abs(last) <= float.MaxValue))
+                {
+                    throw new PayloadException("scale of " + attribute.Name + ": expected a step above 0 and values within float32");
+                }
+                string gltfText = tape.TextOf(gltfName);
+                attribute.Codes = ReadCodes(mesh, tape.Find(names, gltfText), gltfText, attribute.Codes);
+                attribute.Values = null;
+                row = tape.After(row);
+            }
+        }
+
+        private void ReadUvs(SegmentMesh mesh, int number, GlbTexture texture)
+        {
+            GlbRows rows = accessors.Vertices(number, GlbAccessors.UnsignedShort, 0, "VEC2", 2, "TEXCOORD_0");
+            ExpectRows(rows, mesh, "TEXCOORD_0");
+            if (texture.HasScale == rows.IsNormalised)
+            {
+                throw new PayloadException("TEXCOORD_0 must be normalised without a transform, and not with one");
+            }
+            mesh.UvCodes = Grow.To(mesh.UvCodes, rows.Count * 2);
+            Copy(rows, 4, mesh.UvCodes);
+            mesh.UvScaleU = texture.HasScale ? texture.ScaleU : 1.0 / 65535;
+            mesh.UvScaleV = texture.HasScale ? texture.ScaleV : 1.0 / 65535;
+            if (texture.HasScale)
+            {
+                // Codes over all 16 bits cannot leave the image.
+                MeshChecks.UvCodes(mesh.UvCodes, rows.Count, mesh.UvScaleU, mesh.UvScaleV);
+            }
+        }
+
+        private void ReadImage(MeshImage image, GlbTexture texture, bool isBase)
+        {
+            int length;
+            int start = accessors.Image(texture.View, out length);
+            ImageHeader header = ImageHeader.Read(document.Bytes, start, length);
+            if (header.MediaType != texture.MediaType)
+            {
+                throw new PayloadException("image is " + header.MediaType + ", expected " + texture.MediaType + " by mimeType");
+            }
+            header.CheckSides(isBase);
+            image.Set(document.Bytes, start, length, header);
+        }
+
+        private static void ExpectRows(GlbRows rows, SegmentMesh mesh, string label)
+        {
+            if (rows.Count != mesh.VertexCount)
+            {
+                throw new PayloadException(label + " has " + rows.Count + " rows, expected " + mesh.VertexCount + ": one a vertex");
+            }
+        }
+
+        /// <summary>The first bytes of every row, one row after the other; the machine is little-endian, as the format.</summary>
+        private static void Copy(GlbRows rows, int rowBytes, Array target)
+        {
+            if (rows.Stride == rowBytes)
+            {
+                Buffer.BlockCopy(rows.Bytes, rows.Start, target, 0, rows.Count * rowBytes);
+                return;
+            }
+            int used = Math.Min(rows.Stride, rowBytes);
+            for (int row = 0; row < rows.Count; row++)
+            {
+                Buffer.BlockCopy(rows.Bytes, rows.Start + row * rows.Stride, target, row * rowBytes, used);
+            }
+        }
+    }
+}

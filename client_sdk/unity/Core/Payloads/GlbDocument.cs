@@ -1,0 +1,221 @@
+using System;
+
+namespace Terraport
+{
+    /// <summary>The two chunks of a GLB (glTF 2.0, section 4.4), and values out of its document, each checked before it is used.</summary>
+    internal sealed class GlbDocument
+    {
+        /// <summary>Bounds the parser's work on hostile bytes; our own documents have 2 to 4 KiB.</summary>
+        private const int MostJsonBytes = 1 << 20;
+        private const int HeaderBytes = 12;
+        private const int ChunkBytes = 8;
+        // As little-endian numbers.
+        private const uint Gltf = 0x46546C67;
+        private const uint JsonChunk = 0x4E4F534A;
+        private const uint BinaryChunk = 0x004E4942;
+        private int payloadStart;
+
+        internal GlbDocument()
+        {
+            Tape = new JsonTape();
+        }
+
+        /// <summary>The document; its root is node 0, an object.</summary>
+        internal JsonTape Tape { get; private set; }
+
+        /// <summary>The array that the payload lies in.</summary>
+        internal byte[] Bytes { get; private set; }
+
+        /// <summary>Where the contents of the BIN chunk start in <see cref="Bytes"/>.</summary>
+        internal int BinaryStart { get; private set; }
+
+        /// <summary>Their length.</summary>
+        internal int BinaryLength { get; private set; }
+
+        /// <summary>Read both chunks; nothing inside the document is checked yet.</summary>
+        /// <exception cref="PayloadException">With the offset: magic, version, length, chunks, JSON.</exception>
+        internal void Read(ArraySegment<byte> payload)
+        {
+            int size = payload.Count;
+            payloadStart = payload.Offset;
+            Bytes = payload.Array;
+            if (size < HeaderBytes + ChunkBytes)
+            {
+                throw new PayloadException(size + " bytes, expected a GLB of at least " + (HeaderBytes + ChunkBytes), 0);
+            }
+            if (Word(0) != Gltf)
+            {
+                throw new PayloadException("no magic glTF at the start", 0);
+            }
+            if (Word(4) != 2)
+            {
+                throw new PayloadException("glTF version " + Word(4) + ", expected 2", 4);
+            }
+            if (Word(8) != (uint)size)
+            {
+                throw new PayloadException(size + " bytes, expected " + Word(8) + " by the header", 8);
+            }
+            int text = ChunkAt(HeaderBytes, size, JsonChunk, "JSON");
+            if (text > MostJsonBytes)
+            {
+                throw new PayloadException("JSON chunk of " + text + " bytes, expected at most " + MostJsonBytes, HeaderBytes);
+            }
+            int textStart = HeaderBytes + ChunkBytes;
+            BinaryLength = ChunkAt(textStart + text, size, BinaryChunk, "BIN");
+            int binary = textStart + text + ChunkBytes;
+            if (binary + BinaryLength != size)
+            {
+                throw new PayloadException("something after the BIN chunk, expected nothing", binary + BinaryLength);
+            }
+            BinaryStart = payloadStart + binary;
+            Tape.Read(Bytes, payloadStart + textStart, text);
+            ExpectObject(0, "JSON chunk", null);
+        }
+
+        /// <summary>Let go of the payload.</summary>
+        internal void Release()
+        {
+            Bytes = null;
+            Tape.Release();
+        }
+
+        /// <summary>Byte of the payload at a place of <see cref="Bytes"/>, for error texts.</summary>
+        internal long OffsetOf(int place)
+        {
+            return place - payloadStart;
+        }
+
+        /// <summary>The node, if it is an object. The label of its part may be null; texts are put together for errors alone.</summary>
+        internal int ExpectObject(int node, string what, string label)
+        {
+            if (!Tape.IsObject(node))
+            {
+                throw Wrong(node, what, label, "an object");
+            }
+            return node;
+        }
+
+        /// <summary>The node, if it is a list.</summary>
+        internal int ExpectList(int node, string what)
+        {
+            if (!Tape.IsList(node))
+            {
+                throw Wrong(node, what, null, "a list");
+            }
+            return node;
+        }
+
+        /// <summary>The object under a key, or <see cref="JsonTape.None"/> where the key is absent.</summary>
+        internal int OptionalObject(int owner, string key)
+        {
+            if (owner < 0)
+            {
+                return JsonTape.None;
+            }
+            int node = Tape.Find(owner, key);
+            return node < 0 ? node : ExpectObject(node, key, null);
+        }
+
+        /// <summary>Node under a key; none where there is no owner.</summary>
+        internal int Find(int owner, string key)
+        {
+            return owner < 0 ? JsonTape.None : Tape.Find(owner, key);
+        }
+
+        /// <summary>The one object in the list under a key.</summary>
+        internal int OnlyOne(int owner, string key)
+        {
+            int list = ExpectList(Tape.Find(owner, key), key);
+            if (Tape.CountOf(list) != 1)
+            {
+                throw new PayloadException(Tape.CountOf(list) + " " + key + ", expected 1");
+            }
+            return ExpectObject(Tape.FirstOf(list), key, null);
+        }
+
+        /// <summary>The object of a list under the root, by a node that holds its number.</summary>
+        internal int Pick(string listKey, int numberNode, string what, string label)
+        {
+            int list = ExpectList(Tape.Find(0, listKey), listKey);
+            double number = Tape.IsNumber(numberNode) ? Tape.NumberOf(numberNode) : -1;
+            if (number >= 0 && number < Tape.CountOf(list) && number == Math.Floor(number))
+            {
+                return ExpectObject(Tape.Entry(list, (int)number), what, label);
+            }
+            throw Wrong(numberNode, what, label, "0 to " + (Tape.CountOf(list) - 1));
+        }
+
+        /// <summary>A whole number of at least <paramref name="least"/>, below 2^31.</summary>
+        internal int ExpectWhole(int node, string what, string label, int least)
+        {
+            double value = Tape.IsNumber(node) ? Tape.NumberOf(node) : double.NaN;
+            if (value >= least && value <= int.MaxValue && value == Math.Floor(value))
+            {
+                return (int)value;
+            }
+            throw Wrong(node, what, label, "a whole number of at least " + least);
+        }
+
+        /// <summary>A finite number.</summary>
+        internal double ExpectFinite(int node, string what, string label)
+        {
+            double value = Tape.IsNumber(node) ? Tape.NumberOf(node) : double.NaN;
+            if (value - value == 0)
+            {
+                return value;
+            }
+            throw Wrong(node, what, label, "a finite number");
+        }
+
+        /// <summary>Three finite numbers, or what they are without the key.</summary>
+        internal Vec3 Triple(int owner, string key, double absent)
+        {
+            int node = Tape.Find(owner, key);
+            if (node < 0)
+            {
+                return new Vec3(absent, absent, absent);
+            }
+            ExpectList(node, key);
+            if (Tape.CountOf(node) != 3)
+            {
+                throw Wrong(node, key, null, "three numbers");
+            }
+            int x = Tape.FirstOf(node);
+            int y = Tape.After(x);
+            int z = Tape.After(y);
+            return new Vec3(ExpectFinite(x, key, null), ExpectFinite(y, key, null), ExpectFinite(z, key, null));
+        }
+
+        /// <summary>Says what a node is and what was expected.</summary>
+        internal PayloadException Wrong(int node, string what, string label, string expected)
+        {
+            string name = label == null ? what : what + " of " + label;
+            return new PayloadException(name + " is " + Tape.Shortly(node) + ", expected " + expected);
+        }
+
+        private uint Word(int at)
+        {
+            int place = payloadStart + at;
+            return Bytes[place] | ((uint)Bytes[place + 1] << 8) | ((uint)Bytes[place + 2] << 16) | ((uint)Bytes[place + 3] << 24);
+        }
+
+        /// <summary>Length of the chunk at a place, within the payload.</summary>
+        private int ChunkAt(int at, int size, uint kind, string name)
+        {
+            int left = size - at - ChunkBytes;
+            if (left < 0)
+            {
+                throw new PayloadException(left + ChunkBytes + " bytes left, expected a " + name + " chunk", at);
+            }
+            if (Word(at + 4) != kind)
+            {
+                throw new PayloadException("chunk type " + Word(at + 4) + ", expected " + name, at + 4);
+            }
+            if (Word(at) > (uint)left)
+            {
+                throw new PayloadException("chunk of " + Word(at) + " bytes, " + left + " left", at);
+            }
+            return (int)Word(at);
+        }
+    }
+}

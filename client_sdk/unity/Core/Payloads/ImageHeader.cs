@@ -1,0 +1,201 @@
+namespace Terraport
+{
+    /// <summary>
+    /// What an image file says of itself, read without decoding it: nobody may hand an image library fifty bytes that claim
+    /// 65535 x 65535 pixels. JPEG (ITU-T T.81, annex B), PNG (ISO 15948, 5.2 and 11.2.2), WebP (RFC 9649, 2.3 to 2.7), KTX2
+    /// (Khronos KTX File Format 2.0, section 3).
+    /// </summary>
+    internal struct ImageHeader
+    {
+        private const int MostBaseSide = 4096;
+        private const int MostSegmentSide = 2048;
+        private static readonly byte[] JpegStart = { 0xFF, 0xD8, 0xFF };
+        private static readonly byte[] PngStart = { 0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A };
+        private static readonly byte[] KtxStart = { 0xAB, 0x4B, 0x54, 0x58, 0x20, 0x32, 0x30, 0xBB, 0x0D, 0x0A, 0x1A, 0x0A };
+
+        private byte[] bytes;
+        private int start;
+        private int length;
+
+        /// <summary>One of the four types, by the first bytes.</summary>
+        internal string MediaType;
+
+        /// <summary>Pixels.</summary>
+        internal uint Width;
+
+        /// <summary>Pixels.</summary>
+        internal uint Height;
+
+        /// <summary>Read a header; safe on hostile bytes. Sides are not checked.</summary>
+        /// <exception cref="PayloadException">The first bytes are of no known type, or the header is cut short.</exception>
+        internal static ImageHeader Read(byte[] bytes, int start, int length)
+        {
+            var header = new ImageHeader { bytes = bytes, start = start, length = length };
+            if (header.StartsWith(JpegStart))
+            {
+                header.MediaType = "image/jpeg";
+                header.ReadJpeg();
+            }
+            else if (header.StartsWith(PngStart))
+            {
+                header.MediaType = "image/png";
+                if (!header.HasLetters(12, "IHDR"))
+                {
+                    throw new PayloadException("PNG does not start with IHDR");
+                }
+                header.Width = header.Big(16, 4);
+                header.Height = header.Big(20, 4);
+            }
+            else if (header.StartsWith(KtxStart))
+            {
+                header.MediaType = "image/ktx2";
+                header.Width = header.Little(20, 4);
+                header.Height = header.Little(24, 4);
+            }
+            else if (length >= 12 && header.HasLetters(0, "RIFF") && header.HasLetters(8, "WEBP"))
+            {
+                header.MediaType = "image/webp";
+                header.ReadWebp();
+            }
+            else
+            {
+                throw new PayloadException("image of unknown type, expected JPEG, PNG, WebP or KTX2 by its first bytes");
+            }
+            return header;
+        }
+
+        /// <summary>Check the sides: powers of two, at most 2048 in a segment and 4096 in a base.</summary>
+        internal void CheckSides(bool isBase)
+        {
+            uint most = isBase ? (uint)MostBaseSide : MostSegmentSide;
+            if (!IsSide(Width, most) || !IsSide(Height, most))
+            {
+                throw new PayloadException("image of " + Width + " x " + Height + " pixels, expected powers of two, at most " + most);
+            }
+        }
+
+        private static bool IsSide(uint side, uint most)
+        {
+            return side >= 1 && side <= most && (side & (side - 1)) == 0;
+        }
+
+        private void ReadJpeg()
+        {
+            int at = 2;
+            // Each round moves on by a byte or more.
+            while (at <= length - 4)
+            {
+                if (At(at) != 0xFF)
+                {
+                    throw new PayloadException("JPEG without a marker at " + at);
+                }
+                byte marker = At(at + 1);
+                if (marker == 0xFF)
+                {
+                    at++; // A fill byte.
+                }
+                else if (marker == 0x01 || (marker >= 0xD0 && marker <= 0xD7))
+                {
+                    at += 2; // TEM and the restarts have no length.
+                }
+                else if (marker == 0xD9 || marker == 0xDA)
+                {
+                    break;
+                }
+                else if (marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC)
+                {
+                    Height = Big(at + 5, 2); // DHT, JPG and DAC lie between the frames.
+                    Width = Big(at + 7, 2);
+                    return;
+                }
+                else
+                {
+                    uint size = Big(at + 2, 2);
+                    at += 2 + (int)(size < 2 ? 2 : size);
+                }
+            }
+            throw new PayloadException("JPEG without a frame header before its first scan");
+        }
+
+        private void ReadWebp()
+        {
+            if (HasLetters(12, "VP8 "))
+            {
+                Width = Little(26, 2) & 0x3FFF;
+                Height = Little(28, 2) & 0x3FFF;
+            }
+            else if (HasLetters(12, "VP8L"))
+            {
+                uint bits = Little(21, 4);
+                Width = (bits & 0x3FFF) + 1;
+                Height = ((bits >> 14) & 0x3FFF) + 1;
+            }
+            else if (HasLetters(12, "VP8X"))
+            {
+                Width = Little(24, 3) + 1;
+                Height = Little(27, 3) + 1;
+            }
+            else
+            {
+                throw new PayloadException("WebP without VP8, VP8L or VP8X as its first chunk");
+            }
+        }
+
+        private bool StartsWith(byte[] expected)
+        {
+            if (length < expected.Length)
+            {
+                return false;
+            }
+            for (int at = 0; at < expected.Length; at++)
+            {
+                if (bytes[start + at] != expected[at])
+                {
+                    return false;
+                }
+            }
+            return true;
+        }
+
+        private bool HasLetters(int at, string letters)
+        {
+            for (int place = 0; place < letters.Length; place++)
+            {
+                if (At(at + place) != letters[place])
+                {
+                    return false;
+                }
+            }
+            return true;
+        }
+
+        private uint Big(int at, int size)
+        {
+            uint value = 0;
+            for (int place = 0; place < size; place++)
+            {
+                value = (value << 8) | At(at + place);
+            }
+            return value;
+        }
+
+        private uint Little(int at, int size)
+        {
+            uint value = 0;
+            for (int place = size - 1; place >= 0; place--)
+            {
+                value = (value << 8) | At(at + place);
+            }
+            return value;
+        }
+
+        private byte At(int at)
+        {
+            if (at >= length)
+            {
+                throw new PayloadException("image header cut short after " + length + " bytes");
+            }
+            return bytes[start + at];
+        }
+    }
+}

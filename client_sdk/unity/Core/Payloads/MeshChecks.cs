@@ -1,0 +1,123 @@
+namespace Terraport
+{
+    /// <summary>What a GPU would not notice: numbers of vertices that are not there, normals without length, positions at infinity.</summary>
+    internal static class MeshChecks
+    {
+        /// <summary>Every face uses vertices that are there.</summary>
+        internal static void Indices(uint[] indices, int count, int vertices)
+        {
+            uint last = 0;
+            for (int at = 0; at < count; at++)
+            {
+                uint index = indices[at];
+                if (index > last)
+                {
+                    last = index;
+                }
+            }
+            if (last >= (uint)vertices)
+            {
+                throw new PayloadException("a face uses vertex " + last + ", expected below " + vertices);
+            }
+        }
+
+        /// <summary>No normal (four entries each, the fourth is padding) has length 0.</summary>
+        internal static void NormalCodes(sbyte[] normals, int vertices)
+        {
+            for (int at = 0; at < vertices * 4; at += 4)
+            {
+                if (normals[at] == 0 && normals[at + 1] == 0 && normals[at + 2] == 0)
+                {
+                    throw new PayloadException("normal " + at / 4 + " has length 0, expected 1");
+                }
+            }
+        }
+
+        /// <summary>Every number is finite.</summary>
+        internal static void Finite(float[] values, int count, string label)
+        {
+            float sum = 0;
+            for (int at = 0; at < count; at++)
+            {
+                // Zero for finite numbers; a NaN or an infinity makes NaN, and stays.
+                sum += 0 * values[at];
+            }
+            if (sum != 0)
+            {
+                throw new PayloadException("a number of " + label + " is not finite, expected finite numbers");
+            }
+        }
+
+        /// <summary>Lowest and highest code along each axis of four entries a vertex, into x y z x y z.</summary>
+        internal static void CodeBounds(ushort[] codes, int vertices, ushort[] bounds)
+        {
+            int minX = 65535, minY = 65535, minZ = 65535, maxX = 0, maxY = 0, maxZ = 0;
+            for (int at = 0; at < vertices * 4; at += 4)
+            {
+                int x = codes[at];
+                int y = codes[at + 1];
+                int z = codes[at + 2];
+                minX = x < minX ? x : minX;
+                maxX = x > maxX ? x : maxX;
+                minY = y < minY ? y : minY;
+                maxY = y > maxY ? y : maxY;
+                minZ = z < minZ ? z : minZ;
+                maxZ = z > maxZ ? z : maxZ;
+            }
+            bounds[0] = (ushort)minX;
+            bounds[1] = (ushort)minY;
+            bounds[2] = (ushort)minZ;
+            bounds[3] = (ushort)maxX;
+            bounds[4] = (ushort)maxY;
+            bounds[5] = (ushort)maxZ;
+        }
+
+        /// <summary>Box of finite positions, three entries a vertex.</summary>
+        internal static Box BoundsOf(float[] positions, int vertices)
+        {
+            float minX = float.PositiveInfinity, minY = minX, minZ = minX;
+            float maxX = float.NegativeInfinity, maxY = maxX, maxZ = maxX;
+            for (int at = 0; at < vertices * 3; at += 3)
+            {
+                float x = positions[at];
+                float y = positions[at + 1];
+                float z = positions[at + 2];
+                minX = x < minX ? x : minX;
+                maxX = x > maxX ? x : maxX;
+                minY = y < minY ? y : minY;
+                maxY = y > maxY ? y : maxY;
+                minZ = z < minZ ? z : minZ;
+                maxZ = z > maxZ ? z : maxZ;
+            }
+            return new Box(minX, minY, minZ, maxX, maxY, maxZ);
+        }
+
+        /// <summary>No code of a pair (two entries each) leaves the image.</summary>
+        internal static void UvCodes(ushort[] codes, int vertices, double scaleU, double scaleV)
+        {
+            int mostU = 0;
+            int mostV = 0;
+            for (int at = 0; at < vertices * 2; at += 2)
+            {
+                mostU = codes[at] > mostU ? codes[at] : mostU;
+                mostV = codes[at + 1] > mostV ? codes[at + 1] : mostV;
+            }
+            if (mostU * scaleU > 1 || mostV * scaleV > 1)
+            {
+                throw new PayloadException("texture coordinates beyond the image, expected 0 to 1");
+            }
+        }
+
+        /// <summary>Every texture coordinate lies within 0 to 1; NaN does not.</summary>
+        internal static void Uvs(float[] uvs, int vertices)
+        {
+            for (int at = 0; at < vertices * 2; at++)
+            {
+                if (!(uvs[at] >= 0 && uvs[at] <= 1))
+                {
+                    throw new PayloadException("uvs of vertex " + at / 2 + " lie outside the image, expected 0 to 1");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,42 @@
+namespace Terraport
+{
+    /// <summary>Whether bytes are UTF-8 (RFC 3629), without making a text of them.</summary>
+    internal static class Utf8
+    {
+        /// <summary>No byte out of place, no longer form than needed, no surrogate, nothing above U+10FFFF.</summary>
+        internal static bool IsValid(byte[] bytes, int offset, int length)
+        {
+            int end = offset + length;
+            int at = offset;
+            while (at < end)
+            {
+                byte first = bytes[at++];
+                if (first < 0x80)
+                {
+                    continue;
+                }
+                int more = first >= 0xC2 && first <= 0xDF ? 1 : first >= 0xE0 && first <= 0xEF ? 2 : first >= 0xF0 && first <= 0xF4 ? 3 : 0;
+                if (more == 0 || end - at < more)
+                {
+                    return false;
+                }
+                byte second = bytes[at];
+                byte least = first == 0xE0 ? (byte)0xA0 : first == 0xF0 ? (byte)0x90 : (byte)0x80;
+                byte most = first == 0xED ? (byte)0x9F : first == 0xF4 ? (byte)0x8F : (byte)0xBF;
+                if (second < least || second > most)
+                {
+                    return false;
+                }
+                for (int place = at + 1; place < at + more; place++)
+                {
+                    if ((bytes[place] & 0xC0) != 0x80)
+                    {
+                        return false;
+                    }
+                }
+                at += more;
+            }
+            return true;
+        }
+    }
+}
