@@ -3,7 +3,8 @@
 ``python -m terraport_wire.schema SPEC_DIR`` writes ``SPEC_DIR/schema/*.json`` and the tables
 between the ``generated`` marks of ``SPEC_DIR/wire-protocol.md``; with ``--typescript FILE`` also
 the viewer's tables (`terraport_wire.typescript`), with ``--csharp FILE`` the Unity client's
-(`terraport_wire.schema_csharp`); ``--check`` only compares.  The functions are pure; `main` alone
+(`terraport_wire.schema_csharp`), with ``--cpp FOLDER`` the Unreal client's
+(`terraport_wire.schema_cpp`); ``--check`` only compares.  The functions are pure; `main` alone
 touches files.
 """
 
@@ -20,6 +21,7 @@ from typing import Any
 from .errors import CLOSE_CODES, HTTP_STATUS
 from .message import Direction, Message, Part, fields_of, part_schema
 from .messages import MESSAGES, PARTS
+from .schema_cpp import cpp_files
 from .schema_csharp import csharp_file
 from .typescript import messages_module
 
@@ -33,6 +35,7 @@ _Files = dict[Path, str]
 _LANGUAGES: dict[str, tuple[str, str, Callable[[Path], _Files]]] = {
     "typescript": ("FILE", "the viewer's tables", lambda path: {path: messages_module()}),
     "csharp": ("FILE", "the Unity client's messages", lambda path: {path: csharp_file()}),
+    "cpp": ("FOLDER", "the Unreal client's messages", cpp_files),
 }
 _MARK = re.compile(r"(<!-- generated: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 

@@ -139,6 +139,8 @@ class TERRAPORTCORE_API JsonDocument {
     /// The number is still text: `offset`, `length` of the source.
     kUnread = 2,
     kTrue = 4,
+    /// An integer beyond 2^53 - 1: `real` holds it, rounded.
+    kRounded = 8,
   };
 
   struct Node {

@@ -1,0 +1,318 @@
+// Decimal numbers to doubles and back, without the C library's locale and, in reading, exactly.
+#include "Terraport/Json.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+
+namespace terraport {
+
+namespace {
+
+/// More digits than decide between two doubles; of what follows only whether it is 0 matters.
+constexpr std::size_t kMostDigits = 800;
+constexpr std::uint64_t kMostExact = std::uint64_t{1} << 53;
+/// Exponents beyond give infinity or 0, whatever the digits.
+constexpr long kFarExponent = 100000;
+
+/// A natural number of any size.
+class Natural {
+ public:
+  explicit Natural(std::uint64_t value) {
+    for (; value != 0; value >>= 32) words_.push_back(static_cast<std::uint32_t>(value));
+  }
+
+  void multiplyAdd(std::uint32_t factor, std::uint32_t addend) {
+    std::uint64_t carry = addend;
+    for (std::uint32_t& word : words_) {
+      carry += static_cast<std::uint64_t>(word) * factor;
+      word = static_cast<std::uint32_t>(carry);
+      carry >>= 32;
+    }
+    if (carry != 0) words_.push_back(static_cast<std::uint32_t>(carry));
+  }
+
+  void multiplyByPowerOf5(long power) {
+    constexpr std::uint32_t k5To13 = 1220703125;
+    for (; power >= 13; power -= 13) multiplyAdd(k5To13, 0);
+    for (; power > 0; --power) multiplyAdd(5, 0);
+  }
+
+  void shiftLeft(long bits) {
+    if (words_.empty() || bits <= 0) return;
+    const auto whole = static_cast<std::size_t>(bits / 32);
+    const auto part = static_cast<unsigned>(bits % 32);
+    if (part != 0) {
+      std::uint32_t carry = 0;
+      for (std::uint32_t& word : words_) {
+        const std::uint32_t shifted = (word << part) | carry;
+        carry = word >> (32 - part);
+        word = shifted;
+      }
+      if (carry != 0) words_.push_back(carry);
+    }
+    words_.insert(words_.begin(), whole, 0);
+  }
+
+  /// Below 0, 0, or above it, as this is below, equal to, above the other.
+  int compareTo(const Natural& other) const {
+    if (words_.size() != other.words_.size()) return words_.size() < other.words_.size() ? -1 : 1;
+    for (std::size_t at = words_.size(); at > 0; --at) {
+      if (words_[at - 1] != other.words_[at - 1]) return words_[at - 1] < other.words_[at - 1] ? -1 : 1;
+    }
+    return 0;
+  }
+
+ private:
+  /// Least significant first, the last not 0.
+  std::vector<std::uint32_t> words_;
+};
+
+/// Significant digits, and the power of ten behind the last of them.
+struct Decimal {
+  bool isNegative = false;
+  std::string digits;
+  long exponent = 0;
+};
+
+Decimal split(std::string_view text) {
+  Decimal decimal;
+  std::size_t at = 0;
+  if (at < text.size() && text[at] == '-') {
+    decimal.isNegative = true;
+    ++at;
+  }
+  bool isFraction = false;
+  bool hasMore = false;
+  for (; at < text.size() && text[at] != 'e' && text[at] != 'E'; ++at) {
+    const char letter = text[at];
+    if (letter == '.') {
+      isFraction = true;
+      continue;
+    }
+    if (decimal.digits.empty() && letter == '0') {
+      decimal.exponent -= isFraction ? 1 : 0;
+    } else if (decimal.digits.size() < kMostDigits) {
+      decimal.digits.push_back(letter);
+      decimal.exponent -= isFraction ? 1 : 0;
+    } else {
+      hasMore = hasMore || letter != '0';
+      decimal.exponent += isFraction ? 0 : 1;
+    }
+  }
+  if (hasMore) {
+    decimal.digits.push_back('1');
+    decimal.exponent -= 1;
+  }
+  if (at < text.size()) {
+    ++at;
+    const bool isDown = at < text.size() && text[at] == '-';
+    if (at < text.size() && (text[at] == '-' || text[at] == '+')) ++at;
+    long given = 0;
+    for (; at < text.size(); ++at) given = std::min(10 * given + (text[at] - '0'), 100 * kFarExponent);
+    decimal.exponent += isDown ? -given : given;
+  }
+  while (!decimal.digits.empty() && decimal.digits.back() == '0') {
+    decimal.digits.pop_back();
+    decimal.exponent += 1;
+  }
+  return decimal;
+}
+
+/// Powers of ten that are exact as doubles.
+double smallPowerOf10(long power) {
+  static const double powers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
+                                  1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+  return powers[power];
+}
+
+/// The decimal number against halfway from `low` to the next double above it.
+int compareToHalfway(const Decimal& decimal, double low) {
+  int binaryExponent = 0;
+  const double fraction = std::frexp(low, &binaryExponent);
+  // Subnormal numbers have their last bit where the smallest normal one has it.
+  long lastBit = std::max(static_cast<long>(binaryExponent) - 53, -1074L);
+  auto mantissa = static_cast<std::uint64_t>(std::ldexp(fraction, static_cast<int>(binaryExponent - lastBit)));
+  if (low == 0) {
+    mantissa = 0;
+    lastBit = -1074;
+  }
+  Natural ours(0);
+  for (const char digit : decimal.digits) {
+    if (ours.compareTo(Natural(0)) == 0) {
+      ours = Natural(static_cast<std::uint64_t>(digit - '0'));
+    } else {
+      ours.multiplyAdd(10, static_cast<std::uint32_t>(digit - '0'));
+    }
+  }
+  Natural halfway(2 * mantissa + 1);
+  // ours * 10^e against halfway * 2^(lastBit - 1), without negative powers.
+  const long twos = decimal.exponent - (lastBit - 1);
+  if (decimal.exponent >= 0) {
+    ours.multiplyByPowerOf5(decimal.exponent);
+  } else {
+    halfway.multiplyByPowerOf5(-decimal.exponent);
+  }
+  if (twos >= 0) {
+    ours.shiftLeft(twos);
+  } else {
+    halfway.shiftLeft(-twos);
+  }
+  return ours.compareTo(halfway);
+}
+
+bool isEven(double value) {
+  std::uint64_t bits = 0;
+  std::memcpy(&bits, &value, sizeof bits);
+  return (bits & 1) == 0;
+}
+
+/// A double some units in the last place from the number.
+double roughly(const Decimal& decimal) {
+  double value = 0;
+  const std::size_t used = std::min<std::size_t>(decimal.digits.size(), 17);
+  for (std::size_t at = 0; at < used; ++at) value = 10 * value + (decimal.digits[at] - '0');
+  long power = decimal.exponent + static_cast<long>(decimal.digits.size() - used);
+  // In steps, so that neither the power nor the product leaves the range too early.
+  for (; power > 22; power -= 22) value *= 1e22;
+  for (; power < -22; power += 22) value /= 1e22;
+  return power >= 0 ? value * smallPowerOf10(power) : value / smallPowerOf10(-power);
+}
+
+double nearest(const Decimal& decimal) {
+  constexpr double kMost = std::numeric_limits<double>::max();
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double value = std::min(roughly(decimal), kMost);
+  for (;;) {
+    const int above = compareToHalfway(decimal, value);
+    if (above < 0 || (above == 0 && isEven(value))) break;
+    if (value == kMost) return kInfinity;
+    value = std::nextafter(value, kInfinity);
+    if (above == 0) return value;
+  }
+  while (value > 0) {
+    const double below = std::nextafter(value, 0.0);
+    const int above = compareToHalfway(decimal, below);
+    if (above > 0 || (above == 0 && isEven(value))) break;
+    value = below;
+  }
+  return value;
+}
+
+}  // namespace
+
+double readDecimal(std::string_view text) {
+  const Decimal decimal = split(text);
+  double value = 0;
+  const long size = static_cast<long>(decimal.digits.size()) + decimal.exponent;
+  if (decimal.digits.empty() || size < -400) {
+    value = 0;
+  } else if (size > 400) {
+    value = std::numeric_limits<double>::infinity();
+  } else {
+    std::uint64_t mantissa = 0;
+    const bool isShort = decimal.digits.size() <= 16;
+    if (isShort) {
+      for (const char digit : decimal.digits) mantissa = 10 * mantissa + static_cast<std::uint64_t>(digit - '0');
+    }
+    if (isShort && mantissa <= kMostExact && decimal.exponent >= -22 && decimal.exponent <= 22) {
+      // Both are exact, so that one division or product is rounded once.
+      value = static_cast<double>(mantissa);
+      value = decimal.exponent >= 0 ? value * smallPowerOf10(decimal.exponent)
+                                    : value / smallPowerOf10(-decimal.exponent);
+    } else {
+      value = nearest(decimal);
+    }
+  }
+  return decimal.isNegative ? -value : value;
+}
+
+void writeJsonFloat(double value, std::string& into) {
+  if (std::signbit(value)) {
+    into.push_back('-');
+    value = -value;
+  }
+  std::string digits = "0";
+  int exponent = 0;
+  // Fifteen digits are always kept by a normal number, seventeen always give it back.
+  for (int count = value < std::numeric_limits<double>::min() ? 1 : 15; value > 0 && count <= 17; ++count) {
+    char text[40];
+    std::snprintf(text, sizeof text, "%.*e", count - 1, value);
+    // The point may be any character of the locale.
+    digits.clear();
+    const char* at = text;
+    for (; *at != '\0' && *at != 'e'; ++at) {
+      if (*at >= '0' && *at <= '9') digits.push_back(*at);
+    }
+    exponent = 0;
+    const bool isDown = at[0] == 'e' && at[1] == '-';
+    for (; *at != '\0'; ++at) {
+      if (*at >= '0' && *at <= '9') exponent = 10 * exponent + (*at - '0');
+    }
+    if (isDown) exponent = -exponent;
+    const long last = exponent - static_cast<long>(digits.size() - 1);
+    if (readDecimal(digits + "e" + std::to_string(last)) == value) break;
+  }
+  while (digits.size() > 1 && digits.back() == '0') digits.pop_back();
+  if (exponent < -4 || exponent >= 16) {
+    into.push_back(digits[0]);
+    if (digits.size() > 1) into.append(".").append(digits, 1, std::string::npos);
+    const std::string size = std::to_string(exponent < 0 ? -exponent : exponent);
+    into.append(exponent < 0 ? "e-" : "e+").append(size.size() < 2 ? "0" : "").append(size);
+    return;
+  }
+  if (exponent < 0) {
+    into.append("0.").append(static_cast<std::size_t>(-exponent - 1), '0').append(digits);
+    return;
+  }
+  const auto point = static_cast<std::size_t>(exponent) + 1;
+  if (digits.size() < point) digits.append(point - digits.size(), '0');
+  into.append(digits, 0, point).append(".");
+  if (digits.size() > point) {
+    into.append(digits, point, std::string::npos);
+  } else {
+    into.append("0");
+  }
+}
+
+void writeJsonText(std::string_view text, std::string& into) {
+  into.push_back('"');
+  for (const char letter : text) {
+    switch (letter) {
+      case '"':
+        into.append("\\\"");
+        break;
+      case '\\':
+        into.append("\\\\");
+        break;
+      case '\b':
+        into.append("\\b");
+        break;
+      case '\f':
+        into.append("\\f");
+        break;
+      case '\n':
+        into.append("\\n");
+        break;
+      case '\r':
+        into.append("\\r");
+        break;
+      case '\t':
+        into.append("\\t");
+        break;
+      default:
+        if (static_cast<unsigned char>(letter) < 0x20) {
+          char escape[8];
+          std::snprintf(escape, sizeof escape, "\\u%04x", static_cast<unsigned>(letter));
+          into.append(escape);
+        } else {
+          into.push_back(letter);
+        }
+    }
+  }
+  into.push_back('"');
+}
+
+}  // namespace terraport

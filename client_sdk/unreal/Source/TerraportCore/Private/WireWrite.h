@@ -1,0 +1,272 @@
+// Fields of messages to msgpack or JSON, by whichever writer is given.
+#pragma once
+
+#include "Bytes.h"
+#include "Msgpack.h"
+#include "Terraport/Json.h"
+#include "WireChecks.h"
+
+#include <cstdio>
+#include <optional>
+
+namespace terraport {
+
+/// Writes values one after the other as JSON without blanks; a float has a point or an exponent, an integer neither.
+class JsonWriter {
+ public:
+  static constexpr bool kIsPacked = false;
+
+  explicit JsonWriter(std::string& into) : into_(into) {}
+
+  void beginMap(std::size_t) { begin('{'); }
+  void endMap() { end('}'); }
+  void beginList(std::size_t) { begin('['); }
+  void endList() { end(']'); }
+  void key(std::string_view name) {
+    next();
+    writeJsonText(name, into_);
+    into_.push_back(':');
+    isFirst_ = true;
+  }
+  void text(std::string_view value) {
+    next();
+    writeJsonText(value, into_);
+  }
+  void integer(std::uint64_t value) {
+    next();
+    into_.append(std::to_string(value));
+  }
+  void real(double value) {
+    next();
+    writeJsonFloat(value, into_);
+  }
+  void flag(bool value) {
+    next();
+    into_.append(value ? "true" : "false");
+  }
+
+ private:
+  /// A comma, but not in front of what is first behind a bracket or a colon.
+  void next() {
+    if (!isFirst_) into_.push_back(',');
+    isFirst_ = false;
+  }
+  void begin(char bracket) {
+    next();
+    into_.push_back(bracket);
+    isFirst_ = true;
+  }
+  void end(char bracket) {
+    into_.push_back(bracket);
+    isFirst_ = false;
+  }
+
+  std::string& into_;
+  bool isFirst_ = true;
+};
+
+/// Checks each field as the reader does.
+struct CheckPass {
+  Refusal& refusal;
+
+  template <typename Value, typename Kind>
+  bool field(const char* name, const Value& value, const Kind& kind) {
+    return checkOne(value, kind) || refusedBelow(refusal, name);
+  }
+
+  template <typename Value, typename Kind>
+  bool field(const char* name, const std::optional<Value>& value, const Kind& kind) {
+    return !value.has_value() || checkOne(*value, kind) || refusedBelow(refusal, name);
+  }
+
+  template <typename Value, typename Kind>
+  bool checkOne(const Value& value, const Kind& kind) {
+    return checkValue(value, kind, refusal);
+  }
+
+  template <typename Part>
+  bool checkOne(const Part& part, const PartKind&) {
+    return FieldsOf<Part>::visit(*this, part);
+  }
+
+  template <typename Part>
+  bool checkOne(const std::vector<Part>& parts, const PartsKind& kind) {
+    if (parts.size() > kind.most) return refuse(refusal, "got too many maps");
+    for (std::size_t number = 0; number < parts.size(); ++number) {
+      if (!FieldsOf<Part>::visit(*this, parts[number])) return refusedBelow(refusal, std::to_string(number));
+    }
+    return true;
+  }
+};
+
+/// Counts the fields that are there: msgpack says it first.
+struct CountPass {
+  std::size_t count = 0;
+
+  template <typename Value, typename Kind>
+  bool field(const char*, const Value&, const Kind&) {
+    ++count;
+    return true;
+  }
+
+  template <typename Value, typename Kind>
+  bool field(const char*, const std::optional<Value>& value, const Kind&) {
+    count += value.has_value() ? 1 : 0;
+    return true;
+  }
+};
+
+/// Writes each field that is there.
+template <typename Writer>
+struct WritePass {
+  Writer& writer;
+  /// Where the writer writes, for rows.
+  std::string& bytes;
+
+  template <typename Value, typename Kind>
+  bool field(const char* name, const Value& value, const Kind& kind) {
+    writer.key(name);
+    write(value, kind);
+    return true;
+  }
+
+  template <typename Value, typename Kind>
+  bool field(const char* name, const std::optional<Value>& value, const Kind& kind) {
+    if (value.has_value()) field(name, *value, kind);
+    return true;
+  }
+
+  /// All fields of a message (with its type) or a part, as one map.
+  template <typename Part>
+  void fieldsOf(const Part& part, bool hasType) {
+    CountPass counted{hasType ? std::size_t{1} : std::size_t{0}};
+    FieldsOf<Part>::visit(counted, part);
+    writer.beginMap(counted.count);
+    if (hasType) {
+      writer.key("type");
+      writer.text(FieldsOf<Part>::kType);
+    }
+    FieldsOf<Part>::visit(*this, part);
+    writer.endMap();
+  }
+
+ private:
+  void write(std::uint64_t value, const IntegerKind&) { writer.integer(value); }
+  void write(double value, const NumberKind&) { writer.real(value); }
+  void write(bool value, const FlagKind&) { writer.flag(value); }
+  void write(const std::string& value, const TextKind&) { writer.text(value); }
+  void write(const std::string& value, const ChoiceKind&) { writer.text(value); }
+
+  void write(const Vec3& value, const PositionKind&) {
+    writer.beginList(3);
+    for (const double axis : {value.x, value.y, value.z}) writer.real(axis);
+    writer.endList();
+  }
+
+  void write(const ProtocolVersion& value, const VersionKind&) {
+    writer.beginList(2);
+    writer.integer(value.majorNumber);
+    writer.integer(value.minorNumber);
+    writer.endList();
+  }
+
+  void write(const std::vector<ProtocolVersion>& value, const VersionsKind&) {
+    writer.beginList(value.size());
+    for (const ProtocolVersion& version : value) write(version, VersionKind{});
+    writer.endList();
+  }
+
+  void write(const std::vector<NamedNumber>& value, const NumbersKind&) {
+    writer.beginMap(value.size());
+    for (const NamedNumber& number : value) {
+      writer.key(number.name);
+      writer.real(number.value);
+    }
+    writer.endMap();
+  }
+
+  template <typename Part>
+  void write(const Part& part, const PartKind&) {
+    fieldsOf(part, false);
+  }
+
+  template <typename Part>
+  void write(const std::vector<Part>& parts, const PartsKind&) {
+    writer.beginList(parts.size());
+    for (const Part& part : parts) fieldsOf(part, false);
+    writer.endList();
+  }
+
+  template <typename Row>
+  void write(const std::vector<Row>& rows, const RowsKind&) {
+    if constexpr (Writer::kIsPacked) {
+      writer.beginBinary(rows.size() * rowBytes(static_cast<const Row*>(nullptr)));
+      for (const Row& row : rows) pack(row);
+    } else {
+      writer.beginList(rows.size());
+      for (const Row& row : rows) list(row);
+      writer.endList();
+    }
+  }
+
+  static std::size_t rowBytes(const std::uint32_t*) { return 4; }
+  static std::size_t rowBytes(const HeldRow*) { return 12; }
+  static std::size_t rowBytes(const SegmentFacts*) { return 48; }
+
+  void pack(std::uint32_t row) { appendLe(row, 4, bytes); }
+
+  void pack(const HeldRow& row) {
+    appendLe(row.segment, 4, bytes);
+    appendLe(row.xxh3, 8, bytes);
+  }
+
+  void pack(const SegmentFacts& row) {
+    appendLe(row.segment, 4, bytes);
+    appendLe(row.length, 4, bytes);
+    appendLe(row.xxh3, 8, bytes);
+    appendLe(row.faces, 4, bytes);
+    appendLe(row.vertices, 4, bytes);
+    const Box& box = row.bounds;
+    for (const float side : {box.minX, box.minY, box.minZ, box.maxX, box.maxY, box.maxZ}) appendF32Le(side, bytes);
+  }
+
+  void list(std::uint32_t row) { writer.integer(row); }
+
+  void list(const HeldRow& row) {
+    writer.beginList(2);
+    writer.integer(row.segment);
+    hash(row.xxh3);
+    writer.endList();
+  }
+
+  void list(const SegmentFacts& row) {
+    writer.beginMap(6);
+    writer.key("id");
+    writer.integer(row.segment);
+    writer.key("length");
+    writer.integer(row.length);
+    writer.key("xxh3");
+    hash(row.xxh3);
+    writer.key("faces");
+    writer.integer(row.faces);
+    writer.key("vertices");
+    writer.integer(row.vertices);
+    writer.key("bounds");
+    writer.beginList(6);
+    const Box& box = row.bounds;
+    for (const float side : {box.minX, box.minY, box.minZ, box.maxX, box.maxY, box.maxZ}) {
+      writer.real(static_cast<double>(side));
+    }
+    writer.endList();
+    writer.endMap();
+  }
+
+  /// 16 hexadecimal digits, most significant first.
+  void hash(std::uint64_t value) {
+    char text[20];
+    std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
+    writer.text(text);
+  }
+};
+
+}  // namespace terraport
