@@ -39,5 +39,11 @@ namespace Terraport.Sessions
             Length = length;
             users = 1;
         }
+
+        /// <summary>Say how many bytes count; at most those of the array.</summary>
+        internal void SetLength(int length)
+        {
+            Length = length;
+        }
     }
 }

@@ -21,10 +21,10 @@ namespace Terraport
         /// <summary>Ask for a landing; it supersedes any that is not ready.</summary>
         /// <param name="position">Where, metres of the scene frame, each at most 10^7.</param>
         /// <param name="radiusM">Radius in metres, above 0, at most 10^6; servers set a smaller bound.</param>
-        /// <param name="options">Inner radius, deadline, stall.</param>
+        /// <param name="options">Inner radius, deadline, stall; null for none. Not changed, and copied at once.</param>
         /// <returns>Its number in the events, from 1; it stays the same over reconnects.</returns>
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
-        int Land(Vec3 position, double radiusM, LandOptions options = default(LandOptions));
+        int Land(Vec3 position, double radiusM, LandOptions options = null);
 
         /// <summary>Tell where the user points; only the newest counts, sent at most ten times a second.</summary>
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>

@@ -18,7 +18,7 @@ namespace Terraport
         /// <summary>Encoding of the payloads.</summary>
         public PayloadEncoding Encoding { get; set; } = PayloadEncoding.Glb;
 
-        /// <summary>Hard bounds of every landing.</summary>
+        /// <summary>Hard bounds of every landing; null for none.</summary>
         public Budgets Budgets { get; set; }
 
         /// <summary>Payload bytes kept in memory beside what is shown or on its way; 0 keeps nothing else.</summary>

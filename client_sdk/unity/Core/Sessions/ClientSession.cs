@@ -1,0 +1,395 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Wire;
+
+namespace Terraport.Sessions
+{
+    /// <summary>
+    /// The client's half of the wire protocol as a state machine: WebSocket messages in; events, and messages to send, out. No
+    /// I/O, no clock, no thread: <see cref="SceneStream"/> owns those. It outlives connections.
+    /// </summary>
+    /// <remarks>
+    /// Whoever holds it calls <see cref="Connected"/>, <see cref="Receive"/>, <see cref="ConnectionLost"/> as the connection
+    /// lives and dies, and <see cref="Land"/>, <see cref="Aim"/>, <see cref="Pick"/> for its user; after each of them it takes
+    /// <see cref="TryNextEvent"/> and <see cref="TakeMessages"/>. Groups are skipped: this client takes no seat. Section
+    /// numbers in comments are those of spec/wire-protocol.md.
+    /// </remarks>
+    public sealed class ClientSession
+    {
+        private readonly SessionOptions options;
+        private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
+        private readonly List<WireMessage> outbox = new List<WireMessage>();
+        private readonly Holdings held;
+        private readonly Transfers transfers;
+        private readonly AimState aim = new AimState();
+        private readonly HeldOffer offer = new HeldOffer();
+        private readonly PickState picks;
+        private bool isGreeting;
+        private uint generation;
+        private int landings;
+        private int requests;
+        // The landing whose land is still in the outbox, and the one that waits for the next welcome.
+        private LandingState unsent;
+        private LandingState queued;
+        private long creditStep = 1;
+        private long takenBytes;
+
+        /// <summary>Begin one, not connected.</summary>
+        /// <exception cref="ArgumentException">An option that the protocol does not allow.</exception>
+        public ClientSession(SessionOptions options)
+        {
+            if (options.CreditBytes < 1) throw new ArgumentException("credit is " + options.CreditBytes + " bytes, expected 1 or more");
+            WireCodec.Check(options.Hello(new HeldRow[0]));
+            this.options = options;
+            Cache = new SegmentCache(options.CacheBytes);
+            held = new Holdings(Cache);
+            transfers = new Transfers(held, new PayloadPool(), outbox, events);
+            picks = new PickState(events);
+        }
+
+        /// <summary>What is held. Look, and pin; only the session changes it.</summary>
+        public SegmentCache Cache { get; }
+
+        /// <summary>Scene version of the newest connection; null before the first.</summary>
+        public string Version { get; private set; }
+
+        /// <summary>What the server of the newest connection allows; null before the first.</summary>
+        public ServerLimitsPart Limits { get; private set; }
+
+        /// <summary>Whether the server has said welcome on the present connection.</summary>
+        public bool IsOpen { get; private set; }
+
+        /// <summary>Whether an aim waits for <see cref="FlushAim"/>.</summary>
+        public bool HasAim
+        {
+            get { return aim.Waits && IsOpen; }
+        }
+
+        /// <summary>Ids that the last ready landing shows, ascending.</summary>
+        public IReadOnlyList<uint> Visible
+        {
+            get { return transfers.Visible; }
+        }
+
+        /// <summary>Number of the newest landing that is not ready; null for none.</summary>
+        public int? Unfinished
+        {
+            get
+            {
+                LandingState landing = queued ?? transfers.Unfinished;
+                return landing == null ? (int?)null : landing.Number;
+            }
+        }
+
+        /// <summary>Whether the server owes an answer: to a landing or a pick.</summary>
+        public bool AwaitsAnswer
+        {
+            get { return queued != null || transfers.Unfinished != null || picks.Count > 0; }
+        }
+
+        /// <summary>Picks that wait for an answer.</summary>
+        public int OpenPicks
+        {
+            get { return picks.Count; }
+        }
+
+        /// <summary>Segments that are partly here.</summary>
+        public int OpenParts
+        {
+            get { return transfers.OpenParts; }
+        }
+
+        /// <summary>What has been counted over all connections.</summary>
+        public StreamStats Stats
+        {
+            get
+            {
+                return new StreamStats
+                {
+                    PayloadBytes = transfers.PayloadBytes,
+                    RepeatedBytes = transfers.RepeatedBytes,
+                    HeldSegments = Cache.Count,
+                    HeldBytes = Cache.Bytes,
+                    AimedLandings = transfers.Aims.Landings,
+                    AimHits = transfers.Aims.Hits,
+                    PrefetchedBytes = transfers.Aims.PrefetchedBytes,
+                    UsedPrefetchedBytes = transfers.Aims.UsedBytes,
+                };
+            }
+        }
+
+        /// <summary>Take the next event; false where none waits.</summary>
+        public bool TryNextEvent(out StreamEvent next)
+        {
+            bool isThere = events.Count > 0;
+            next = isThere ? events.Dequeue() : default(StreamEvent);
+            return isThere;
+        }
+
+        /// <summary>Take the WebSocket messages to send, once, in order: text where the subprotocol is JSON.</summary>
+        public void TakeMessages(Queue<byte[]> into)
+        {
+            foreach (WireMessage message in outbox) into.Enqueue(WireCodec.Encode(message, options.Subprotocol));
+            outbox.Clear();
+            unsent = null;
+        }
+
+        /// <summary>Open a connection: the first message is hello with what is held.</summary>
+        /// <param name="offerHeld">
+        /// False after a server found the offer too large: it is made after its welcome, which says how large it may be.
+        /// </param>
+        public void Connected(bool offerHeld = true)
+        {
+            IsOpen = false;
+            isGreeting = true;
+            outbox.Clear();
+            outbox.Add(options.Hello(offer.First(held.Offer(), offerHeld)));
+        }
+
+        /// <summary>
+        /// Note that the connection is gone. The newest landing that is not ready waits for the next connection, and so do the
+        /// newest aim after it and picks. Parts of segments are forgotten (10.2).
+        /// </summary>
+        public void ConnectionLost()
+        {
+            IsOpen = false;
+            isGreeting = false;
+            outbox.Clear();
+            unsent = null;
+            takenBytes = 0;
+            generation = 0;
+            aim.ConnectionLost(transfers.AimDone);
+            LandingState landing = transfers.ConnectionLost();
+            if (landing != null) Queue(landing);
+        }
+
+        /// <summary>Take one whole WebSocket message; nothing refers to its bytes afterwards.</summary>
+        /// <exception cref="ProtocolViolationException">
+        /// The server sent what the protocol does not allow; the connection must be closed with 4400.
+        /// </exception>
+        public void Receive(ArraySegment<byte> data, bool isText)
+        {
+            try
+            {
+                if (PayloadFrame.IsPayload(data, isText))
+                {
+                    PayloadFrame frame;
+                    if (!PayloadFrame.TryDecode(data, out frame)) return;
+                    transfers.OnFrame(frame);
+                    Grant(frame.Chunk.Count);
+                    return;
+                }
+                OnMessage(WireCodec.Decode(data, isText, options.Subprotocol, Direction.ServerToClient));
+            }
+            catch (DecodeException error)
+            {
+                throw new ProtocolViolationException(error.Message, error);
+            }
+        }
+
+        /// <summary>Ask for a landing; it supersedes every one before that is not ready.</summary>
+        /// <returns>Its number in the events; the same when a reconnect asks again under a new generation.</returns>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        public int Land(Vec3 position, double radiusM, LandOptions landOptions = null)
+        {
+            var landing = new LandingState(landings + 1, position, radiusM, landOptions);
+            WireCodec.Check(landing.Message(0));
+            landings++;
+            aim.Clear();
+            if (IsOpen) SendLanding(landing);
+            else Queue(landing);
+            return landing.Number;
+        }
+
+        /// <summary>Note where the user points; only the newest is kept until <see cref="FlushAim"/>.</summary>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        public void Aim(Vec3 position, double radiusM)
+        {
+            WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
+            aim.Note(position, radiusM);
+        }
+
+        /// <summary>Send the newest aim, if there is one and the connection is open.</summary>
+        public void FlushAim()
+        {
+            if (!HasAim) return;
+            SendEvictions();
+            outbox.Add(aim.Take(NextGeneration()));
+        }
+
+        /// <summary>Ask what lies along a ray; the request's number in the events.</summary>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        public int Pick(Vec3 origin, Vec3? direction = null)
+        {
+            var pick = new PickMessage { Request = (uint)(requests + 1), Origin = origin, Direction = direction };
+            WireCodec.Check(pick);
+            requests++;
+            picks.Ask(pick);
+            if (IsOpen) outbox.Add(pick);
+            return requests;
+        }
+
+        /// <summary>Refuse the picks that wait: nobody answers them any more.</summary>
+        public void RefusePicks(string code, string message)
+        {
+            picks.RefuseAll(code, message);
+        }
+
+        /// <summary>End the session politely.</summary>
+        public void Bye()
+        {
+            if (IsOpen) outbox.Add(new ByeMessage());
+        }
+
+        /// <summary>Give all memory back; pins stay valid. The session is of no use afterwards.</summary>
+        public void Free()
+        {
+            transfers.Free();
+            Cache.Clear();
+        }
+
+        private void OnMessage(WireMessage message)
+        {
+            if (message is UnknownMessage) return;
+            var welcome = message as WelcomeMessage;
+            var error = message as ErrorMessage;
+            if (welcome != null) OnWelcome(welcome);
+            else if (error != null) OnError(error);
+            else if (IsOpen) OnAnswer(message);
+            else throw new ProtocolViolationException("got " + message.Type + " first, expected welcome or error");
+        }
+
+        /// <summary>Take a message that only an open session has.</summary>
+        private void OnAnswer(WireMessage message)
+        {
+            switch (message.Type)
+            {
+                case "plan": transfers.OnPlan((PlanMessage)message); break;
+                case "ready": transfers.OnReady((ReadyMessage)message); break;
+                case "degraded": transfers.OnDegraded((DegradedMessage)message); break;
+                case "superseded": transfers.OnSuperseded((SupersededMessage)message); break;
+                case "prefetch": transfers.OnPrefetch((PrefetchMessage)message); break;
+                case "picked": picks.Answered((PickedMessage)message); break;
+                case "held_checked": Drop(((HeldCheckedMessage)message).Dropped); break;
+                case "notice": OnNotice((NoticeMessage)message); break;
+            }
+        }
+
+        private void OnWelcome(WelcomeMessage welcome)
+        {
+            if (IsOpen || !isGreeting) throw new ProtocolViolationException("got a second welcome, expected one");
+            if (welcome.Protocol.Major != WireLimits.ProtocolMajor)
+            {
+                throw new ProtocolViolationException(
+                    "got protocol " + welcome.Protocol + ", expected " + WireLimits.ProtocolMajor + ".x");
+            }
+            IsOpen = true;
+            isGreeting = false;
+            bool isChanged = Version != null && Version != welcome.Scene.Version;
+            Version = welcome.Scene.Version;
+            Limits = welcome.Limits;
+            if (isChanged) transfers.HideAll();
+            creditStep = Math.Max(1, Math.Min(options.CreditBytes, Limits.MaxCreditBytes) / 2);
+            events.Enqueue(new StreamEvent
+            {
+                Kind = StreamEventKind.Opened,
+                SceneVersion = Version,
+                Session = welcome.Session,
+                IsChanged = isChanged,
+                MaxRadiusM = Limits.MaxRadiusM,
+                HeldCount = welcome.HeldCount,
+            });
+            Drop(welcome.Dropped);
+            List<HeldRow> untold = offer.TellRest(welcome, options.Subprotocol, outbox);
+            // A server of 1.0 cannot be told of more than one table: what it does not know of is not held (10.2).
+            Drop(untold.ConvertAll(row => row.Segment).ToArray());
+            picks.TellWaiting(outbox);
+            LandingState landing = queued;
+            queued = null;
+            if (landing != null) SendLanding(landing);
+        }
+
+        /// <summary>Free what the server does not count as held.</summary>
+        private void Drop(uint[] segments)
+        {
+            if (segments.Length == 0) return;
+            foreach (uint segment in segments) held.Forget(segment);
+            events.Enqueue(new StreamEvent { Kind = StreamEventKind.Dropped, Segments = segments });
+        }
+
+        private void OnError(ErrorMessage error)
+        {
+            if (picks.Refused(error) && !error.Fatal) return;
+            aim.Refused(error.Generation);
+            LandingState refused = error.Fatal ? null : transfers.Refused(error.Generation);
+            events.Enqueue(new StreamEvent
+            {
+                Kind = StreamEventKind.Refused,
+                Code = error.Code,
+                Message = error.Message,
+                IsFatal = error.Fatal,
+                Landing = refused == null ? (int?)null : refused.Number,
+            });
+        }
+
+        private void OnNotice(NoticeMessage notice)
+        {
+            long? afterMs = notice.ReconnectAfterMs;
+            events.Enqueue(new StreamEvent
+            {
+                Kind = StreamEventKind.Notice,
+                Notice = notice.Kind,
+                SceneVersion = notice.Version,
+                ReconnectAfterMs = afterMs.HasValue ? (int?)Math.Min(afterMs.Value, int.MaxValue) : null,
+            });
+        }
+
+        /// <summary>Keep the newest landing for the next connection; what waited before is superseded.</summary>
+        private void Queue(LandingState landing)
+        {
+            if (queued != null) ReportSuperseded(queued, landing);
+            queued = landing;
+        }
+
+        private void SendLanding(LandingState landing)
+        {
+            // Replace one that never left: however often the user lands, one land waits to be sent.
+            if (unsent != null)
+            {
+                outbox.RemoveAll(message => message is LandMessage);
+                transfers.Withdraw(unsent);
+                ReportSuperseded(unsent, landing);
+            }
+            SendEvictions();
+            landing.Generation = NextGeneration();
+            transfers.Ask(landing);
+            outbox.Add(landing.Message((uint)landing.Generation));
+            unsent = landing;
+        }
+
+        private void ReportSuperseded(LandingState landing, LandingState by)
+        {
+            events.Enqueue(new StreamEvent { Kind = StreamEventKind.Superseded, Landing = landing.Number, By = by.Number });
+        }
+
+        private void SendEvictions()
+        {
+            // What may not be told now (6.7, rule 2) is told before the next land or aim.
+            if (!transfers.AwaitsPlan) held.TellEvictions(transfers.OpenPlan, outbox);
+        }
+
+        private uint NextGeneration()
+        {
+            generation = checked(generation + 1);
+            return generation;
+        }
+
+        private void Grant(int bytes)
+        {
+            takenBytes += bytes;
+            if (takenBytes < creditStep) return;
+            outbox.Add(new CreditMessage { Bytes = takenBytes });
+            takenBytes = 0;
+        }
+    }
+}

@@ -1,0 +1,49 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Wire;
+
+namespace Terraport.Sessions
+{
+    /// <summary>
+    /// What is held, told to a server in messages that it takes: as much as hello takes, and the rest after the welcome (wire
+    /// protocol, section 5, rule 3).
+    /// </summary>
+    internal sealed class HeldOffer
+    {
+        // Most bytes of one row of a held table, and room for what stands around the table in its message.
+        private const int MsgpackRowBytes = 12;
+        private const int JsonRowBytes = 34;
+        private const int AroundBytes = 64;
+
+        private List<HeldRow> rest = new List<HeldRow>();
+
+        /// <summary>What goes into hello.</summary>
+        /// <param name="rows">Everything that is held, most wanted first.</param>
+        /// <param name="inHello">
+        /// False: nothing, because the server found it too large; all of it goes after the welcome, which says how large a
+        /// message may be.
+        /// </param>
+        internal HeldRow[] First(List<HeldRow> rows, bool inHello)
+        {
+            int count = inHello ? Math.Min(rows.Count, WireLimits.MaxHeldSegments) : 0;
+            rest = rows.GetRange(count, rows.Count - count);
+            return rows.GetRange(0, count).ToArray();
+        }
+
+        /// <summary>Say, once, the messages that go after the welcome; returns the rows that such a server cannot be told of.</summary>
+        internal List<HeldRow> TellRest(WelcomeMessage welcome, Subprotocol subprotocol, List<WireMessage> into)
+        {
+            List<HeldRow> rows = rest;
+            rest = new List<HeldRow>();
+            int rowBytes = subprotocol == Subprotocol.Msgpack ? MsgpackRowBytes : JsonRowBytes;
+            long fits = (welcome.Limits.MaxMessageBytes - AroundBytes) / rowBytes;
+            var most = (int)Math.Min(fits, welcome.Limits.MaxHeldSegments);
+            if (welcome.Protocol.Minor < 1 || most < 1) return rows;
+            for (int at = 0; at < rows.Count; at += most)
+            {
+                into.Add(new HeldMessage { Segments = rows.GetRange(at, Math.Min(most, rows.Count - at)).ToArray() });
+            }
+            return new List<HeldRow>();
+        }
+    }
+}

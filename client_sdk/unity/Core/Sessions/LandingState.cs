@@ -1,0 +1,131 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Wire;
+
+namespace Terraport.Sessions
+{
+    /// <summary>One landing that the user asked for, over as many generations as reconnecting takes.</summary>
+    internal sealed class LandingState
+    {
+        private static readonly uint[] None = new uint[0];
+
+        private readonly Vec3 position;
+        private readonly double radiusM;
+        private readonly double? innerRadiusM;
+        private readonly int? deadlineMs;
+        private readonly int? stallMs;
+
+        internal LandingState(int number, Vec3 position, double radiusM, LandOptions options)
+        {
+            Number = number;
+            this.position = position;
+            this.radiusM = radiusM;
+            if (options == null) return;
+            innerRadiusM = options.InnerRadiusM;
+            deadlineMs = options.DeadlineMs;
+            stallMs = options.StallMs;
+        }
+
+        /// <summary>The session's own number, the same over reconnects.</summary>
+        internal int Number { get; }
+
+        /// <summary>Generation on the present connection; -1 before it was sent there.</summary>
+        internal long Generation { get; set; } = -1;
+
+        /// <summary>Of the load table, and of segments of keep that are sent after all, by id.</summary>
+        internal Dictionary<uint, SegmentFacts> Facts { get; } = new Dictionary<uint, SegmentFacts>();
+
+        /// <summary>
+        /// Facts of segments rejected after this landing was asked for and before its plan came, by id: the plan may still keep
+        /// them, and the server sends them again (6.4, rule 7).
+        /// </summary>
+        internal Dictionary<uint, SegmentFacts> Crossed { get; } = new Dictionary<uint, SegmentFacts>();
+
+        /// <summary>Ids of load and keep.</summary>
+        internal HashSet<uint> Wanted { get; } = new HashSet<uint>();
+
+        /// <summary>Wanted ids whose payload is not here yet.</summary>
+        internal HashSet<uint> Waiting { get; } = new HashSet<uint>();
+
+        /// <summary>Ids of the latest ready.missing.</summary>
+        internal HashSet<uint> Missing { get; } = new HashSet<uint>();
+
+        /// <summary>The declared inner set, ascending, until it has been reported; null where there is none.</summary>
+        internal uint[] Inner { get; set; }
+
+        internal bool IsReadySeen { get; set; }
+
+        /// <summary>Chunk bytes that came for it, in all its generations.</summary>
+        internal long PayloadBytes { get; set; }
+
+        /// <summary>Whether it became ready for the client.</summary>
+        internal bool IsDone { get; set; }
+
+        /// <summary>Whether it is ready for the client (6.4, rule 5).</summary>
+        internal bool IsComplete
+        {
+            get { return IsReadySeen && (Waiting.Count == 0 || Waiting.IsSubsetOf(Missing)); }
+        }
+
+        /// <summary>The message that asks for it under a generation.</summary>
+        internal LandMessage Message(uint generation)
+        {
+            return new LandMessage
+            {
+                Generation = generation,
+                Position = position,
+                RadiusM = radiusM,
+                InnerRadiusM = innerRadiusM,
+                DeadlineMs = deadlineMs,
+                StallMs = stallMs,
+            };
+        }
+
+        /// <summary>Take the plan of a generation, in place of any before.</summary>
+        internal void Begin(PlanMessage plan)
+        {
+            Facts.Clear();
+            Wanted.Clear();
+            Waiting.Clear();
+            Missing.Clear();
+            Inner = null;
+            IsReadySeen = false;
+            foreach (SegmentFacts facts in plan.Load)
+            {
+                Facts.Add(facts.Segment, facts);
+                Wanted.Add(facts.Segment);
+                Waiting.Add(facts.Segment);
+            }
+            Wanted.UnionWith(plan.Keep);
+        }
+
+        /// <summary>Wait for a segment of keep that is not here after all.</summary>
+        internal void ExpectAgain(SegmentFacts facts)
+        {
+            Waiting.Add(facts.Segment);
+            Facts[facts.Segment] = facts;
+        }
+
+        /// <summary>What it shows once complete: all that is wanted and whole, ascending.</summary>
+        internal uint[] Shown()
+        {
+            var shown = new List<uint>(Wanted.Count);
+            foreach (uint segment in Wanted)
+            {
+                if (!Waiting.Contains(segment)) shown.Add(segment);
+            }
+            shown.Sort();
+            return shown.ToArray();
+        }
+
+        /// <summary>What it should show and cannot, ascending.</summary>
+        internal uint[] NotShown()
+        {
+            if (Waiting.Count == 0) return None;
+            var missing = new uint[Waiting.Count];
+            Waiting.CopyTo(missing);
+            Array.Sort(missing);
+            return missing;
+        }
+    }
+}

@@ -1,0 +1,96 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Wire;
+
+namespace Terraport.Sessions
+{
+    /// <summary>Picks that wait for an answer, over all connections of a session: asked again until answered or refused.</summary>
+    internal sealed class PickState
+    {
+        private readonly List<PickMessage> asked = new List<PickMessage>();
+        private readonly Queue<StreamEvent> events;
+
+        internal PickState(Queue<StreamEvent> events)
+        {
+            this.events = events;
+        }
+
+        /// <summary>How many wait.</summary>
+        internal int Count
+        {
+            get { return asked.Count; }
+        }
+
+        internal void Ask(PickMessage pick)
+        {
+            asked.Add(pick);
+        }
+
+        /// <summary>Say those that wait to a new connection.</summary>
+        internal void TellWaiting(List<WireMessage> into)
+        {
+            foreach (PickMessage pick in asked) into.Add(pick);
+        }
+
+        internal void Answered(PickedMessage picked)
+        {
+            if (!Remove(picked.Request)) return;
+            events.Enqueue(new StreamEvent
+            {
+                Kind = StreamEventKind.Picked,
+                Request = (int)picked.Request,
+                Hit = picked.Hit == null ? null : HitOf(picked.Hit),
+            });
+        }
+
+        /// <summary>Take an error; whether it was one of a pick's.</summary>
+        internal bool Refused(ErrorMessage error)
+        {
+            if (!error.Request.HasValue || !Remove(error.Request.Value)) return false;
+            Refuse((int)error.Request.Value, error.Code, error.Message);
+            return true;
+        }
+
+        /// <summary>Refuse all that wait: nobody answers any more.</summary>
+        internal void RefuseAll(string code, string message)
+        {
+            foreach (PickMessage pick in asked) Refuse((int)pick.Request, code, message);
+            asked.Clear();
+        }
+
+        private void Refuse(int request, string code, string message)
+        {
+            events.Enqueue(new StreamEvent
+            {
+                Kind = StreamEventKind.PickRefused,
+                Request = request,
+                Code = code,
+                Message = message,
+            });
+        }
+
+        private bool Remove(uint request)
+        {
+            int place = asked.FindIndex(pick => pick.Request == request);
+            if (place >= 0) asked.RemoveAt(place);
+            return place >= 0;
+        }
+
+        private static PickHit HitOf(HitPart hit)
+        {
+            var attributes = new Dictionary<string, double>(StringComparer.Ordinal);
+            foreach (KeyValuePair<string, double> attribute in hit.Attributes) attributes[attribute.Key] = attribute.Value;
+            return new PickHit
+            {
+                Position = hit.Position,
+                Normal = hit.Normal,
+                Segment = hit.Segment,
+                Region = hit.Region,
+                StableId = hit.StableId,
+                Label = hit.Label,
+                HeightM = hit.HeightM,
+                Attributes = attributes,
+            };
+        }
+    }
+}

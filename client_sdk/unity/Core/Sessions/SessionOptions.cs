@@ -1,0 +1,49 @@
+using Terraport.Wire;
+
+namespace Terraport.Sessions
+{
+    /// <summary>What a session tells the server in hello, and what bounds it.</summary>
+    public sealed class SessionOptions
+    {
+        /// <summary>Name and version of the client, for the server's logs.</summary>
+        public string Client { get; set; } = "";
+
+        /// <summary>Encoding of the payloads.</summary>
+        public PayloadEncoding Encoding { get; set; } = PayloadEncoding.Glb;
+
+        /// <summary>Hard bounds of every landing; null for none.</summary>
+        public Budgets Budgets { get; set; }
+
+        /// <summary>Payload bytes under way at most, 1 or more. Half of it is granted back at a time.</summary>
+        public long CreditBytes { get; set; } = StreamOptions.DefaultCreditBytes;
+
+        /// <summary>Release radius / load radius; null takes the server's.</summary>
+        public double? ReleaseFactor { get; set; }
+
+        /// <summary>How messages are written.</summary>
+        public Subprotocol Subprotocol { get; set; } = Subprotocol.Msgpack;
+
+        /// <summary>Bound on the payload bytes kept beside what is pinned.</summary>
+        public long CacheBytes { get; set; } = StreamOptions.DefaultCacheBytes;
+
+        /// <summary>The message that opens a connection.</summary>
+        internal HelloMessage Hello(HeldRow[] held)
+        {
+            return new HelloMessage
+            {
+                Protocol = new ProtocolVersion(WireLimits.ProtocolMajor, WireLimits.ProtocolMinor),
+                Client = Client,
+                Encoding = Encoding == PayloadEncoding.Arrays ? "arrays" : "glb",
+                Budgets = new BudgetsPart
+                {
+                    MaxTriangles = Budgets == null ? null : Budgets.MaxTriangles,
+                    MaxBytes = Budgets == null ? null : Budgets.MaxBytes,
+                    MaxSegments = Budgets == null ? null : Budgets.MaxSegments,
+                },
+                CreditBytes = CreditBytes,
+                ReleaseFactor = ReleaseFactor,
+                Held = held,
+            };
+        }
+    }
+}

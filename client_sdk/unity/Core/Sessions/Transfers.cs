@@ -1,0 +1,391 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Wire;
+
+namespace Terraport.Sessions
+{
+    /// <summary>
+    /// Landings and prefetches on their way: plans and frames in, events and answers out. The part of
+    /// <see cref="ClientSession"/> that decides what is received, held, pinned and shown. Section numbers in comments are those
+    /// of spec/wire-protocol.md.
+    /// </summary>
+    internal sealed class Transfers
+    {
+        private readonly Holdings held;
+        private readonly List<WireMessage> outbox;
+        private readonly Queue<StreamEvent> events;
+        private readonly Assembler assembler;
+        // Sent, and without a plan yet, oldest first.
+        private readonly List<LandingState> asked = new List<LandingState>();
+        private readonly HashSet<uint> retried = new HashSet<uint>();
+        private LandingState current;
+        private PrefetchState prefetch;
+        // Shown perhaps, since a deadline passed: the newest declared inner set.
+        private uint[] inner = new uint[0];
+
+        internal Transfers(Holdings held, PayloadPool pool, List<WireMessage> outbox, Queue<StreamEvent> events)
+        {
+            this.held = held;
+            this.outbox = outbox;
+            this.events = events;
+            assembler = new Assembler(pool);
+        }
+
+        /// <summary>Ids that the last ready landing shows, ascending.</summary>
+        internal uint[] Visible { get; private set; } = new uint[0];
+
+        /// <summary>Chunk bytes taken.</summary>
+        internal long PayloadBytes { get; private set; }
+
+        /// <summary>Those of them that belong to segments which were held already; 0 with a right server.</summary>
+        internal long RepeatedBytes { get; private set; }
+
+        /// <summary>What aims have brought.</summary>
+        internal AimCounts Aims { get; } = new AimCounts();
+
+        /// <summary>Generation of the newest aim of which everything has come; -1 for none.</summary>
+        internal long AimDone { get; private set; } = -1;
+
+        /// <summary>The newest landing that is not ready; null for none.</summary>
+        internal LandingState Unfinished
+        {
+            get
+            {
+                if (asked.Count > 0) return asked[asked.Count - 1];
+                return current != null && !current.IsDone ? current : null;
+            }
+        }
+
+        /// <summary>Whether a land has no plan yet: then nothing may be evicted (6.7, rule 2).</summary>
+        internal bool AwaitsPlan
+        {
+            get { return asked.Count > 0; }
+        }
+
+        /// <summary>Ids of the plan that is not ready: these must not be evicted (6.7, rule 2). Null for none.</summary>
+        internal HashSet<uint> OpenPlan
+        {
+            get { return current != null && !current.IsDone ? current.Wanted : null; }
+        }
+
+        /// <summary>Segments that are partly here.</summary>
+        internal int OpenParts
+        {
+            get { return assembler.Count; }
+        }
+
+        /// <summary>Note that a landing was sent.</summary>
+        internal void Ask(LandingState landing)
+        {
+            asked.Add(landing);
+        }
+
+        /// <summary>Forget a landing that was never sent.</summary>
+        internal void Withdraw(LandingState landing)
+        {
+            asked.Remove(landing);
+        }
+
+        /// <summary>Forget a landing that the server refused; an older one goes on (6.5, rule 5). Null where it was none.</summary>
+        internal LandingState Refused(uint? generation)
+        {
+            int place = generation.HasValue ? asked.FindIndex(landing => landing.Generation == generation.Value) : -1;
+            if (place < 0) return null;
+            LandingState refused = asked[place];
+            asked.RemoveAt(place);
+            PinAndTrim();
+            return refused;
+        }
+
+        /// <summary>Forget parts (10.2); the newest landing that is not ready, to ask again, or null.</summary>
+        internal LandingState ConnectionLost()
+        {
+            assembler.Clear();
+            prefetch = null;
+            AimDone = -1;
+            LandingState newest = Unfinished;
+            if (current != null && !current.IsDone && current != newest) ReportSuperseded(current.Number, newest.Number);
+            foreach (LandingState landing in asked)
+            {
+                if (landing != newest) ReportSuperseded(landing.Number, newest.Number);
+            }
+            current = null;
+            asked.Clear();
+            Pin();
+            return newest;
+        }
+
+        /// <summary>Show nothing: the served version is another one, so the ids mean other segments (5.4).</summary>
+        internal void HideAll()
+        {
+            Visible = new uint[0];
+            inner = new uint[0];
+            PinAndTrim();
+        }
+
+        /// <summary>Give all memory back: the session is of no use any more.</summary>
+        internal void Free()
+        {
+            assembler.Clear();
+        }
+
+        /// <summary>Take the plan of the oldest landing that has none.</summary>
+        internal void OnPlan(PlanMessage plan)
+        {
+            if (asked.Count == 0 || asked[0].Generation != plan.Generation)
+            {
+                string expected = asked.Count == 0 ? "none" : asked[0].Generation.ToString();
+                throw new ProtocolViolationException("got a plan of generation " + plan.Generation + ", expected " + expected);
+            }
+            LandingState landing = asked[0];
+            asked.RemoveAt(0);
+            EndCurrent(landing.Number);
+            current = landing;
+            prefetch = null;
+            retried.Clear();
+            landing.Begin(plan);
+            assembler.KeepOnly(landing.Facts);
+            Aims.Planned(plan.Keep, plan.Load.Length > 0);
+            var gone = new List<uint>();
+            foreach (uint segment in plan.Keep)
+            {
+                if (held.Cache.Touch(segment)) continue;
+                SegmentFacts crossed;
+                // Rejected already, and on its way again in this generation (6.4, rule 7).
+                if (landing.Crossed.TryGetValue(segment, out crossed)) landing.ExpectAgain(crossed);
+                else gone.Add(segment);
+            }
+            PinAndTrim();
+            events.Enqueue(new StreamEvent
+            {
+                Kind = StreamEventKind.Planned,
+                Landing = landing.Number,
+                Plan = Facts(landing.Number, plan),
+            });
+            foreach (uint segment in gone) AskAgain(landing, segment);
+        }
+
+        /// <summary>Take one of the (one or more) ready of the present landing (6.4).</summary>
+        internal void OnReady(ReadyMessage ready)
+        {
+            if (current == null || current.Generation != ready.Generation)
+            {
+                string expected = current == null ? "none" : current.Generation.ToString();
+                throw new ProtocolViolationException("got ready of generation " + ready.Generation + ", expected " + expected);
+            }
+            current.IsReadySeen = true;
+            current.Missing.Clear();
+            current.Missing.UnionWith(ready.Missing);
+            FinishIfComplete();
+        }
+
+        /// <summary>Pass on the declared inner set, as soon as all of it is here.</summary>
+        internal void OnDegraded(DegradedMessage degraded)
+        {
+            if (current == null || current.IsDone || current.Generation != degraded.Generation) return;
+            var segments = (uint[])degraded.Segments.Clone();
+            Array.Sort(segments);
+            current.Inner = segments;
+            DegradeIfWhole(current);
+        }
+
+        /// <summary>End a landing or a prefetch: no more frames of it come (6.5).</summary>
+        internal void OnSuperseded(SupersededMessage message)
+        {
+            if (prefetch != null && prefetch.Generation == message.Generation)
+            {
+                prefetch = null;
+            }
+            else if (current != null && current.Generation == message.Generation)
+            {
+                EndCurrent(asked.Count > 0 ? asked[0].Number : current.Number);
+                current = null;
+            }
+        }
+
+        /// <summary>Begin to take what an aim brings.</summary>
+        internal void OnPrefetch(PrefetchMessage message)
+        {
+            prefetch = new PrefetchState(message);
+            Aims.Prefetching();
+            retried.Clear();
+            assembler.KeepOnly(prefetch.Facts);
+            ReportAim(StreamEventKind.Prefetching, prefetch);
+            EndPrefetchIfDone(prefetch);
+        }
+
+        /// <summary>Take one chunk; check the hash when it was the last one (4, rule 4). Allocates nothing in steady state.</summary>
+        internal void OnFrame(PayloadFrame frame)
+        {
+            LandingState landing = current != null && current.Generation == frame.Generation ? current : null;
+            PrefetchState ahead = prefetch != null && prefetch.Generation == frame.Generation ? prefetch : null;
+            SegmentFacts facts = Expected(frame, landing, ahead);
+            int bytes = frame.Chunk.Count;
+            if (landing != null) landing.PayloadBytes += bytes;
+            PayloadBytes += bytes;
+            if (held.Cache.Contains(frame.Segment)) RepeatedBytes += bytes;
+            PayloadBuffer payload = assembler.Take(frame, facts.Length);
+            if (payload == null) return;
+            if (Xxh3.Hash64(payload.Data, 0, payload.Length) != facts.Xxh3)
+            {
+                payload.Release();
+                Reject(frame.Generation, facts, "hash_mismatch");
+                if (landing == null) GiveUpSecondTime(ahead, frame.Segment);
+                return;
+            }
+            held.Put(facts, payload);
+            events.Enqueue(new StreamEvent
+            {
+                Kind = StreamEventKind.Arrived,
+                Landing = landing == null ? (int?)null : landing.Number,
+                Facts = facts,
+            });
+            if (!AwaitsPlan) Trim();
+            if (landing != null)
+            {
+                landing.Waiting.Remove(frame.Segment);
+                DegradeIfWhole(landing);
+                FinishIfComplete();
+            }
+            else
+            {
+                Aims.Arrived(frame.Segment, facts.Length);
+                ahead.Waiting.Remove(frame.Segment);
+                EndPrefetchIfDone(ahead);
+            }
+        }
+
+        private static SegmentFacts Expected(PayloadFrame frame, LandingState landing, PrefetchState ahead)
+        {
+            if (landing == null && ahead == null)
+            {
+                throw new ProtocolViolationException(
+                    "got a frame of generation " + frame.Generation + ", which no landing or aim has now");
+            }
+            SegmentFacts facts;
+            if ((landing != null ? landing.Facts : ahead.Facts).TryGetValue(frame.Segment, out facts)) return facts;
+            throw new ProtocolViolationException(
+                "got segment " + frame.Segment + ", which generation " + frame.Generation + " does not load");
+        }
+
+        /// <summary>Ask for a segment of keep that is not here after all (6.4, rule 4).</summary>
+        private void AskAgain(LandingState landing, uint segment)
+        {
+            SegmentFacts facts;
+            if (!held.TryGetFacts(segment, out facts))
+            {
+                throw new ProtocolViolationException(
+                    "plan " + landing.Generation + " keeps segment " + segment + ", which was never held");
+            }
+            landing.ExpectAgain(facts);
+            Reject((uint)landing.Generation, facts, "lost");
+        }
+
+        /// <summary>Tell that a segment is not held; for a landing under way that crosses on the wire.</summary>
+        private void Reject(uint generation, SegmentFacts facts, string reason)
+        {
+            held.Forget(facts.Segment);
+            foreach (LandingState landing in asked) landing.Crossed[facts.Segment] = facts;
+            outbox.Add(new RejectMessage { Generation = generation, Segment = facts.Segment, Reason = reason });
+        }
+
+        /// <summary>Stop waiting for it: a prefetch is sent once more, then no more (6.4, rule 4).</summary>
+        private void GiveUpSecondTime(PrefetchState ahead, uint segment)
+        {
+            if (retried.Add(segment)) return;
+            ahead.Waiting.Remove(segment);
+            EndPrefetchIfDone(ahead);
+        }
+
+        private void EndCurrent(int by)
+        {
+            if (current != null && !current.IsDone) ReportSuperseded(current.Number, by);
+        }
+
+        private void DegradeIfWhole(LandingState landing)
+        {
+            uint[] declared = landing.Inner;
+            if (declared == null) return;
+            foreach (uint segment in declared)
+            {
+                if (landing.Waiting.Contains(segment) || !landing.Wanted.Contains(segment)) return;
+            }
+            landing.Inner = null;
+            inner = declared;
+            events.Enqueue(new StreamEvent { Kind = StreamEventKind.Degraded, Landing = landing.Number, Segments = declared });
+        }
+
+        private void FinishIfComplete()
+        {
+            if (current == null || current.IsDone || !current.IsComplete) return;
+            current.IsDone = true;
+            Visible = current.Shown();
+            inner = new uint[0];
+            events.Enqueue(new StreamEvent
+            {
+                Kind = StreamEventKind.Ready,
+                Landing = current.Number,
+                Segments = Visible,
+                Missing = current.NotShown(),
+                Bytes = current.PayloadBytes,
+            });
+            PinAndTrim();
+        }
+
+        private void EndPrefetchIfDone(PrefetchState ahead)
+        {
+            if (ahead.Waiting.Count > 0) return;
+            AimDone = ahead.Generation;
+            ReportAim(StreamEventKind.Prefetched, ahead);
+        }
+
+        private void ReportAim(StreamEventKind kind, PrefetchState ahead)
+        {
+            events.Enqueue(new StreamEvent { Kind = kind, Count = ahead.Facts.Count, Bytes = ahead.Bytes });
+        }
+
+        private void ReportSuperseded(int landing, int by)
+        {
+            events.Enqueue(new StreamEvent { Kind = StreamEventKind.Superseded, Landing = landing, By = by });
+        }
+
+        private void Pin()
+        {
+            held.Cache.UnpinAll();
+            held.Cache.Pin(Visible);
+            held.Cache.Pin(inner);
+            if (OpenPlan != null) held.Cache.Pin(OpenPlan);
+        }
+
+        private void PinAndTrim()
+        {
+            Pin();
+            if (!AwaitsPlan) Trim();
+        }
+
+        private void Trim()
+        {
+            uint[] segments = held.Trim();
+            if (segments != null) events.Enqueue(new StreamEvent { Kind = StreamEventKind.Dropped, Segments = segments });
+        }
+
+        private static PlanFacts Facts(int landing, PlanMessage plan)
+        {
+            return new PlanFacts
+            {
+                Landing = landing,
+                Position = plan.Position,
+                RadiusM = plan.RadiusM,
+                EffectiveRadiusM = plan.EffectiveRadiusM,
+                Load = plan.Load,
+                Keep = plan.Keep,
+                Release = plan.Release,
+                LoadBytes = plan.LoadBytes,
+                TotalBytes = plan.TotalBytes,
+                TotalTriangles = plan.TotalTriangles,
+                OmittedSegments = plan.OmittedSegments,
+                OmittedBy = plan.OmittedBy,
+            };
+        }
+    }
+}
