@@ -140,6 +140,51 @@ namespace Terraport
             z = (float)(Translation.Z + StepM * PositionCodes[vertex * 4 + 2]);
         }
 
+        /// <summary>The normal of a vertex, unit in float32, as every terraport client rounds it.</summary>
+        public void NormalAt(int vertex, out float x, out float y, out float z)
+        {
+            if (Encoding == PayloadEncoding.Arrays)
+            {
+                x = Normals[vertex * 3];
+                y = Normals[vertex * 3 + 1];
+                z = Normals[vertex * 3 + 2];
+                return;
+            }
+            float a = Math.Max((float)(NormalCodes[vertex * 4] / 127f), -1f);
+            float b = Math.Max((float)(NormalCodes[vertex * 4 + 1] / 127f), -1f);
+            float c = Math.Max((float)(NormalCodes[vertex * 4 + 2] / 127f), -1f);
+            // Every step rounded to float32, as NumPy does it.
+            float length = (float)Math.Sqrt((float)((float)((float)(a * a) + (float)(b * b)) + (float)(c * c)));
+            x = (float)(a / length);
+            y = (float)(b / length);
+            z = (float)(c / length);
+        }
+
+        /// <summary>The colour of a vertex, sRGB, 0 to 255: the survey's own. Only where <see cref="HasColours"/>.</summary>
+        public void ColourAt(int vertex, out byte red, out byte green, out byte blue)
+        {
+            bool isSrgb = Encoding == PayloadEncoding.Arrays;
+            int at = vertex * 4;
+            red = isSrgb ? SrgbColours[at] : LinearColour.ToSrgb(LinearColours[at]);
+            green = isSrgb ? SrgbColours[at + 1] : LinearColour.ToSrgb(LinearColours[at + 1]);
+            blue = isSrgb ? SrgbColours[at + 2] : LinearColour.ToSrgb(LinearColours[at + 2]);
+        }
+
+        /// <summary>The texture coordinates of a vertex, 0 to 1, (0, 0) the image's upper left. Only where <see cref="HasTexture"/>.</summary>
+        public void UvAt(int vertex, out float u, out float v)
+        {
+            if (Encoding == PayloadEncoding.Arrays)
+            {
+                u = Uvs[vertex * 2];
+                v = Uvs[vertex * 2 + 1];
+                return;
+            }
+            // Codes without a transform are divided, so that 65535 is 1.
+            bool isFraction = UvScaleU == 1.0 / 65535;
+            u = isFraction ? UvCodes[vertex * 2] / 65535f : (float)(UvCodes[vertex * 2] * UvScaleU);
+            v = isFraction ? UvCodes[vertex * 2 + 1] / 65535f : (float)(UvCodes[vertex * 2 + 1] * UvScaleV);
+        }
+
         /// <summary>Hold nothing; buffers and <see cref="EngineData"/> stay.</summary>
         internal void Clear()
         {
