@@ -1,0 +1,55 @@
+using System;
+using System.Collections.Generic;
+
+namespace Terraport.Unity.Editor
+{
+    /// <summary>Looks a scene's settings over before anybody plays.</summary>
+    public static class SettingsCheck
+    {
+        /// <summary>What will not work, or not well; empty where nothing was found.</summary>
+        public static List<string> Findings(TerraportScene scene)
+        {
+            List<string> findings = new List<string>();
+            CheckUrl(scene.SceneUrl, findings);
+            TerraportSettings settings = scene.Settings;
+            DeviceBudgets bounds = settings.ActualBudgets;
+            if (bounds.creditMebibytes > bounds.maxMebibytes * 4)
+            {
+                findings.Add("The credit is more than four landings' payload: a landing that is given up will cost much.");
+            }
+            if (settings.frameBudgetMs > 5 && settings.ActualProfile == DeviceProfile.Headset)
+            {
+                findings.Add("A frame budget of " + settings.frameBudgetMs + " ms leaves too little of a headset's 11 to 14 ms.");
+            }
+            if (scene.BaseMaterial != null && !scene.BaseMaterial.HasProperty("_TerraportPushM"))
+            {
+                findings.Add("The base's material has no _TerraportPushM: the base is not pushed back, and will poke through the detail.");
+            }
+            return findings;
+        }
+
+        private static void CheckUrl(string url, List<string> findings)
+        {
+            Uri address;
+            if (!Uri.TryCreate(url, UriKind.Absolute, out address) || (address.Scheme != "http" && address.Scheme != "https"))
+            {
+                findings.Add("The address is not one of http or https.");
+                return;
+            }
+            string[] parts = address.AbsolutePath.Split(new[] { '/' }, StringSplitOptions.RemoveEmptyEntries);
+            if (parts.Length < 2 || parts[parts.Length - 2] != "scenes")
+            {
+                findings.Add("The address does not end in /scenes/ID.");
+            }
+            if (!string.IsNullOrEmpty(address.UserInfo) || !string.IsNullOrEmpty(address.Query))
+            {
+                findings.Add("Tokens and passwords do not belong into the address: set TerraportScene.Token from code.");
+            }
+            if (address.Scheme == "http" && !address.IsLoopback)
+            {
+                findings.Add("Over http the token and the survey can be read by everybody on the way; Android and iOS refuse it "
+                    + "unless the player settings allow it.");
+            }
+        }
+    }
+}

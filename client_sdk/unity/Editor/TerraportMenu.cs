@@ -1,0 +1,51 @@
+using UnityEditor;
+using UnityEngine;
+
+namespace Terraport.Unity.Editor
+{
+    /// <summary>Entries of the menus GameObject and Create.</summary>
+    public static class TerraportMenu
+    {
+        /// <summary>A scene with solid ground.</summary>
+        [MenuItem("GameObject/Terraport/Scene", false, 10)]
+        public static void CreateScene(MenuCommand command)
+        {
+            GameObject made = new GameObject("Terraport Scene");
+            made.AddComponent<TerraportScene>();
+            made.AddComponent<TerraportGroundCollider>();
+            Place(made, command);
+        }
+
+        /// <summary>A user of the scene that is there.</summary>
+        [MenuItem("GameObject/Terraport/User", false, 11)]
+        public static void CreateUser(MenuCommand command)
+        {
+            GameObject made = new GameObject("Terraport User");
+            TerraportUser user = made.AddComponent<TerraportUser>();
+            user.Scene = FindScene();
+            Camera eye = Camera.main;
+            if (eye != null)
+            {
+                user.Pointer = eye.transform;
+                user.Rig = eye.transform.parent;
+            }
+            Place(made, command);
+        }
+
+        private static TerraportScene FindScene()
+        {
+#if UNITY_2023_1_OR_NEWER
+            return Object.FindFirstObjectByType<TerraportScene>();
+#else
+            return Object.FindObjectOfType<TerraportScene>();
+#endif
+        }
+
+        private static void Place(GameObject made, MenuCommand command)
+        {
+            GameObjectUtility.SetParentAndAlign(made, command.context as GameObject);
+            Undo.RegisterCreatedObjectUndo(made, "Create " + made.name);
+            Selection.activeGameObject = made;
+        }
+    }
+}

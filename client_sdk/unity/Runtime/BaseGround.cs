@@ -1,0 +1,147 @@
+using System.Collections.Generic;
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>The base of one version of a scene, in parts. Uploaded in slices, shown in one frame. Main thread.</summary>
+    internal sealed class BaseGround
+    {
+        private readonly GroundPool pool;
+        private readonly PhotoLoader photos;
+        private readonly GroundMaterials materials;
+        private readonly BaseParts source;
+        private readonly List<BasePart> parts = new List<BasePart>();
+        private readonly double deviationM;
+        private readonly int blockFaces;
+        private ushort[] scratch;
+        private PhotoLoad photo;
+        private Material photoMaterial;
+        private bool isReady;
+
+        public BaseGround(SceneFiles files, int blockFaces, GroundPool pool, PhotoLoader photos, GroundMaterials materials)
+        {
+            Files = files;
+            this.blockFaces = blockFaces;
+            this.pool = pool;
+            this.photos = photos;
+            this.materials = materials;
+            deviationM = files.Manifest.DeviationM;
+            source = files.Base.EngineData as BaseParts ?? new BaseParts(files.Base, blockFaces);
+            files.Base.EngineData = null; // It is used up by the upload.
+            scratch = new ushort[blockFaces * 3];
+            if (files.Base.HasTexture)
+            {
+                photo = photos.Begin(files.Base.Image);
+            }
+        }
+
+        /// <summary>What it is the base of.</summary>
+        public SceneFiles Files { get; private set; }
+
+        /// <summary>Triangles drawn.</summary>
+        public int DrawnFaces
+        {
+            get
+            {
+                int faces = 0;
+                for (int part = 0; part < parts.Count; part++)
+                {
+                    faces += parts[part].DrawnFaces;
+                }
+                return faces;
+            }
+        }
+
+        /// <summary>One slice of the upload. True once all of it can be drawn.</summary>
+        public bool Upload()
+        {
+            if (isReady)
+            {
+                return true;
+            }
+            int last = parts.Count - 1;
+            if (last >= 0 && !parts[last].IsUploaded)
+            {
+                parts[last].Upload(pool);
+                return false;
+            }
+            if (parts.Count < source.Count)
+            {
+                if (parts.Count >= source.PackedCount)
+                {
+                    source.Step();
+                    return false;
+                }
+                BasePart part = new BasePart(source.RangeOf(parts.Count), source.PackedOf(parts.Count));
+                parts.Add(part);
+                part.Upload(pool);
+                return false;
+            }
+            if (photo != null && !photo.IsDone)
+            {
+                return false;
+            }
+            // A base whose photograph cannot be read is still ground: it is drawn plain, and the fault is the caller's to tell.
+            Finish();
+            return true;
+        }
+
+        /// <summary>Why its photograph is missing; else null.</summary>
+        public TerraportException Fault
+        {
+            get { return photo == null ? null : photo.Error; }
+        }
+
+        /// <summary>Write the coming list of one block.</summary>
+        public void Prepare(FaceRange block, HiddenFaces next)
+        {
+            parts[block.First / blockFaces].Prepare(next.Mask, scratch);
+        }
+
+        /// <summary>Draw the coming list of one block.</summary>
+        public void Flip(FaceRange block)
+        {
+            parts[block.First / blockFaces].Flip();
+        }
+
+        /// <summary>Draw all of it.</summary>
+        public void Show()
+        {
+            materials.SetPush(deviationM);
+            for (int part = 0; part < parts.Count; part++)
+            {
+                parts[part].Show(true);
+            }
+        }
+
+        /// <summary>Give everything back; nothing of it is drawn any more.</summary>
+        public void Release()
+        {
+            for (int part = 0; part < parts.Count; part++)
+            {
+                parts[part].Release(pool);
+            }
+            parts.Clear();
+            if (photo != null)
+            {
+                photos.GiveUp(photo);
+                photo = null;
+            }
+            Engine.Destroy(photoMaterial);
+        }
+
+        private void Finish()
+        {
+            materials.SetPush(deviationM);
+            if (photo != null && photo.Error == null)
+            {
+                photoMaterial = materials.MakeBase(photo.Result);
+            }
+            for (int part = 0; part < parts.Count; part++)
+            {
+                parts[part].SetMaterial(photoMaterial != null ? photoMaterial : materials.Base);
+            }
+            isReady = true;
+        }
+    }
+}

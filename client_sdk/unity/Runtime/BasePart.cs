@@ -1,0 +1,105 @@
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// A block of the base: consecutive faces, in two pieces of ground of which one is drawn. The other takes the list of faces for
+    /// the coming swap, which then only exchanges them.
+    /// </summary>
+    internal sealed class BasePart
+    {
+        private readonly PackedMesh packed;
+        private GroundNode front;
+        private GroundNode back;
+
+        /// <param name="faces">Which faces of the base.</param>
+        /// <param name="packed">Their vertices, and the indices of all of them.</param>
+        public BasePart(FaceRange faces, PackedMesh packed)
+        {
+            Faces = faces;
+            this.packed = packed;
+        }
+
+        /// <summary>Which faces of the base.</summary>
+        public FaceRange Faces { get; private set; }
+
+        /// <summary>Whether both pieces are on the graphics card.</summary>
+        public bool IsUploaded
+        {
+            get { return back != null; }
+        }
+
+        /// <summary>Triangles drawn.</summary>
+        public int DrawnFaces
+        {
+            get { return front != null && front.IsShown ? front.FaceCount : 0; }
+        }
+
+        /// <summary>One step of the upload: the first piece, then the second. The pack's vertices are not needed after that.</summary>
+        public void Upload(GroundPool pool)
+        {
+            GroundNode node = pool.Take();
+            MeshFiller.Fill(node.Mesh, packed);
+            node.FaceCount = Faces.Count;
+            if (front == null)
+            {
+                front = node;
+                return;
+            }
+            back = node;
+            packed.DropVertices();
+        }
+
+        /// <summary>How both pieces are drawn.</summary>
+        public void SetMaterial(Material material)
+        {
+            front.Material = material;
+            back.Material = material;
+        }
+
+        /// <summary>Write the list of faces that will be drawn after <see cref="Flip"/>.</summary>
+        /// <param name="scratch">At least as long as the part's indices.</param>
+        public void Prepare(byte[] hidden, ushort[] scratch)
+        {
+            int indexCount = FaceList.Write(packed.ShortIndices, Faces, hidden, scratch);
+            back.FaceCount = indexCount / 3;
+            if (indexCount > 0)
+            {
+                MeshFiller.SetFaces(back.Mesh, packed, scratch, indexCount);
+            }
+        }
+
+        /// <summary>Draw what was prepared, from the next frame on: flags only.</summary>
+        public void Flip()
+        {
+            bool isShown = front.IsShown || front.FaceCount == 0;
+            front.IsShown = false;
+            GroundNode other = front;
+            front = back;
+            back = other;
+            // A list without a face was not written: its piece stays hidden.
+            front.IsShown = isShown && front.FaceCount > 0;
+        }
+
+        /// <summary>Draw it, or not.</summary>
+        public void Show(bool isShown)
+        {
+            front.IsShown = isShown && front.FaceCount > 0;
+        }
+
+        /// <summary>Give both pieces back.</summary>
+        public void Release(GroundPool pool)
+        {
+            if (front != null)
+            {
+                pool.Return(front);
+                front = null;
+            }
+            if (back != null)
+            {
+                pool.Return(back);
+                back = null;
+            }
+        }
+    }
+}

@@ -1,0 +1,93 @@
+using System;
+using System.Collections.Generic;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// The base cut into blocks of consecutive faces, packed. Made on a thread while the scene is loaded, or in slices where there are
+    /// no threads. No engine.
+    /// </summary>
+    public sealed class BaseParts
+    {
+        private readonly SegmentMesh mesh;
+        private readonly List<FaceRange> ranges = new List<FaceRange>();
+        private readonly List<PackedMesh> packed = new List<PackedMesh>();
+        private int[] numbers;
+
+        /// <param name="mesh">The base; must not be changed meanwhile.</param>
+        /// <param name="blockFaces">Faces of a block, 1 to 21845; <see cref="StageOptions.BaseBlockFaces"/>.</param>
+        public BaseParts(SegmentMesh mesh, int blockFaces)
+        {
+            if (blockFaces < 1 || blockFaces > ushort.MaxValue / 3)
+            {
+                throw new ArgumentOutOfRangeException(nameof(blockFaces), blockFaces, "expected 1 to " + ushort.MaxValue / 3);
+            }
+            this.mesh = mesh;
+            for (int first = 0; first < mesh.FaceCount; first += blockFaces)
+            {
+                ranges.Add(new FaceRange(first, Math.Min(blockFaces, mesh.FaceCount - first)));
+            }
+        }
+
+        /// <summary>How many blocks there are.</summary>
+        public int Count
+        {
+            get { return ranges.Count; }
+        }
+
+        /// <summary>Blocks that are packed, from the first on.</summary>
+        public int PackedCount
+        {
+            get { return packed.Count; }
+        }
+
+        /// <summary>Which faces a block holds.</summary>
+        public FaceRange RangeOf(int block)
+        {
+            return ranges[block];
+        }
+
+        /// <summary>A packed block.</summary>
+        public PackedMesh PackedOf(int block)
+        {
+            return packed[block];
+        }
+
+        /// <summary>Pack the next block; false where all are.</summary>
+        public bool Step()
+        {
+            if (packed.Count >= ranges.Count)
+            {
+                return false;
+            }
+            if (numbers == null)
+            {
+                numbers = new int[mesh.VertexCount];
+                for (int vertex = 0; vertex < numbers.Length; vertex++)
+                {
+                    numbers[vertex] = -1;
+                }
+            }
+            PackedMesh block = new PackedMesh();
+            block.PackFaces(mesh, ranges[packed.Count], numbers);
+            packed.Add(block);
+            if (packed.Count == ranges.Count)
+            {
+                numbers = null;
+            }
+            return true;
+        }
+
+        /// <summary>
+        /// Cut and pack a whole base and keep it with the mesh (<see cref="SegmentMesh.EngineData"/>), where the renderer finds it.
+        /// </summary>
+        public static void PackOnto(SegmentMesh mesh, int blockFaces)
+        {
+            BaseParts parts = new BaseParts(mesh, blockFaces);
+            while (parts.Step())
+            {
+            }
+            mesh.EngineData = parts;
+        }
+    }
+}

@@ -1,0 +1,74 @@
+using System;
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>What a device is asked to hold: the bounds of everything that can grow with the length of a visit.</summary>
+    [Serializable]
+    public sealed class DeviceBudgets
+    {
+        /// <summary>Triangles of a landing at most.</summary>
+        [Min(1000)]
+        [Tooltip("Triangles of a landing at most. More: a larger sharp circle. Fewer: more frames per second.")]
+        public int maxTriangles = 6000000;
+
+        /// <summary>Payload of a landing at most, MiB.</summary>
+        [Min(1)]
+        [Tooltip("Payload of a landing at most, MiB. More: denser surveys and photographs. Less: shorter waits, less memory.")]
+        public int maxMebibytes = 96;
+
+        /// <summary>Segments of a landing at most; each in view is a draw call.</summary>
+        [Min(1)]
+        [Tooltip("Segments of a landing at most. Each one in view is a draw call.")]
+        public int maxSegments = 4096;
+
+        /// <summary>Radius of a landing unless another is asked for, metres.</summary>
+        [Min(1)]
+        [Tooltip("Radius of a landing unless another is asked for, metres.")]
+        public float radiusM = 60;
+
+        /// <summary>Payload kept in main memory beside what is shown, MiB.</summary>
+        [Min(0)]
+        [Tooltip("Payload kept in main memory beside what is shown, MiB. More: places landed in before come back without loading.")]
+        public int cacheMebibytes = 256;
+
+        /// <summary>Payload under way at most, MiB.</summary>
+        [Min(1)]
+        [Tooltip("Payload under way at most, MiB. More: long links are used in full. Less: a landing that is given up costs less.")]
+        public int creditMebibytes = 16;
+
+        /// <summary>Graphics memory of segments that nothing shows or waits for, MiB.</summary>
+        [Min(1)]
+        [Tooltip("Graphics memory of segments that nothing shows or waits for (loaded ahead by an aim), MiB.")]
+        public int spareGpuMebibytes = 256;
+
+        /// <summary>The bounds of a class of devices; a copy. Auto and Custom give those of a desktop.</summary>
+        public static DeviceBudgets For(DeviceProfile profile)
+        {
+            DeviceBudgets budgets = new DeviceBudgets();
+            if (profile == DeviceProfile.Phone)
+            {
+                // An app that takes more than a few hundred MiB is closed by the phone's system, graphics memory included.
+                budgets.maxTriangles = 1500000;
+                budgets.maxMebibytes = 32;
+                budgets.maxSegments = 1024;
+                budgets.radiusM = 40;
+                budgets.cacheMebibytes = 48;
+                budgets.creditMebibytes = 4;
+                budgets.spareGpuMebibytes = 64;
+            }
+            else if (profile == DeviceProfile.Headset)
+            {
+                // Two eyes, 72 times a second, on a phone's graphics: triangles are scarce, and draw calls; memory less so.
+                budgets.maxTriangles = 900000;
+                budgets.maxMebibytes = 32;
+                budgets.maxSegments = 512;
+                budgets.radiusM = 40;
+                budgets.cacheMebibytes = 96;
+                budgets.creditMebibytes = 8;
+                budgets.spareGpuMebibytes = 96;
+            }
+            return budgets;
+        }
+    }
+}

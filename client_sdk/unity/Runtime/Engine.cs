@@ -1,0 +1,25 @@
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>What the engine does differently in play mode and in the editor.</summary>
+    internal static class Engine
+    {
+        /// <summary>Destroy what this package made; nothing where it is gone already (a scene that is unloaded takes its objects along).</summary>
+        public static void Destroy(Object made)
+        {
+            if (made == null)
+            {
+                return;
+            }
+            if (Application.isPlaying)
+            {
+                Object.Destroy(made);
+            }
+            else
+            {
+                Object.DestroyImmediate(made);
+            }
+        }
+    }
+}

@@ -1,0 +1,121 @@
+using System;
+using System.Collections.Generic;
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>The materials that ground is drawn with: one for all coloured detail, one for the base, and one per photograph.</summary>
+    internal sealed class GroundMaterials : IDisposable
+    {
+        private const string ShaderName = "TerraportGround";
+
+        private static readonly int PushId = Shader.PropertyToID("_TerraportPushM");
+        private static readonly int ReliefId = Shader.PropertyToID("_TerraportRelief");
+        private static readonly int HasPhotoId = Shader.PropertyToID("_TerraportHasPhoto");
+
+        private readonly Material detail;
+        private readonly Material ground;
+        private readonly Stack<Material> spareDetailPhotos = new Stack<Material>();
+
+        /// <param name="detailOverride">The project's own material for detail, copied; null for this package's shader.</param>
+        /// <param name="baseOverride">The project's own material for the base, copied; null likewise.</param>
+        /// <param name="relief">How much of the shape's light is laid over the colours, 0 to 1.</param>
+        public GroundMaterials(Material detailOverride, Material baseOverride, float relief)
+        {
+            detail = Make(detailOverride, relief);
+            ground = Make(baseOverride, relief);
+            // After the detail, which stands before it nearly everywhere: what the detail hides is not shaded.
+            ground.renderQueue = detail.renderQueue + 1;
+        }
+
+        /// <summary>For coloured segments.</summary>
+        public Material Detail
+        {
+            get { return detail; }
+        }
+
+        /// <summary>For a coloured base.</summary>
+        public Material Base
+        {
+            get { return ground; }
+        }
+
+        /// <summary>How far the base is pushed back along the line of sight, metres: the scene's deviation.</summary>
+        public void SetPush(double deviationM)
+        {
+            SetFloat(ground, PushId, (float)deviationM);
+        }
+
+        /// <summary>A material with a photograph for a segment; give it back by <see cref="ReturnDetail"/>.</summary>
+        public Material TakeDetail(PhotoTexture photo)
+        {
+            return WithPhoto(spareDetailPhotos.Count > 0 ? spareDetailPhotos.Pop() : Copy(detail), photo);
+        }
+
+        /// <summary>Take a segment's material back.</summary>
+        public void ReturnDetail(Material material)
+        {
+            material.mainTexture = null;
+            spareDetailPhotos.Push(material);
+        }
+
+        /// <summary>A material with the base's photograph, pushed back as the base is; destroy it after use.</summary>
+        public Material MakeBase(PhotoTexture photo)
+        {
+            return WithPhoto(Copy(ground), photo);
+        }
+
+        /// <summary>Destroy all of them.</summary>
+        public void Dispose()
+        {
+            while (spareDetailPhotos.Count > 0)
+            {
+                Engine.Destroy(spareDetailPhotos.Pop());
+            }
+            Engine.Destroy(detail);
+            Engine.Destroy(ground);
+        }
+
+        private static Material Make(Material own, float relief)
+        {
+            if (own != null)
+            {
+                return Copy(own);
+            }
+            Shader shader = Resources.Load<Shader>(ShaderName);
+            if (shader == null || !shader.isSupported)
+            {
+                throw new TerraportException(
+                    "shader", "shader " + ShaderName + " is missing or not supported here; set materials of your own");
+            }
+            Material material = new Material(shader);
+            material.hideFlags = HideFlags.DontSave;
+            SetFloat(material, ReliefId, relief);
+            return material;
+        }
+
+        private static Material Copy(Material from)
+        {
+            Material material = new Material(from);
+            material.hideFlags = HideFlags.DontSave;
+            return material;
+        }
+
+        private static Material WithPhoto(Material material, PhotoTexture photo)
+        {
+            material.mainTexture = photo.Texture;
+            material.mainTextureScale = new Vector2(1, photo.IsTopDown ? -1 : 1);
+            material.mainTextureOffset = new Vector2(0, photo.IsTopDown ? 1 : 0);
+            SetFloat(material, HasPhotoId, 1);
+            return material;
+        }
+
+        private static void SetFloat(Material material, int id, float value)
+        {
+            if (material.HasProperty(id))
+            {
+                material.SetFloat(id, value);
+            }
+        }
+    }
+}

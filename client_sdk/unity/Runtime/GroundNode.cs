@@ -1,0 +1,69 @@
+using UnityEngine;
+using UnityEngine.Rendering;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// One drawable piece of ground: an object with a mesh of its own, hidden until it is shown. Pooled, since making objects and
+    /// meshes is what costs garbage and time.
+    /// </summary>
+    internal sealed class GroundNode
+    {
+        private readonly GameObject holder;
+        private readonly MeshRenderer renderer;
+
+        /// <summary>A hidden piece below <paramref name="parent"/>, at the scene's origin, not saved with the scene.</summary>
+        public GroundNode(Transform parent)
+        {
+            holder = new GameObject("terraport ground");
+            holder.hideFlags = HideFlags.DontSave;
+            holder.layer = parent.gameObject.layer;
+            holder.transform.SetParent(parent, false);
+            Mesh = new Mesh();
+            Mesh.name = "terraport ground";
+            Mesh.hideFlags = HideFlags.DontSave;
+            Mesh.MarkDynamic();
+            holder.AddComponent<MeshFilter>().sharedMesh = Mesh;
+            renderer = holder.AddComponent<MeshRenderer>();
+            renderer.shadowCastingMode = ShadowCastingMode.Off;
+            renderer.receiveShadows = false;
+            renderer.lightProbeUsage = LightProbeUsage.Off;
+            renderer.reflectionProbeUsage = ReflectionProbeUsage.Off;
+            renderer.motionVectorGenerationMode = MotionVectorGenerationMode.Camera;
+            renderer.allowOcclusionWhenDynamic = false;
+            renderer.enabled = false;
+        }
+
+        /// <summary>Its mesh; readable, so that it can be filled again.</summary>
+        public Mesh Mesh { get; private set; }
+
+        /// <summary>Its photograph on its way or there; null without one.</summary>
+        public PhotoLoad Photo { get; set; }
+
+        /// <summary>A material of its own, with its photograph; null where it shares one.</summary>
+        public Material PhotoMaterial { get; set; }
+
+        /// <summary>Triangles that are drawn when it is shown.</summary>
+        public int FaceCount { get; set; }
+
+        /// <summary>Whether it is drawn.</summary>
+        public bool IsShown
+        {
+            get { return renderer.enabled; }
+            set { renderer.enabled = value; }
+        }
+
+        /// <summary>How it is drawn.</summary>
+        public Material Material
+        {
+            set { renderer.sharedMaterial = value; }
+        }
+
+        /// <summary>Destroy object and mesh.</summary>
+        public void Destroy()
+        {
+            Engine.Destroy(holder);
+            Engine.Destroy(Mesh);
+        }
+    }
+}

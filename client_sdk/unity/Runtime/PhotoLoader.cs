@@ -1,0 +1,157 @@
+using System;
+using System.Collections.Generic;
+using System.Threading.Tasks;
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// Makes textures from payloads' images, at most one JPEG or PNG in a frame: Unity reads those on the main thread alone, which
+    /// takes 5 to 20 ms for a megapixel on a headset. KTX2 is read on threads, by another package. Main thread.
+    /// </summary>
+    public sealed class PhotoLoader : IDisposable
+    {
+        private readonly Queue<PhotoLoad> waiting = new Queue<PhotoLoad>();
+        private readonly List<PhotoLoad> running = new List<PhotoLoad>();
+        private bool isDisposed;
+
+        /// <summary>
+        /// Reads KTX2: file in, texture out; null without a package that can. Terraport.Ktx sets it where com.unity.cloud.ktx is
+        /// installed; a project may set its own reader.
+        /// </summary>
+        public static Func<byte[], Task<PhotoTexture>> KtxReader { get; set; }
+
+        /// <summary>Whether images of a media type can be read here.</summary>
+        public static bool CanRead(string mediaType)
+        {
+            return mediaType == "image/jpeg" || mediaType == "image/png" || (mediaType == "image/ktx2" && KtxReader != null);
+        }
+
+        /// <summary>Images that wait or are being read.</summary>
+        public int Pending
+        {
+            get { return waiting.Count + running.Count; }
+        }
+
+        /// <summary>Begin to read a mesh's image; the file is copied, so the mesh may be reused.</summary>
+        /// <exception cref="TerraportException">Nothing here reads images of that media type.</exception>
+        internal PhotoLoad Begin(MeshImage image)
+        {
+            if (!CanRead(image.MediaType))
+            {
+                string hint = image.MediaType == "image/ktx2" ? ", install com.unity.cloud.ktx" : ", expected image/jpeg or image/png";
+                throw new TerraportException("unsupported_image", "image is " + image.MediaType + hint);
+            }
+            // Exactly as long as the file: Unity's reader takes whole arrays. The one piece of garbage that an upload makes.
+            byte[] file = new byte[image.Length];
+            Buffer.BlockCopy(image.Bytes, 0, file, 0, image.Length);
+            PhotoLoad load = new PhotoLoad();
+            load.File = file;
+            load.MediaType = image.MediaType;
+            load.Width = image.Width;
+            load.Height = image.Height;
+            waiting.Enqueue(load);
+            return load;
+        }
+
+        /// <summary>Nobody wants it any more: its texture is destroyed, now or when it comes.</summary>
+        internal void GiveUp(PhotoLoad load)
+        {
+            load.IsGivenUp = true;
+            load.File = null;
+            Engine.Destroy(load.Result.Texture);
+            load.Result = default(PhotoTexture);
+        }
+
+        /// <summary>Once per frame: take what threads finished, and read the next image.</summary>
+        public void Step()
+        {
+            for (int at = running.Count - 1; at >= 0; at--)
+            {
+                if (running[at].Task.IsCompleted)
+                {
+                    Finish(running[at]);
+                    running.RemoveAt(at);
+                }
+            }
+            while (waiting.Count > 0)
+            {
+                PhotoLoad load = waiting.Dequeue();
+                if (load.IsGivenUp)
+                {
+                    continue;
+                }
+                Read(load);
+                return;
+            }
+        }
+
+        /// <summary>Give everything up that is on its way.</summary>
+        public void Dispose()
+        {
+            isDisposed = true;
+            foreach (PhotoLoad load in waiting)
+            {
+                GiveUp(load);
+            }
+            waiting.Clear();
+            foreach (PhotoLoad load in running)
+            {
+                PhotoLoad late = load;
+                GiveUp(late);
+                // Comes back to the main thread where Unity's scheduler is the current one: textures can be destroyed there alone.
+                late.Task.ContinueWith(_ => Finish(late), TaskScheduler.FromCurrentSynchronizationContext());
+            }
+            running.Clear();
+        }
+
+        private void Read(PhotoLoad load)
+        {
+            byte[] file = load.File;
+            load.File = null;
+            if (load.MediaType == "image/ktx2")
+            {
+                load.Task = KtxReader(file);
+                running.Add(load);
+                return;
+            }
+            // The size is Unity's to set from the file; mips are made since the empty texture asks for them; colours are sRGB.
+            Texture2D texture = new Texture2D(2, 2, TextureFormat.RGBA32, true, false);
+            if (!texture.LoadImage(file, true) || texture.width != load.Width || texture.height != load.Height)
+            {
+                Engine.Destroy(texture);
+                load.Error = new TerraportException("bad_image", "image of " + file.Length + " bytes (" + load.MediaType + ") cannot be read");
+                return;
+            }
+            PhotoTexture result = default(PhotoTexture);
+            result.Texture = texture;
+            Accept(load, result);
+        }
+
+        private void Finish(PhotoLoad load)
+        {
+            if (load.Task.IsFaulted || load.Task.IsCanceled || load.Task.Result.Texture == null)
+            {
+                string why = load.Task.Exception == null ? "" : ": " + load.Task.Exception.GetBaseException().Message;
+                load.Error = new TerraportException("bad_image", "image (" + load.MediaType + ") cannot be read" + why);
+                return;
+            }
+            Accept(load, load.Task.Result);
+        }
+
+        private void Accept(PhotoLoad load, PhotoTexture result)
+        {
+            if (load.IsGivenUp || isDisposed)
+            {
+                Engine.Destroy(result.Texture);
+                return;
+            }
+            result.Texture.hideFlags = HideFlags.DontSave;
+            result.Texture.wrapMode = TextureWrapMode.Clamp;
+            result.Texture.filterMode = FilterMode.Trilinear;
+            // Ground is seen at grazing angles: without it, photographs blur away a few metres from the feet.
+            result.Texture.anisoLevel = 4;
+            load.Result = result;
+        }
+    }
+}

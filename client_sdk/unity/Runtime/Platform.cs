@@ -1,0 +1,44 @@
+using System;
+
+namespace Terraport.Unity
+{
+    /// <summary>What differs between platforms: a browser has no threads and no sockets but its own.</summary>
+    internal static class Platform
+    {
+#if UNITY_WEBGL && !UNITY_EDITOR
+        /// <summary>Whether work can be done beside the main thread.</summary>
+        public static bool HasThreads
+        {
+            get { return false; }
+        }
+
+        public static ISceneStream OpenStream(StreamOptions options, ITransportFactory transports)
+        {
+            return new SceneStream(options, transports ?? new WebGlTransportFactory());
+        }
+
+        public static IDecodeQueue MakeDecoders(TerraportSettings settings, Action<SegmentMesh> afterDecode)
+        {
+            return new InlineDecodes(settings.encoding, afterDecode);
+        }
+#else
+        /// <summary>Whether work can be done beside the main thread.</summary>
+        public static bool HasThreads
+        {
+            get { return true; }
+        }
+
+        /// <summary>A stream that is pumped on a thread of its own.</summary>
+        public static ISceneStream OpenStream(StreamOptions options, ITransportFactory transports)
+        {
+            return new ThreadedStream(options, transports ?? new WebSocketTransportFactory());
+        }
+
+        /// <summary>Threads that decode and pack.</summary>
+        public static IDecodeQueue MakeDecoders(TerraportSettings settings, Action<SegmentMesh> afterDecode)
+        {
+            return new DecodeThreads(settings.encoding, settings.ActualDecodeThreads, afterDecode);
+        }
+#endif
+    }
+}

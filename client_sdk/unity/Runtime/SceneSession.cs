@@ -1,0 +1,246 @@
+using System;
+using System.Threading;
+using System.Threading.Tasks;
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// One opening of a scene: its files, its stream, its stage and what draws them, from Open to Close. Main thread.
+    /// </summary>
+    internal sealed class SceneSession : IDisposable
+    {
+        /// <summary>Faces of a block of the base: 13 blocks for 200,000 faces, and at most 96 KiB of indices to write for one.</summary>
+        private const int BaseBlockFaces = 16384;
+
+        private readonly TerraportSettings settings;
+        private readonly DeviceBudgets budgets;
+        private readonly string url;
+        private readonly ITransportFactory transports;
+        private readonly IHttp http;
+        private readonly PhotoLoader photos = new PhotoLoader();
+        private readonly GroundMaterials materials;
+        private readonly GroundRenderer renderer;
+        private readonly CancellationTokenSource cancel = new CancellationTokenSource();
+        private string token;
+        private Task<SceneFiles> loading;
+        private IDecodeQueue decoders;
+        private bool isDisposed;
+
+        public SceneSession(TerraportScene scene, string url, string token)
+        {
+            settings = scene.Settings;
+            budgets = settings.ActualBudgets;
+            this.url = url;
+            this.token = token;
+            transports = scene.Transports;
+            http = scene.Http;
+            materials = new GroundMaterials(scene.DetailMaterial, scene.BaseMaterial, settings.relief);
+            renderer = new GroundRenderer(scene.transform, photos, materials, BaseBlockFaces);
+            renderer.BaseFault += fault => Fault(fault);
+            loading = LoadAsync();
+        }
+
+        /// <summary>Files could not be loaded, a segment could not be decoded or drawn.</summary>
+        public event Action<TerraportException> Faulted;
+
+        /// <summary>The base's files of a version are here; it is drawn a few frames later.</summary>
+        public event Action<SceneFiles> Loaded;
+
+        /// <summary>Every event of the stream, after the stage has it.</summary>
+        public event StreamEventHandler Streamed;
+
+        /// <summary>What is drawn has changed.</summary>
+        public event Action<SceneSwap> Swapped;
+
+        /// <summary>Null until the files are here.</summary>
+        public SceneStage Stage { get; private set; }
+
+        /// <summary>Null until the files are here.</summary>
+        public ISceneStream Stream { get; private set; }
+
+        /// <summary>Of the version that is served now; null until they are here.</summary>
+        public SceneFiles Files { get; private set; }
+
+        /// <summary>What it holds on the graphics card, for a display of figures.</summary>
+        public GroundRenderer Renderer
+        {
+            get { return renderer; }
+        }
+
+        /// <summary>Whether the files are being loaded.</summary>
+        public bool IsLoading
+        {
+            get { return loading != null; }
+        }
+
+        /// <summary>Connect now, perhaps with another token; begin to load again where that failed.</summary>
+        public void Reconnect(string newToken)
+        {
+            token = newToken ?? token;
+            if (Stream != null)
+            {
+                Stream.Reconnect(newToken);
+            }
+            if (loading == null && Files == null)
+            {
+                loading = LoadAsync();
+            }
+        }
+
+        /// <summary>Once per frame: take what came, and do what the frame has time for.</summary>
+        public void Update()
+        {
+            TakeFiles();
+            photos.Step();
+            if (Stage == null)
+            {
+                return;
+            }
+            Stream.Pump();
+            StreamEvent next;
+            while (!isDisposed && Stream.TryNextEvent(out next))
+            {
+                Stage.Handle(ref next);
+                if (Streamed != null)
+                {
+                    Streamed(ref next);
+                }
+            }
+            if (isDisposed)
+            {
+                return; // A listener closed the scene.
+            }
+            Stage.Update(settings.ActualFrameBudgetMs);
+            if (!isDisposed && Stage.NeedsFiles && loading == null)
+            {
+                loading = LoadAsync();
+            }
+        }
+
+        /// <summary>Close the stream and free everything.</summary>
+        public void Dispose()
+        {
+            if (isDisposed)
+            {
+                return;
+            }
+            isDisposed = true;
+            cancel.Cancel();
+            if (Stage != null)
+            {
+                Stage.Dispose();
+            }
+            if (Stream != null)
+            {
+                Stream.Dispose();
+            }
+            if (decoders != null)
+            {
+                decoders.Dispose();
+            }
+            renderer.Dispose();
+            photos.Dispose();
+            materials.Dispose();
+            cancel.Dispose();
+        }
+
+        private async Task<SceneFiles> LoadAsync()
+        {
+            CancellationToken cancelled = cancel.Token;
+            SceneFiles files = await SceneLoader.LoadAsync(url, token, http, null, cancelled);
+            if (Platform.HasThreads)
+            {
+                return await Task.Run(() => Prepare(files), cancelled);
+            }
+            return Prepare(files);
+        }
+
+        private static SceneFiles Prepare(SceneFiles files)
+        {
+            SceneFiles sorted = BaseOrder.Sort(files, BaseBlockFaces);
+            if (Platform.HasThreads)
+            {
+                BaseParts.PackOnto(sorted.Base, BaseBlockFaces);
+            }
+            return sorted;
+        }
+
+        private void TakeFiles()
+        {
+            if (loading == null || !loading.IsCompleted)
+            {
+                return;
+            }
+            Task<SceneFiles> done = loading;
+            loading = null;
+            if (done.IsCanceled)
+            {
+                return;
+            }
+            if (done.IsFaulted)
+            {
+                Exception why = done.Exception.GetBaseException();
+                Fault(why as TerraportException ?? new TerraportException("load", why.Message, null, why));
+                return;
+            }
+            Files = done.Result;
+            if (Stage == null)
+            {
+                Begin();
+            }
+            else
+            {
+                Stage.ReplaceFiles(Files);
+            }
+            if (Loaded != null)
+            {
+                Loaded(Files);
+            }
+        }
+
+        private void Begin()
+        {
+            Stream = Platform.OpenStream(OptionsOf(), transports);
+            decoders = Platform.MakeDecoders(settings, PackedMesh.PackOnto);
+            StageOptions options = new StageOptions();
+            options.AutoShow = settings.autoShow;
+            options.SpareGpuBytes = (long)budgets.spareGpuMebibytes << 20;
+            options.BaseBlockFaces = BaseBlockFaces;
+            Stage = new SceneStage(Stream, Files, renderer, decoders, options);
+            Stage.DecodeFailed += (segment, why) => Fault(why);
+            Stage.Swapped += swap =>
+            {
+                if (Swapped != null)
+                {
+                    Swapped(swap);
+                }
+            };
+        }
+
+        private StreamOptions OptionsOf()
+        {
+            StreamOptions options = new StreamOptions();
+            options.SceneUrl = url;
+            options.Token = token;
+            options.Encoding = settings.encoding;
+            Budgets bounds = default(Budgets);
+            bounds.MaxTriangles = budgets.maxTriangles;
+            bounds.MaxBytes = (long)budgets.maxMebibytes << 20;
+            bounds.MaxSegments = budgets.maxSegments;
+            options.Budgets = bounds;
+            options.CacheBytes = (long)budgets.cacheMebibytes << 20;
+            options.CreditBytes = (long)budgets.creditMebibytes << 20;
+            options.Client = "terraport-unity/0.1.0 Unity/" + Application.unityVersion;
+            return options;
+        }
+
+        private void Fault(TerraportException why)
+        {
+            if (Faulted != null)
+            {
+                Faulted(why);
+            }
+        }
+    }
+}

@@ -1,0 +1,142 @@
+using System.Collections.Generic;
+using System.Threading.Tasks;
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// Makes the base of a scene solid for rays and bodies: pointers of the XR Interaction Toolkit and Physics.Raycast meet it. Cooked
+    /// on a thread, a block at a time; nothing is solid before.
+    /// </summary>
+    /// <remarks>
+    /// It is the base that is solid, hidden faces too, and not the detail, which stands at most the scene's deviation from it nearly
+    /// everywhere: ask <see cref="TerraportScene.Pick(Vector3)"/> for the height to stand on.
+    /// </remarks>
+    [AddComponentMenu("Terraport/Terraport Ground Collider")]
+    [RequireComponent(typeof(TerraportScene))]
+    [DisallowMultipleComponent]
+    public sealed class TerraportGroundCollider : MonoBehaviour
+    {
+        private const int BlockFaces = 16384;
+
+        private readonly List<Mesh> meshes = new List<Mesh>();
+        private readonly List<MeshCollider> colliders = new List<MeshCollider>();
+        private TerraportScene scene;
+        private SceneFiles files;
+        private Task<BaseParts> packing;
+        private BaseParts parts;
+        private Task cooking;
+
+        /// <summary>Whether all of the base is solid.</summary>
+        public bool IsComplete
+        {
+            get { return parts != null && colliders.Count == parts.Count; }
+        }
+
+        private void OnEnable()
+        {
+            scene = GetComponent<TerraportScene>();
+            scene.Loaded += OnLoaded;
+            if (scene.Files != null)
+            {
+                OnLoaded(scene.Files);
+            }
+        }
+
+        private void OnDisable()
+        {
+            scene.Loaded -= OnLoaded;
+            Clear();
+        }
+
+        private void Update()
+        {
+            if (packing != null && packing.IsCompleted)
+            {
+                parts = packing.IsFaulted ? null : packing.Result;
+                packing = null;
+            }
+            if (cooking != null && !cooking.IsCompleted)
+            {
+                return;
+            }
+            if (cooking != null)
+            {
+                cooking = null;
+                AddCollider(meshes[meshes.Count - 1]);
+            }
+            if (parts != null && meshes.Count < parts.Count && (Platform.HasThreads || parts.Step() || parts.PackedCount > meshes.Count))
+            {
+                BeginCooking();
+            }
+        }
+
+        private void OnLoaded(SceneFiles loaded)
+        {
+            Clear();
+            files = loaded;
+            BaseParts made = new BaseParts(files.Base, BlockFaces);
+            if (!Platform.HasThreads)
+            {
+                parts = made;
+                return;
+            }
+            packing = Task.Run(() =>
+            {
+                while (made.Step())
+                {
+                }
+                return made;
+            });
+        }
+
+        private void BeginCooking()
+        {
+            Mesh mesh = new Mesh();
+            mesh.name = "terraport collider";
+            mesh.hideFlags = HideFlags.DontSave;
+            MeshFiller.Fill(mesh, parts.PackedOf(meshes.Count));
+            meshes.Add(mesh);
+            int id = mesh.GetInstanceID();
+            if (Platform.HasThreads)
+            {
+                cooking = Task.Run(() => Physics.BakeMesh(id, false));
+            }
+            else
+            {
+                Physics.BakeMesh(id, false);
+                AddCollider(mesh);
+            }
+        }
+
+        private void AddCollider(Mesh mesh)
+        {
+            MeshCollider solid = gameObject.AddComponent<MeshCollider>();
+            solid.hideFlags = HideFlags.DontSave;
+            solid.sharedMesh = mesh;
+            colliders.Add(solid);
+        }
+
+        private void Clear()
+        {
+            if (cooking != null)
+            {
+                // A mesh must not go while a thread reads it; one block takes some tens of milliseconds.
+                Task.WaitAny(cooking);
+                cooking = null;
+            }
+            packing = null;
+            parts = null;
+            foreach (MeshCollider solid in colliders)
+            {
+                Engine.Destroy(solid);
+            }
+            colliders.Clear();
+            foreach (Mesh mesh in meshes)
+            {
+                Engine.Destroy(mesh);
+            }
+            meshes.Clear();
+        }
+    }
+}

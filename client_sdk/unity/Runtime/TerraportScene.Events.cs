@@ -1,0 +1,109 @@
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <content>How what happens in the session becomes events of the component.</content>
+    public sealed partial class TerraportScene
+    {
+        private void OnLoaded(SceneFiles files)
+        {
+            if (Loaded != null)
+            {
+                Loaded(files);
+            }
+            if (hasPendingLanding && session != null)
+            {
+                hasPendingLanding = false;
+                session.Stage.Land(pendingPosition, pendingRadiusM, pendingOptions);
+            }
+        }
+
+        private void OnSwapped(SceneSwap swap)
+        {
+            if (Shown != null)
+            {
+                Shown(swap);
+            }
+            if (swap.Landing > 0 && !swap.IsDegraded)
+            {
+                onShown.Invoke();
+            }
+        }
+
+        private void OnStreamed(ref StreamEvent next)
+        {
+            switch (next.Kind)
+            {
+                case StreamEventKind.Link:
+                    OnLink(next.Link);
+                    break;
+                case StreamEventKind.Planned:
+                    if (Planned != null)
+                    {
+                        Planned(next.Plan);
+                    }
+                    break;
+                case StreamEventKind.Ready:
+                    if (Ready != null)
+                    {
+                        Ready(next.Landing ?? 0);
+                    }
+                    break;
+                case StreamEventKind.Degraded:
+                    if (Degraded != null)
+                    {
+                        Degraded(next.Landing ?? 0);
+                    }
+                    onDegraded.Invoke();
+                    break;
+                case StreamEventKind.Picked:
+                    if (Picked != null)
+                    {
+                        Picked(next.Request, next.Hit);
+                    }
+                    break;
+                case StreamEventKind.PickRefused:
+                    if (Picked != null)
+                    {
+                        Picked(next.Request, null);
+                    }
+                    break;
+                case StreamEventKind.Refused:
+                    Fail(new TerraportException(next.Code, next.Message));
+                    break;
+                default:
+                    break;
+            }
+            if (Streamed != null)
+            {
+                Streamed(ref next);
+            }
+        }
+
+        private void OnLink(LinkState state)
+        {
+            link = state;
+            if (LinkChanged != null)
+            {
+                LinkChanged(state);
+            }
+            if (state.Phase == LinkPhase.Closed)
+            {
+                Fail(new TerraportException(state.Code, state.Message, state.CloseCode, null));
+            }
+        }
+
+        private void Fail(TerraportException why)
+        {
+            if (Failed != null)
+            {
+                Failed(why);
+            }
+            else
+            {
+                Debug.LogWarning("terraport: " + why.Code + ": " + why.Message, this);
+            }
+            onFailed.Invoke(why.Message);
+        }
+    }
+}

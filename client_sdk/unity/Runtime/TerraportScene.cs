@@ -1,0 +1,327 @@
+using System;
+using UnityEngine;
+using UnityEngine.Events;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// A scene of a terraport service: its base mesh, always there, and full detail within a radius of the newest landing. The
+    /// transform of its object is the place of the scene's origin: X east, Y up, Z north, metres.
+    /// </summary>
+    /// <remarks>
+    /// Opened when enabled, closed when disabled; everything that it made is freed then. All members belong to the main thread, and
+    /// events are raised on it, from Update. Nothing blocks.
+    /// </remarks>
+    [AddComponentMenu("Terraport/Terraport Scene")]
+    [DisallowMultipleComponent]
+    public sealed partial class TerraportScene : MonoBehaviour
+    {
+        [SerializeField]
+        [Tooltip("Address of the scene: http(s)://host/scenes/ID.")]
+        private string sceneUrl = "http://127.0.0.1:8080/scenes/sample";
+
+        [SerializeField]
+        [Tooltip("Open when the component is enabled. Off: call Open.")]
+        private bool openOnEnable = true;
+
+        [SerializeField]
+        private TerraportSettings settings = new TerraportSettings();
+
+        [SerializeField]
+        [Tooltip("Material for detail; none takes this package's own. It is drawn with vertex colours (linear) or a photograph (_MainTex).")]
+        private Material detailMaterial;
+
+        [SerializeField]
+        [Tooltip("Material for the base; none takes this package's own, which pushes it back behind the detail.")]
+        private Material baseMaterial;
+
+        [SerializeField]
+        [Tooltip("A landing was shown, all of it.")]
+        private UnityEvent onShown = new UnityEvent();
+
+        [SerializeField]
+        [Tooltip("The deadline passed on a slow link: the inner part can be shown, the rest follows.")]
+        private UnityEvent onDegraded = new UnityEvent();
+
+        [SerializeField]
+        [Tooltip("Something failed; the text says what. What is shown stays.")]
+        private UnityEvent<string> onFailed = new UnityEvent<string>();
+
+        private SceneSession session;
+        private string token;
+        private LinkState link;
+        private bool hasPendingLanding;
+        private Vec3 pendingPosition;
+        private double pendingRadiusM;
+        private LandOptions pendingOptions;
+
+        /// <summary>The files of a scene version are here; the base is drawn a few frames later.</summary>
+        public event Action<SceneFiles> Loaded;
+
+        /// <summary>A landing was planned: what comes, and what a budget left out.</summary>
+        public event Action<PlanFacts> Planned;
+
+        /// <summary>Every byte of a landing (its number) is here and verified; it is shown a few frames later.</summary>
+        public event Action<int> Ready;
+
+        /// <summary>The deadline of a landing passed: its inner part can be shown.</summary>
+        public event Action<int> Degraded;
+
+        /// <summary>What is drawn has changed, in this frame.</summary>
+        public event Action<SceneSwap> Shown;
+
+        /// <summary>A pick was answered: its number, and what was met; null for nothing, or where it was refused.</summary>
+        public event Action<int, PickHit> Picked;
+
+        /// <summary>The connection changed.</summary>
+        public event Action<LinkState> LinkChanged;
+
+        /// <summary>
+        /// Something failed: files that cannot be loaded, a landing refused, a segment that cannot be drawn (its base stays), a
+        /// connection closed for good. What is shown stays.
+        /// </summary>
+        public event Action<TerraportException> Failed;
+
+        /// <summary>Every event of the stream, for what has no event of its own.</summary>
+        public event StreamEventHandler Streamed;
+
+        /// <summary>Address of the scene: http(s)://host/scenes/ID. Counts when it is opened.</summary>
+        public string SceneUrl
+        {
+            get { return sceneUrl; }
+            set { sceneUrl = value; }
+        }
+
+        /// <summary>
+        /// Bearer token; null for a service that asks for none. Never saved with the scene: set it from code, before Open or with
+        /// <see cref="Reconnect"/>.
+        /// </summary>
+        public string Token
+        {
+            get { return token; }
+            set { token = value; }
+        }
+
+        /// <summary>How it is loaded and drawn. Counts when it is opened, frame budget apart.</summary>
+        public TerraportSettings Settings
+        {
+            get { return settings; }
+        }
+
+        /// <summary>The project's own material for detail; null takes this package's. Counts when it is opened.</summary>
+        public Material DetailMaterial
+        {
+            get { return detailMaterial; }
+            set { detailMaterial = value; }
+        }
+
+        /// <summary>The project's own material for the base; null takes this package's. Counts when it is opened.</summary>
+        public Material BaseMaterial
+        {
+            get { return baseMaterial; }
+            set { baseMaterial = value; }
+        }
+
+        /// <summary>Makes the connections; null takes this package's. Counts when it is opened.</summary>
+        public ITransportFactory Transports { get; set; }
+
+        /// <summary>Loads the files; null takes this package's. Counts when it is opened.</summary>
+        public IHttp Http { get; set; }
+
+        /// <summary>Whether it was opened and not closed.</summary>
+        public bool IsOpen
+        {
+            get { return session != null; }
+        }
+
+        /// <summary>Files of the version that is served now; null until they are here.</summary>
+        public SceneFiles Files
+        {
+            get { return session == null ? null : session.Files; }
+        }
+
+        /// <summary>Where the connection stands.</summary>
+        public LinkState Link
+        {
+            get { return link; }
+        }
+
+        /// <summary>Where the newest landing stands.</summary>
+        public LandingStatus Status
+        {
+            get { return session == null || session.Stage == null ? default(LandingStatus) : session.Stage.Status; }
+        }
+
+        /// <summary>Radius of a landing for which none is given, metres.</summary>
+        public float DefaultRadiusM
+        {
+            get { return settings.ActualBudgets.radiusM; }
+        }
+
+        /// <summary>Figures for a display.</summary>
+        public SceneFigures Figures
+        {
+            get
+            {
+                SceneFigures figures = default(SceneFigures);
+                if (session != null)
+                {
+                    figures.Segments = session.Renderer.SegmentCount;
+                    figures.Objects = session.Renderer.ObjectCount;
+                    figures.DrawnTriangles = session.Renderer.DrawnTriangles;
+                    figures.Stream = session.Stream == null ? default(StreamStats) : session.Stream.Stats;
+                }
+                return figures;
+            }
+        }
+
+        /// <summary>Load the scene and connect; nothing where it is open. Closes itself when the component is disabled.</summary>
+        public void Open()
+        {
+            if (session != null)
+            {
+                return;
+            }
+            if (!MeshFiller.IsSupported)
+            {
+                Fail(new TerraportException("unsupported", "this graphics card does not read 16-bit colours or 8-bit normals"));
+                return;
+            }
+            try
+            {
+                session = new SceneSession(this, sceneUrl, token);
+            }
+            catch (TerraportException why)
+            {
+                Fail(why);
+                return;
+            }
+            session.Faulted += Fail;
+            session.Loaded += OnLoaded;
+            session.Streamed += OnStreamed;
+            session.Swapped += OnSwapped;
+        }
+
+        /// <summary>Disconnect and free everything. What was shown is gone.</summary>
+        public void Close()
+        {
+            if (session != null)
+            {
+                SceneSession closing = session;
+                session = null;
+                closing.Dispose();
+            }
+            hasPendingLanding = false;
+            link = default(LinkState);
+        }
+
+        /// <summary>
+        /// Land: full detail within a radius of a point comes, and is then shown in one frame. Supersedes a landing that is not ready.
+        /// Before the scene is loaded the newest call is kept until it is.
+        /// </summary>
+        /// <param name="point">Where, in Unity's world.</param>
+        /// <param name="radiusM">Metres of the scene; 0 takes <see cref="DefaultRadiusM"/>.</param>
+        /// <param name="options">Inner radius, deadline, stall.</param>
+        /// <returns>Number of the landing in the events; 0 where it waits for the scene to be loaded.</returns>
+        public int Land(Vector3 point, float radiusM = 0, LandOptions options = default(LandOptions))
+        {
+            Vec3 place = ToScene(point);
+            double radius = radiusM > 0 ? radiusM : DefaultRadiusM;
+            if (session == null || session.Stage == null)
+            {
+                hasPendingLanding = true;
+                pendingPosition = place;
+                pendingRadiusM = radius;
+                pendingOptions = options;
+                return 0;
+            }
+            return session.Stage.Land(place, radius, options);
+        }
+
+        /// <summary>Tell where the user points: what a landing there would need is loaded ahead. Cheap; call it in every frame.</summary>
+        /// <param name="point">Where, in Unity's world.</param>
+        /// <param name="radiusM">Metres of the scene; 0 takes <see cref="DefaultRadiusM"/>.</param>
+        public void Aim(Vector3 point, float radiusM = 0)
+        {
+            if (session != null && session.Stage != null)
+            {
+                session.Stage.Aim(ToScene(point), radiusM > 0 ? radiusM : DefaultRadiusM);
+            }
+        }
+
+        /// <summary>
+        /// Show the newest landing: in this frame where it can be shown, else in the first in which it can. Needed without
+        /// <see cref="TerraportSettings.autoShow"/> alone. True where it was shown now.
+        /// </summary>
+        public bool Show()
+        {
+            return session != null && session.Stage != null && session.Stage.Show();
+        }
+
+        /// <summary>Ask the server what full detail has above and below a point of Unity's world. Answered by <see cref="Picked"/>.</summary>
+        /// <returns>Number of the request; 0 before the scene is loaded.</returns>
+        public int Pick(Vector3 point)
+        {
+            return session == null || session.Stream == null ? 0 : session.Stream.Pick(ToScene(point));
+        }
+
+        /// <summary>Ask the server what full detail has along a ray of Unity's world. Answered by <see cref="Picked"/>.</summary>
+        /// <returns>Number of the request; 0 before the scene is loaded.</returns>
+        public int Pick(Ray ray)
+        {
+            if (session == null || session.Stream == null)
+            {
+                return 0;
+            }
+            Vector3 direction = transform.InverseTransformDirection(ray.direction);
+            return session.Stream.Pick(ToScene(ray.origin), Axes.Turn(new Vec3(direction.x, direction.y, direction.z)));
+        }
+
+        /// <summary>Connect now, perhaps with another token: after the connection was closed for good, or to cut a wait short.</summary>
+        public void Reconnect(string newToken = null)
+        {
+            token = newToken ?? token;
+            if (session == null)
+            {
+                Open();
+                return;
+            }
+            session.Reconnect(newToken);
+        }
+
+        /// <summary>The place in the scene's frame (x east, y up, z south, metres) of a point of Unity's world.</summary>
+        public Vec3 ToScene(Vector3 point)
+        {
+            Vector3 local = transform.InverseTransformPoint(point);
+            return Axes.Turn(new Vec3(local.x, local.y, local.z));
+        }
+
+        /// <summary>The point of Unity's world of a place in the scene's frame.</summary>
+        public Vector3 ToWorld(Vec3 place)
+        {
+            Vec3 local = Axes.Turn(place);
+            return transform.TransformPoint(new Vector3((float)local.X, (float)local.Y, (float)local.Z));
+        }
+
+        private void OnEnable()
+        {
+            if (openOnEnable)
+            {
+                Open();
+            }
+        }
+
+        private void OnDisable()
+        {
+            Close();
+        }
+
+        private void Update()
+        {
+            if (session != null)
+            {
+                session.Update();
+            }
+        }
+    }
+}

@@ -1,0 +1,89 @@
+using System;
+using UnityEngine;
+using UnityEngine.XR;
+
+namespace Terraport.Unity
+{
+    /// <summary>How a scene is loaded and drawn. Read when it is opened.</summary>
+    [Serializable]
+    public sealed class TerraportSettings
+    {
+        /// <summary>A headset draws twice in 11 to 14 ms.</summary>
+        private const float HeadsetFrameBudgetMs = 1.5f;
+
+        private const float DefaultFrameBudgetMs = 3f;
+
+        /// <summary>Whose bounds.</summary>
+        [Tooltip("Whose bounds. Auto: a mobile device in XR is a headset, another one a phone, everything else a desktop.")]
+        public DeviceProfile profile = DeviceProfile.Auto;
+
+        /// <summary>The bounds where the profile is Custom.</summary>
+        public DeviceBudgets custom = new DeviceBudgets();
+
+        /// <summary>In which form payloads come.</summary>
+        [Tooltip("Glb: the smallest. Arrays: three times the bytes and next to no decoding, for slow processors on fast links; "
+            + "the scene must have been built with it.")]
+        public PayloadEncoding encoding = PayloadEncoding.Glb;
+
+        /// <summary>Milliseconds of a frame for uploads; 0 takes 1.5 in XR, else 3.</summary>
+        [Range(0, 20)]
+        [Tooltip("Milliseconds of a frame for uploads; 0 takes 1.5 in XR, else 3. More: landings are there sooner. Less: steadier frames.")]
+        public float frameBudgetMs;
+
+        /// <summary>Threads that decode; 0 takes two, or one on a device with fewer than four processors. Not in WebGL.</summary>
+        [Range(0, 8)]
+        [Tooltip("Threads that decode; 0 takes two, or one on a device with fewer than four processors. There are none in WebGL.")]
+        public int decodeThreads;
+
+        /// <summary>How much of the shape's own light is laid over vertex colours, 0 to 1.</summary>
+        [Range(0, 1)]
+        [Tooltip("How much of the shape's own light is laid over vertex colours. 0: the survey's colours as they are.")]
+        public float relief = 0.35f;
+
+        /// <summary>Show a landing as soon as it can be shown; else <see cref="TerraportScene.Show"/> must be called.</summary>
+        [Tooltip("Show a landing as soon as it can be shown. Off: call Show, for example in the black frame of a teleport.")]
+        public bool autoShow = true;
+
+        /// <summary>The profile that counts on this device.</summary>
+        public DeviceProfile ActualProfile
+        {
+            get
+            {
+                if (profile != DeviceProfile.Auto)
+                {
+                    return profile;
+                }
+                if (!Application.isMobilePlatform)
+                {
+                    return DeviceProfile.Desktop;
+                }
+                return XRSettings.enabled ? DeviceProfile.Headset : DeviceProfile.Phone;
+            }
+        }
+
+        /// <summary>The bounds that count on this device.</summary>
+        public DeviceBudgets ActualBudgets
+        {
+            get { return profile == DeviceProfile.Custom ? custom : DeviceBudgets.For(ActualProfile); }
+        }
+
+        /// <summary>The milliseconds that count at this moment.</summary>
+        public float ActualFrameBudgetMs
+        {
+            get
+            {
+                if (frameBudgetMs > 0)
+                {
+                    return frameBudgetMs;
+                }
+                return XRSettings.isDeviceActive ? HeadsetFrameBudgetMs : DefaultFrameBudgetMs;
+            }
+        }
+
+        /// <summary>The number of threads that counts on this device.</summary>
+        public int ActualDecodeThreads
+        {
+            get { return decodeThreads > 0 ? decodeThreads : SystemInfo.processorCount < 4 ? 1 : 2; }
+        }
+    }
+}

@@ -1,0 +1,170 @@
+#if UNITY_WEBGL && !UNITY_EDITOR
+using System;
+using System.Collections.Generic;
+using System.Runtime.InteropServices;
+using System.Text;
+using Terraport.Wire;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// The browser's own WebSocket, polled. A browser lets nobody set headers: the token goes as a further subprotocol entry.
+    /// </summary>
+    public sealed class WebGlTransport : ITransport, ITransportBuffers
+    {
+        private const int MaxTextBytes = 512;
+        private const int MaxSpares = 8;
+
+        private readonly Stack<byte[]> spares = new Stack<byte[]>();
+        private readonly byte[] text = new byte[MaxTextBytes];
+        private int id;
+
+        /// <inheritdoc/>
+        public TransportState State
+        {
+            get { return id == 0 ? TransportState.Idle : (TransportState)TerraportSocketState(id); }
+        }
+
+        /// <inheritdoc/>
+        public string Subprotocol
+        {
+            get
+            {
+                string name = State == TransportState.Open ? TextOf(1) : "";
+                return name.Length == 0 ? null : name;
+            }
+        }
+
+        /// <inheritdoc/>
+        public int CloseCode
+        {
+            get { return State == TransportState.Closed ? TerraportSocketCloseCode(id) : 0; }
+        }
+
+        /// <inheritdoc/>
+        public string CloseReason
+        {
+            get { return id == 0 ? "" : TextOf(0); }
+        }
+
+        /// <inheritdoc/>
+        public Action Changed { get; set; }
+
+        /// <inheritdoc/>
+        public void Open(Uri url, IReadOnlyList<string> subprotocols, string bearerToken)
+        {
+            StringBuilder names = new StringBuilder();
+            for (int at = 0; at < subprotocols.Count; at++)
+            {
+                names.Append(at == 0 ? "" : ",").Append(subprotocols[at]);
+            }
+            if (bearerToken != null)
+            {
+                names.Append(names.Length == 0 ? "" : ",").Append(WireCodec.TokenSubprotocol(bearerToken));
+            }
+            id = TerraportSocketOpen(url.AbsoluteUri, names.ToString());
+        }
+
+        /// <inheritdoc/>
+        public bool TryReceive(out TransportMessage message)
+        {
+            int length = id == 0 ? -1 : TerraportSocketNextLength(id);
+            if (length < 0)
+            {
+                message = default(TransportMessage);
+                return false;
+            }
+            byte[] buffer = Rent(length);
+            bool isText = TerraportSocketTake(id, buffer) == 1;
+            message = new TransportMessage(new ArraySegment<byte>(buffer, 0, length), isText, this);
+            return true;
+        }
+
+        /// <inheritdoc/>
+        public bool TrySend(ArraySegment<byte> message, bool isText)
+        {
+            if (State != TransportState.Open)
+            {
+                return false;
+            }
+            byte[] whole = message.Array;
+            if (message.Offset != 0)
+            {
+                whole = new byte[message.Count]; // Messages that are sent are small, and rarely lie elsewhere than at the start.
+                Buffer.BlockCopy(message.Array, message.Offset, whole, 0, message.Count);
+            }
+            return TerraportSocketSend(id, whole, message.Count, isText ? 1 : 0) == 1;
+        }
+
+        /// <inheritdoc/>
+        public void Close(int closeCode, string reason)
+        {
+            if (id != 0)
+            {
+                TerraportSocketClose(id, closeCode, reason ?? "");
+            }
+        }
+
+        /// <inheritdoc/>
+        public void Return(byte[] buffer)
+        {
+            if (spares.Count < MaxSpares)
+            {
+                spares.Push(buffer);
+            }
+        }
+
+        /// <inheritdoc/>
+        public void Dispose()
+        {
+            if (id != 0)
+            {
+                TerraportSocketClose(id, 1000, "");
+                TerraportSocketForget(id);
+                id = 0;
+            }
+        }
+
+        private byte[] Rent(int length)
+        {
+            if (spares.Count > 0 && spares.Peek().Length >= length)
+            {
+                return spares.Pop();
+            }
+            return new byte[Math.Max(length, 4096)];
+        }
+
+        private string TextOf(int which)
+        {
+            return Encoding.UTF8.GetString(text, 0, TerraportSocketText(id, which, text, text.Length));
+        }
+
+        [DllImport("__Internal")]
+        private static extern int TerraportSocketOpen(string url, string protocols);
+
+        [DllImport("__Internal")]
+        private static extern int TerraportSocketState(int id);
+
+        [DllImport("__Internal")]
+        private static extern int TerraportSocketCloseCode(int id);
+
+        [DllImport("__Internal")]
+        private static extern int TerraportSocketText(int id, int which, byte[] buffer, int capacity);
+
+        [DllImport("__Internal")]
+        private static extern int TerraportSocketNextLength(int id);
+
+        [DllImport("__Internal")]
+        private static extern int TerraportSocketTake(int id, byte[] buffer);
+
+        [DllImport("__Internal")]
+        private static extern int TerraportSocketSend(int id, byte[] message, int length, int isText);
+
+        [DllImport("__Internal")]
+        private static extern void TerraportSocketClose(int id, int code, string reason);
+
+        [DllImport("__Internal")]
+        private static extern void TerraportSocketForget(int id);
+    }
+}
+#endif

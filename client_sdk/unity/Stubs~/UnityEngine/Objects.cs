@@ -1,0 +1,270 @@
+using System;
+using System.Collections.Generic;
+
+namespace UnityEngine
+{
+    [Flags]
+    public enum HideFlags
+    {
+        None = 0,
+        DontSave = 52,
+    }
+
+    /// <summary>Destroyed objects equal null, as in the engine. LiveCount is the stubs' own: how many were made and not destroyed.</summary>
+    public class Object
+    {
+        private static int lastId;
+        private readonly int id = ++lastId;
+        private bool isDestroyed;
+
+        public Object()
+        {
+            LiveCount++;
+        }
+
+        public static int LiveCount { get; private set; }
+
+        public string name { get; set; }
+
+        public HideFlags hideFlags { get; set; }
+
+        public int GetInstanceID()
+        {
+            return id;
+        }
+
+        public static bool operator ==(Object x, Object y)
+        {
+            bool isXNull = ReferenceEquals(x, null) || x.isDestroyed;
+            bool isYNull = ReferenceEquals(y, null) || y.isDestroyed;
+            return isXNull || isYNull ? isXNull && isYNull : ReferenceEquals(x, y);
+        }
+
+        public static bool operator !=(Object x, Object y)
+        {
+            return !(x == y);
+        }
+
+        public override bool Equals(object other)
+        {
+            return this == (other as Object);
+        }
+
+        public override int GetHashCode()
+        {
+            return id;
+        }
+
+        public static void Destroy(Object obj)
+        {
+            DestroyImmediate(obj);
+        }
+
+        public static void DestroyImmediate(Object obj)
+        {
+            if (obj != null)
+            {
+                obj.OnDestroying();
+                obj.isDestroyed = true;
+                LiveCount--;
+            }
+        }
+
+        public static T FindObjectOfType<T>() where T : Object
+        {
+            return null;
+        }
+
+        internal virtual void OnDestroying()
+        {
+        }
+    }
+
+    public class Component : Object
+    {
+        public GameObject gameObject { get; internal set; }
+
+        public Transform transform
+        {
+            get { return gameObject.transform; }
+        }
+
+        public T GetComponent<T>()
+        {
+            return gameObject.GetComponent<T>();
+        }
+
+        public T[] GetComponents<T>()
+        {
+            return gameObject.GetComponents<T>();
+        }
+
+        public T GetComponentInParent<T>()
+        {
+            return gameObject.GetComponent<T>();
+        }
+    }
+
+    public class Behaviour : Component
+    {
+        public bool enabled { get; set; } = true;
+
+        public bool isActiveAndEnabled
+        {
+            get { return enabled && gameObject.activeSelf; }
+        }
+    }
+
+    /// <summary>Messages (OnEnable, Update) are sent by whoever runs the stubs, not by an engine.</summary>
+    public class MonoBehaviour : Behaviour
+    {
+    }
+
+    public sealed class GameObject : Object
+    {
+        private readonly List<Component> components = new List<Component>();
+
+        public GameObject()
+            : this("")
+        {
+        }
+
+        public GameObject(string name)
+        {
+            this.name = name;
+            transform = AddComponent<Transform>();
+        }
+
+        public Transform transform { get; private set; }
+
+        public int layer { get; set; }
+
+        public bool activeSelf { get; private set; } = true;
+
+        public void SetActive(bool value)
+        {
+            activeSelf = value;
+        }
+
+        public T AddComponent<T>() where T : Component
+        {
+            T made = Activator.CreateInstance<T>();
+            made.gameObject = this;
+            components.Add(made);
+            return made;
+        }
+
+        public T GetComponent<T>()
+        {
+            T[] all = GetComponents<T>();
+            return all.Length > 0 ? all[0] : default(T);
+        }
+
+        public T[] GetComponents<T>()
+        {
+            List<T> found = new List<T>();
+            foreach (object component in components)
+            {
+                if (component is T)
+                {
+                    found.Add((T)component);
+                }
+            }
+            return found.ToArray();
+        }
+
+        internal override void OnDestroying()
+        {
+            foreach (Component component in components.ToArray())
+            {
+                DestroyImmediate(component);
+            }
+        }
+    }
+
+    /// <summary>Without rotation and scale, and without a parent's place: what the tests need.</summary>
+    public class Transform : Component
+    {
+        public Transform parent { get; private set; }
+
+        public Vector3 position { get; set; }
+
+        public Vector3 localPosition { get; set; }
+
+        public Quaternion localRotation { get; set; }
+
+        public Vector3 forward
+        {
+            get { return new Vector3(0, 0, 1); }
+        }
+
+        public void SetParent(Transform parent, bool worldPositionStays)
+        {
+            this.parent = parent;
+        }
+
+        public Vector3 TransformPoint(Vector3 position)
+        {
+            return position + this.position;
+        }
+
+        public Vector3 InverseTransformPoint(Vector3 position)
+        {
+            return position - this.position;
+        }
+
+        public Vector3 InverseTransformDirection(Vector3 direction)
+        {
+            return direction;
+        }
+    }
+
+    public static class Debug
+    {
+        public static void Log(object message)
+        {
+            Console.WriteLine(message);
+        }
+
+        public static void LogWarning(object message)
+        {
+            Console.WriteLine(message);
+        }
+
+        public static void LogWarning(object message, Object context)
+        {
+            Console.WriteLine(message);
+        }
+    }
+
+    public static class Application
+    {
+        public static bool isPlaying
+        {
+            get { return true; }
+        }
+
+        public static bool isMobilePlatform
+        {
+            get { return false; }
+        }
+
+        public static string unityVersion
+        {
+            get { return "0.0.0 (stubs)"; }
+        }
+    }
+
+    public static class Time
+    {
+        public static float unscaledDeltaTime
+        {
+            get { return 0.02f; }
+        }
+
+        public static float realtimeSinceStartup
+        {
+            get { return Environment.TickCount / 1000f; }
+        }
+    }
+}
