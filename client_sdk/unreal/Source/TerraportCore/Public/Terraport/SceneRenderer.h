@@ -53,7 +53,7 @@ class TERRAPORTCORE_API SceneRenderer {
 
   /// Make a segment drawable, but hidden. `payload` is where `mesh.image` lies. Mesh and payload are the caller's, and stay
   /// valid until Done or Failed was returned, or `free` called.
-  virtual UploadState upload(std::uint32_t segment, const SegmentMesh& mesh, ByteView payload) = 0;
+  virtual UploadState upload(std::uint32_t segment, const SegmentMesh& mesh, ByteSpan payload) = 0;
 
   /// Whether an uploaded segment can be drawn at once without any further preparation (its image is decoded, its shader
   /// compiled). Asked once a frame until it is true.
