@@ -1,0 +1,82 @@
+using System;
+using System.Collections.Generic;
+using System.Diagnostics;
+using System.IO;
+
+namespace Terraport.Tools
+{
+    /// <summary>
+    /// How fast payloads are decoded, and how much is allocated for one. The file holds payloads of one encoding, each after
+    /// its length (uint32, little-endian); its name ends in .glb or .arrays.
+    /// </summary>
+    internal static class DecodeBenchmark
+    {
+        /// <summary>Rounds over all payloads before anything is measured: buffers grow, code is compiled.</summary>
+        private const int WarmUpRounds = 2;
+
+        private static readonly GlbDecoder Glb = new GlbDecoder();
+        private static readonly ArraysDecoder Arrays = new ArraysDecoder();
+
+        public static int Run(string path, double seconds)
+        {
+            bool isArrays = path.EndsWith(".arrays", StringComparison.Ordinal);
+            List<byte[]> payloads = ReadPayloads(path);
+            var mesh = new SegmentMesh();
+            long bytes = 0;
+            long faces = 0;
+            for (int round = 0; round < WarmUpRounds; round++)
+            {
+                bytes = 0;
+                faces = 0;
+                foreach (byte[] payload in payloads)
+                {
+                    Decode(new ArraySegment<byte>(payload), isArrays, mesh);
+                    bytes += payload.Length;
+                    faces += mesh.FaceCount;
+                }
+            }
+            // The stop-watch's own object is made before: whatever grows from here on is the decoder's.
+            var watch = new Stopwatch();
+            int rounds = 0;
+            GC.Collect();
+            int collections = GC.CollectionCount(0);
+            long before = GC.GetTotalMemory(false);
+            watch.Start();
+            do
+            {
+                for (int at = 0; at < payloads.Count; at++) Decode(new ArraySegment<byte>(payloads[at]), isArrays, mesh);
+                rounds++;
+            }
+            while (watch.Elapsed.TotalSeconds < seconds);
+            watch.Stop();
+            long allocated = GC.GetTotalMemory(false) - before;
+            collections = GC.CollectionCount(0) - collections;
+            long decoded = (long)rounds * payloads.Count;
+            var json = new JsonText();
+            json.Open('{').Key("segments").Value(decoded).Key("seconds").Value(watch.Elapsed.TotalSeconds);
+            json.Key("segments_per_s").Value(decoded / watch.Elapsed.TotalSeconds);
+            json.Key("payload_mb_per_s").Value(rounds * (bytes / 1e6) / watch.Elapsed.TotalSeconds);
+            json.Key("mtriangles_per_s").Value(rounds * (faces / 1e6) / watch.Elapsed.TotalSeconds);
+            json.Key("allocated_bytes").Value(allocated).Key("collections").Value((long)collections);
+            json.Key("allocated_bytes_per_segment").Value(allocated / (double)decoded);
+            Console.WriteLine(json.Close('}'));
+            return 0;
+        }
+
+        public static void Decode(ArraySegment<byte> payload, bool isArrays, SegmentMesh into)
+        {
+            if (isArrays) Arrays.Decode(payload, into);
+            else Glb.Decode(payload, false, into);
+        }
+
+        private static List<byte[]> ReadPayloads(string path)
+        {
+            var payloads = new List<byte[]>();
+            using (var reader = new BinaryReader(File.OpenRead(path)))
+            {
+                while (reader.BaseStream.Position < reader.BaseStream.Length) payloads.Add(reader.ReadBytes((int)reader.ReadUInt32()));
+            }
+            return payloads;
+        }
+    }
+}

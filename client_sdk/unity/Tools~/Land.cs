@@ -1,0 +1,237 @@
+using System;
+using System.Collections.Generic;
+using System.Diagnostics;
+using System.IO;
+using System.Threading;
+
+namespace Terraport.Tools
+{
+    /// <summary>
+    /// Visits a scene step by step and prints one JSON object: the events, the landings, the picks, and digests of what the
+    /// held payloads decode to. Exit code 0 where the last landing became ready.
+    /// </summary>
+    internal sealed class Land
+    {
+        private readonly LandRequest request;
+        private readonly ISceneStream stream;
+        private readonly StagedVisit staged;
+        private readonly Stopwatch watch = Stopwatch.StartNew();
+        private readonly JsonText events = new JsonText();
+        private readonly JsonText landings = new JsonText();
+        private readonly JsonText picks = new JsonText();
+        private readonly SortedSet<uint> held = new SortedSet<uint>();
+        private int landing;
+        private int planned;
+        private int ready;
+        private int prefetched;
+        private int picked;
+        private string refusedCode;
+        private string closedCode;
+        private string failure;
+
+        private Land(LandRequest request)
+        {
+            this.request = request;
+            var transports = new WebSocketTransportFactory();
+            if (request.IsThreaded) stream = new ThreadedStream(request.Stream, transports);
+            else stream = new SceneStream(request.Stream, transports);
+            if (request.IsStaged) staged = new StagedVisit(stream, request.Stream, Now);
+        }
+
+        public static int Run(string[] arguments)
+        {
+            LandRequest request = LandRequest.Parse(arguments);
+            if (request == null)
+            {
+                Console.Error.Write(LandRequest.Usage);
+                return 2;
+            }
+            return new Land(request).Run();
+        }
+
+        private int Run()
+        {
+            foreach (LandStep step in request.Steps) Take(step);
+            Print();
+            stream.Close();
+            return failure == null ? 0 : 1;
+        }
+
+        private double Now()
+        {
+            return watch.Elapsed.TotalMilliseconds;
+        }
+
+        private void Take(LandStep step)
+        {
+            switch (step.Kind)
+            {
+                case "land":
+                    landing = Begin(step);
+                    Until(step, IsShown);
+                    break;
+                case "start":
+                    landing = Begin(step);
+                    Until(step, () => planned == landing);
+                    break;
+                case "wait":
+                    Until(step, IsShown);
+                    break;
+                case "aim":
+                    int before = prefetched;
+                    stream.Aim(step.Place(0), step.Numbers[3]);
+                    Until(step, () => prefetched > before);
+                    break;
+                case "pick":
+                    int asked = picked;
+                    stream.Pick(step.Place(0), step.Numbers.Length >= 6 ? (Vec3?)step.Place(3) : null);
+                    Until(step, () => picked > asked);
+                    break;
+                case "pause":
+                    double end = Now() + step.Numbers[0];
+                    Until(step, () => Now() >= end);
+                    break;
+                case "reconnect":
+                    closedCode = null;
+                    stream.Reconnect(step.Argument.Length == 0 ? null : step.Argument);
+                    break;
+            }
+        }
+
+        private int Begin(LandStep step)
+        {
+            var options = new LandOptions();
+            if (step.Numbers.Length >= 6)
+            {
+                options.InnerRadiusM = step.Numbers[4];
+                options.DeadlineMs = (int)step.Numbers[5];
+            }
+            return staged == null
+                ? stream.Land(step.Place(0), step.Numbers[3], options)
+                : staged.Land(step.Place(0), step.Numbers[3], options);
+        }
+
+        private bool IsShown()
+        {
+            return ready == landing && (staged == null || staged.IsShown);
+        }
+
+        /// <summary>
+        /// Pump until something holds. What ends a step early is told as the failure; a later landing that succeeds forgets it.
+        /// </summary>
+        private void Until(LandStep step, Func<bool> reached)
+        {
+            refusedCode = null;
+            while (!reached())
+            {
+                string why = WhyOver(step);
+                if (why != null)
+                {
+                    failure = step.Text + ": " + why;
+                    return;
+                }
+                stream.Pump();
+                bool any = false;
+                StreamEvent told;
+                while (stream.TryNextEvent(out told))
+                {
+                    any = true;
+                    Note(told);
+                    if (staged != null) staged.Handle(told);
+                }
+                if (staged != null) staged.Frame();
+                if (!any) Thread.Sleep(1);
+            }
+            if (step.Kind != "pause") failure = null;
+        }
+
+        private string WhyOver(LandStep step)
+        {
+            if (Now() > request.TimeoutS * 1000) return "timeout";
+            if (step.IsLanding && refusedCode != null) return "refused: " + refusedCode;
+            return step.Kind != "pause" && closedCode != null ? "closed: " + closedCode : null;
+        }
+
+        private void Note(StreamEvent told)
+        {
+            EventJson.Describe(events, told);
+            switch (told.Kind)
+            {
+                case StreamEventKind.Planned:
+                    planned = told.Landing.Value;
+                    break;
+                case StreamEventKind.Arrived:
+                    held.Add(told.Facts.Segment);
+                    break;
+                case StreamEventKind.Dropped:
+                    held.ExceptWith(told.Segments);
+                    break;
+                case StreamEventKind.Ready:
+                    ready = told.Landing.Value;
+                    EventJson.Describe(landings, told);
+                    break;
+                case StreamEventKind.Refused:
+                    if (told.Landing == landing || told.IsFatal) refusedCode = told.Code;
+                    break;
+                case StreamEventKind.Prefetched:
+                    prefetched++;
+                    break;
+                case StreamEventKind.Picked:
+                case StreamEventKind.PickRefused:
+                    picked++;
+                    EventJson.Describe(picks, told);
+                    break;
+                case StreamEventKind.Link:
+                    closedCode = told.Link.Phase == LinkPhase.Closed ? told.Link.Code : null;
+                    break;
+            }
+        }
+
+        private string DescribeHeld()
+        {
+            var json = new JsonText();
+            var mesh = new SegmentMesh();
+            json.Open('{');
+            foreach (uint segment in held)
+            {
+                PinnedPayload payload;
+                if (!stream.TryPin(segment, out payload)) continue;
+                using (payload)
+                {
+                    bool isArrays = stream.Encoding == PayloadEncoding.Arrays;
+                    json.Key(segment.ToString());
+                    try
+                    {
+                        DecodeBenchmark.Decode(payload.Bytes, isArrays, mesh);
+                    }
+                    catch (PayloadException error)
+                    {
+                        failure = "segment " + segment + ": " + error.Message;
+                        json.Null();
+                        continue;
+                    }
+                    new MeshArrays(mesh).Describe(json, request.DumpFolder, segment);
+                    if (request.DumpFolder != null) Dump(segment, isArrays, payload.Bytes);
+                }
+            }
+            return json.Close('}').ToString();
+        }
+
+        private void Dump(uint segment, bool isArrays, ArraySegment<byte> bytes)
+        {
+            string path = Path.Combine(request.DumpFolder, segment + (isArrays ? ".arrays" : ".glb"));
+            using (FileStream file = File.Create(path)) file.Write(bytes.Array, bytes.Offset, bytes.Count);
+        }
+
+        private void Print()
+        {
+            string segments = DescribeHeld();
+            var stats = new JsonText();
+            EventJson.Describe(stats, stream.Stats);
+            Console.WriteLine(
+                "{\"events\":[" + events + "],\"landings\":[" + landings + "],\"picks\":[" + picks + "],\"segments\":" + segments
+                + ",\"stats\":" + stats + ",\"stage\":" + (staged == null ? "null" : staged.Describe())
+                + ",\"failure\":" + new JsonText().Value(failure) + "}");
+        }
+    }
+}

@@ -1,0 +1,178 @@
+using System;
+using System.IO;
+using Terraport.Json;
+using Terraport.Wire;
+
+namespace Terraport.Tools
+{
+    /// <summary>
+    /// Runs tests/conformance/wire: good messages and frames must decode to what their .json says, and canonical ones encode
+    /// to the very bytes; bad ones must be refused with the error that it names.
+    /// </summary>
+    internal sealed class WireCorpus
+    {
+        private readonly string root;
+
+        public WireCorpus(string root)
+        {
+            this.root = root;
+        }
+
+        public int Run()
+        {
+            var tally = new Tally();
+            foreach (string folder in new[] { "good", "bad" })
+            {
+                string[] paths = Directory.GetFiles(Path.Combine(root, folder), "*.json");
+                Array.Sort(paths, StringComparer.Ordinal);
+                foreach (string path in paths) tally.Add(folder + "/" + Path.GetFileNameWithoutExtension(path), WhyNot(path));
+            }
+            return tally.Finish();
+        }
+
+        /// <summary>What is wrong with a case; null where it is as it should be.</summary>
+        private static string WhyNot(string path)
+        {
+            // The corpus has texts that are no valid Unicode, and files that are larger than any message.
+            JsonValue facts = JsonReader.Read(new ArraySegment<byte>(File.ReadAllBytes(path)));
+            ArraySegment<byte> data = Padded(File.ReadAllBytes(Path.ChangeExtension(path, ".bin")), facts);
+            try
+            {
+                return facts["subprotocol"].Text == "frame" ? Frame(data, facts) : Message(data, facts);
+            }
+            catch (DecodeException error)
+            {
+                return ErrorDifference(error, facts["error"]);
+            }
+        }
+
+        private static string Message(ArraySegment<byte> data, JsonValue facts)
+        {
+            Subprotocol subprotocol = facts["subprotocol"].Text == "json" ? Subprotocol.Json : Subprotocol.Msgpack;
+            Direction direction = facts["direction"].Text == "client_to_server" ? Direction.ClientToServer : Direction.ServerToClient;
+            WireMessage message = WireCodec.Decode(data, subprotocol == Subprotocol.Json, subprotocol, direction);
+            if (!facts["error"].IsNull) return "was taken; expected the error " + facts["error"]["code"].Text;
+            if (message is UnknownMessage)
+            {
+                return message.Type == facts["unknown"].Text ? null : "unknown type " + message.Type;
+            }
+            if (facts["message"].IsNull) return "was taken as " + message.Type + "; expected an unknown type";
+            // The JSON form of a message is what the corpus states, number for number.
+            byte[] written = WireCodec.Encode(message, Subprotocol.Json);
+            string difference = Difference("message", JsonReader.Read(new ArraySegment<byte>(written)), facts["message"]);
+            if (difference != null) return difference;
+            bool canonical;
+            facts["canonical"].TryFlag(out canonical);
+            bool same = Equal(new ArraySegment<byte>(WireCodec.Encode(message, subprotocol)), data);
+            return same == canonical ? null : "encodes to " + (same ? "the same bytes" : "other bytes") + ", expected otherwise";
+        }
+
+        private static string Frame(ArraySegment<byte> data, JsonValue facts)
+        {
+            PayloadFrame frame;
+            bool isKnown = PayloadFrame.TryDecode(data, out frame);
+            if (!facts["error"].IsNull) return "was taken; expected the error " + facts["error"]["code"].Text;
+            JsonValue expected = facts["frame"];
+            if (!isKnown) return expected["unknown_kind"].IsNull ? "was skipped as of an unknown kind" : null;
+            bool isLast;
+            expected["last"].TryFlag(out isLast);
+            if (isLast != frame.IsLast) return "last is " + frame.IsLast;
+            string difference = Number("generation", frame.Generation, expected) ?? Number("segment", frame.Segment, expected)
+                ?? Number("offset", frame.Offset, expected) ?? Number("total", frame.Total, expected);
+            if (difference != null) return difference;
+            ArraySegment<byte> chunk = frame.Chunk;
+            string hex = BitConverter.ToString(chunk.Array, chunk.Offset, chunk.Count).Replace("-", "").ToLowerInvariant();
+            return hex == expected["chunk_hex"].Text ? null : "chunk is " + hex;
+        }
+
+        private static string ErrorDifference(DecodeException error, JsonValue expected)
+        {
+            if (expected.IsNull) return "refused: " + error.Message;
+            bool fatal;
+            expected["fatal"].TryFlag(out fatal);
+            if (error.Code != expected["code"].Text) return "error " + error.Code + ", expected " + expected["code"].Text;
+            if (error.IsFatal != fatal) return "fatal is " + error.IsFatal;
+            if (error.Field != expected["field"].Text) return "field " + error.Field + ", expected " + expected["field"].Text;
+            return Number("generation", error.Generation, expected) ?? Number("request", error.Request, expected);
+        }
+
+        private static string Number(string name, long? found, JsonValue expected)
+        {
+            long wanted;
+            bool isThere = expected[name].TryInteger(out wanted);
+            return found == (isThere ? (long?)wanted : null) ? null : name + " is " + found + ", expected " + expected[name].Show();
+        }
+
+        private static string Difference(string place, JsonValue found, JsonValue expected)
+        {
+            double one, other;
+            if (found.TryNumber(out one) && expected.TryNumber(out other))
+            {
+                return one.Equals(other) ? null : place + " is " + found.Show() + ", expected " + expected.Show();
+            }
+            if (found.Kind != expected.Kind) return place + " is a " + found.Kind + ", expected a " + expected.Kind;
+            switch (found.Kind)
+            {
+                case JsonKind.Text:
+                    return found.Text == expected.Text ? null : place + " is " + found.Show() + ", expected " + expected.Show();
+                case JsonKind.Flag:
+                    bool left, right;
+                    found.TryFlag(out left);
+                    expected.TryFlag(out right);
+                    return left == right ? null : place + " is " + left;
+                case JsonKind.List:
+                    return ListDifference(place, found, expected);
+                case JsonKind.Object:
+                    return ObjectDifference(place, found.Members, expected.Members);
+                default:
+                    return null;
+            }
+        }
+
+        private static string ListDifference(string place, JsonValue found, JsonValue expected)
+        {
+            if (found.Count != expected.Count) return place + " has " + found.Count + " items, expected " + expected.Count;
+            for (int at = 0; at < found.Count; at++)
+            {
+                string difference = Difference(place + "[" + at + "]", found[at], expected[at]);
+                if (difference != null) return difference;
+            }
+            return null;
+        }
+
+        private static string ObjectDifference(string place, JsonObject found, JsonObject expected)
+        {
+            if (found.Count != expected.Count) return place + " has " + found.Count + " keys, expected " + expected.Count;
+            for (int at = 0; at < found.Count; at++)
+            {
+                JsonValue wanted;
+                string name = found.NameAt(at);
+                if (!expected.TryGet(name, out wanted)) return place + " has the key " + name;
+                string difference = Difference(place + "." + name, found.ValueAt(at), wanted);
+                if (difference != null) return difference;
+            }
+            return null;
+        }
+
+        private static bool Equal(ArraySegment<byte> one, ArraySegment<byte> other)
+        {
+            if (one.Count != other.Count) return false;
+            for (int at = 0; at < one.Count; at++)
+            {
+                if (one.Array[one.Offset + at] != other.Array[other.Offset + at]) return false;
+            }
+            return true;
+        }
+
+        private static ArraySegment<byte> Padded(byte[] stored, JsonValue facts)
+        {
+            long size, filler;
+            if (!facts["pad_to"].TryInteger(out size) || size <= stored.Length) return new ArraySegment<byte>(stored);
+            facts["pad_byte"].TryInteger(out filler);
+            var padded = new byte[size];
+            stored.CopyTo(padded, 0);
+            for (int at = stored.Length; at < size; at++) padded[at] = (byte)filler;
+            return new ArraySegment<byte>(padded);
+        }
+    }
+}

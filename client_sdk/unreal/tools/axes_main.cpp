@@ -1,0 +1,80 @@
+// terraport-axes PAYLOAD ...
+//
+// Prints payloads as Unreal is given them, turned by the engine layer's own TerraportAxes.h: one JSON array of meshes.
+
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "Terraport/DecodeQueue.h"
+#include "Terraport/SegmentMesh.h"
+#include "TerraportAxes.h"
+#include "files.h"
+#include "json_text.h"
+#include "mesh_arrays.h"
+
+namespace {
+
+void describe(terraport::tools::JsonText& json, const terraport::SegmentMesh& mesh, const terraport::SharedPayload& payload) {
+  using namespace terraport;
+  const tools::MeshArrays plain(mesh, viewOf(*payload));
+  const std::size_t count = mesh.vertexCount;
+  std::vector<float> positions(3 * count);
+  if (mesh.positionForm == VertexForm::Codes) {
+    const float translation[3] = {static_cast<float>(mesh.translation[0]), static_cast<float>(mesh.translation[1]),
+                                  static_cast<float>(mesh.translation[2])};
+    TerraportAxes::PositionsToUnreal(mesh.positionCodes.data(), count, translation, static_cast<float>(mesh.stepM),
+                                     positions.data());
+  } else {
+    TerraportAxes::PositionsToUnreal(mesh.positions.data(), count, positions.data());
+  }
+  std::vector<float> normals(3 * count);
+  if (mesh.normalForm == VertexForm::Codes) {
+    TerraportAxes::NormalsToUnreal(mesh.normalCodes.data(), count, normals.data());
+  } else {
+    TerraportAxes::NormalsToUnreal(mesh.normals.data(), count, normals.data());
+  }
+  std::vector<std::uint32_t> indices(3 * std::size_t{mesh.faceCount});
+  TerraportAxes::IndicesToUnreal(mesh.indices.data(), indices.size(), indices.data());
+  json.open('{').key("positions").numbers(positions).key("normals").numbers(normals).key("indices").integers(indices);
+  json.key("uvs");
+  if (mesh.hasUvs) {
+    std::vector<float> uvs = plain.uvs;
+    if (mesh.uvForm == VertexForm::Codes && !mesh.uvsNormalised) {
+      TerraportAxes::UvsToUnreal(mesh.uvCodes.data(), count, mesh.uvScale, uvs.data());
+    }
+    json.numbers(uvs);
+  } else {
+    json.null();
+  }
+  json.key("srgb_colours");
+  if (plain.hasColours) {
+    json.integers(std::vector<std::uint32_t>(plain.colours.begin(), plain.colours.end()));
+  } else {
+    json.null();
+  }
+  json.key("image_bytes").integers(std::vector<std::uint32_t>(plain.image.begin(), plain.image.end())).close('}');
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  using namespace terraport;
+  tools::JsonText json;
+  json.open('[');
+  for (int at = 1; at < count; ++at) {
+    DecodeJob job;
+    job.encoding = tools::endsWith(arguments[at], ".arrays") ? PayloadEncoding::Arrays : PayloadEncoding::Glb;
+    job.payload = std::make_shared<const std::vector<std::uint8_t>>(tools::readFile(arguments[at]));
+    SegmentMesh mesh;
+    const Status status = decodePayload(job, mesh);
+    if (!status.isOk()) {
+      std::fprintf(stderr, "error: %s: %s\n", arguments[at], status.text().c_str());
+      return 1;
+    }
+    describe(json, mesh, job.payload);
+  }
+  std::printf("%s\n", json.close(']').str().c_str());
+  return count > 1 ? 0 : 2;
+}

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "Terraport/StreamOptions.h"
+
+namespace terraport::tools {
+
+/// One step of a visit, such as `land:0,1,0,60`.
+struct Step {
+  /// As it was written.
+  std::string text;
+  /// land, start, wait, aim, pick, pause, reconnect.
+  std::string kind;
+  std::vector<double> numbers;
+  /// What stands behind the colon, where it is not numbers.
+  std::string argument;
+};
+
+/// What terraport-land was asked for.
+struct LandRequest {
+  StreamOptions stream;
+  /// Whether a StreamThread is used, or a SceneStream pumped here.
+  bool isThreaded = false;
+  /// Of the whole visit.
+  double timeoutS = 60.0;
+  /// Where decoded normals and payloads are written; empty for nowhere.
+  std::string dumpFolder;
+  /// Where base.glb, base.cover and scene.json of the scene lie: the visit is then staged, as in an engine; empty for no.
+  std::string filesFolder;
+  std::vector<Step> steps;
+};
+
+/// Read the command line; nothing, with a message on standard error, where it is wrong.
+std::optional<LandRequest> parseLand(int count, char** arguments);
+
+}  // namespace terraport::tools

@@ -1,0 +1,130 @@
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "Terraport/DecodeQueue.h"
+#include "Terraport/Json.h"
+#include "Terraport/SegmentMesh.h"
+#include "corpora.h"
+#include "files.h"
+#include "mesh_arrays.h"
+#include "sha256.h"
+#include "tally.h"
+
+namespace terraport::tools {
+namespace {
+
+/// Of what the corpus rounds to six digits.
+constexpr double kRounded = 4e-6;
+
+void flatten(const JsonValue& value, std::vector<double>& into) {
+  if (value.isList()) {
+    for (const JsonValue item : value.items()) {
+      flatten(item, into);
+    }
+  } else {
+    into.push_back(value.number().value_or(std::numeric_limits<double>::quiet_NaN()));
+  }
+}
+
+/// Compare with nested lists of numbers, null standing for NaN; empty where they are the same.
+template <typename Values>
+std::string apart(const std::string& name, bool exists, const Values& found, const JsonValue& expected, double tolerance) {
+  if (!exists || expected.isNothing()) {
+    return !exists && expected.isNothing() ? "" : name + " there or not";
+  }
+  std::vector<double> wanted;
+  flatten(expected, wanted);
+  if (wanted.size() != found.size()) {
+    return name + ": " + std::to_string(found.size()) + " numbers, expected " + std::to_string(wanted.size());
+  }
+  for (std::size_t at = 0; at < wanted.size(); ++at) {
+    const auto value = static_cast<double>(found[at]);
+    const bool same = std::isnan(wanted[at]) ? std::isnan(value) : std::abs(value - wanted[at]) <= tolerance;
+    if (!same) {
+      return name + "[" + std::to_string(at) + "] is " + std::to_string(value) + ", expected " + std::to_string(wanted[at]);
+    }
+  }
+  return "";
+}
+
+std::string textureDifference(const MeshArrays& found, const JsonValue& expected) {
+  if (expected.isNothing() != found.image.empty()) {
+    return "an image there or not";
+  }
+  if (expected.isNothing()) {
+    return "";
+  }
+  if (found.mediaType != expected.member("media_type").text().value_or("")) {
+    return "media type " + found.mediaType;
+  }
+  if (found.width != expected.member("width").integer() || found.height != expected.member("height").integer()) {
+    return "an image of " + std::to_string(found.width) + " x " + std::to_string(found.height);
+  }
+  const std::string digest = sha256(found.image.data(), found.image.size());
+  return digest == expected.member("sha256").text().value_or("") ? "" : "an image with the digest " + digest;
+}
+
+std::string difference(const MeshArrays& found, const JsonValue& expected) {
+  std::vector<std::string> told = {
+      apart("positions", true, found.positions, expected.member("positions"), 0.0),
+      apart("faces", true, found.indices, expected.member("faces"), 0.0),
+      apart("normals", true, found.normals, expected.member("normals"), kRounded),
+      apart("colours", found.hasColours, found.colours, expected.member("colours"), 0.0),
+      apart("region_ids", found.hasRegionIds, found.regionIds, expected.member("region_ids"), 0.0),
+      apart("uvs", found.hasUvs, found.uvs, expected.member("uvs"), kRounded),
+      textureDifference(found, expected.member("texture")),
+  };
+  if (expected.member("attributes").size() != found.attributes.size()) {
+    told.push_back(std::to_string(found.attributes.size()) + " attributes");
+  }
+  for (const auto& [name, values] : found.attributes) {
+    told.push_back(apart("attribute " + name, true, values, expected.member("attributes").member(name), 0.0));
+  }
+  for (const std::string& one : told) {
+    if (!one.empty()) {
+      return one;
+    }
+  }
+  return "";
+}
+
+/// What is wrong with a case; empty where it is as it should be.
+std::string whyNot(const std::string& folder, const std::string& name, SegmentMesh& mesh) {
+  const std::vector<std::uint8_t> text = readFile(folder + "/" + name + ".json");
+  JsonDocument document;
+  const std::string_view view(reinterpret_cast<const char*>(text.data()), text.size());
+  if (!document.read(view).isOk()) {
+    return "its .json cannot be read";
+  }
+  const JsonValue expected = document.root();
+  const bool isGood = expected.member("good").boolean().value_or(false);
+  DecodeJob job;
+  job.encoding = endsWith(name, ".arrays") ? PayloadEncoding::Arrays : PayloadEncoding::Glb;
+  job.payload = std::make_shared<const std::vector<std::uint8_t>>(readFile(folder + "/" + name));
+  const Status status = decodePayload(job, mesh);
+  if (!status.isOk()) {
+    return isGood ? "refused: " + status.text() : "";
+  }
+  if (!isGood) {
+    return "was taken; expected: " + std::string(expected.member("error").text().value_or(""));
+  }
+  return difference(MeshArrays(mesh, viewOf(*job.payload)), expected);
+}
+
+}  // namespace
+
+int runPayloadCorpus(const std::string& folder) {
+  Tally tally;
+  SegmentMesh mesh;  // one for all cases: buffers that an earlier payload filled must not show through
+  for (const std::string& name : filesOf(folder, ".json", true)) {
+    tally.add(name, whyNot(folder, name, mesh));
+  }
+  return tally.finish();
+}
+
+}  // namespace terraport::tools

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "Terraport/LandingStream.h"
+#include "Terraport/Types.h"
+
+namespace terraport::tools {
+
+/// A visit as an engine makes it: the stream's events go to a SceneStage, and a renderer that draws nothing notes what would be
+/// drawn, and every order that a real one could not keep.
+class StagedVisit {
+ public:
+  /// `folder` has scene.json (as GET /scenes/{id} gives it), base.glb and base.cover. Null, and `failure` set, where they cannot
+  /// be read.
+  static std::unique_ptr<StagedVisit> make(LandingStream& stream, const std::string& folder, std::string& failure);
+  ~StagedVisit();
+
+  std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);
+  void handle(const StreamEvent& event);
+  /// One frame of the engine.
+  void frame();
+  /// Whether the newest landing is what is drawn.
+  bool isShown() const;
+  /// What is drawn, and what happened: one JSON object.
+  std::string describe() const;
+
+ private:
+  struct Impl;
+  explicit StagedVisit(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace terraport::tools

@@ -1,0 +1,169 @@
+#include <cstdio>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "Frames.h"
+#include "Terraport/Json.h"
+#include "WireCodec.h"
+#include "corpora.h"
+#include "files.h"
+#include "tally.h"
+
+namespace terraport::tools {
+namespace {
+
+std::string textOf(const JsonValue& value) { return std::string(value.text().value_or("")); }
+
+bool same(const JsonValue& one, const JsonValue& other);
+
+bool sameMembers(const JsonValue& one, const JsonValue& other) {
+  const JsonValue::Range members = one.items();
+  for (auto member = members.begin(); member != members.end(); ++member) {
+    const JsonValue match = other.member(member.key());
+    if (!match.exists() || !same(*member, match)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// Whether two values are the same; the order of members has no meaning, nor has 60 against 60.0.
+bool same(const JsonValue& one, const JsonValue& other) {
+  if (one.number() && other.number()) {
+    return *one.number() == *other.number();
+  }
+  if (one.kind() != other.kind() || one.size() != other.size()) {
+    return false;
+  }
+  if (one.isMap()) {
+    return sameMembers(one, other);
+  }
+  auto match = other.items().begin();
+  for (const JsonValue item : one.items()) {
+    if (!same(item, *match)) {
+      return false;
+    }
+    ++match;
+  }
+  return one.text() == other.text() && one.boolean() == other.boolean();
+}
+
+std::string errorDifference(const DecodeError& error, const JsonValue& expected) {
+  if (!expected.exists()) {
+    return "refused: " + error.message;
+  }
+  if (error.code != textOf(expected.member("code"))) {
+    return "error " + error.code + ", expected " + textOf(expected.member("code"));
+  }
+  if (error.isFatal != expected.member("fatal").boolean()) {
+    return "fatal or not";
+  }
+  if (error.field != textOf(expected.member("field"))) {
+    return "field " + error.field + ", expected " + textOf(expected.member("field"));
+  }
+  const auto differs = [&expected](const char* name, const auto& found) {
+    const auto wanted = expected.member(name).integer();
+    return found.has_value() != wanted.has_value() || (wanted && static_cast<std::int64_t>(*found) != *wanted);
+  };
+  return differs("generation", error.generation) ? "generation" : differs("request", error.request) ? "request" : "";
+}
+
+template <typename Message>
+std::string messageDifference(ByteSpan data, Subprotocol subprotocol, const JsonValue& facts) {
+  MessageReader reader;
+  Message message;
+  DecodeError error;
+  if (!reader.read(data, subprotocol == Subprotocol::Json, subprotocol, message, error)) {
+    return errorDifference(error, facts.member("error"));
+  }
+  if (facts.member("error").exists()) {
+    return "was taken; expected the error " + textOf(facts.member("error").member("code"));
+  }
+  if (const auto* unknown = std::get_if<UnknownMessage>(&message)) {
+    return unknown->type == textOf(facts.member("unknown")) ? "" : "unknown type " + unknown->type;
+  }
+  if (!facts.member("message").exists()) {
+    return std::string("was taken as ") + typeOf(message) + "; expected an unknown type";
+  }
+  // The JSON form of a message is what the corpus states, number for number.
+  EncodedMessage written;
+  JsonDocument document;
+  if (!encodeMessage(message, Subprotocol::Json, written).isOk() || !document.read(written.bytes).isOk()) {
+    return "cannot be written again";
+  }
+  if (!same(document.root(), facts.member("message"))) {
+    return "is read as " + written.bytes;
+  }
+  EncodedMessage again;
+  const bool isSame = encodeMessage(message, subprotocol, again).isOk() && again.bytes.size() == data.size &&
+                      again.bytes == std::string_view(reinterpret_cast<const char*>(data.data), data.size);
+  const bool isCanonical = facts.member("canonical").boolean().value_or(false);
+  return isSame == isCanonical ? "" : std::string("encodes to ") + (isSame ? "the same" : "other") + " bytes, expected otherwise";
+}
+
+std::string frameDifference(ByteSpan data, const JsonValue& facts) {
+  PayloadFrame frame;
+  DecodeError error;
+  if (!decodeFrame(data, frame, error)) {
+    return errorDifference(error, facts.member("error"));
+  }
+  if (facts.member("error").exists()) {
+    return "was taken; expected the error " + textOf(facts.member("error").member("code"));
+  }
+  const JsonValue expected = facts.member("frame");
+  if (frame.unknownKind || expected.member("unknown_kind").exists()) {
+    const auto wanted = expected.member("unknown_kind").integer();
+    return frame.unknownKind && wanted == *frame.unknownKind ? "" : "of an unknown kind or not";
+  }
+  std::string hex;
+  for (std::size_t at = 0; at < frame.chunk.size; ++at) {
+    char digits[3];
+    std::snprintf(digits, sizeof digits, "%02x", frame.chunk.data[at]);
+    hex += digits;
+  }
+  const bool isSame = expected.member("generation").integer() == frame.generation &&
+                      expected.member("segment").integer() == frame.segment && expected.member("offset").integer() == frame.offset &&
+                      expected.member("total").integer() == frame.total && expected.member("last").boolean() == frame.isLast &&
+                      textOf(expected.member("chunk_hex")) == hex;
+  return isSame ? "" : "is another frame";
+}
+
+/// What is wrong with a case; empty where it is as it should be.
+std::string whyNot(const std::string& stem) {
+  const std::vector<std::uint8_t> text = readFile(stem + ".json");
+  std::vector<std::uint8_t> data = readFile(stem + ".bin");
+  JsonDocument document;
+  if (!document.read(std::string_view(reinterpret_cast<const char*>(text.data()), text.size())).isOk()) {
+    return "its .json cannot be read";
+  }
+  const JsonValue facts = document.root();
+  const auto size = static_cast<std::size_t>(facts.member("pad_to").integer().value_or(0));
+  if (size > data.size()) {
+    data.resize(size, static_cast<std::uint8_t>(facts.member("pad_byte").integer().value_or(0)));
+  }
+  const std::string form = textOf(facts.member("subprotocol"));
+  if (form == "frame") {
+    return frameDifference(viewOf(data), facts);
+  }
+  const Subprotocol subprotocol = form == "json" ? Subprotocol::Json : Subprotocol::Msgpack;
+  return textOf(facts.member("direction")) == "client_to_server"
+             ? messageDifference<ClientMessage>(viewOf(data), subprotocol, facts)
+             : messageDifference<ServerMessage>(viewOf(data), subprotocol, facts);
+}
+
+}  // namespace
+
+int runWireCorpus(const std::string& folder) {
+  Tally tally;
+  for (const char* kind : {"/good/", "/bad/"}) {
+    for (const std::string& name : filesOf(folder + kind, ".json")) {
+      const std::string stem = name.substr(0, name.size() - 5);
+      tally.add(kind + stem, whyNot(folder + kind + stem));
+    }
+  }
+  return tally.finish();
+}
+
+}  // namespace terraport::tools

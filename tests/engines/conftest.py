@@ -1,0 +1,86 @@
+"""The engine clients' cores, compiled, against the real service.
+
+Skipped where the compilers are missing, unless ``TERRAPORT_ENGINES=required``. The engines
+themselves are not run: neither Unity nor Unreal can be installed here.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NoReturn
+
+import pytest
+from conformance.scene.axes_scene import write_axes_scene
+from engines import cores
+from engines.programs import Client
+from faults.service import Service
+from server.grid_scene import write_grid_scene
+from store.tiny_scene import write_tiny_scene
+
+TOKEN = "a-token-that-is-long-enough"
+LANGUAGES = ("csharp", "cpp")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give the tests of this folder the time that they may need: they may wait for compilers."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.timeout(900))
+
+
+def skip_or_fail(reason: str) -> NoReturn:
+    """Skip, or fail where the engines' tests are asked for."""
+    if os.environ.get("TERRAPORT_ENGINES") == "required":
+        pytest.fail(f"TERRAPORT_ENGINES=required, but {reason}")
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def csharp() -> cores.CsCore:
+    """Core of the Unity package, its tests and tools."""
+    reason = cores.missing_for("csharp")
+    if reason is not None:
+        skip_or_fail(f"the C# core cannot be compiled ({reason})")
+    return cores.csharp()
+
+
+@pytest.fixture(scope="session")
+def cpp() -> cores.CppCore:
+    """Core of the Unreal plugin, its tests and tools."""
+    reason = cores.missing_for("cpp")
+    if reason is not None:
+        skip_or_fail(f"the C++ core cannot be compiled ({reason})")
+    return cores.cpp()
+
+
+@pytest.fixture(scope="session", params=LANGUAGES)
+def client(request: pytest.FixtureRequest) -> Client:
+    """Each core in turn, by its tools."""
+    return Client(request.param, request.getfixturevalue(request.param))
+
+
+@pytest.fixture(scope="session")
+def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with `grid` and `tiny` (small), `big` (10 MB), `axes`, all in both encodings."""
+    root = tmp_path_factory.mktemp("scenes")
+    write_grid_scene(root / "grid", with_arrays=True)
+    write_grid_scene(root / "big", cells=80, compress=False, with_arrays=True, name="big")
+    write_axes_scene(root / "axes")
+    write_tiny_scene(root / "tiny", with_arrays=True)
+    return root
+
+
+@pytest.fixture(scope="session")
+def server(scenes: Path) -> Iterator[Service]:
+    """The service in a process of its own, open."""
+    with Service(scenes, max_sessions_per_ip=100) as running:
+        yield running
+
+
+@pytest.fixture(scope="session")
+def guarded(scenes: Path) -> Iterator[Service]:
+    """The same service for those alone who show `TOKEN`."""
+    with Service(scenes, token=TOKEN, max_sessions_per_ip=100) as running:
+        yield running

@@ -1,0 +1,146 @@
+"""Run the tools of a core, and read what they print."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import subprocess
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self, TypeVar
+
+from engines.cores import CppCore, CsCore
+from sdk.proxy import Proxy
+
+__all__ = ["Client", "Landed", "ThreadedProxy", "Totals", "totals"]
+
+TIMEOUT_S: Final = 120
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Totals:
+    """The line ``N passed, N failed`` with what was said before it."""
+
+    passed: int
+    failed: int
+    declined: list[str]
+    said: str
+
+
+@dataclass(frozen=True)
+class Landed:
+    """What ``land`` printed."""
+
+    exit_code: int
+    events: list[dict[str, Any]]
+    landings: list[dict[str, Any]]
+    picks: list[dict[str, Any]]
+    segments: dict[int, dict[str, Any]]
+    """Of what was held at the end: digests of the decoded arrays."""
+    stats: dict[str, Any]
+    failure: str | None
+    """Why it ended early."""
+    said: str = field(repr=False, default="")
+
+    def of(self, kind: str) -> list[dict[str, Any]]:
+        """Return the events of one type."""
+        return [event for event in self.events if event["type"] == kind]
+
+
+@dataclass(frozen=True)
+class Client:
+    """One core: its language, and its tools."""
+
+    language: str
+    core: CsCore | CppCore
+
+    def run(
+        self, tool: str, *arguments: object, timeout_s: float = TIMEOUT_S
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a tool to its end, whatever its exit code."""
+        return subprocess.run(
+            [*self.core.tool(tool), *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            timeout=timeout_s,
+            check=False,
+        )
+
+    def corpus(self, kind: str, folder: Path) -> Totals:
+        """Run a corpus: ``wire`` or ``payload``."""
+        return totals(self.run("corpus", kind, folder).stdout)
+
+    def land(self, scene_url: str, *steps: str, **options: object) -> Landed:
+        """Land with ``NAME=value`` options as flags ``--name value``; see README.md for steps."""
+        flags: list[object] = []
+        for name, value in options.items():
+            flags += [f"--{name.replace('_', '-')}", value]
+        done = self.run("land", "--scene", scene_url, *flags, *steps)
+        lines = done.stdout.strip().splitlines()
+        try:
+            told = json.loads(lines[-1])
+        except (IndexError, ValueError):
+            raise AssertionError(f"no JSON from land:\n{done.stdout[-4000:]}") from None
+        return Landed(
+            done.returncode,
+            told["events"],
+            told["landings"],
+            told["picks"],
+            {int(key): value for key, value in told["segments"].items()},
+            told["stats"],
+            told["failure"],
+            done.stdout,
+        )
+
+
+def totals(said: str) -> Totals:
+    """Read the last ``N passed, N failed`` of some output, and the lines of what was declined."""
+    found = re.findall(r"^(\d+) passed, (\d+) failed$", said, re.MULTILINE)
+    assert found, f"no line 'N passed, N failed' in:\n{said[-4000:]}"
+    declined = re.findall(r"^declined: (\S+)", said, re.MULTILINE)
+    return Totals(int(found[-1][0]), int(found[-1][1]), declined, said)
+
+
+class ThreadedProxy:
+    """`sdk.proxy.Proxy` on a thread of its own, for clients that are programs."""
+
+    def __init__(self, target: str) -> None:
+        self.proxy = Proxy(target)
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever)
+
+    @property
+    def url(self) -> str:
+        return self.proxy.url
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._call(self.proxy.__aenter__)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._call(lambda: self.proxy.__aexit__(None, None, None))
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def _call(self, work: Callable[[], Any]) -> None:
+        asyncio.run_coroutine_threadsafe(work(), self._loop).result(30)
+
+
+def text_of(command: Sequence[str]) -> str:
+    """Return what a program printed, whatever its exit code."""
+    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    return done.stdout + done.stderr

@@ -1,0 +1,43 @@
+"""Both cores run the repository's corpora, good cases and bad, and decline nothing unsaid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from conformance.generate import CORPUS
+from engines.programs import Client
+
+PAYLOADS = Path(__file__).resolve().parents[1] / "conformance" / "scene" / "payload"
+
+DECLINED: dict[str, list[str]] = {"csharp": [], "cpp": []}
+"""By language; also in docs/topics/clients.md."""
+
+
+@pytest.mark.parametrize("kind", ["wire", "payload"])
+def test_the_whole_corpus_passes(client: Client, kind: str) -> None:
+    folder = CORPUS if kind == "wire" else PAYLOADS
+    files = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".json"]
+    done = client.corpus(kind, folder)
+    assert done.failed == 0, done.said[-4000:]
+    assert done.declined == DECLINED[client.language]
+    assert done.passed + len(done.declined) == len(files)
+
+
+@pytest.mark.parametrize("kind", ["wire", "payload"])
+def test_a_wrong_expectation_is_noticed(client: Client, kind: str, tmp_path: Path) -> None:
+    """The runner compares: a corpus that expects something else fails."""
+    if kind == "wire":
+        for folder in ("good", "bad"):
+            (tmp_path / folder).mkdir()
+        for suffix in (".bin", ".json"):
+            data = (CORPUS / "good" / f"msgpack-land-full{suffix}").read_bytes()
+            data = data.replace(b'"radius_m": ', b'"radius_m": 1')
+            (tmp_path / "good" / f"land{suffix}").write_bytes(data)
+    else:
+        for suffix in ("", ".json"):
+            data = (PAYLOADS / f"good-full.glb{suffix}").read_bytes()
+            data = data.replace(b'"region_ids":[', b'"region_ids":[1')
+            (tmp_path / f"good-full.glb{suffix}").write_bytes(data)
+    done = client.corpus(kind, tmp_path)
+    assert (done.passed, done.failed) == (0, 1)
