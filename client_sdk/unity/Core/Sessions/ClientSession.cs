@@ -235,6 +235,13 @@ namespace Terraport.Sessions
             picks.RefuseAll(code, message);
         }
 
+        /// <summary>Refuse one pick that waits; where it was not sent yet, it never is.</summary>
+        public void RefusePick(int request, string code, string message)
+        {
+            outbox.RemoveAll(waiting => waiting is PickMessage && ((PickMessage)waiting).Request == request);
+            picks.RefuseOne((uint)request, code, message);
+        }
+
         /// <summary>End the session politely.</summary>
         public void Bye()
         {

@@ -51,6 +51,12 @@ namespace Terraport.Sessions
             return true;
         }
 
+        /// <summary>Refuse one that waits.</summary>
+        internal void RefuseOne(uint request, string code, string message)
+        {
+            if (Remove(request)) Refuse((int)request, code, message);
+        }
+
         /// <summary>Refuse all that wait: nobody answers any more.</summary>
         internal void RefuseAll(string code, string message)
         {

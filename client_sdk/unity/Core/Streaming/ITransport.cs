@@ -40,10 +40,16 @@ namespace Terraport
         /// <summary>Take the next received message; false where none is here. Release what it gives.</summary>
         bool TryReceive(out TransportMessage message);
 
-        /// <summary>Hand a message over, in order; the bytes are copied. False: not now, the queue is full or nothing is open.</summary>
+        /// <summary>
+        /// Hand a message over, in order; its bytes must not be changed afterwards. False: not now, the queue is full or nothing
+        /// is open.
+        /// </summary>
         bool TrySend(ArraySegment<byte> message, bool isText);
 
-        /// <summary>Close, after what was handed over has left, and without waiting for the other side's answer.</summary>
+        /// <summary>
+        /// Close, after what was handed over has left, and without waiting for the other side's answer. Disposing afterwards
+        /// does not cut that short.
+        /// </summary>
         void Close(int closeCode, string reason);
     }
 }

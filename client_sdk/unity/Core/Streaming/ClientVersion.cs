@@ -1,0 +1,12 @@
+namespace Terraport
+{
+    /// <summary>Name and version of this client, for servers' logs.</summary>
+    public static class ClientVersion
+    {
+        /// <summary>The version of the package (package.json says the same; a test compares them).</summary>
+        public const string Number = "0.1.0";
+
+        /// <summary>What hello says.</summary>
+        public const string Text = "terraport-unity/" + Number;
+    }
+}

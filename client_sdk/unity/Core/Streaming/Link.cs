@@ -1,0 +1,319 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Sessions;
+using Terraport.Wire;
+
+namespace Terraport
+{
+    /// <summary>
+    /// The connection of a session: opened, kept, lost, opened again. The state is the session's; here are the transport and
+    /// what is due when. Section numbers are those of spec/wire-protocol.md.
+    /// </summary>
+    internal sealed class Link
+    {
+        // Between two aims: a hand moves faster, but ten plans a second are enough to prefetch by.
+        private const double AimPeriodMs = 100;
+
+        // One attempt: TCP, TLS, WebSocket handshake and welcome.
+        private const double ConnectMs = 10000;
+
+        // A connection that lived this long, or readied a landing, begins the waits anew when it is lost.
+        private const double StableMs = 10000;
+
+        // Silence of a server that owes an answer: without it a dead line is noticed by TCP after minutes only.
+        private const double SilenceMs = 30000;
+
+        // What one pump takes at most, so that a frame of the engine that pumps stays short: it is hashed at once.
+        private const int MaxPumpBytes = 4 * 1024 * 1024;
+
+        private const double Never = double.PositiveInfinity;
+
+        private readonly ClientSession session;
+        private readonly LinkSettings settings;
+        private readonly Outgoing outgoing;
+        private readonly Random random = new Random();
+        private string token;
+        private ITransport transport;
+        private bool isGreeted;
+        private bool offersHeld = true;
+        private bool hasLeft;
+        private int attempt;
+        private string refusalCode;
+        private string refusalMessage;
+        private double firstWaitMs = -1;
+        private double retryAtMs = Never;
+        private double connectedMs;
+        private double welcomedMs = Never;
+        private double heardMs;
+        private double owedSinceMs = Never;
+        private double nextAimMs;
+
+        internal Link(ClientSession session, LinkSettings settings)
+        {
+            this.session = session;
+            this.settings = settings;
+            token = settings.Token;
+            outgoing = new Outgoing(settings.Subprotocol == Subprotocol.Json);
+        }
+
+        /// <summary>When something is due by itself, whatever the transport does; never where nothing is.</summary>
+        internal double DueMs
+        {
+            get
+            {
+                if (transport == null) return retryAtMs;
+                double due = welcomedMs == Never ? connectedMs + ConnectMs : Never;
+                if (session.HasAim) due = Math.Min(due, nextAimMs);
+                if (owedSinceMs != Never && welcomedMs != Never) due = Math.Min(due, SilentSinceMs + SilenceMs);
+                return Math.Min(due, outgoing.DueMs);
+            }
+        }
+
+        private double SilentSinceMs
+        {
+            get { return Math.Max(heardMs, Math.Max(owedSinceMs, welcomedMs)); }
+        }
+
+        /// <summary>Connect for the first time.</summary>
+        internal void Start(double nowMs)
+        {
+            Connect(nowMs);
+        }
+
+        /// <summary>Do what is due; whether received messages are left for another time.</summary>
+        /// <param name="nowMs">Now.</param>
+        /// <param name="mayReceive">False where nobody takes the events.</param>
+        internal bool Pump(double nowMs, bool mayReceive)
+        {
+            if (hasLeft) return false;
+            if (transport == null)
+            {
+                if (nowMs >= retryAtMs) Connect(nowMs);
+                return false;
+            }
+            // Asked before the messages are taken: what came before the end must not be lost.
+            ITransport present = transport;
+            TransportState state = present.State;
+            if (!isGreeted && (state == TransportState.Open || state == TransportState.Closed)) Greet(state, nowMs);
+            bool isMore = true;
+            if (mayReceive) isMore = Receive(nowMs);
+            else heardMs = nowMs;
+            if (transport != present) return false;
+            if (state == TransportState.Closed && !isMore) Lost(transport.CloseCode, transport.CloseReason, nowMs);
+            else if (welcomedMs == Never && nowMs - connectedMs > ConnectMs) Cut(CloseCodes.Timeout, "no welcome in time", nowMs);
+            else if (owedSinceMs != Never && welcomedMs != Never && nowMs - SilentSinceMs > SilenceMs)
+            {
+                Cut(CloseCodes.Timeout, "the server is silent", nowMs);
+            }
+            Flush(nowMs);
+            return isMore && mayReceive;
+        }
+
+        /// <summary>Send what the session has to say; to be called after every command.</summary>
+        internal void Flush(double nowMs)
+        {
+            Report(nowMs);
+            if (transport == null || !isGreeted) return;
+            if (outgoing.Waiting.Count == 0)
+            {
+                if (session.HasAim && nowMs >= nextAimMs)
+                {
+                    nextAimMs = nowMs + AimPeriodMs;
+                    session.FlushAim();
+                }
+                session.TakeMessages(outgoing.Waiting);
+            }
+            outgoing.Send(transport, nowMs);
+            if (!session.AwaitsAnswer) owedSinceMs = Never;
+            else if (owedSinceMs == Never) owedSinceMs = nowMs;
+        }
+
+        /// <summary>Connect now, unless there is a connection already; another token makes a new one in any case.</summary>
+        internal void Reconnect(string newToken, double nowMs)
+        {
+            if (hasLeft) return;
+            bool isNewer = newToken != null && newToken != token;
+            if (isNewer) token = newToken;
+            if (transport != null && !isNewer) return;
+            Drop(Closes.Normal, "");
+            attempt = 0;
+            firstWaitMs = -1;
+            Connect(nowMs);
+        }
+
+        /// <summary>Say goodbye and do not connect again.</summary>
+        internal void Leave(double nowMs)
+        {
+            if (hasLeft) return;
+            session.Bye();
+            Flush(nowMs);
+            hasLeft = true;
+            Drop(Closes.Normal, "");
+        }
+
+        private void Connect(double nowMs)
+        {
+            attempt++;
+            retryAtMs = Never;
+            refusalCode = null;
+            refusalMessage = null;
+            isGreeted = false;
+            connectedMs = nowMs;
+            welcomedMs = Never;
+            owedSinceMs = Never;
+            outgoing.Begin(nowMs);
+            Tell(new LinkState { Phase = LinkPhase.Connecting, Attempt = attempt });
+            transport = settings.Transports.Create();
+            transport.Changed = settings.Changed;
+            transport.Open(settings.Url, new[] { WireCodec.NameOf(settings.Subprotocol) }, token);
+        }
+
+        private void Greet(TransportState state, double nowMs)
+        {
+            isGreeted = true;
+            heardMs = nowMs;
+            session.Connected(offersHeld);
+            if (state == TransportState.Open) Flush(nowMs);
+        }
+
+        /// <summary>Take received messages; whether some are left.</summary>
+        private bool Receive(double nowMs)
+        {
+            int bytes = 0;
+            ITransport present = transport;
+            TransportMessage message;
+            while (bytes < MaxPumpBytes)
+            {
+                if (transport != present || !present.TryReceive(out message)) return false;
+                bytes += message.Bytes.Count;
+                heardMs = nowMs;
+                Take(message, nowMs);
+                // What it has to say (credit above all) leaves before the next message is looked at.
+                Flush(nowMs);
+            }
+            return true;
+        }
+
+        private void Take(TransportMessage message, double nowMs)
+        {
+            string violation = null;
+            try
+            {
+                session.Receive(message.Bytes, message.IsText);
+            }
+            catch (ProtocolViolationException error)
+            {
+                violation = error.Message;
+            }
+            finally
+            {
+                message.Release();
+            }
+            if (violation == null) return;
+            Report(nowMs);
+            refusalCode = "malformed";
+            refusalMessage = "the server broke the protocol: " + violation;
+            Cut(CloseCodes.Malformed, "malformed", nowMs);
+        }
+
+        /// <summary>Hand the session's events on, and take what concerns the connection itself.</summary>
+        private void Report(double nowMs)
+        {
+            StreamEvent next;
+            while (session.TryNextEvent(out next))
+            {
+                if (next.Kind == StreamEventKind.Opened)
+                {
+                    welcomedMs = nowMs;
+                    outgoing.Allow(session.Limits.MaxMessagesPerS, nowMs);
+                    Tell(new LinkState { Phase = LinkPhase.Open });
+                }
+                else if (next.Kind == StreamEventKind.Ready)
+                {
+                    attempt = 0;
+                }
+                else if (next.Kind == StreamEventKind.Refused && next.IsFatal)
+                {
+                    refusalCode = next.Code;
+                    refusalMessage = next.Message;
+                }
+                else if (next.Kind == StreamEventKind.Notice && next.ReconnectAfterMs.HasValue)
+                {
+                    firstWaitMs = next.ReconnectAfterMs.Value;
+                }
+                settings.Tell(next);
+            }
+        }
+
+        /// <summary>Close from this side, without waiting for the other: its answer may never come.</summary>
+        private void Cut(int closeCode, string reason, double nowMs)
+        {
+            transport.Close(closeCode, reason);
+            Lost(closeCode, reason, nowMs);
+        }
+
+        private void Lost(int closeCode, string reason, double nowMs)
+        {
+            double livedMs = welcomedMs == Never ? 0 : nowMs - welcomedMs;
+            bool wasWelcomed = welcomedMs != Never;
+            Drop(Closes.Normal, "");
+            Report(nowMs);
+            if (refusalCode == "too_large" && !wasWelcomed && offersHeld)
+            {
+                // Once: offer nothing in hello from now on, since the server found that too large.
+                offersHeld = false;
+                Connect(nowMs);
+                return;
+            }
+            if (livedMs >= StableMs) attempt = 0;
+            var state = new LinkState
+            {
+                CloseCode = closeCode,
+                Code = refusalCode ?? Closes.ErrorOf(closeCode),
+                Message = refusalMessage ?? (string.IsNullOrEmpty(reason) ? TextOf(closeCode) : reason),
+            };
+            if (Closes.After(closeCode) != AfterClose.Again)
+            {
+                state.Phase = LinkPhase.Closed;
+                session.RefusePicks(state.Code, state.Message);
+                Report(nowMs);
+            }
+            else
+            {
+                state.Phase = LinkPhase.Waiting;
+                state.Attempt = attempt + 1;
+                state.RetryInMs = firstWaitMs >= 0 ? firstWaitMs : Backoff.WaitMs(Math.Max(0, attempt - 1), random.NextDouble());
+                firstWaitMs = -1;
+                retryAtMs = nowMs + state.RetryInMs;
+            }
+            Tell(state);
+        }
+
+        /// <summary>Part from the transport and from everything that was timed for it.</summary>
+        private void Drop(int closeCode, string reason)
+        {
+            retryAtMs = Never;
+            owedSinceMs = Never;
+            if (transport == null) return;
+            ITransport old = transport;
+            transport = null;
+            outgoing.Waiting.Clear();
+            old.Changed = null;
+            old.Close(closeCode, reason);
+            TransportMessage message;
+            while (old.TryReceive(out message)) message.Release();
+            old.Dispose();
+            session.ConnectionLost();
+        }
+
+        private void Tell(LinkState state)
+        {
+            settings.Tell(new StreamEvent { Kind = StreamEventKind.Link, Link = state });
+        }
+
+        private static string TextOf(int closeCode)
+        {
+            return closeCode == Closes.Abnormal ? "no connection to the server" : "the connection was closed with " + closeCode;
+        }
+    }
+}

@@ -1,0 +1,24 @@
+using System;
+using Terraport.Wire;
+
+namespace Terraport
+{
+    /// <summary>What a <see cref="Link"/> works with.</summary>
+    internal sealed class LinkSettings
+    {
+        /// <summary>ws(s)://.../stream.</summary>
+        internal Uri Url { get; set; }
+
+        internal string Token { get; set; }
+
+        internal Subprotocol Subprotocol { get; set; }
+
+        internal ITransportFactory Transports { get; set; }
+
+        /// <summary>Takes the events, in order.</summary>
+        internal Action<StreamEvent> Tell { get; set; }
+
+        /// <summary>Called from any thread when there may be something to pump; may be null.</summary>
+        internal Action Changed { get; set; }
+    }
+}

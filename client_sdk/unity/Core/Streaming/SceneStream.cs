@@ -1,0 +1,190 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Sessions;
+
+namespace Terraport
+{
+    /// <summary>
+    /// A session and its connection, pumped by whoever made it: no thread, no task, no timer of its own, so that it runs where
+    /// there are no threads. <see cref="ThreadedStream"/> is the same on a thread of its own.
+    /// </summary>
+    public sealed class SceneStream : ISceneStream
+    {
+        /// <summary>Picks that wait for an answer at most; more are refused here. A server answers far fewer at a time.</summary>
+        public const int MaxPicks = 64;
+
+        /// <summary>Events that wait to be taken, beyond which nothing is received until some are.</summary>
+        public const int MaxWaitingEvents = 8192;
+
+        private readonly ClientSession session;
+        private readonly Link link;
+        private readonly Func<double> clockMs;
+        private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
+        // When each landing that is not over was asked for, by its number.
+        private readonly Dictionary<int, double> askedMs = new Dictionary<int, double>();
+        private bool isClosed;
+        private string endedCode;
+        private string endedMessage;
+
+        /// <summary>Open a stream; it connects with the first <see cref="Pump"/>s.</summary>
+        /// <param name="options">Copied at once, but for the budgets.</param>
+        /// <param name="transports">Where connections come from; null for <see cref="WebSocketTransport"/>.</param>
+        /// <param name="changed">Called from any thread when there may be something to pump; may be null.</param>
+        /// <param name="clockMs">Another clock than <see cref="StreamClock"/>; monotonic milliseconds.</param>
+        /// <exception cref="TerraportException">invalid_url.</exception>
+        /// <exception cref="ArgumentException">An option that the protocol does not allow.</exception>
+        public SceneStream(
+            StreamOptions options, ITransportFactory transports = null, Action changed = null, Func<double> clockMs = null)
+        {
+            this.clockMs = clockMs ?? (() => StreamClock.NowMs);
+            Encoding = options.Encoding;
+            session = new ClientSession(new SessionOptions
+            {
+                Client = options.Client ?? ClientVersion.Text,
+                Encoding = options.Encoding,
+                Budgets = options.Budgets,
+                CreditBytes = options.CreditBytes,
+                ReleaseFactor = options.ReleaseFactor,
+                Subprotocol = options.Subprotocol,
+                CacheBytes = options.CacheBytes,
+            });
+            link = new Link(session, new LinkSettings
+            {
+                Url = new Uri(SceneUrl.Parse(options.SceneUrl).StreamUrl),
+                Token = options.Token,
+                Subprotocol = options.Subprotocol,
+                Transports = transports ?? new WebSocketTransportFactory(),
+                Tell = Tell,
+                Changed = changed,
+            });
+            link.Start(this.clockMs());
+        }
+
+        /// <inheritdoc/>
+        public PayloadEncoding Encoding { get; }
+
+        /// <inheritdoc/>
+        public StreamStats Stats
+        {
+            get { return session.Stats; }
+        }
+
+        /// <summary>When something is due by itself, on the stream's clock; infinite where only a message or a command is waited for.</summary>
+        public double DueMs
+        {
+            get { return isClosed ? double.PositiveInfinity : link.DueMs; }
+        }
+
+        /// <inheritdoc/>
+        public int Land(Vec3 position, double radiusM, LandOptions options = null)
+        {
+            return Land(position, radiusM, options, clockMs());
+        }
+
+        /// <inheritdoc/>
+        public void Aim(Vec3 position, double radiusM)
+        {
+            session.Aim(position, radiusM);
+            Flush();
+        }
+
+        /// <inheritdoc/>
+        public int Pick(Vec3 origin, Vec3? direction = null)
+        {
+            int request = session.Pick(origin, direction);
+            if (endedCode != null) session.RefusePicks(endedCode, endedMessage);
+            else if (session.OpenPicks > MaxPicks) session.RefusePick(request, "too_many", MaxPicks + " picks wait for an answer already");
+            Flush();
+            return request;
+        }
+
+        /// <inheritdoc/>
+        public void Pump()
+        {
+            PumpOnce();
+        }
+
+        /// <inheritdoc/>
+        public bool TryNextEvent(out StreamEvent next)
+        {
+            bool isThere = events.Count > 0;
+            next = isThere ? events.Dequeue() : default(StreamEvent);
+            return isThere;
+        }
+
+        /// <inheritdoc/>
+        public bool TryPin(uint segment, out PinnedPayload payload)
+        {
+            return session.Cache.TryPin(segment, out payload);
+        }
+
+        /// <inheritdoc/>
+        public void Reconnect(string token = null)
+        {
+            if (isClosed) return;
+            endedCode = null;
+            link.Reconnect(token, clockMs());
+        }
+
+        /// <inheritdoc/>
+        public void Close()
+        {
+            if (isClosed) return;
+            link.Leave(clockMs());
+            isClosed = true;
+            endedCode = "closed";
+            endedMessage = "the stream was closed here";
+            session.RefusePicks(endedCode, endedMessage);
+            Flush();
+            session.Free();
+        }
+
+        /// <inheritdoc/>
+        public void Dispose()
+        {
+            Close();
+        }
+
+        /// <summary>As <see cref="Pump"/>; whether there is more to do at once.</summary>
+        internal bool PumpOnce()
+        {
+            return !isClosed && link.Pump(clockMs(), events.Count < MaxWaitingEvents);
+        }
+
+        /// <summary>As <see cref="Land(Vec3, double, LandOptions)"/>, asked for at a moment of the stream's clock.</summary>
+        internal int Land(Vec3 position, double radiusM, LandOptions options, double atMs)
+        {
+            int number = session.Land(position, radiusM, options);
+            if (isClosed) return number;
+            askedMs[number] = atMs;
+            Flush();
+            return number;
+        }
+
+        private void Flush()
+        {
+            link.Flush(clockMs());
+        }
+
+        /// <summary>Queue an event, with what only the stream knows of it.</summary>
+        private void Tell(StreamEvent next)
+        {
+            if (next.Kind == StreamEventKind.Ready)
+            {
+                double asked;
+                next.ReadyAtMs = clockMs();
+                bool isKnown = askedMs.TryGetValue(next.Landing.Value, out asked);
+                next.ElapsedMs = isKnown ? Math.Max(0, next.ReadyAtMs - asked) : 0;
+            }
+            bool isOver = next.Kind == StreamEventKind.Ready || next.Kind == StreamEventKind.Superseded
+                || next.Kind == StreamEventKind.Refused;
+            if (isOver && next.Landing.HasValue) askedMs.Remove(next.Landing.Value);
+            if (next.Kind == StreamEventKind.Link && next.Link.Phase == LinkPhase.Closed)
+            {
+                endedCode = next.Link.Code;
+                endedMessage = next.Link.Message;
+            }
+            events.Enqueue(next);
+        }
+    }
+}

@@ -1,0 +1,202 @@
+using System;
+using System.Collections.Generic;
+using System.Threading;
+using Terraport.Sessions;
+using Terraport.Wire;
+
+namespace Terraport
+{
+    /// <summary>
+    /// A <see cref="SceneStream"/> on a thread of its own: hashing, message reading and copying cost the caller's frames
+    /// nothing. Commands return at once.
+    /// </summary>
+    public sealed class ThreadedStream : ISceneStream
+    {
+        // The thread looks again after this long even if nobody woke it.
+        private const int LongestSleepMs = 1000;
+
+        private readonly object gate = new object();
+        private readonly Queue<Action> commands = new Queue<Action>();
+        private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
+        private readonly AutoResetEvent wake = new AutoResetEvent(false);
+        private readonly SceneStream stream;
+        private StreamStats stats;
+        private int landings;
+        private int requests;
+        private bool isClosed;
+        private bool isOver;
+
+        /// <summary>Open a stream; it connects at once.</summary>
+        /// <param name="options">As of <see cref="SceneStream"/>.</param>
+        /// <param name="transports">Where connections come from; null for <see cref="WebSocketTransport"/>.</param>
+        /// <exception cref="TerraportException">invalid_url.</exception>
+        /// <exception cref="ArgumentException">An option that the protocol does not allow.</exception>
+        public ThreadedStream(StreamOptions options, ITransportFactory transports = null)
+        {
+            stream = new SceneStream(options, transports, Wake);
+            var thread = new Thread(Run) { Name = "terraport stream", IsBackground = true };
+            thread.Start();
+        }
+
+        /// <inheritdoc/>
+        public PayloadEncoding Encoding
+        {
+            get { return stream.Encoding; }
+        }
+
+        /// <inheritdoc/>
+        public StreamStats Stats
+        {
+            get { lock (gate) return stats; }
+        }
+
+        /// <inheritdoc/>
+        public int Land(Vec3 position, double radiusM, LandOptions options = null)
+        {
+            LandOptions copy = options == null ? null : new LandOptions
+            {
+                InnerRadiusM = options.InnerRadiusM,
+                DeadlineMs = options.DeadlineMs,
+                StallMs = options.StallMs,
+            };
+            WireCodec.Check(new LandingState(0, position, radiusM, copy).Message(0));
+            double atMs = StreamClock.NowMs;
+            landings++;
+            Command(() => stream.Land(position, radiusM, copy, atMs));
+            return landings;
+        }
+
+        /// <inheritdoc/>
+        public void Aim(Vec3 position, double radiusM)
+        {
+            WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
+            Command(() => stream.Aim(position, radiusM));
+        }
+
+        /// <inheritdoc/>
+        public int Pick(Vec3 origin, Vec3? direction = null)
+        {
+            WireCodec.Check(new PickMessage { Origin = origin, Direction = direction });
+            requests++;
+            Command(() => stream.Pick(origin, direction));
+            return requests;
+        }
+
+        /// <summary>Does nothing: the stream's own thread pumps.</summary>
+        public void Pump()
+        {
+        }
+
+        /// <inheritdoc/>
+        public bool TryNextEvent(out StreamEvent next)
+        {
+            bool wasFull;
+            lock (gate)
+            {
+                if (events.Count == 0)
+                {
+                    next = default(StreamEvent);
+                    return false;
+                }
+                wasFull = events.Count >= SceneStream.MaxWaitingEvents;
+                next = events.Dequeue();
+            }
+            if (wasFull) Wake();
+            return true;
+        }
+
+        /// <inheritdoc/>
+        public bool TryPin(uint segment, out PinnedPayload payload)
+        {
+            return stream.TryPin(segment, out payload);
+        }
+
+        /// <inheritdoc/>
+        public void Reconnect(string token = null)
+        {
+            Command(() => stream.Reconnect(token));
+        }
+
+        /// <inheritdoc/>
+        public void Close()
+        {
+            if (isClosed) return;
+            Command(stream.Close);
+            isClosed = true;
+        }
+
+        /// <inheritdoc/>
+        public void Dispose()
+        {
+            Close();
+        }
+
+        private void Command(Action command)
+        {
+            lock (gate)
+            {
+                if (isOver) return;
+                commands.Enqueue(command);
+                if (command == stream.Close) isOver = true;
+            }
+            Wake();
+        }
+
+        private void Wake()
+        {
+            wake.Set();
+        }
+
+        private void Run()
+        {
+            bool isLast;
+            do
+            {
+                isLast = RunCommands();
+                bool isMore = !isLast && stream.PumpOnce();
+                bool isFull = HandOver(isLast);
+                if (!isLast && !isMore && !isFull) wake.WaitOne(SleepMs());
+                else if (isFull) wake.WaitOne(LongestSleepMs);
+            }
+            while (!isLast);
+        }
+
+        /// <summary>Carry out what was asked for, in order; whether the stream is closed by now.</summary>
+        private bool RunCommands()
+        {
+            for (;;)
+            {
+                Action command;
+                lock (gate)
+                {
+                    if (commands.Count == 0) return false;
+                    command = commands.Dequeue();
+                }
+                command();
+                if (command == stream.Close) return true;
+            }
+        }
+
+        /// <summary>Hand the stream's events over, as many as may wait; whether some are left.</summary>
+        private bool HandOver(bool all)
+        {
+            lock (gate)
+            {
+                stats = stream.Stats;
+                StreamEvent next;
+                while (all || events.Count < SceneStream.MaxWaitingEvents)
+                {
+                    if (!stream.TryNextEvent(out next)) return false;
+                    events.Enqueue(next);
+                }
+                return true;
+            }
+        }
+
+        private int SleepMs()
+        {
+            double leftMs = stream.DueMs - StreamClock.NowMs;
+            return leftMs >= LongestSleepMs ? LongestSleepMs : (int)Math.Max(1, Math.Ceiling(leftMs));
+        }
+    }
+}

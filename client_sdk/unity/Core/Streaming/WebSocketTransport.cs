@@ -1,0 +1,312 @@
+using System;
+using System.Collections.Generic;
+using System.Net.WebSockets;
+using System.Text.RegularExpressions;
+using System.Threading;
+using System.Threading.Tasks;
+using Terraport.Wire;
+
+namespace Terraport
+{
+    /// <summary>
+    /// A connection by the platform's own <see cref="ClientWebSocket"/>, for every platform with threads (not WebGL). Received
+    /// messages wait in pooled buffers; what waits is bounded, and beyond it nothing more is taken from the network.
+    /// </summary>
+    public sealed class WebSocketTransport : ITransport, ITransportBuffers
+    {
+        /// <summary>Bytes of buffers that wait to be taken, beyond which nothing is received.</summary>
+        public const int DefaultMaxWaitingBytes = 4 * 1024 * 1024;
+
+        /// <summary>Messages that wait to be sent; more are refused until some have left.</summary>
+        public const int MaxUnsentMessages = 256;
+
+        // A frame of the protocol and one byte, so that one that is too long is seen to be.
+        private const int BufferBytes = WireLimits.MaxFrameBytes + 1;
+        private const int MaxIdleBuffers = 40;
+        private const int GoodbyeMs = 1000;
+        private static readonly Regex Status = new Regex("'([45][0-9]{2})'", RegexOptions.CultureInvariant);
+
+        private readonly object gate = new object();
+        private readonly ClientWebSocket socket = new ClientWebSocket();
+        private readonly CancellationTokenSource ended = new CancellationTokenSource();
+        private readonly Queue<TransportMessage> received = new Queue<TransportMessage>();
+        private readonly Queue<Unsent> unsent = new Queue<Unsent>();
+        private readonly Stack<byte[]> idle = new Stack<byte[]>();
+        private readonly SemaphoreSlim hasRoom = new SemaphoreSlim(0);
+        private readonly SemaphoreSlim hasUnsent = new SemaphoreSlim(0);
+        private readonly int maxWaitingBytes;
+        private TransportState state = TransportState.Idle;
+        private int waitingBytes;
+        private int closeCode;
+        private string closeReason = "";
+        private int goodbyeCode;
+        private string goodbyeReason;
+
+        /// <summary>Make one, not opened.</summary>
+        /// <param name="maxWaitingBytes">Bytes of buffers that may wait to be taken.</param>
+        public WebSocketTransport(int maxWaitingBytes = DefaultMaxWaitingBytes)
+        {
+            if (maxWaitingBytes < 1) throw new ArgumentOutOfRangeException("maxWaitingBytes");
+            this.maxWaitingBytes = maxWaitingBytes;
+        }
+
+        /// <inheritdoc/>
+        public TransportState State
+        {
+            get { lock (gate) return state; }
+        }
+
+        /// <inheritdoc/>
+        public string Subprotocol
+        {
+            get { return State == TransportState.Open ? socket.SubProtocol : null; }
+        }
+
+        /// <inheritdoc/>
+        public int CloseCode
+        {
+            get { lock (gate) return closeCode; }
+        }
+
+        /// <inheritdoc/>
+        public string CloseReason
+        {
+            get { lock (gate) return closeReason; }
+        }
+
+        /// <inheritdoc/>
+        public Action Changed { get; set; }
+
+        /// <inheritdoc/>
+        public void Open(Uri url, IReadOnlyList<string> subprotocols, string bearerToken)
+        {
+            lock (gate)
+            {
+                if (state != TransportState.Idle) throw new InvalidOperationException("a transport is opened once");
+                state = TransportState.Connecting;
+            }
+            try
+            {
+                foreach (string subprotocol in subprotocols) socket.Options.AddSubProtocol(subprotocol);
+                if (bearerToken != null) socket.Options.SetRequestHeader("Authorization", "Bearer " + bearerToken);
+            }
+            catch (ArgumentException error)
+            {
+                // Line ends and the like: no header can say such a token.
+                Become(TransportState.Closed, CloseCodes.Unauthorised, "the token cannot be sent: " + error.Message);
+                return;
+            }
+            Task.Run(() => Live(url));
+        }
+
+        /// <inheritdoc/>
+        public bool TryReceive(out TransportMessage message)
+        {
+            lock (gate)
+            {
+                if (received.Count == 0)
+                {
+                    message = default(TransportMessage);
+                    return false;
+                }
+                message = received.Dequeue();
+                waitingBytes -= message.Bytes.Array.Length;
+                if (hasRoom.CurrentCount == 0) hasRoom.Release();
+                return true;
+            }
+        }
+
+        /// <inheritdoc/>
+        public bool TrySend(ArraySegment<byte> message, bool isText)
+        {
+            lock (gate)
+            {
+                if (state != TransportState.Open || goodbyeCode != 0 || unsent.Count >= MaxUnsentMessages) return false;
+                unsent.Enqueue(new Unsent { Bytes = message, IsText = isText });
+            }
+            hasUnsent.Release();
+            return true;
+        }
+
+        /// <inheritdoc/>
+        public void Close(int code, string reason)
+        {
+            lock (gate)
+            {
+                if (goodbyeCode != 0) return;
+                goodbyeCode = code;
+                goodbyeReason = reason;
+                if (state != TransportState.Open) ended.Cancel();
+                else ended.CancelAfter(GoodbyeMs);
+            }
+            hasUnsent.Release();
+        }
+
+        /// <inheritdoc/>
+        public void Dispose()
+        {
+            Close(Closes.Normal, "");
+        }
+
+        void ITransportBuffers.Return(byte[] buffer)
+        {
+            lock (gate)
+            {
+                if (buffer.Length == BufferBytes && idle.Count < MaxIdleBuffers) idle.Push(buffer);
+            }
+        }
+
+        /// <summary>The whole life of the connection, off the thread that polls.</summary>
+        private async Task Live(Uri url)
+        {
+            try
+            {
+                await socket.ConnectAsync(url, ended.Token);
+                Become(TransportState.Open, 0, "");
+                Task sending = SendAll();
+                await ReceiveAll();
+                ended.Cancel();
+                await sending;
+            }
+            catch (Exception error)
+            {
+                // Whatever broke, the connection is over; a poll sees how.
+                Become(TransportState.Closed, CodeOf(error), TextOf(error));
+            }
+            finally
+            {
+                ended.Cancel();
+                socket.Dispose();
+            }
+        }
+
+        private async Task ReceiveAll()
+        {
+            byte[] buffer = Rent();
+            int count = 0;
+            for (;;)
+            {
+                if (count == buffer.Length && !TryGrow(ref buffer))
+                {
+                    Become(TransportState.Closed, CloseCodes.TooLarge, "a message of more than " + count + " bytes");
+                    return;
+                }
+                var room = new ArraySegment<byte>(buffer, count, buffer.Length - count);
+                WebSocketReceiveResult result = await socket.ReceiveAsync(room, ended.Token);
+                if (result.MessageType == WebSocketMessageType.Close)
+                {
+                    int code = result.CloseStatus.HasValue ? (int)result.CloseStatus.Value : Closes.Abnormal;
+                    Become(TransportState.Closed, code, result.CloseStatusDescription ?? "");
+                    return;
+                }
+                count += result.Count;
+                if (!result.EndOfMessage) continue;
+                bool isFull;
+                lock (gate)
+                {
+                    var bytes = new ArraySegment<byte>(buffer, 0, count);
+                    received.Enqueue(new TransportMessage(bytes, result.MessageType == WebSocketMessageType.Text, this));
+                    waitingBytes += buffer.Length;
+                    isFull = waitingBytes >= maxWaitingBytes;
+                }
+                Notify();
+                while (isFull)
+                {
+                    await hasRoom.WaitAsync(ended.Token);
+                    lock (gate) isFull = waitingBytes >= maxWaitingBytes;
+                }
+                buffer = Rent();
+                count = 0;
+            }
+        }
+
+        private async Task SendAll()
+        {
+            try
+            {
+                for (;;)
+                {
+                    await hasUnsent.WaitAsync(ended.Token);
+                    Unsent next;
+                    bool isGoodbye;
+                    lock (gate)
+                    {
+                        isGoodbye = unsent.Count == 0;
+                        next = isGoodbye ? default(Unsent) : unsent.Dequeue();
+                    }
+                    if (isGoodbye)
+                    {
+                        await socket.CloseOutputAsync((WebSocketCloseStatus)goodbyeCode, goodbyeReason, ended.Token);
+                        return;
+                    }
+                    WebSocketMessageType type = next.IsText ? WebSocketMessageType.Text : WebSocketMessageType.Binary;
+                    await socket.SendAsync(next.Bytes, type, true, ended.Token);
+                }
+            }
+            catch (Exception)
+            {
+                // The receiving side sees the same and tells it; without this a half-dead line would wait for its silence.
+                ended.Cancel();
+            }
+        }
+
+        private byte[] Rent()
+        {
+            lock (gate) return idle.Count > 0 ? idle.Pop() : new byte[BufferBytes];
+        }
+
+        /// <summary>Make room for a longer message, twice as much each time; false beyond what a server may send.</summary>
+        private static bool TryGrow(ref byte[] buffer)
+        {
+            if (buffer.Length > WireLimits.MaxServerMessageBytes) return false;
+            Array.Resize(ref buffer, Math.Min(2 * buffer.Length, WireLimits.MaxServerMessageBytes + 1));
+            return true;
+        }
+
+        private void Become(TransportState next, int code, string reason)
+        {
+            lock (gate)
+            {
+                if (state == TransportState.Closed) return;
+                state = next;
+                closeCode = code;
+                closeReason = reason;
+            }
+            Notify();
+        }
+
+        private void Notify()
+        {
+            Action changed = Changed;
+            if (changed != null) changed();
+        }
+
+        /// <summary>The close code that an exception stands for: a refused handshake has its HTTP status in the text only.</summary>
+        private static int CodeOf(Exception error)
+        {
+            for (Exception one = error; one != null; one = one.InnerException)
+            {
+                Match found = Status.Match(one.Message);
+                if (one is WebSocketException && found.Success) return Closes.OfHttpStatus(int.Parse(found.Groups[1].Value));
+            }
+            return Closes.Abnormal;
+        }
+
+        /// <summary>What broke, from the outermost to what lies behind it.</summary>
+        private static string TextOf(Exception error)
+        {
+            string text = error.Message;
+            for (Exception one = error.InnerException; one != null; one = one.InnerException)
+            {
+                if (!text.Contains(one.Message)) text += ": " + one.Message;
+            }
+            return text;
+        }
+
+        private struct Unsent
+        {
+            internal ArraySegment<byte> Bytes;
+            internal bool IsText;
+        }
+    }
+}
