@@ -15,5 +15,6 @@ public class TerraportCore : ModuleRules
 		bUseRTTI = false;
 		// For IMPLEMENT_MODULE alone.
 		PrivateDependencyModuleNames.Add("Core");
+		PrivateDefinitions.Add("TERRAPORT_UNREAL=1");
 	}
 }

@@ -1,0 +1,52 @@
+#pragma once
+
+#include "CoreMinimal.h"
+
+#include "Terraport/SceneFiles.h"
+#include "Terraport/Status.h"
+#include "TerraportMeshBuilder.h"
+#include "TerraportTypes.h"
+
+#include <memory>
+#include <string>
+
+/** What a scene is loaded by. */
+struct FTerraportFilesRequest
+{
+	/** A scene's, or a server's that has one scene alone. */
+	std::string Url;
+	std::string Token;
+	uint32 BlockFaces = 2048;
+	ETerraportVertexColours Colours = ETerraportVertexColours::Srgb;
+};
+
+/** What came of it. */
+struct FTerraportFilesResult
+{
+	terraport::Status Status;
+	/** `.../scenes/{id}`, for the stream. */
+	std::string SceneUrl;
+	/** Null where the status is a failure. */
+	terraport::SharedSceneFiles Files;
+	TSharedPtr<FTerraportBase, ESPMode::ThreadSafe> Base;
+};
+
+/**
+ * Manifest, base and cover of a scene: fetched by the engine's HTTP, checked, decoded, put into order and cut into blocks on a
+ * task thread. Game thread; destroying it cancels what is under way.
+ */
+class FTerraportFiles
+{
+public:
+	explicit FTerraportFiles(const FTerraportFilesRequest& Request);
+	~FTerraportFiles();
+	FTerraportFiles(const FTerraportFiles&) = delete;
+	FTerraportFiles& operator=(const FTerraportFiles&) = delete;
+
+	/** Go on; true once, when it is over, whichever way. */
+	bool Poll(FTerraportFilesResult& Result);
+
+private:
+	struct FImpl;
+	std::unique_ptr<FImpl> Impl;
+};

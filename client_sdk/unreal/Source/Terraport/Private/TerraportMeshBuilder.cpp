@@ -1,0 +1,152 @@
+#include "TerraportMeshBuilder.h"
+
+#include "TerraportAxes.h"
+
+#include <algorithm>
+
+namespace TerraportMeshBuilder
+{
+namespace
+{
+static_assert(sizeof(FVector3f) == 3 * sizeof(float), "three floats and nothing else");
+static_assert(sizeof(FVector2f) == 2 * sizeof(float), "two floats and nothing else");
+
+float* FloatsOf(TArray<FVector3f>& Vectors)
+{
+	return reinterpret_cast<float*>(Vectors.GetData());
+}
+
+void BuildColours(const terraport::SegmentMesh& Mesh, ETerraportVertexColours Coding, TArray<FColor>& Out)
+{
+	const int32 Count = int32(Mesh.vertexCount);
+	if (Mesh.colourForm == terraport::ColourForm::None)
+	{
+		Out.Reset();
+		return;
+	}
+	Out.SetNumUninitialized(Count);
+	const bool bLinear = Coding == ETerraportVertexColours::Linear;
+	for (int32 Vertex = 0; Vertex < Count; ++Vertex)
+	{
+		uint8 Rgb[3];
+		for (int32 Channel = 0; Channel < 3; ++Channel)
+		{
+			const std::size_t At = 4 * std::size_t(Vertex) + std::size_t(Channel);
+			if (Mesh.colourForm == terraport::ColourForm::Linear16)
+			{
+				const uint16 Code = Mesh.coloursLinear16[At];
+				Rgb[Channel] = bLinear ? uint8((uint32(Code) * 255 + 32767) / 65535) : terraport::srgbOfLinear16(Code);
+			}
+			else
+			{
+				Rgb[Channel] = bLinear ? TerraportTexture::LinearOfSrgb(Mesh.coloursSrgb8[At]) : Mesh.coloursSrgb8[At];
+			}
+		}
+		Out[Vertex] = FColor(Rgb[0], Rgb[1], Rgb[2], 255);
+	}
+}
+} // namespace
+
+void BuildPart(const terraport::SegmentMesh& Mesh, ETerraportVertexColours Colours, FTerraportMeshPart& Part)
+{
+	const std::size_t Count = Mesh.vertexCount;
+	Part.Positions.SetNumUninitialized(int32(Count));
+	if (Mesh.positionForm == terraport::VertexForm::Codes)
+	{
+		const float Translation[3] = {float(Mesh.translation[0]), float(Mesh.translation[1]), float(Mesh.translation[2])};
+		TerraportAxes::PositionsToUnreal(
+			Mesh.positionCodes.data(), Count, Translation, float(Mesh.stepM), FloatsOf(Part.Positions));
+	}
+	else
+	{
+		TerraportAxes::PositionsToUnreal(Mesh.positions.data(), Count, FloatsOf(Part.Positions));
+	}
+	Part.Normals.SetNumUninitialized(int32(Count));
+	if (Mesh.normalForm == terraport::VertexForm::Codes)
+	{
+		TerraportAxes::NormalsToUnreal(Mesh.normalCodes.data(), Count, FloatsOf(Part.Normals));
+	}
+	else
+	{
+		TerraportAxes::NormalsToUnreal(Mesh.normals.data(), Count, FloatsOf(Part.Normals));
+	}
+	BuildColours(Mesh, Colours, Part.Colours);
+	if (Mesh.hasUvs)
+	{
+		Part.Uvs.SetNumUninitialized(int32(Count));
+		Mesh.writeUvs(reinterpret_cast<float*>(Part.Uvs.GetData()));
+	}
+	else
+	{
+		Part.Uvs.Reset();
+	}
+	Part.Indices.SetNumUninitialized(int32(Mesh.indices.size()));
+	TerraportAxes::IndicesToUnreal(Mesh.indices.data(), Mesh.indices.size(), Part.Indices.GetData());
+	Part.Bounds = FBox3f(ForceInit);
+	for (const FVector3f& Position : Part.Positions)
+	{
+		Part.Bounds += Position;
+	}
+}
+
+void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerraportMeshPart& Part)
+{
+	Part = FTerraportMeshPart();
+	// The vertices that are used, each once, in ascending order.
+	std::vector<uint32> Used(Whole.Indices.GetData() + 3 * std::size_t(First), Whole.Indices.GetData() + 3 * std::size_t(First + Count));
+	const std::vector<uint32> Corners = Used;
+	std::sort(Used.begin(), Used.end());
+	Used.erase(std::unique(Used.begin(), Used.end()), Used.end());
+	Part.Positions.Reserve(int32(Used.size()));
+	Part.Normals.Reserve(int32(Used.size()));
+	for (const uint32 Vertex : Used)
+	{
+		Part.Positions.Add(Whole.Positions[int32(Vertex)]);
+		Part.Normals.Add(Whole.Normals[int32(Vertex)]);
+		Part.Bounds += Whole.Positions[int32(Vertex)];
+		if (Whole.Colours.Num() > 0)
+		{
+			Part.Colours.Add(Whole.Colours[int32(Vertex)]);
+		}
+		if (Whole.Uvs.Num() > 0)
+		{
+			Part.Uvs.Add(Whole.Uvs[int32(Vertex)]);
+		}
+	}
+	Part.Indices.Reserve(int32(Corners.size()));
+	for (const uint32 Vertex : Corners)
+	{
+		Part.Indices.Add(uint32(std::lower_bound(Used.begin(), Used.end(), Vertex) - Used.begin()));
+	}
+}
+} // namespace TerraportMeshBuilder
+
+void FTerraportSegmentData::Build(const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload,
+	const ITerraportMeshBackend& Backend, ETerraportVertexColours Colours)
+{
+	TerraportMeshBuilder::BuildPart(Mesh, Colours, Part);
+	Vertices = Part.Positions.Num();
+	Indices = Part.Indices.Num();
+	Prepared = Backend.Prepare(Part);
+	Ground = FTerraportGroundMesh(Part.Positions, Part.Indices);
+	Pixels = TerraportTexture::Decode(Mesh.image, Payload);
+}
+
+TSharedRef<FTerraportBase, ESPMode::ThreadSafe> FTerraportBase::Build(
+	const terraport::SceneFiles& Files, uint32 BlockFaces, ETerraportVertexColours Colours)
+{
+	TSharedRef<FTerraportBase, ESPMode::ThreadSafe> Base = MakeShared<FTerraportBase, ESPMode::ThreadSafe>();
+	FTerraportMeshPart Whole;
+	TerraportMeshBuilder::BuildPart(Files.base, Colours, Whole);
+	Base->BlockFaces = BlockFaces;
+	for (uint32 First = 0; First < Files.base.faceCount; First += BlockFaces)
+	{
+		Base->Blocks.emplace_back();
+		TerraportMeshBuilder::CutPart(Whole, First, std::min(BlockFaces, Files.base.faceCount - First), Base->Blocks.back());
+	}
+	if (Files.basePayload)
+	{
+		Base->Pixels = TerraportTexture::Decode(Files.base.image, terraport::viewOf(*Files.basePayload));
+	}
+	return Base;
+}

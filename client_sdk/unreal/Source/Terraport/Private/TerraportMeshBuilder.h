@@ -1,0 +1,54 @@
+#pragma once
+
+#include "CoreMinimal.h"
+
+#include "Terraport/SceneFiles.h"
+#include "Terraport/SegmentMesh.h"
+#include "TerraportGround.h"
+#include "TerraportMeshBackend.h"
+#include "TerraportTexture.h"
+#include "TerraportTypes.h"
+
+#include <cstdint>
+#include <vector>
+
+/** Decoded payloads to parts in Unreal's axes. For worker threads: touches no UObject. */
+namespace TerraportMeshBuilder
+{
+/** All of a mesh. What `Part` held before is replaced, its memory used again. */
+void BuildPart(const terraport::SegmentMesh& Mesh, ETerraportVertexColours Colours, FTerraportMeshPart& Part);
+
+/** Faces `First ... First + Count - 1` of a mesh that was turned into `Whole`, with the vertices that they use. */
+void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerraportMeshPart& Part);
+} // namespace TerraportMeshBuilder
+
+/** What decoding makes of a segment, kept with the decoder's own buffers. */
+class FTerraportSegmentData final : public terraport::EngineData
+{
+public:
+	/** For the renderer to take. */
+	TUniquePtr<FTerraportPreparedMesh> Prepared;
+	FTerraportGroundMesh Ground;
+	/** Empty where the payload has no image, or one that the engine cannot read. */
+	FTerraportPixels Pixels;
+	int32 Vertices = 0;
+	int32 Indices = 0;
+	/** Used again and again. */
+	FTerraportMeshPart Part;
+
+	/** Fill all of it from a mesh that was decoded just now. */
+	void Build(const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload, const ITerraportMeshBackend& Backend,
+		ETerraportVertexColours Colours);
+};
+
+/** The base, cut into blocks of consecutive faces; shared between the worker that makes it and the renderer. */
+struct FTerraportBase
+{
+	uint32 BlockFaces = 0;
+	std::vector<FTerraportMeshPart> Blocks;
+	FTerraportPixels Pixels;
+
+	/** Of files whose faces were put into order. */
+	static TSharedRef<FTerraportBase, ESPMode::ThreadSafe> Build(
+		const terraport::SceneFiles& Files, uint32 BlockFaces, ETerraportVertexColours Colours);
+};

@@ -1,0 +1,419 @@
+#include "TerraportRenderer.h"
+
+#include "Components/PrimitiveComponent.h"
+#include "Engine/Texture2D.h"
+#include "GameFramework/Actor.h"
+#include "HAL/PlatformTime.h"
+#include "Materials/MaterialInstanceDynamic.h"
+#include "Materials/MaterialInterface.h"
+#include "TerraportAxes.h"
+
+#include <algorithm>
+#include <utility>
+
+FTerraportRenderer::FTerraportRenderer(AActor& InOwner, ITerraportKeeper& InKeeper,
+	TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend, const FTerraportMaterials& InMaterials,
+	const FTerraportMeshSettings& InSettings)
+	: Owner(InOwner), Keeper(InKeeper), Backend(InBackend), Materials(InMaterials), Settings(InSettings)
+{
+}
+
+FTerraportRenderer::~FTerraportRenderer()
+{
+	for (auto& Entry : Segments)
+	{
+		Destroy(Entry.second);
+	}
+	for (FBlock& Block : Blocks)
+	{
+		Destroy(Block.Front);
+		Destroy(Block.Back);
+	}
+	for (FDrawable& Drawable : Leaving)
+	{
+		Destroy(Drawable);
+	}
+	for (FDrawable& Drawable : ToDestroy)
+	{
+		Destroy(Drawable);
+	}
+	if (BaseTexture != nullptr)
+	{
+		Keeper.Release(BaseTexture);
+	}
+	if (BaseMaterial != nullptr)
+	{
+		Keeper.Release(BaseMaterial);
+	}
+}
+
+void FTerraportRenderer::SetBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> InBase)
+{
+	Base = InBase;
+}
+
+void FTerraportRenderer::Step(double EndS)
+{
+	bool bFirst = true;
+	while (bFirst || FPlatformTime::Seconds() < EndS)
+	{
+		bFirst = false;
+		if (Base.IsValid() && NextBlock < Blocks.size())
+		{
+			FBlock& Block = Blocks[NextBlock];
+			if (!Block.bHasFront)
+			{
+				MakeBlock(NextBlock, nullptr, Block.Front);
+				Block.bHasFront = true;
+			}
+			++NextBlock;
+			if (NextBlock == Blocks.size())
+			{
+				ShowBase();
+			}
+		}
+		else if (!ToDestroy.empty())
+		{
+			Destroy(ToDestroy.back());
+			ToDestroy.pop_back();
+		}
+		else
+		{
+			return;
+		}
+	}
+}
+
+terraport::UploadState FTerraportRenderer::upload(
+	std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan)
+{
+	FTerraportSegmentData* Data = static_cast<FTerraportSegmentData*>(Mesh.engineData.get());
+	if (Data == nullptr || !Data->Prepared.IsValid())
+	{
+		return terraport::UploadState::Failed;
+	}
+	FDrawable& Drawable = Segments[Segment];
+	if (!Data->Pixels.IsEmpty())
+	{
+		// A slice of its own: copying a megapixel with its mips takes about as long as a mesh.
+		Drawable.Texture = TerraportTexture::MakeTexture(Data->Pixels);
+		Data->Pixels = FTerraportPixels();
+		if (Drawable.Texture != nullptr)
+		{
+			Keeper.Keep(Drawable.Texture);
+			return terraport::UploadState::More;
+		}
+	}
+	UMaterialInterface* Material = Drawable.Texture != nullptr ? Textured(Materials.Texture, Drawable.Texture) : Materials.Colour;
+	const bool bMade = Make(Drawable, *Data->Prepared, Material);
+	Data->Prepared.Reset();
+	if (!bMade)
+	{
+		Destroy(Drawable);
+		Segments.erase(Segment);
+		return terraport::UploadState::Failed;
+	}
+	Drawable.Ground = MoveTemp(Data->Ground);
+	return terraport::UploadState::Done;
+}
+
+bool FTerraportRenderer::isDrawable(std::uint32_t Segment)
+{
+	const auto Found = Segments.find(Segment);
+	return Found != Segments.end() && Found->second.MadeIn < GFrameCounter;
+}
+
+void FTerraportRenderer::free(std::uint32_t Segment)
+{
+	const auto Found = Segments.find(Segment);
+	if (Found != Segments.end())
+	{
+		Discard(Found->second);
+		Segments.erase(Found);
+	}
+}
+
+std::size_t FTerraportRenderer::gpuBytesOf(const terraport::SegmentMesh& Mesh) const
+{
+	// Four bytes a pixel, and a third more for the mips.
+	const std::size_t Pixels = std::size_t(Mesh.image.width) * Mesh.image.height;
+	return std::size_t(Backend->BytesOf(int32(Mesh.vertexCount), int32(Mesh.indices.size()))) + Pixels * 16 / 3;
+}
+
+void FTerraportRenderer::beginBase(const terraport::SceneFiles& Files)
+{
+	for (auto& Entry : Segments)
+	{
+		Leave(Entry.second);
+	}
+	Segments.clear();
+	for (FBlock& Block : Blocks)
+	{
+		Discard(Block.Back);
+		Leave(Block.Front);
+	}
+	Blocks.clear();
+	NextBlock = 0;
+	bBaseShown = false;
+	if (Base.IsValid())
+	{
+		Blocks.resize(Base->Blocks.size());
+		MakeBaseMaterial(Files.manifest.deviationM);
+	}
+}
+
+void FTerraportRenderer::prepareBase(const terraport::FaceRange& Range, const terraport::HiddenFaces& Next)
+{
+	if (!Base.IsValid() || Base->BlockFaces == 0)
+	{
+		return;
+	}
+	const uint32 Index = Range.first / Base->BlockFaces;
+	if (Index >= Blocks.size())
+	{
+		return;
+	}
+	FBlock& Block = Blocks[Index];
+	Discard(Block.Back);
+	MakeBlock(Index, &Next, Block.Back);
+	Block.bHasBack = true;
+}
+
+void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
+{
+	// A landing that is quicker than the base: it is completed here, since nothing may be missing under what is shown.
+	while (Base.IsValid() && NextBlock < Blocks.size())
+	{
+		Step(0.0);
+	}
+	for (const std::uint32_t Segment : Change.hidden)
+	{
+		const auto Found = Segments.find(Segment);
+		if (Found != Segments.end())
+		{
+			Show(Found->second, false);
+		}
+	}
+	for (const std::uint32_t Segment : Change.shown)
+	{
+		const auto Found = Segments.find(Segment);
+		if (Found != Segments.end())
+		{
+			Show(Found->second, true);
+		}
+	}
+	for (const terraport::FaceRange& Range : Change.baseBlocks)
+	{
+		const uint32 Index = Base.IsValid() && Base->BlockFaces > 0 ? Range.first / Base->BlockFaces : 0;
+		if (Index >= Blocks.size() || !Blocks[Index].bHasBack)
+		{
+			continue;
+		}
+		FBlock& Block = Blocks[Index];
+		Show(Block.Back, true);
+		Discard(Block.Front);
+		Block.Front = MoveTemp(Block.Back);
+		Block.Back = FDrawable();
+		Block.bHasBack = false;
+		Block.bHasFront = true;
+	}
+}
+
+bool FTerraportRenderer::CastGround(
+	const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const
+{
+	bool bFound = false;
+	VisitShown([&](int32 Of, const FTerraportGroundMesh& Ground) {
+		FTerraportGroundPoint Hit;
+		if (Ground.Cast(Origin, Direction, bFound ? Point.At : MaxAt, Hit) && (!bFound || Hit.At < Point.At))
+		{
+			Point = Hit;
+			Segment = Of;
+			bFound = true;
+		}
+	});
+	return bFound;
+}
+
+bool FTerraportRenderer::GroundAt(const FVector3f& From, FTerraportGroundPoint& Point, int32& Segment, bool& bBelow) const
+{
+	constexpr float Far = 1.0e7f; // 100 km, centimetres.
+	bBelow = true;
+	if (CastGround(From, FVector3f(0.0f, 0.0f, -1.0f), Far, Point, Segment))
+	{
+		return true;
+	}
+	bBelow = false;
+	return CastGround(From, FVector3f(0.0f, 0.0f, 1.0f), Far, Point, Segment);
+}
+
+template <typename Visit>
+void FTerraportRenderer::VisitShown(Visit&& Take) const
+{
+	for (const auto& Entry : Segments)
+	{
+		if (Entry.second.bShown)
+		{
+			Take(int32(Entry.first), Entry.second.Ground);
+		}
+	}
+	for (const FBlock& Block : Blocks)
+	{
+		if (Block.Front.bShown)
+		{
+			Take(-1, Block.Front.Ground);
+		}
+	}
+}
+
+bool FTerraportRenderer::Make(FDrawable& Drawable, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material)
+{
+	Drawable.Component = Backend->Create(Owner, Prepared, Material, Settings);
+	Drawable.MadeIn = GFrameCounter;
+	if (Drawable.Component == nullptr)
+	{
+		return false;
+	}
+	Keeper.Keep(Drawable.Component);
+	return true;
+}
+
+void FTerraportRenderer::Show(FDrawable& Drawable, bool bShown)
+{
+	// A block of the base whose faces are all hidden has no component, but counts as shown.
+	Drawable.bShown = bShown;
+	if (Drawable.Component != nullptr && IsValid(Drawable.Component))
+	{
+		Backend->SetShown(*Drawable.Component, bShown);
+	}
+}
+
+void FTerraportRenderer::Discard(FDrawable& Drawable)
+{
+	if (Drawable.bShown)
+	{
+		Show(Drawable, false);
+	}
+	if (Drawable.Component != nullptr || Drawable.Texture != nullptr)
+	{
+		Drawable.Ground = FTerraportGroundMesh();
+		ToDestroy.push_back(MoveTemp(Drawable));
+	}
+	Drawable = FDrawable();
+}
+
+void FTerraportRenderer::Leave(FDrawable& Drawable)
+{
+	if (Drawable.bShown)
+	{
+		Leaving.push_back(MoveTemp(Drawable));
+		Drawable = FDrawable();
+	}
+	else
+	{
+		Discard(Drawable);
+	}
+}
+
+void FTerraportRenderer::Destroy(FDrawable& Drawable)
+{
+	if (Drawable.Component != nullptr)
+	{
+		// The level may have gone first, components and all.
+		if (IsValid(Drawable.Component))
+		{
+			Drawable.Component->DestroyComponent();
+		}
+		Keeper.Release(Drawable.Component);
+	}
+	if (Drawable.Texture != nullptr)
+	{
+		Keeper.Release(Drawable.Texture);
+	}
+	Drawable = FDrawable();
+}
+
+void FTerraportRenderer::MakeBlock(uint32 Index, const terraport::HiddenFaces* Hidden, FDrawable& Drawable)
+{
+	const FTerraportMeshPart& Whole = Base->Blocks[Index];
+	FTerraportMeshPart Part = Whole;
+	if (Hidden != nullptr)
+	{
+		const std::size_t First = std::size_t(Index) * Base->BlockFaces;
+		Part.Indices.Reset();
+		for (int32 Face = 0; Face < Whole.Indices.Num() / 3; ++Face)
+		{
+			const std::size_t At = First + std::size_t(Face);
+			if (At < Hidden->faceCount && Hidden->faces[At] != 0)
+			{
+				continue;
+			}
+			for (int32 Corner = 0; Corner < 3; ++Corner)
+			{
+				Part.Indices.Add(Whole.Indices[3 * Face + Corner]);
+			}
+		}
+	}
+	if (Part.Indices.Num() == 0)
+	{
+		return; // Nothing of it is drawn.
+	}
+	const TUniquePtr<FTerraportPreparedMesh> Prepared = Backend->Prepare(Part);
+	if (Prepared.IsValid() && Make(Drawable, *Prepared, BaseMaterial))
+	{
+		Drawable.Ground = FTerraportGroundMesh(Part.Positions, Part.Indices);
+	}
+}
+
+void FTerraportRenderer::MakeBaseMaterial(double PushBackM)
+{
+	if (BaseTexture != nullptr)
+	{
+		Keeper.Release(BaseTexture);
+	}
+	if (BaseMaterial != nullptr)
+	{
+		Keeper.Release(BaseMaterial);
+	}
+	BaseTexture = TerraportTexture::MakeTexture(Base->Pixels);
+	if (BaseTexture != nullptr)
+	{
+		Keeper.Keep(BaseTexture);
+	}
+	UMaterialInterface* Parent = BaseTexture != nullptr ? Materials.BaseTexture : Materials.BaseColour;
+	UMaterialInstanceDynamic* Instance = Parent != nullptr ? UMaterialInstanceDynamic::Create(Parent, &Owner) : nullptr;
+	BaseMaterial = Instance;
+	if (Instance != nullptr)
+	{
+		Keeper.Keep(Instance);
+		Instance->SetScalarParameterValue(Materials.PushParameter, float(PushBackM) * TerraportAxes::CentimetresPerMetre);
+		if (BaseTexture != nullptr)
+		{
+			Instance->SetTextureParameterValue(Materials.TextureParameter, BaseTexture);
+		}
+	}
+}
+
+void FTerraportRenderer::ShowBase()
+{
+	for (FBlock& Block : Blocks)
+	{
+		Show(Block.Front, true);
+	}
+	bBaseShown = true;
+	for (FDrawable& Drawable : Leaving)
+	{
+		Discard(Drawable);
+	}
+	Leaving.clear();
+}
+
+UMaterialInterface* FTerraportRenderer::Textured(UMaterialInterface* Material, UTexture2D* Texture)
+{
+	UMaterialInstanceDynamic* Instance = Material != nullptr ? UMaterialInstanceDynamic::Create(Material, &Owner) : nullptr;
+	if (Instance != nullptr)
+	{
+		Instance->SetTextureParameterValue(Materials.TextureParameter, Texture);
+	}
+	return Instance;
+}

@@ -1,0 +1,136 @@
+#pragma once
+
+#include "CoreMinimal.h"
+
+#include "Terraport/SceneRenderer.h"
+#include "TerraportGround.h"
+#include "TerraportMeshBackend.h"
+#include "TerraportMeshBuilder.h"
+#include "TerraportTypes.h"
+
+#include <unordered_map>
+#include <vector>
+
+class AActor;
+class UMaterialInstanceDynamic;
+class UMaterialInterface;
+class UPrimitiveComponent;
+class UTexture2D;
+
+/** What the ground is drawn with. Each may be null: then the fallback. */
+struct FTerraportMaterials
+{
+	UMaterialInterface* Colour = nullptr;
+	UMaterialInterface* Texture = nullptr;
+	UMaterialInterface* BaseColour = nullptr;
+	UMaterialInterface* BaseTexture = nullptr;
+	/** Texture parameter of `Texture` and `BaseTexture`. */
+	FName TextureParameter;
+	/** Scalar parameter of both base materials: centimetres that the base is pushed back along the line of sight. */
+	FName PushParameter;
+};
+
+/** Keeps alive what only plain C++ points to. The scene actor is one. */
+class ITerraportKeeper
+{
+public:
+	virtual ~ITerraportKeeper() = default;
+	/** Hold on to an object until Release; once each. */
+	virtual void Keep(UObject* Object) = 0;
+	virtual void Release(UObject* Object) = 0;
+};
+
+/**
+ * Draws what the stage tells, by components of one actor. Game thread.
+ *
+ * Every component stands at the actor's own transform: places are in the vertices (TerraportAxes.h), so that neighbours meet
+ * without cracks. The base is drawn in blocks of its own order; a block whose hidden faces change gets a second component, made
+ * and hidden before the swap, and the swap shows the one and hides the other.
+ */
+class FTerraportRenderer final : public terraport::SceneRenderer
+{
+public:
+	FTerraportRenderer(AActor& Owner, ITerraportKeeper& Keeper, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend,
+		const FTerraportMaterials& Materials, const FTerraportMeshSettings& Settings);
+	/** Destroys every component. */
+	virtual ~FTerraportRenderer() override;
+	FTerraportRenderer(const FTerraportRenderer&) = delete;
+	FTerraportRenderer& operator=(const FTerraportRenderer&) = delete;
+
+	/** The base that the next `beginBase` is of. */
+	void SetBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> Base);
+
+	/** Once a frame: a slice of what is not urgent (the first components of the base, components to be destroyed), until
+	 * `EndS`, but one piece at least. */
+	void Step(double EndS);
+
+	/** Whether the base is drawn in full. */
+	bool IsBaseThere() const
+	{
+		return bBaseShown;
+	}
+
+	/** First point of what is shown along a ray of component space, and its segment (-1: the base). */
+	bool CastGround(const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const;
+
+	/** As CastGround along the vertical through a point: the highest ground not above it, else the lowest above it. */
+	bool GroundAt(const FVector3f& From, FTerraportGroundPoint& Point, int32& Segment, bool& bBelow) const;
+
+	virtual terraport::UploadState upload(std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload) override;
+	virtual bool isDrawable(std::uint32_t Segment) override;
+	virtual void free(std::uint32_t Segment) override;
+	virtual std::size_t gpuBytesOf(const terraport::SegmentMesh& Mesh) const override;
+	virtual void beginBase(const terraport::SceneFiles& Files) override;
+	virtual void prepareBase(const terraport::FaceRange& Block, const terraport::HiddenFaces& Next) override;
+	virtual void swap(const terraport::SceneSwap& Change) override;
+
+private:
+	struct FDrawable
+	{
+		UPrimitiveComponent* Component = nullptr;
+		UTexture2D* Texture = nullptr;
+		FTerraportGroundMesh Ground;
+		/** Frame in which it was made: its resources reach the render thread before the next one is drawn. */
+		uint64 MadeIn = 0;
+		bool bShown = false;
+	};
+
+	struct FBlock
+	{
+		FDrawable Front;
+		FDrawable Back;
+		bool bHasFront = false;
+		bool bHasBack = false;
+	};
+
+	bool Make(FDrawable& Drawable, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material);
+	void Show(FDrawable& Drawable, bool bShown);
+	/** Hidden at once, destroyed by and by. */
+	void Discard(FDrawable& Drawable);
+	/** Of an earlier version: drawn until the new base is, if it is drawn; else discarded. */
+	void Leave(FDrawable& Drawable);
+	void Destroy(FDrawable& Drawable);
+	void MakeBlock(uint32 Block, const terraport::HiddenFaces* Hidden, FDrawable& Drawable);
+	void MakeBaseMaterial(double PushBackM);
+	void ShowBase();
+	UMaterialInterface* Textured(UMaterialInterface* Material, UTexture2D* Texture);
+	template <typename Visit>
+	void VisitShown(Visit&& Take) const;
+
+	AActor& Owner;
+	ITerraportKeeper& Keeper;
+	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
+	const FTerraportMaterials Materials;
+	const FTerraportMeshSettings Settings;
+	std::unordered_map<uint32, FDrawable> Segments;
+	/** Segments and base of an earlier version, drawn until the new base is. */
+	std::vector<FDrawable> Leaving;
+	std::vector<FDrawable> ToDestroy;
+	TSharedPtr<FTerraportBase, ESPMode::ThreadSafe> Base;
+	std::vector<FBlock> Blocks;
+	UMaterialInterface* BaseMaterial = nullptr;
+	UTexture2D* BaseTexture = nullptr;
+	/** The next block that has no component yet. */
+	uint32 NextBlock = 0;
+	bool bBaseShown = false;
+};

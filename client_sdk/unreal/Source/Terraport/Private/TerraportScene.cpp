@@ -1,0 +1,317 @@
+#include "TerraportScene.h"
+
+#include "Components/SceneComponent.h"
+#include "Materials/MaterialInterface.h"
+#include "TerraportAxes.h"
+#include "TerraportDynamicBackend.h"
+#include "TerraportLog.h"
+#include "TerraportProceduralBackend.h"
+#include "TerraportSession.h"
+#include "TerraportText.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace
+{
+/** A place of the world in the scene's frame, metres. */
+terraport::Vec3 PlaceOf(const AActor& Actor, const FVector& WorldLocation)
+{
+	const FVector Local = Actor.GetActorTransform().InverseTransformPosition(WorldLocation);
+	const double Unreal[3] = {Local.X, Local.Y, Local.Z};
+	double Scene[3];
+	TerraportAxes::PointToScene(Unreal, Scene);
+	return terraport::Vec3{Scene[0], Scene[1], Scene[2]};
+}
+
+FVector WorldOf(const AActor& Actor, const terraport::Vec3& Place)
+{
+	const double Scene[3] = {Place.x, Place.y, Place.z};
+	double Unreal[3];
+	TerraportAxes::PointToUnreal(Scene, Unreal);
+	return Actor.GetActorTransform().TransformPosition(FVector(Unreal[0], Unreal[1], Unreal[2]));
+}
+
+terraport::Vec3 DirectionOf(const AActor& Actor, const FVector& WorldDirection)
+{
+	const FVector Local = Actor.GetActorTransform().InverseTransformVectorNoScale(WorldDirection);
+	const double Unreal[3] = {Local.X, Local.Y, Local.Z};
+	double Scene[3];
+	TerraportAxes::DirectionToScene(Unreal, Scene);
+	return terraport::Vec3{Scene[0], Scene[1], Scene[2]};
+}
+
+terraport::LandOptions OptionsOf(const FTerraportLandOptions& Options)
+{
+	terraport::LandOptions Out;
+	if (Options.InnerRadiusM > 0.0)
+	{
+		Out.innerRadiusM = Options.InnerRadiusM;
+		if (Options.DeadlineMs > 0)
+		{
+			Out.deadlineMs = uint32(Options.DeadlineMs);
+		}
+		if (Options.StallMs > 0)
+		{
+			Out.stallMs = uint32(Options.StallMs);
+		}
+	}
+	return Out;
+}
+
+ETerraportLandingPhase PhaseOf(terraport::LandingPhase Phase)
+{
+	switch (Phase)
+	{
+	case terraport::LandingPhase::Planning:
+		return ETerraportLandingPhase::Planning;
+	case terraport::LandingPhase::Loading:
+		return ETerraportLandingPhase::Loading;
+	case terraport::LandingPhase::PresentableDegraded:
+		return ETerraportLandingPhase::PresentableDegraded;
+	case terraport::LandingPhase::Presentable:
+		return ETerraportLandingPhase::Presentable;
+	case terraport::LandingPhase::ShownDegraded:
+		return ETerraportLandingPhase::ShownDegraded;
+	case terraport::LandingPhase::Shown:
+		return ETerraportLandingPhase::Shown;
+	case terraport::LandingPhase::Refused:
+		return ETerraportLandingPhase::Refused;
+	case terraport::LandingPhase::None:
+		break;
+	}
+	return ETerraportLandingPhase::None;
+}
+
+void TakePoint(const FTransform& Frame, const FVector3f& From, const FVector3f& Along, const FTerraportGroundPoint& Point,
+	int32 Segment, FTerraportGroundHit& Hit)
+{
+	Hit.Location = Frame.TransformPosition(FVector(From + Along * Point.At));
+	Hit.Normal = Frame.TransformVectorNoScale(FVector(Point.Normal));
+	Hit.DistanceCm = double(Point.At);
+	Hit.Segment = Segment;
+}
+} // namespace
+
+ATerraportScene::ATerraportScene()
+{
+	PrimaryActorTick.bCanEverTick = true;
+	// A paused game still has to answer the server, or the connection is taken for dead.
+	PrimaryActorTick.bTickEvenWhenPaused = true;
+	Root = CreateDefaultSubobject<USceneComponent>(TEXT("Root"));
+	SetRootComponent(Root);
+}
+
+ATerraportScene::~ATerraportScene() = default;
+
+void ATerraportScene::BeginPlay()
+{
+	Super::BeginPlay();
+	if (bOpenOnBeginPlay)
+	{
+		Open();
+	}
+}
+
+void ATerraportScene::EndPlay(const EEndPlayReason::Type EndPlayReason)
+{
+	Close();
+	Super::EndPlay(EndPlayReason);
+}
+
+void ATerraportScene::Tick(float DeltaSeconds)
+{
+	Super::Tick(DeltaSeconds);
+	// A listener may close the scene that tells it something.
+	const TSharedPtr<FTerraportSession> Now = Session;
+	if (Now.IsValid())
+	{
+		Now->Tick();
+	}
+}
+
+void ATerraportScene::Open()
+{
+	Close();
+	TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend = CustomBackend;
+	if (!Backend.IsValid())
+	{
+		if (Meshes == ETerraportMeshes::Dynamic)
+		{
+			Backend = MakeShared<FTerraportDynamicBackend, ESPMode::ThreadSafe>();
+		}
+		else
+		{
+			Backend = MakeShared<FTerraportProceduralBackend, ESPMode::ThreadSafe>();
+		}
+	}
+	if (!GetActorScale3D().Equals(FVector(1.0, 1.0, 1.0)))
+	{
+		UE_LOG(LogTerraport, Warning, TEXT("%s has a scale other than 1: radii and heights will be wrong"), *GetName());
+	}
+	Session = MakeShared<FTerraportSession>(*this, Backend.ToSharedRef());
+}
+
+void ATerraportScene::Close()
+{
+	const TSharedPtr<FTerraportSession> Last = Session;
+	Session.Reset();
+	if (Last.IsValid())
+	{
+		Last->End();
+	}
+}
+
+void ATerraportScene::Reconnect(const FString& NewToken)
+{
+	if (Session.IsValid())
+	{
+		Session->Reconnect(TerraportText::ToUtf8(NewToken));
+	}
+}
+
+int64 ATerraportScene::Land(const FVector& WorldLocation, double RadiusM, const FTerraportLandOptions& Options)
+{
+	if (!Session.IsValid() || WorldLocation.ContainsNaN() || !(RadiusM > 0.0) || !std::isfinite(RadiusM))
+	{
+		return -1;
+	}
+	return Session->Land(PlaceOf(*this, WorldLocation), RadiusM, OptionsOf(Options));
+}
+
+void ATerraportScene::Aim(const FVector& WorldLocation, double RadiusM)
+{
+	if (Session.IsValid() && !WorldLocation.ContainsNaN() && RadiusM > 0.0 && std::isfinite(RadiusM))
+	{
+		Session->Aim(PlaceOf(*this, WorldLocation), RadiusM);
+	}
+}
+
+int64 ATerraportScene::Pick(const FVector& WorldOrigin, const FVector& WorldDirection)
+{
+	if (!Session.IsValid() || WorldOrigin.ContainsNaN() || WorldDirection.ContainsNaN())
+	{
+		return -1;
+	}
+	return Session->Pick(PlaceOf(*this, WorldOrigin), DirectionOf(*this, WorldDirection));
+}
+
+bool ATerraportScene::Show()
+{
+	const TSharedPtr<FTerraportSession> Now = Session;
+	return Now.IsValid() && Now->Show();
+}
+
+bool ATerraportScene::CastGround(
+	const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit) const
+{
+	const FTerraportRenderer* Renderer = Session.IsValid() ? Session->GetRenderer() : nullptr;
+	if (Renderer == nullptr || WorldStart.ContainsNaN() || WorldDirection.ContainsNaN() || !(MaxDistanceCm > 0.0))
+	{
+		return false;
+	}
+	const FTransform Frame = GetActorTransform();
+	const FVector3f From(Frame.InverseTransformPosition(WorldStart));
+	const FVector3f Along(Frame.InverseTransformVectorNoScale(WorldDirection).GetSafeNormal());
+	FTerraportGroundPoint Point;
+	int32 Segment = -1;
+	if (!Renderer->CastGround(From, Along, float(std::min(MaxDistanceCm, 1.0e8)), Point, Segment))
+	{
+		return false;
+	}
+	TakePoint(Frame, From, Along, Point, Segment, Hit);
+	return true;
+}
+
+bool ATerraportScene::GroundAt(const FVector& WorldLocation, FTerraportGroundHit& Hit) const
+{
+	const FTerraportRenderer* Renderer = Session.IsValid() ? Session->GetRenderer() : nullptr;
+	if (Renderer == nullptr || WorldLocation.ContainsNaN())
+	{
+		return false;
+	}
+	const FTransform Frame = GetActorTransform();
+	const FVector3f From(Frame.InverseTransformPosition(WorldLocation));
+	FTerraportGroundPoint Point;
+	int32 Segment = -1;
+	bool bBelow = true;
+	if (!Renderer->GroundAt(From, Point, Segment, bBelow))
+	{
+		return false;
+	}
+	TakePoint(Frame, From, FVector3f(0.0f, 0.0f, bBelow ? -1.0f : 1.0f), Point, Segment, Hit);
+	return true;
+}
+
+bool ATerraportScene::IsOpen() const
+{
+	return Session.IsValid() && Session->GetStage() != nullptr;
+}
+
+FTerraportStatus ATerraportScene::GetStatus() const
+{
+	FTerraportStatus Status;
+	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
+	if (Stage != nullptr)
+	{
+		const terraport::LandingStatus Of = Stage->status();
+		Status.Phase = PhaseOf(Of.phase);
+		Status.Landing = std::max<int64>(Of.landing, 0);
+		Status.Fraction = Of.fraction;
+		Status.ReadyMs = Of.readyMs;
+		Status.PresentableMs = Of.presentableMs;
+		Status.Refusal = TerraportText::FromUtf8(Of.refusal);
+	}
+	return Status;
+}
+
+FTerraportStats ATerraportScene::TakeStats()
+{
+	return Session.IsValid() ? Session->TakeStats() : FTerraportStats();
+}
+
+FBox ATerraportScene::GetSceneBounds() const
+{
+	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
+	FBox Box(ForceInit);
+	if (Stage != nullptr)
+	{
+		const terraport::Vec3& Least = Stage->files().manifest.boundsMin;
+		const terraport::Vec3& Most = Stage->files().manifest.boundsMax;
+		for (int32 Corner = 0; Corner < 8; ++Corner)
+		{
+			Box += WorldOf(*this, terraport::Vec3{(Corner & 1) != 0 ? Most.x : Least.x, (Corner & 2) != 0 ? Most.y : Least.y,
+									  (Corner & 4) != 0 ? Most.z : Least.z});
+		}
+	}
+	return Box;
+}
+
+bool ATerraportScene::WorldToSurvey(const FVector& WorldLocation, FVector& EastNorthHeightM) const
+{
+	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
+	if (Stage == nullptr)
+	{
+		return false;
+	}
+	const terraport::Vec3 Survey = terraport::toSurvey(Stage->files().manifest, PlaceOf(*this, WorldLocation));
+	EastNorthHeightM = FVector(Survey.x, Survey.y, Survey.z);
+	return true;
+}
+
+bool ATerraportScene::SurveyToWorld(const FVector& EastNorthHeightM, FVector& WorldLocation) const
+{
+	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
+	if (Stage == nullptr)
+	{
+		return false;
+	}
+	const terraport::Vec3 Survey{EastNorthHeightM.X, EastNorthHeightM.Y, EastNorthHeightM.Z};
+	WorldLocation = WorldOf(*this, terraport::fromSurvey(Stage->files().manifest, Survey));
+	return true;
+}
+
+void ATerraportScene::SetMeshBackend(TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend)
+{
+	CustomBackend = Backend;
+}

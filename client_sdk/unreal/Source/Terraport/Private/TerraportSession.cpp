@@ -1,0 +1,520 @@
+#include "TerraportSession.h"
+
+#include "HAL/PlatformTime.h"
+#include "Materials/Material.h"
+#include "Modules/ModuleManager.h"
+#include "TerraportAxes.h"
+#include "TerraportLog.h"
+#include "TerraportScene.h"
+#include "TerraportText.h"
+#include "TerraportWebSocket.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace
+{
+/** Faces of the base that one swap rebuilds at least: about half a millisecond to make a component of. */
+constexpr uint32 BaseBlockFaces = 2048;
+/** Bytes of the network that one frame takes in: copied and hashed in a few tenths of a millisecond; 37 MB/s at 72 Hz. */
+constexpr std::size_t MaxPumpBytes = 512 * 1024;
+/** Waits between attempts to load the base, seconds: doubled each time. */
+constexpr double FirstRetryS = 1.0;
+constexpr double MaxRetryS = 30.0;
+constexpr uint64 Mebibyte = 1024 * 1024;
+
+double NowMilliseconds()
+{
+	return FPlatformTime::Seconds() * 1000.0;
+}
+
+FVector PointOf(const FTransform& Frame, const terraport::Vec3& Place)
+{
+	const double Scene[3] = {Place.x, Place.y, Place.z};
+	double Out[3];
+	TerraportAxes::PointToUnreal(Scene, Out);
+	return Frame.TransformPosition(FVector(Out[0], Out[1], Out[2]));
+}
+
+FVector DirectionOf(const FTransform& Frame, const terraport::Vec3& Direction)
+{
+	const double Scene[3] = {Direction.x, Direction.y, Direction.z};
+	double Out[3];
+	TerraportAxes::DirectionToUnreal(Scene, Out);
+	return Frame.TransformVectorNoScale(FVector(Out[0], Out[1], Out[2]));
+}
+
+/** Nothing that a second attempt could change. */
+bool IsFinal(const std::string& Code)
+{
+	return Code != "unreachable" && Code != "draining" && Code != "too_many" && Code != "server_full";
+}
+} // namespace
+
+FTerraportSession::FTerraportSession(ATerraportScene& InOwner, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
+	: Owner(InOwner), Backend(InBackend), Token(TerraportText::ToUtf8(InOwner.Token))
+{
+	// Worker threads may only look it up.
+	FModuleManager::Get().LoadModule(TEXT("ImageWrapper"));
+	const FTerraportMaterials Materials = MaterialsOf();
+	FTerraportMeshSettings Settings;
+	Settings.bCollision = Owner.bCollision;
+	Settings.bCastShadow = Owner.bCastShadows;
+	Renderer = std::make_unique<FTerraportRenderer>(Owner, *this, Backend, Materials, Settings);
+	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, Owner.DecodeTasks);
+	StartLoading();
+}
+
+FTerraportSession::~FTerraportSession()
+{
+	End();
+}
+
+void FTerraportSession::End()
+{
+	if (bEnded)
+	{
+		return;
+	}
+	bEnded = true;
+	if (Stream)
+	{
+		Stream->close();
+	}
+	Loading.reset();
+	Stage.reset();
+	Stream.reset();
+	Decodes.reset();
+	Renderer.reset();
+	Swaps.clear();
+}
+
+void FTerraportSession::Tick()
+{
+	const double StartMs = NowMilliseconds();
+	const double EndMs = StartMs + double(Owner.FrameBudgetMs);
+	PollLoading(StartMs);
+	if (bEnded)
+	{
+		return;
+	}
+	if (Stream)
+	{
+		Stream->pump(StartMs);
+		terraport::StreamEvent Event;
+		while (!bEnded && Stream->tryNextEvent(Event))
+		{
+			if (Event.kind == terraport::EventKind::Opened && Event.sceneVersion != Stage->files().manifest.version)
+			{
+				// Published anew between the files and the connection.
+				Event.changed = true;
+			}
+			Stage->handle(Event);
+			if (Stage->needsFiles() && !Loading && RetryAtMs == 0.0)
+			{
+				StartLoading();
+			}
+			Tell(Event);
+		}
+	}
+	if (!bEnded)
+	{
+		Draw(StartMs, EndMs);
+	}
+}
+
+void FTerraportSession::Draw(double StartMs, double EndMs)
+{
+	if (Stage)
+	{
+		Stage->setAutoShow(Owner.bAutoShow);
+		Stage->update([]() { return NowMilliseconds(); }, std::max(EndMs - NowMilliseconds(), 0.0));
+	}
+	Renderer->Step(EndMs / 1000.0);
+	MaxFrameMs = std::max(MaxFrameMs, NowMilliseconds() - StartMs);
+	TellSwaps();
+	if (!bEnded)
+	{
+		TellPresentable();
+	}
+}
+
+int64 FTerraportSession::Land(const terraport::Vec3& Place, double RadiusM, const terraport::LandOptions& Options)
+{
+	if (!Stage)
+	{
+		FPending Newest;
+		Newest.Place = Place;
+		Newest.RadiusM = RadiusM;
+		Newest.Options = Options;
+		Pending = Newest;
+		return 0;
+	}
+	return Stage->land(Place, RadiusM, Options, NowMilliseconds());
+}
+
+void FTerraportSession::Aim(const terraport::Vec3& Place, double RadiusM)
+{
+	if (Stage)
+	{
+		Stage->aim(Place, RadiusM);
+	}
+}
+
+int64 FTerraportSession::Pick(const terraport::Vec3& Origin, const terraport::Vec3& Direction)
+{
+	if (!Stream)
+	{
+		return -1;
+	}
+	const terraport::Result<std::uint64_t> Request = Stream->pick(Origin, Direction);
+	return Request.isOk() ? int64(Request.value()) : -1;
+}
+
+bool FTerraportSession::Show()
+{
+	const bool bShown = Stage && Stage->show();
+	TellSwaps();
+	return bShown;
+}
+
+void FTerraportSession::Reconnect(const std::string& NewToken)
+{
+	if (!NewToken.empty())
+	{
+		Token = NewToken;
+	}
+	if (Stream)
+	{
+		Stream->reconnect(NewToken);
+	}
+	if ((!Stage || Stage->needsFiles()) && !Loading)
+	{
+		LoadAttempt = 0;
+		StartLoading();
+	}
+}
+
+FTerraportStats FTerraportSession::TakeStats()
+{
+	FTerraportStats Stats;
+	if (Stream)
+	{
+		const terraport::StreamStats Of = Stream->stats();
+		Stats.PayloadBytes = int64(Of.payloadBytes);
+		Stats.HeldBytes = int64(Of.heldBytes);
+	}
+	if (Stage)
+	{
+		const terraport::StageStats Of = Stage->stats();
+		Stats.Segments = int32(Of.segments);
+		Stats.VisibleSegments = int32(Of.visibleSegments);
+		Stats.VisibleTriangles = int64(Of.visibleTriangles);
+		Stats.GpuBytes = int64(Of.gpuBytes);
+	}
+	Stats.MaxFrameMs = MaxFrameMs;
+	MaxFrameMs = 0.0;
+	return Stats;
+}
+
+void FTerraportSession::Keep(UObject* Object)
+{
+	Owner.Kept.Add(Object);
+}
+
+void FTerraportSession::Release(UObject* Object)
+{
+	Owner.Kept.Remove(Object);
+}
+
+void FTerraportSession::StartLoading()
+{
+	FTerraportFilesRequest Request;
+	Request.Url = TerraportText::ToUtf8(Owner.SceneUrl);
+	Request.Token = Token;
+	Request.BlockFaces = BaseBlockFaces;
+	Request.Colours = Colours;
+	RetryAtMs = 0.0;
+	++LoadAttempt;
+	Loading = std::make_unique<FTerraportFiles>(Request);
+}
+
+void FTerraportSession::PollLoading(double NowMs)
+{
+	if (!Loading)
+	{
+		if (RetryAtMs > 0.0 && NowMs >= RetryAtMs)
+		{
+			StartLoading();
+		}
+		return;
+	}
+	FTerraportFilesResult Result;
+	if (!Loading->Poll(Result))
+	{
+		return;
+	}
+	Loading.reset();
+	if (Result.Status.isOk())
+	{
+		LoadAttempt = 0;
+		TakeFiles(Result, NowMs);
+		return;
+	}
+	const bool bFinal = IsFinal(Result.Status.code());
+	if (!bFinal)
+	{
+		const double WaitS = std::min(FirstRetryS * double(1 << std::min(LoadAttempt - 1, 10)), MaxRetryS);
+		RetryAtMs = NowMs + 1000.0 * WaitS;
+	}
+	TellFailure(Result.Status.code(), Result.Status.text(), 0, bFinal);
+}
+
+void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
+{
+	Renderer->SetBase(Result.Base.ToSharedRef());
+	if (Stage)
+	{
+		Stage->replaceFiles(Result.Files);
+		Owner.OnOpened.Broadcast();
+		return;
+	}
+	if (!MakeStream(Result.SceneUrl))
+	{
+		return;
+	}
+	terraport::StageOptions Options;
+	Options.spareGpuBytes = std::size_t(std::max(Owner.SpareMeshMiB, 0)) * Mebibyte;
+	Options.baseBlockFaces = BaseBlockFaces;
+	Options.autoShow = Owner.bAutoShow;
+	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Renderer, *Decodes, Options);
+	Stage->onSwap([this](const terraport::SceneSwap& Change) { Swaps.push_back(Change); });
+	if (Pending.IsSet())
+	{
+		Stage->land(Pending->Place, Pending->RadiusM, Pending->Options, NowMs);
+		Pending.Reset();
+	}
+	Owner.OnOpened.Broadcast();
+}
+
+bool FTerraportSession::MakeStream(const std::string& SceneUrl)
+{
+	terraport::Result<std::unique_ptr<terraport::SceneStream>> Made =
+		terraport::SceneStream::make(StreamOptionsOf(SceneUrl), std::make_shared<FTerraportWebSockets>());
+	if (!Made.isOk())
+	{
+		TellFailure(Made.status().code(), Made.status().text(), 0, true);
+		return false;
+	}
+	Stream = Made.take();
+	Stream->setMaxPumpBytes(MaxPumpBytes);
+	return true;
+}
+
+terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& SceneUrl) const
+{
+	terraport::StreamOptions Options;
+	Options.sceneUrl = SceneUrl;
+	Options.token = Token;
+	Options.encoding =
+		Owner.Encoding == ETerraportEncoding::Arrays ? terraport::PayloadEncoding::Arrays : terraport::PayloadEncoding::Glb;
+	Options.cacheBytes = uint64(std::max(Owner.CacheMiB, 0)) * Mebibyte;
+	switch (Owner.Budget)
+	{
+	case ETerraportBudget::StandaloneHeadset:
+		Options.budgets.maxTriangles = 400000;
+		Options.budgets.maxBytes = 24 * Mebibyte;
+		break;
+	case ETerraportBudget::Desktop:
+		Options.budgets.maxTriangles = 1500000;
+		Options.budgets.maxBytes = 96 * Mebibyte;
+		break;
+	case ETerraportBudget::Workstation:
+		Options.budgets.maxTriangles = 6000000;
+		Options.budgets.maxBytes = 384 * Mebibyte;
+		break;
+	case ETerraportBudget::Custom:
+		Options.budgets.maxTriangles = uint64(std::max<int64>(Owner.MaxTriangles, 1));
+		Options.budgets.maxBytes = uint64(std::max(Owner.MaxPayloadMiB, 1)) * Mebibyte;
+		break;
+	}
+	return Options;
+}
+
+FTerraportMaterials FTerraportSession::MaterialsOf()
+{
+	FTerraportMaterials Materials;
+	UMaterialInterface* Fallback = LoadObject<UMaterialInterface>(
+		nullptr, TEXT("/Engine/EngineDebugMaterials/VertexColorMaterial.VertexColorMaterial"));
+	if (Fallback == nullptr)
+	{
+		// Debug materials may be missing from a packaged game.
+		Fallback = UMaterial::GetDefaultMaterial(MD_Surface);
+	}
+	Colours = Owner.ColourMaterial != nullptr ? Owner.VertexColours : ETerraportVertexColours::Linear;
+	const auto Or = [](UMaterialInterface* One, UMaterialInterface* Other) { return One != nullptr ? One : Other; };
+	Materials.Colour = Or(Owner.ColourMaterial, Fallback);
+	Materials.Texture = Or(Owner.TextureMaterial, Materials.Colour);
+	Materials.BaseColour = Or(Owner.BaseColourMaterial, Materials.Colour);
+	Materials.BaseTexture = Or(Owner.BaseTextureMaterial, Materials.Texture);
+	Materials.TextureParameter = Owner.TextureParameter;
+	Materials.PushParameter = Owner.PushParameter;
+	if (Owner.BaseColourMaterial == nullptr && Owner.BaseTextureMaterial == nullptr)
+	{
+		UE_LOG(LogTerraport, Warning,
+			TEXT("%s has no base material: the base is not pushed back, and may poke through detail at the rim (see docs/how-to/unreal.md)"),
+			*Owner.GetName());
+	}
+	return Materials;
+}
+
+void FTerraportSession::TellSwaps()
+{
+	std::vector<terraport::SceneSwap> Now;
+	Now.swap(Swaps);
+	for (const terraport::SceneSwap& Change : Now)
+	{
+		FTerraportSwap Swap;
+		Swap.Landing = Change.landing;
+		Swap.bDegraded = Change.degraded;
+		Swap.Shown = int32(Change.shown.size());
+		Swap.Hidden = int32(Change.hidden.size());
+		Owner.OnShown.Broadcast(Swap);
+		if (bEnded)
+		{
+			return;
+		}
+	}
+}
+
+void FTerraportSession::TellPresentable()
+{
+	if (!Stage || Owner.bAutoShow || !Stage->isPresentable())
+	{
+		return;
+	}
+	const terraport::LandingStatus Status = Stage->status();
+	const bool bInFull = Status.phase == terraport::LandingPhase::Presentable;
+	if (Status.landing != ToldPresentable || (bInFull && !bToldPresentableInFull))
+	{
+		ToldPresentable = Status.landing;
+		bToldPresentableInFull = bInFull;
+		Owner.OnPresentable.Broadcast(Status.landing);
+	}
+}
+
+void FTerraportSession::Tell(const terraport::StreamEvent& Event)
+{
+	switch (Event.kind)
+	{
+	case terraport::EventKind::Link:
+		TellLink(Event.link);
+		break;
+	case terraport::EventKind::Planned:
+	{
+		FTerraportPlan Plan;
+		Plan.Landing = Event.landing;
+		Plan.RadiusM = Event.plan.radiusM;
+		Plan.EffectiveRadiusM = Event.plan.effectiveRadiusM;
+		Plan.LoadSegments = int32(Event.plan.load.size());
+		Plan.KeptSegments = int32(Event.plan.keep.size());
+		Plan.LoadBytes = int64(Event.plan.loadBytes);
+		Plan.Triangles = int64(Event.plan.totalTriangles);
+		Plan.OmittedSegments = int32(Event.plan.omittedSegments);
+		Owner.OnPlan.Broadcast(Plan);
+		break;
+	}
+	case terraport::EventKind::Ready:
+	{
+		FTerraportReady Ready;
+		Ready.Landing = Event.landing;
+		Ready.Segments = int32(Event.segments.size());
+		Ready.Missing = int32(Event.missing.size());
+		Ready.ElapsedMs = Event.elapsedMs;
+		Ready.PayloadBytes = int64(Event.payloadBytes);
+		Owner.OnReady.Broadcast(Ready);
+		break;
+	}
+	case terraport::EventKind::Degraded:
+		Owner.OnDegraded.Broadcast(Event.landing);
+		break;
+	case terraport::EventKind::Refused:
+		// What ends a connection is told by the link that follows, which also says whether it is for good.
+		if (!Event.fatal)
+		{
+			TellFailure(Event.code, Event.message, Event.landing, false);
+		}
+		break;
+	case terraport::EventKind::Picked:
+	{
+		FTerraportPick Pick;
+		Pick.Request = int64(Event.request);
+		Pick.bHit = Event.hit.has_value();
+		if (Event.hit)
+		{
+			const FTransform Frame = Owner.GetActorTransform();
+			Pick.Location = PointOf(Frame, Event.hit->position);
+			Pick.Normal = DirectionOf(Frame, Event.hit->normal);
+			Pick.Segment = int32(Event.hit->segment);
+			Pick.Region = int32(Event.hit->region);
+			Pick.Label = Event.hit->label ? TerraportText::FromUtf8(*Event.hit->label) : FString();
+			Pick.HeightM = Event.hit->heightM;
+			for (const auto& Entry : Event.hit->attributes)
+			{
+				Pick.Attributes.Add(TerraportText::FromUtf8(Entry.first), Entry.second);
+			}
+		}
+		Owner.OnPicked.Broadcast(Pick);
+		break;
+	}
+	case terraport::EventKind::PickRefused:
+		TellFailure(Event.code, Event.message, 0, false);
+		break;
+	case terraport::EventKind::Notice:
+		UE_LOG(LogTerraport, Log, TEXT("the server says: %s"), *TerraportText::FromUtf8(Event.noticeKind));
+		break;
+	default:
+		break;
+	}
+}
+
+void FTerraportSession::TellLink(const terraport::LinkState& Link)
+{
+	FTerraportLink News;
+	switch (Link.phase)
+	{
+	case terraport::LinkPhase::Connecting:
+		News.State = ETerraportLink::Connecting;
+		break;
+	case terraport::LinkPhase::Open:
+		News.State = ETerraportLink::Open;
+		break;
+	case terraport::LinkPhase::Waiting:
+		News.State = ETerraportLink::Waiting;
+		break;
+	case terraport::LinkPhase::Closed:
+		News.State = ETerraportLink::Closed;
+		break;
+	}
+	News.Attempt = int32(Link.attempt);
+	News.RetryInS = Link.retryInMs / 1000.0;
+	News.CloseCode = Link.closeCode;
+	News.Code = TerraportText::FromUtf8(Link.code);
+	News.Message = TerraportText::FromUtf8(Link.message);
+	Owner.OnLink.Broadcast(News);
+	if (!bEnded && Link.phase == terraport::LinkPhase::Closed && Link.code != "closed")
+	{
+		TellFailure(Link.code, Link.message, 0, true);
+	}
+}
+
+void FTerraportSession::TellFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal)
+{
+	FTerraportFailure Failure;
+	Failure.Code = TerraportText::FromUtf8(Code);
+	Failure.Message = TerraportText::FromUtf8(Message);
+	Failure.Landing = std::max<int64>(Landing, 0);
+	Failure.bFatal = bFatal;
+	UE_LOG(LogTerraport, Warning, TEXT("%s: %s"), *Failure.Code, *Failure.Message);
+	Owner.OnFailed.Broadcast(Failure);
+}

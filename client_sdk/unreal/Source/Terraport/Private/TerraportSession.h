@@ -1,0 +1,97 @@
+#pragma once
+
+#include "CoreMinimal.h"
+
+#include "Terraport/SceneStage.h"
+#include "Terraport/SceneStream.h"
+#include "TerraportDecodes.h"
+#include "TerraportFiles.h"
+#include "TerraportRenderer.h"
+#include "TerraportTypes.h"
+
+#include <memory>
+#include <string>
+#include <vector>
+
+class ATerraportScene;
+
+/**
+ * Everything of a scene between Open and Close: files, stream, stage, renderer. Game thread.
+ *
+ * Listeners of the actor's events may call anything of it, Close and Open included: nothing is told from within a call of the
+ * core, and after each telling it is asked whether this session still counts.
+ */
+class FTerraportSession final : public ITerraportKeeper
+{
+public:
+	FTerraportSession(ATerraportScene& Owner, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
+	virtual ~FTerraportSession() override;
+	FTerraportSession(const FTerraportSession&) = delete;
+	FTerraportSession& operator=(const FTerraportSession&) = delete;
+
+	/** Once a frame. */
+	void Tick();
+	/** Free everything now. Nothing is told afterwards. */
+	void End();
+
+	int64 Land(const terraport::Vec3& Place, double RadiusM, const terraport::LandOptions& Options);
+	void Aim(const terraport::Vec3& Place, double RadiusM);
+	int64 Pick(const terraport::Vec3& Origin, const terraport::Vec3& Direction);
+	bool Show();
+	void Reconnect(const std::string& NewToken);
+
+	/** Null before the scene is open. */
+	const terraport::SceneStage* GetStage() const
+	{
+		return Stage.get();
+	}
+	const FTerraportRenderer* GetRenderer() const
+	{
+		return Renderer.get();
+	}
+	FTerraportStats TakeStats();
+
+	virtual void Keep(UObject* Object) override;
+	virtual void Release(UObject* Object) override;
+
+private:
+	struct FPending
+	{
+		terraport::Vec3 Place;
+		double RadiusM = 0.0;
+		terraport::LandOptions Options;
+	};
+
+	void StartLoading();
+	void PollLoading(double NowMs);
+	void TakeFiles(FTerraportFilesResult& Result, double NowMs);
+	bool MakeStream(const std::string& SceneUrl);
+	void Draw(double NowMs, double EndMs);
+	void TellSwaps();
+	void TellPresentable();
+	void Tell(const terraport::StreamEvent& Event);
+	void TellLink(const terraport::LinkState& Link);
+	void TellFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal);
+	terraport::StreamOptions StreamOptionsOf(const std::string& SceneUrl) const;
+	FTerraportMaterials MaterialsOf();
+
+	ATerraportScene& Owner;
+	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
+	std::string Token;
+	ETerraportVertexColours Colours = ETerraportVertexColours::Srgb;
+	bool bEnded = false;
+	std::unique_ptr<FTerraportFiles> Loading;
+	/** When to try again to load, milliseconds; 0 for not at all. */
+	double RetryAtMs = 0.0;
+	int32 LoadAttempt = 0;
+	/** In the order in which they need one another: destroyed the other way round. */
+	std::unique_ptr<FTerraportRenderer> Renderer;
+	std::unique_ptr<FTerraportDecodes> Decodes;
+	std::unique_ptr<terraport::SceneStream> Stream;
+	std::unique_ptr<terraport::SceneStage> Stage;
+	TOptional<FPending> Pending;
+	std::vector<terraport::SceneSwap> Swaps;
+	int64 ToldPresentable = -1;
+	bool bToldPresentableInFull = false;
+	double MaxFrameMs = 0.0;
+};

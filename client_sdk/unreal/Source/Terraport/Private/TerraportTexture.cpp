@@ -1,0 +1,153 @@
+#include "TerraportTexture.h"
+
+#include "Engine/Texture2D.h"
+#include "IImageWrapperModule.h"
+#include "ImageCore.h"
+#include "Modules/ModuleManager.h"
+#include "TextureResource.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace TerraportTexture
+{
+namespace
+{
+/** Linear light of the 256 levels (IEC 61966-2-1), in 16 bits: what means are taken of. */
+const std::array<uint16, 256>& LinearLevels()
+{
+	static const std::array<uint16, 256> Levels = [] {
+		std::array<uint16, 256> Out{};
+		for (std::size_t Level = 0; Level < Out.size(); ++Level)
+		{
+			const double Share = double(Level) / 255.0;
+			const double Light = Share <= 0.04045 ? Share / 12.92 : std::pow((Share + 0.055) / 1.055, 2.4);
+			Out[Level] = uint16(Light * 65535.0 + 0.5);
+		}
+		return Out;
+	}();
+	return Levels;
+}
+
+/** Four pixels to one. Where a side is 1 already, two. */
+TArray64<uint8> HalfOf(const TArray64<uint8>& From, int32 Width, int32 Height)
+{
+	const std::array<uint16, 256>& Linear = LinearLevels();
+	const int32 OutWidth = std::max(Width / 2, 1), OutHeight = std::max(Height / 2, 1);
+	TArray64<uint8> Out;
+	Out.SetNumUninitialized(int64(OutWidth) * OutHeight * 4);
+	for (int32 Row = 0; Row < OutHeight; ++Row)
+	{
+		const int64 Upper = int64(std::min(2 * Row, Height - 1)) * Width;
+		const int64 Lower = int64(std::min(2 * Row + 1, Height - 1)) * Width;
+		for (int32 Column = 0; Column < OutWidth; ++Column)
+		{
+			const int64 Left = std::min(2 * Column, Width - 1), Right = std::min(2 * Column + 1, Width - 1);
+			const int64 Corners[4] = {4 * (Upper + Left), 4 * (Upper + Right), 4 * (Lower + Left), 4 * (Lower + Right)};
+			const int64 To = 4 * (int64(Row) * OutWidth + Column);
+			for (int64 Channel = 0; Channel < 3; ++Channel)
+			{
+				uint32 Sum = 0;
+				for (const int64 Corner : Corners)
+				{
+					Sum += Linear[From[Corner + Channel]];
+				}
+				Out[To + Channel] = terraport::srgbOfLinear16(uint16((Sum + 2) / 4));
+			}
+			Out[To + 3] = 255;
+		}
+	}
+	return Out;
+}
+} // namespace
+
+uint8 LinearOfSrgb(uint8 Level)
+{
+	return uint8((uint32(LinearLevels()[Level]) * 255 + 32767) / 65535);
+}
+
+void MakeMips(FTerraportPixels& Pixels)
+{
+	int32 Width = Pixels.Width, Height = Pixels.Height;
+	while (Width > 1 || Height > 1)
+	{
+		Pixels.Mips.push_back(HalfOf(Pixels.Mips.back(), Width, Height));
+		Width = std::max(Width / 2, 1);
+		Height = std::max(Height / 2, 1);
+	}
+}
+
+FTerraportPixels Decode(const terraport::PayloadImage& Image, terraport::ByteSpan Payload)
+{
+	FTerraportPixels Pixels;
+	if (Image.type != terraport::ImageType::Jpeg && Image.type != terraport::ImageType::Png)
+	{
+		return Pixels;
+	}
+	// Loaded when the scene was opened: a worker may only look it up.
+	IImageWrapperModule* Module = FModuleManager::GetModulePtr<IImageWrapperModule>(TEXT("ImageWrapper"));
+	FImage Raw;
+	if (Module == nullptr || !Module->DecompressImage(Payload.data + Image.offset, int64(Image.bytes), Raw))
+	{
+		return Pixels;
+	}
+	// The sides were bounded by the decoder, which read them in the header; an image that decodes to others lied.
+	if (Raw.SizeX != int64(Image.width) || Raw.SizeY != int64(Image.height))
+	{
+		return Pixels;
+	}
+	Raw.ChangeFormat(ERawImageFormat::BGRA8, EGammaSpace::sRGB);
+	if (Raw.RawData.Num() != int64(Image.width) * int64(Image.height) * 4)
+	{
+		return Pixels;
+	}
+	Pixels.Width = int32(Image.width);
+	Pixels.Height = int32(Image.height);
+	Pixels.Mips.push_back(MoveTemp(Raw.RawData));
+	MakeMips(Pixels);
+	return Pixels;
+}
+
+UTexture2D* MakeTexture(FTerraportPixels& Pixels)
+{
+	if (Pixels.IsEmpty())
+	{
+		return nullptr;
+	}
+	UTexture2D* Texture = UTexture2D::CreateTransient(Pixels.Width, Pixels.Height, PF_B8G8R8A8);
+	if (Texture == nullptr)
+	{
+		return nullptr;
+	}
+	Texture->SRGB = true;
+	Texture->NeverStream = true;
+	// Charts must not bleed over the image's border (scene format, section 9).
+	Texture->AddressX = TA_Clamp;
+	Texture->AddressY = TA_Clamp;
+	Texture->Filter = TF_Trilinear;
+	FTexturePlatformData* Data = Texture->GetPlatformData();
+	int32 Width = Pixels.Width, Height = Pixels.Height;
+	for (std::size_t Level = 0; Level < Pixels.Mips.size(); ++Level)
+	{
+		// CreateTransient made the first one.
+		if (Level > 0)
+		{
+			FTexture2DMipMap* Mip = new FTexture2DMipMap();
+			Mip->SizeX = Width;
+			Mip->SizeY = Height;
+			Data->Mips.Add(Mip);
+		}
+		FByteBulkData& Bulk = Data->Mips[int32(Level)].BulkData;
+		Bulk.Lock(LOCK_READ_WRITE);
+		void* To = Bulk.Realloc(Pixels.Mips[Level].Num());
+		FMemory::Memcpy(To, Pixels.Mips[Level].GetData(), SIZE_T(Pixels.Mips[Level].Num()));
+		Bulk.Unlock();
+		Width = std::max(Width / 2, 1);
+		Height = std::max(Height / 2, 1);
+	}
+	Pixels = FTerraportPixels();
+	Texture->UpdateResource();
+	return Texture;
+}
+} // namespace TerraportTexture

@@ -1,0 +1,43 @@
+#pragma once
+
+#include "CoreMinimal.h"
+
+#include "Terraport/SegmentMesh.h"
+#include "Terraport/Types.h"
+
+#include <vector>
+
+class UTexture2D;
+
+/** An image with all its mips: rows of BGRA bytes, sRGB. */
+struct FTerraportPixels
+{
+	int32 Width = 0;
+	int32 Height = 0;
+	/** The whole image first. Empty where there is none. */
+	std::vector<TArray64<uint8>> Mips;
+
+	bool IsEmpty() const
+	{
+		return Mips.empty();
+	}
+};
+
+namespace TerraportTexture
+{
+/** Nearest level of eight bits of linear light. */
+uint8 LinearOfSrgb(uint8 Level);
+
+/**
+ * Decode a payload's image and make its mips. For worker threads; the module ImageWrapper must have been loaded before (the
+ * scene does that when it opens). Empty where there is no image, where its format is none that the engine reads (WebP, KTX2), or
+ * where it is damaged: the ground is then drawn without.
+ */
+FTerraportPixels Decode(const terraport::PayloadImage& Image, terraport::ByteSpan Payload);
+
+/** Mips of an image whose sides are powers of two, each pixel the mean of four in linear light. */
+void MakeMips(FTerraportPixels& Pixels);
+
+/** A texture of these pixels; game thread. Null where there are none, or no memory. The pixels are emptied. */
+UTexture2D* MakeTexture(FTerraportPixels& Pixels);
+} // namespace TerraportTexture

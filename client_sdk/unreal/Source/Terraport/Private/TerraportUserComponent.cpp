@@ -1,0 +1,199 @@
+#include "TerraportUserComponent.h"
+
+#include "Camera/CameraComponent.h"
+#include "Camera/PlayerCameraManager.h"
+#include "Engine/World.h"
+#include "EngineUtils.h"
+#include "GameFramework/Actor.h"
+#include "GameFramework/PlayerController.h"
+#include "TerraportScene.h"
+
+namespace
+{
+/** A hand above the target: the ground that comes may lie a little higher than the base that was aimed at. */
+constexpr double SearchAboveCm = 200.0;
+} // namespace
+
+UTerraportUserComponent::UTerraportUserComponent()
+{
+	PrimaryComponentTick.bCanEverTick = true;
+}
+
+int64 UTerraportUserComponent::Land(const FVector& WorldLocation)
+{
+	ATerraportScene* Of = FindScene();
+	return Of != nullptr ? Of->Land(WorldLocation, RadiusM, Options) : -1;
+}
+
+void UTerraportUserComponent::Aim(const FVector& WorldLocation)
+{
+	if (ATerraportScene* Of = FindScene())
+	{
+		Of->Aim(WorldLocation, RadiusM);
+	}
+}
+
+bool UTerraportUserComponent::TeleportTo(const FVector& WorldLocation, float YawDegrees)
+{
+	ATerraportScene* Of = FindScene();
+	if (Of == nullptr || !Of->IsOpen() || WorldLocation.ContainsNaN())
+	{
+		return false;
+	}
+	const int64 NewLanding = Of->Land(WorldLocation, RadiusM, Options);
+	if (NewLanding < 0)
+	{
+		return false;
+	}
+	Landing = NewLanding;
+	Target = WorldLocation;
+	TargetYaw = YawDegrees;
+	if (Phase == EPhase::Idle || Phase == EPhase::Lightening)
+	{
+		bSceneAutoShow = Of->bAutoShow;
+	}
+	// The swap is to fall into the dark.
+	Of->bAutoShow = false;
+	if (Phase == EPhase::Idle || Phase == EPhase::Lightening)
+	{
+		Enter(EPhase::Darkening);
+	}
+	return true;
+}
+
+bool UTerraportUserComponent::IsTeleporting() const
+{
+	return Phase != EPhase::Idle;
+}
+
+ATerraportScene* UTerraportUserComponent::FindScene()
+{
+	if (!IsValid(Scene) && GetWorld() != nullptr)
+	{
+		TActorIterator<ATerraportScene> First(GetWorld());
+		Scene = First ? *First : nullptr;
+	}
+	return IsValid(Scene) ? Scene.Get() : nullptr;
+}
+
+void UTerraportUserComponent::TickComponent(float DeltaTime, ELevelTick TickType, FActorComponentTickFunction* ThisTickFunction)
+{
+	Super::TickComponent(DeltaTime, TickType, ThisTickFunction);
+	PhaseS += double(DeltaTime);
+	switch (Phase)
+	{
+	case EPhase::Darkening:
+		if (PhaseS >= double(FadeS))
+		{
+			Enter(EPhase::Waiting);
+		}
+		break;
+	case EPhase::Waiting:
+	{
+		ATerraportScene* Of = FindScene();
+		const FTerraportStatus Status = Of != nullptr ? Of->GetStatus() : FTerraportStatus();
+		const bool bIsOurs = Status.Landing == Landing;
+		if (Of == nullptr || (bIsOurs && Status.Phase == ETerraportLandingPhase::Refused))
+		{
+			GiveUp(Status);
+		}
+		else if (bIsOurs && (Of->Show() || Status.Phase == ETerraportLandingPhase::Shown))
+		{
+			Arrive();
+		}
+		else if (PhaseS >= double(MaxDarkS))
+		{
+			Arrive();
+		}
+		break;
+	}
+	case EPhase::Lightening:
+		if (PhaseS >= double(FadeS))
+		{
+			Enter(EPhase::Idle);
+		}
+		break;
+	case EPhase::Idle:
+		break;
+	}
+}
+
+void UTerraportUserComponent::EndPlay(const EEndPlayReason::Type EndPlayReason)
+{
+	if (IsTeleporting() && IsValid(Scene))
+	{
+		Scene->bAutoShow = bSceneAutoShow;
+	}
+	Phase = EPhase::Idle;
+	Super::EndPlay(EndPlayReason);
+}
+
+void UTerraportUserComponent::Enter(EPhase NewPhase)
+{
+	Phase = NewPhase;
+	PhaseS = 0.0;
+	if (NewPhase == EPhase::Darkening)
+	{
+		Fade(0.0f, 1.0f, true);
+		OnDarken.Broadcast(FadeS);
+	}
+	else if (NewPhase == EPhase::Lightening)
+	{
+		if (IsValid(Scene))
+		{
+			Scene->bAutoShow = bSceneAutoShow;
+		}
+		Fade(1.0f, 0.0f, false);
+		OnLighten.Broadcast(FadeS);
+	}
+}
+
+void UTerraportUserComponent::Arrive()
+{
+	FTerraportGroundHit Ground;
+	const FVector From = Target + FVector(0.0, 0.0, SearchAboveCm);
+	const FVector Place = Scene->GroundAt(From, Ground) ? Ground.Location : Target;
+	MoveOwner(Place);
+	// Without detail the user stands on the base, and the scene shows what comes by its own setting, which Enter restores.
+	Enter(EPhase::Lightening);
+	OnTeleported.Broadcast(Place);
+}
+
+void UTerraportUserComponent::GiveUp(const FTerraportStatus& Status)
+{
+	FTerraportFailure Failure;
+	Failure.Code = TEXT("refused");
+	Failure.Message = Status.Refusal;
+	Failure.Landing = Landing;
+	Enter(EPhase::Lightening);
+	OnTeleportFailed.Broadcast(Failure);
+}
+
+void UTerraportUserComponent::Fade(float From, float To, bool bHold)
+{
+	APlayerController* Player = bFadeCamera && GetWorld() != nullptr ? GetWorld()->GetFirstPlayerController() : nullptr;
+	if (Player != nullptr && Player->PlayerCameraManager != nullptr)
+	{
+		Player->PlayerCameraManager->StartCameraFade(From, To, FadeS, FLinearColor::Black, false, bHold);
+	}
+}
+
+void UTerraportUserComponent::MoveOwner(const FVector& Ground)
+{
+	AActor* Actor = GetOwner();
+	if (Actor == nullptr)
+	{
+		return;
+	}
+	Actor->AddActorWorldRotation(FRotator(0.0, double(TargetYaw), 0.0));
+	// In a headset the head is somewhere in the room: it is the head that is to stand above the place, not the room's middle.
+	FVector Offset = FVector::ZeroVector;
+	if (const UCameraComponent* Camera = Actor->FindComponentByClass<UCameraComponent>())
+	{
+		Offset = Camera->GetComponentLocation() - Actor->GetActorLocation();
+		Offset.Z = 0.0;
+	}
+	// A character's location is the middle of its capsule.
+	const double HalfHeight = double(Actor->GetSimpleCollisionHalfHeight());
+	Actor->SetActorLocation(Ground - Offset + FVector(0.0, 0.0, HalfHeight), false, nullptr, ETeleportType::TeleportPhysics);
+}

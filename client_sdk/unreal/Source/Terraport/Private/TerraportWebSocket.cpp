@@ -1,0 +1,165 @@
+#include "TerraportWebSocket.h"
+
+#include "IWebSocket.h"
+#include "Misc/EngineVersionComparison.h"
+#include "Modules/ModuleManager.h"
+#include "Terraport/MessageAssembler.h"
+#include "TerraportText.h"
+#include "WebSocketsModule.h"
+
+namespace
+{
+constexpr int Abnormal = 1006;
+/** Of one text message, where JSON was chosen: a plan of a large landing. The engine's own limit is lower. */
+constexpr uint64 MaxTextBytes = 8u * 1024 * 1024;
+} // namespace
+
+struct FTerraportWebSocket::FState
+{
+	terraport::MessageAssembler Assembler;
+	terraport::TransportState Now = terraport::TransportState::Connecting;
+	int CloseCode = 0;
+	std::string CloseReason;
+
+	void Fail(int Code, const std::string& Reason)
+	{
+		if (Now != terraport::TransportState::Closed)
+		{
+			Now = terraport::TransportState::Closed;
+			CloseCode = Code;
+			CloseReason = Reason;
+		}
+	}
+
+	void Take(const void* Data, SIZE_T Size, bool bIsText, bool bIsLast)
+	{
+		if (Now != terraport::TransportState::Open)
+		{
+			return;
+		}
+		const terraport::Status Status =
+			Assembler.take(terraport::ByteSpan{static_cast<const uint8*>(Data), std::size_t(Size)}, bIsText, bIsLast);
+		if (!Status.isOk())
+		{
+			Fail(Abnormal, Status.text());
+		}
+	}
+};
+
+FTerraportWebSocket::FTerraportWebSocket() : State(MakeShared<FState>()) {}
+
+FTerraportWebSocket::~FTerraportWebSocket()
+{
+	close(1000, std::string());
+}
+
+void FTerraportWebSocket::open(
+	const std::string& Url, const std::vector<std::string>& Subprotocols, const std::string& BearerToken)
+{
+	if (Subprotocols.empty())
+	{
+		State->Fail(Abnormal, "no subprotocol was offered");
+		return;
+	}
+	Offered = Subprotocols.front();
+	TArray<FString> Protocols;
+	Protocols.Add(TerraportText::FromUtf8(Offered));
+	TMap<FString, FString> Headers;
+	if (!BearerToken.empty())
+	{
+		Headers.Add(TEXT("Authorization"), TEXT("Bearer ") + TerraportText::FromUtf8(BearerToken));
+	}
+	FWebSocketsModule& Module = FModuleManager::LoadModuleChecked<FWebSocketsModule>(TEXT("WebSockets"));
+	Socket = Module.CreateWebSocket(TerraportText::FromUtf8(Url), Protocols, Headers);
+
+	const TSharedRef<FState> Shared = State;
+	Socket->OnConnected().AddLambda([Shared]() {
+		if (Shared->Now == terraport::TransportState::Connecting)
+		{
+			Shared->Now = terraport::TransportState::Open;
+		}
+	});
+	Socket->OnConnectionError().AddLambda(
+		[Shared](const FString& Error) { Shared->Fail(Abnormal, TerraportText::ToUtf8(Error)); });
+	Socket->OnClosed().AddLambda([Shared](int32 Code, const FString& Reason, bool bWasClean) {
+		// A connection that broke has no code of the server's, whatever the platform reports.
+		const bool bHasCode = bWasClean || Code >= 3000;
+		Shared->Fail(bHasCode && Code > 0 ? int(Code) : Abnormal, TerraportText::ToUtf8(Reason));
+	});
+#if UE_VERSION_OLDER_THAN(5, 2, 0)
+	// Text and binary cannot be told apart here; with msgpack, which is then the only subprotocol (see ATerraportScene), every
+	// message is binary. BytesRemaining counts within one WebSocket frame, and the server sends each message in one.
+	Socket->OnRawMessage().AddLambda([Shared](const void* Data, SIZE_T Size, SIZE_T BytesRemaining) {
+		Shared->Take(Data, Size, false, BytesRemaining == 0);
+	});
+#else
+	Socket->SetTextMessageMemoryLimit(MaxTextBytes);
+	Socket->OnBinaryMessage().AddLambda(
+		[Shared](const void* Data, SIZE_T Size, bool bIsLastFragment) { Shared->Take(Data, Size, false, bIsLastFragment); });
+	Socket->OnMessage().AddLambda([Shared](const FString& Message) {
+		const std::string Text = TerraportText::ToUtf8(Message);
+		Shared->Take(Text.data(), Text.size(), true, true);
+	});
+#endif
+	Socket->Connect();
+}
+
+terraport::TransportState FTerraportWebSocket::state() const
+{
+	return State->Now;
+}
+
+std::string FTerraportWebSocket::subprotocol() const
+{
+	return State->Now == terraport::TransportState::Open ? Offered : std::string();
+}
+
+bool FTerraportWebSocket::tryReceive(terraport::TransportMessage& Message)
+{
+	return State->Assembler.tryNext(Message);
+}
+
+bool FTerraportWebSocket::trySend(terraport::ByteSpan Bytes, bool bIsText)
+{
+	if (State->Now != terraport::TransportState::Open || !Socket.IsValid())
+	{
+		return false;
+	}
+	Socket->Send(Bytes.data, SIZE_T(Bytes.size), !bIsText);
+	return true;
+}
+
+int FTerraportWebSocket::closeCode() const
+{
+	return State->CloseCode;
+}
+
+std::string FTerraportWebSocket::closeReason() const
+{
+	return State->CloseReason;
+}
+
+void FTerraportWebSocket::close(int Code, const std::string& Reason)
+{
+	State->Fail(Code, Reason);
+	if (Socket.IsValid())
+	{
+		// No callback of a connection that was left may be taken for one of the next.
+		Socket->OnConnected().Clear();
+		Socket->OnConnectionError().Clear();
+		Socket->OnClosed().Clear();
+#if UE_VERSION_OLDER_THAN(5, 2, 0)
+		Socket->OnRawMessage().Clear();
+#else
+		Socket->OnBinaryMessage().Clear();
+		Socket->OnMessage().Clear();
+#endif
+		Socket->Close(Code, TerraportText::FromUtf8(Reason));
+		Socket.Reset();
+	}
+}
+
+std::unique_ptr<terraport::Transport> FTerraportWebSockets::make()
+{
+	return std::make_unique<FTerraportWebSocket>();
+}

@@ -1,0 +1,16 @@
+#pragma once
+
+#include "GameFramework/Actor.h"
+
+class APlayerController;
+
+class UWorld : public UObject
+{
+public:
+	APlayerController* GetFirstPlayerController() const
+	{
+		return StubPlayer;
+	}
+	APlayerController* StubPlayer = nullptr;
+	std::vector<AActor*> StubActors;
+};

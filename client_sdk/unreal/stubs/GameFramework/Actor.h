@@ -1,0 +1,89 @@
+#pragma once
+
+#include "Components/SceneComponent.h"
+
+struct FHitResult;
+
+enum class ETeleportType : uint8
+{
+	None,
+	TeleportPhysics
+};
+
+class AActor : public UObject
+{
+public:
+	using Super = AActor;
+	FActorTickFunction PrimaryActorTick;
+	virtual void BeginPlay() {}
+	virtual void EndPlay(const EEndPlayReason::Type) {}
+	virtual void Tick(float) {}
+	template <typename T>
+	T* CreateDefaultSubobject(FName)
+	{
+		T* Made = new T();
+		Made->StubOwner = this;
+		StubComponents.push_back(Made);
+		return Made;
+	}
+	bool SetRootComponent(USceneComponent* Component)
+	{
+		StubRoot = Component;
+		return true;
+	}
+	USceneComponent* GetRootComponent() const
+	{
+		return StubRoot;
+	}
+	const FTransform& GetActorTransform() const
+	{
+		return StubTransform;
+	}
+	FVector GetActorLocation() const
+	{
+		return StubTransform.Place;
+	}
+	FVector GetActorScale3D() const
+	{
+		return FVector(1.0, 1.0, 1.0);
+	}
+	bool SetActorLocation(const FVector& Location, bool = false, FHitResult* = nullptr, ETeleportType = ETeleportType::None)
+	{
+		StubTransform.Place = Location;
+		return true;
+	}
+	void AddActorWorldRotation(FRotator Turn)
+	{
+		StubTransform.YawDegrees += Turn.Yaw;
+	}
+	void AddActorWorldOffset(FVector Offset)
+	{
+		StubTransform.Place += Offset;
+	}
+	virtual float GetSimpleCollisionHalfHeight() const
+	{
+		return 0.0f;
+	}
+	UWorld* GetWorld() const
+	{
+		return StubWorld;
+	}
+	template <typename T>
+	T* FindComponentByClass() const
+	{
+		for (UActorComponent* Component : StubComponents)
+		{
+			if (T* Found = dynamic_cast<T*>(Component))
+			{
+				return Found;
+			}
+		}
+		return nullptr;
+	}
+	FTransform StubTransform;
+	UWorld* StubWorld = nullptr;
+	std::vector<UActorComponent*> StubComponents;
+
+private:
+	USceneComponent* StubRoot = nullptr;
+};

@@ -1,0 +1,13 @@
+#pragma once
+
+#include "CoreMinimal.h"
+
+#include <chrono>
+
+struct FPlatformTime
+{
+	static double Seconds()
+	{
+		return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+	}
+};
