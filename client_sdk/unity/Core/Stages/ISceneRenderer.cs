@@ -26,8 +26,8 @@ namespace Terraport
         void PrepareBase(FaceRange block, HiddenFaces next);
 
         /// <summary>
-        /// Make a segment drawable, not drawn yet. Called again with the same segment, the frame's budget being watched in between,
-        /// until it returns true: an image may come a frame after the geometry. The mesh may be reused once it returned true.
+        /// Make a segment drawable, not drawn yet. Called again with the same segment in the next frame until it returns true: an
+        /// image may come a frame after the geometry. The mesh is reused for another segment once it returned true.
         /// </summary>
         bool Upload(uint segment, SegmentMesh mesh);
 

@@ -3,7 +3,7 @@ using System.Diagnostics;
 
 namespace Terraport
 {
-    /// <summary>How much a <see cref="SceneStage"/> does at once, and keeps. Numbers of 0 or less are refused.</summary>
+    /// <summary>How much a <see cref="SceneStage"/> does at once, and keeps. Bounds of 0 or less are refused.</summary>
     public sealed class StageOptions
     {
         /// <summary>A landing is shown as soon as it is presentable; else <see cref="SceneStage.Show"/> must be called. Default true.</summary>
@@ -29,6 +29,16 @@ namespace Terraport
 
         /// <summary>A clock that never goes back, milliseconds. Default: the machine's.</summary>
         public Func<double> ClockMs { get; set; } = MachineMs;
+
+        /// <exception cref="ArgumentException">A number that bounds nothing, or no clock.</exception>
+        internal void Check()
+        {
+            bool isBounded = SpareGpuBytes >= 0 && MaxInFlight > 0 && MaxInFlightBytes > 0 && MaxFrameUploadBytes > 0;
+            if (!isBounded || BaseBlockFaces <= 0 || ClockMs == null)
+            {
+                throw new ArgumentException("stage options: expected bounds above 0 (SpareGpuBytes: 0 or more), and a clock");
+            }
+        }
 
         private static double MachineMs()
         {

@@ -1,0 +1,194 @@
+using System;
+using System.Collections.Generic;
+
+namespace Terraport
+{
+    /// <summary>
+    /// Brings the base's lists of faces to what a coming set hides, one slice at a time, block by block; a swap then changes only
+    /// which lists are drawn.
+    /// </summary>
+    internal sealed class BaseFaces
+    {
+        /// <summary>No coming set is prepared, or asked for.</summary>
+        internal const int NoRevision = -1;
+
+        private readonly CoverCounters counters;
+        private readonly ISceneRenderer renderer;
+        private readonly int blockFaces;
+        private readonly byte[] drawn;
+        private readonly byte[] prepared;
+        /// <summary>Blocks whose prepared list is what <see cref="prepared"/> says.</summary>
+        private readonly bool[] isPrepared;
+        /// <summary>Blocks that may differ from what is drawn, and are to be looked at.</summary>
+        private readonly bool[] isTouched;
+        private readonly List<int> touched = new List<int>();
+        private readonly List<int> changed = new List<int>();
+        private readonly List<uint> toAdd = new List<uint>();
+        private readonly List<uint> toRemove = new List<uint>();
+        private readonly HashSet<uint> wanted = new HashSet<uint>();
+        private readonly Action<int> touch;
+        private int wantedRevision = NoRevision;
+        private int next;
+
+        internal BaseFaces(Cover cover, ISceneRenderer renderer, int blockFaces)
+        {
+            this.renderer = renderer;
+            this.blockFaces = blockFaces;
+            counters = new CoverCounters(cover);
+            drawn = new byte[counters.FaceCount];
+            prepared = new byte[counters.FaceCount];
+            int blocks = (counters.FaceCount + blockFaces - 1) / blockFaces;
+            isPrepared = new bool[blocks];
+            isTouched = new bool[blocks];
+            touch = Touch;
+            PreparedRevision = NoRevision;
+        }
+
+        /// <summary>Revision of the coming set that the next swap can show.</summary>
+        internal int PreparedRevision { get; private set; }
+
+        /// <summary>What the lists hide once they are prepared; after a swap, what is drawn.</summary>
+        internal HiddenFaces Hidden
+        {
+            get { return counters.Hidden; }
+        }
+
+        /// <summary>Faces that the drawn lists hide.</summary>
+        internal int DrawnHiddenCount { get; private set; }
+
+        /// <summary>Hash of the set of them.</summary>
+        internal uint DrawnHiddenHash { get; private set; }
+
+        /// <summary>Make the lists ready for these segments; <see cref="Step"/> does the work.</summary>
+        internal void Prepare(IReadOnlyList<uint> segments, int revision)
+        {
+            if (revision == wantedRevision)
+            {
+                return;
+            }
+            wantedRevision = revision;
+            PreparedRevision = NoRevision;
+            wanted.Clear();
+            toAdd.Clear();
+            toRemove.Clear();
+            for (int at = 0; at < segments.Count; at++)
+            {
+                wanted.Add(segments[at]);
+                if (!counters.IsShown(segments[at]))
+                {
+                    toAdd.Add(segments[at]);
+                }
+            }
+            counters.CopyShown(toRemove);
+            toRemove.RemoveAll(wanted.Contains);
+            touched.RemoveRange(0, next);
+            next = 0;
+            // Blocks that would change for the set before are looked at again.
+            for (int at = 0; at < changed.Count; at++)
+            {
+                TouchBlock(changed[at]);
+            }
+            changed.Clear();
+        }
+
+        /// <summary>One slice of work: its bytes, or 0 where there is nothing to do.</summary>
+        internal int Step()
+        {
+            if (wantedRevision == NoRevision || PreparedRevision == wantedRevision)
+            {
+                return 0;
+            }
+            if (toRemove.Count > 0)
+            {
+                return 1 + counters.Remove(TakeLast(toRemove), touch);
+            }
+            if (toAdd.Count > 0)
+            {
+                return 1 + counters.Add(TakeLast(toAdd), touch);
+            }
+            while (next < touched.Count)
+            {
+                int block = touched[next++];
+                isTouched[block] = false;
+                FaceRange range = RangeOf(block);
+                if (IsEqual(drawn, range))
+                {
+                    continue;
+                }
+                changed.Add(block);
+                if (isPrepared[block] && IsEqual(prepared, range))
+                {
+                    continue;
+                }
+                renderer.PrepareBase(range, counters.Hidden);
+                Buffer.BlockCopy(counters.Hidden.Mask, range.First, prepared, range.First, range.Count);
+                isPrepared[block] = true;
+                return range.Count * 12;
+            }
+            touched.Clear();
+            next = 0;
+            changed.Sort();
+            PreparedRevision = wantedRevision;
+            return 1;
+        }
+
+        /// <summary>The prepared lists are drawn from now on: the blocks that change.</summary>
+        internal IReadOnlyList<FaceRange> Flip()
+        {
+            var ranges = new FaceRange[changed.Count];
+            for (int at = 0; at < ranges.Length; at++)
+            {
+                FaceRange range = RangeOf(changed[at]);
+                ranges[at] = range;
+                Buffer.BlockCopy(prepared, range.First, drawn, range.First, range.Count);
+                isPrepared[changed[at]] = false;
+            }
+            changed.Clear();
+            DrawnHiddenCount = counters.Hidden.Count;
+            DrawnHiddenHash = counters.Hidden.Hash;
+            wantedRevision = NoRevision;
+            PreparedRevision = NoRevision;
+            return ranges;
+        }
+
+        private static uint TakeLast(List<uint> list)
+        {
+            uint last = list[list.Count - 1];
+            list.RemoveAt(list.Count - 1);
+            return last;
+        }
+
+        private FaceRange RangeOf(int block)
+        {
+            int first = block * blockFaces;
+            return new FaceRange(first, Math.Min(blockFaces, counters.FaceCount - first));
+        }
+
+        private bool IsEqual(byte[] mask, FaceRange range)
+        {
+            byte[] hidden = counters.Hidden.Mask;
+            for (int face = range.First; face < range.End; face++)
+            {
+                if (mask[face] != hidden[face])
+                {
+                    return false;
+                }
+            }
+            return true;
+        }
+
+        private void Touch(int face)
+        {
+            TouchBlock(face / blockFaces);
+        }
+
+        private void TouchBlock(int block)
+        {
+            if (!isTouched[block])
+            {
+                isTouched[block] = true;
+                touched.Add(block);
+            }
+        }
+    }
+}

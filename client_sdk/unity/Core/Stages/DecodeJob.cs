@@ -1,0 +1,46 @@
+using System;
+
+namespace Terraport
+{
+    /// <summary>One payload to be decoded.</summary>
+    internal struct DecodeJob
+    {
+        internal uint Segment;
+        internal int Epoch;
+        internal PinnedPayload Payload;
+
+        /// <summary>Decode it, and let the payload go. Whatever goes wrong belongs to this segment alone, and is told as its error.</summary>
+        internal DecodeResult Run(SegmentDecoder decoder, MeshPool pool, Action<SegmentMesh> afterDecode)
+        {
+            SegmentMesh mesh = pool.Take();
+            var result = new DecodeResult { Segment = Segment, Epoch = Epoch };
+            try
+            {
+                decoder.Decode(Payload.Bytes, mesh);
+                if (afterDecode != null)
+                {
+                    afterDecode(mesh);
+                }
+                result.Mesh = mesh;
+            }
+            catch (TerraportException error)
+            {
+                result.Error = error;
+            }
+            catch (Exception error)
+            {
+                // A mistake of ours, or of the engine's hook, or no memory: a thread must not die of it.
+                result.Error = new TerraportException("internal", "segment " + Segment + ": " + error.Message, null, error);
+            }
+            finally
+            {
+                Payload.Dispose();
+                if (result.Mesh == null)
+                {
+                    pool.Give(mesh);
+                }
+            }
+            return result;
+        }
+    }
+}

@@ -1,0 +1,130 @@
+using System;
+using System.Collections.Generic;
+using System.Threading;
+
+namespace Terraport
+{
+    /// <summary>Decodes on threads of its own, below the priority of those that draw.</summary>
+    public sealed class DecodeThreads : IDecodeQueue
+    {
+        private const int MostThreads = 16;
+        private const int JoinMs = 1000;
+        private readonly PayloadEncoding encoding;
+        private readonly Action<SegmentMesh> afterDecode;
+        private readonly MeshPool pool = new MeshPool();
+        private readonly Queue<DecodeJob> jobs = new Queue<DecodeJob>();
+        private readonly Queue<DecodeResult> results = new Queue<DecodeResult>();
+        private readonly Thread[] threads;
+        private bool isDisposed;
+
+        /// <summary>Start the threads.</summary>
+        /// <param name="encoding">Which payloads they decode.</param>
+        /// <param name="threads">How many, 1 to 16; 0 for half of the machine's, at most 4.</param>
+        /// <param name="afterDecode">Run after each decode, on its thread, before the mesh is handed out; may be null.</param>
+        public DecodeThreads(PayloadEncoding encoding, int threads = 0, Action<SegmentMesh> afterDecode = null)
+        {
+            if (threads < 0 || threads > MostThreads)
+            {
+                throw new ArgumentOutOfRangeException("threads", threads + " threads, expected 0 to " + MostThreads);
+            }
+            this.encoding = encoding;
+            this.afterDecode = afterDecode;
+            int count = threads > 0 ? threads : Math.Max(1, Math.Min(4, Environment.ProcessorCount / 2));
+            this.threads = new Thread[count];
+            for (int at = 0; at < count; at++)
+            {
+                this.threads[at] = new Thread(Work);
+                this.threads[at].Name = "terraport decode " + at;
+                this.threads[at].IsBackground = true;
+                this.threads[at].Priority = ThreadPriority.BelowNormal;
+                this.threads[at].Start();
+            }
+        }
+
+        /// <inheritdoc/>
+        public void Enqueue(uint segment, int epoch, PinnedPayload payload)
+        {
+            lock (jobs)
+            {
+                if (!isDisposed)
+                {
+                    jobs.Enqueue(new DecodeJob { Segment = segment, Epoch = epoch, Payload = payload });
+                    Monitor.Pulse(jobs);
+                    return;
+                }
+            }
+            payload.Dispose();
+        }
+
+        /// <inheritdoc/>
+        public bool TryTake(out DecodeResult result)
+        {
+            lock (results)
+            {
+                if (results.Count > 0)
+                {
+                    result = results.Dequeue();
+                    return true;
+                }
+            }
+            result = default(DecodeResult);
+            return false;
+        }
+
+        /// <inheritdoc/>
+        public bool Step()
+        {
+            return false;
+        }
+
+        /// <inheritdoc/>
+        public void Recycle(SegmentMesh mesh)
+        {
+            pool.Give(mesh);
+        }
+
+        /// <summary>Let go of every payload that was not decoded, and end the threads; waits for a decode under way, a second at most.</summary>
+        public void Dispose()
+        {
+            lock (jobs)
+            {
+                isDisposed = true;
+                while (jobs.Count > 0)
+                {
+                    jobs.Dequeue().Payload.Dispose();
+                }
+                Monitor.PulseAll(jobs);
+            }
+            foreach (Thread thread in threads)
+            {
+                thread.Join(JoinMs);
+            }
+        }
+
+        private void Work()
+        {
+            var decoder = new SegmentDecoder(encoding);
+            for (;;)
+            {
+                DecodeJob job;
+                lock (jobs)
+                {
+                    while (jobs.Count == 0 && !isDisposed)
+                    {
+                        Monitor.Wait(jobs);
+                    }
+                    if (isDisposed)
+                    {
+                        return;
+                    }
+                    job = jobs.Dequeue();
+                }
+                DecodeResult result = job.Run(decoder, pool, afterDecode);
+                lock (results)
+                {
+                    results.Enqueue(result);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,73 @@
+namespace Terraport
+{
+    /// <summary>
+    /// How much is between a payload and the GPU: segments being decoded, and meshes waiting for their upload. There is always
+    /// room for one.
+    /// </summary>
+    internal sealed class InFlight
+    {
+        /// <summary>GPU bytes that a segment is taken to have until some were decoded: between vertex colours and a large texture.</summary>
+        private const double FirstGuessBytes = 6.0 * 1024 * 1024;
+        /// <summary>How fast the guess follows what came.</summary>
+        private const double GuessShare = 0.25;
+
+        private readonly int most;
+        private readonly long mostBytes;
+        private int decoding;
+        private int waiting;
+        private long waitingBytes;
+        private double guessBytes = FirstGuessBytes;
+
+        internal InFlight(int most, long mostBytes)
+        {
+            this.most = most;
+            this.mostBytes = mostBytes;
+        }
+
+        internal int Count
+        {
+            get { return decoding + waiting; }
+        }
+
+        internal bool HasRoom
+        {
+            get { return Count == 0 || (Count < most && waitingBytes + (decoding + 1) * guessBytes <= mostBytes); }
+        }
+
+        /// <summary>A segment was asked for.</summary>
+        internal void Ask()
+        {
+            decoding++;
+        }
+
+        /// <summary>It came, or not; it is not kept.</summary>
+        internal void Dismiss()
+        {
+            decoding--;
+        }
+
+        /// <summary>It came, and waits.</summary>
+        internal void Wait(long bytes)
+        {
+            decoding--;
+            waiting++;
+            waitingBytes += bytes;
+            guessBytes += GuessShare * (bytes - guessBytes);
+        }
+
+        /// <summary>It waits no longer.</summary>
+        internal void Leave(long bytes)
+        {
+            waiting--;
+            waitingBytes -= bytes;
+        }
+
+        /// <summary>Nothing that was asked for will be taken any more.</summary>
+        internal void Clear()
+        {
+            decoding = 0;
+            waiting = 0;
+            waitingBytes = 0;
+        }
+    }
+}

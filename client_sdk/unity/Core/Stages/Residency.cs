@@ -1,0 +1,426 @@
+using System;
+using System.Collections.Generic;
+
+namespace Terraport
+{
+    /// <summary>
+    /// Which segments are on the GPU, which should be, and when the visible set may change. What is visible changes in
+    /// <see cref="Swap"/> alone, to exactly what the newest landing's ready or degraded event said, and when another scene version
+    /// comes. No I/O, no clock: whoever owns it decodes, uploads, frees, and says so.
+    /// </summary>
+    /// <remarks>
+    /// A segment goes held (its payload is here), decoding, decoded (waiting for, or under, upload), uploaded, resident (can be
+    /// drawn at once), and from each of them back.
+    /// </remarks>
+    internal sealed class Residency
+    {
+        private static readonly uint[] None = Array.Empty<uint>();
+        private readonly SegmentShelf shelf;
+        private readonly HashSet<uint> visibleIds = new HashSet<uint>();
+        private readonly HashSet<uint> wantedIds = new HashSet<uint>();
+        private readonly List<uint> prefetched = new List<uint>();
+        private readonly HashSet<uint> hiddenIds = new HashSet<uint>();
+        private uint[] wanted = None;
+        private int preparedRevision = -1;
+        private bool mayDecode = true;
+        private IReadOnlyList<uint> missing;
+
+        internal Residency(StageOptions options)
+        {
+            shelf = new SegmentShelf(options, segment => wantedIds.Contains(segment) || visibleIds.Contains(segment));
+            Visible = None;
+        }
+
+        /// <summary>Segments shown, ascending.</summary>
+        internal uint[] Visible { get; private set; }
+
+        /// <summary>The newest landing, or null before the first.</summary>
+        internal LandingRecord Newest { get; private set; }
+
+        /// <summary>Number of this scene version, from 0: answers to requests of an earlier one are dropped.</summary>
+        internal int Epoch { get; private set; }
+
+        /// <summary>What the next swap will show as far as known, ascending; null where nothing is coming.</summary>
+        internal uint[] Coming { get; private set; }
+
+        /// <summary>Changes whenever <see cref="Coming"/> does.</summary>
+        internal int ComingRevision { get; private set; }
+
+        /// <summary>Segments being decoded, or decoded and not uploaded.</summary>
+        internal int InFlight
+        {
+            get { return shelf.InFlightCount; }
+        }
+
+        /// <summary>GPU bytes of segments there, or on their way, that nobody wants now.</summary>
+        internal long SpareBytes
+        {
+            get { return shelf.SpareBytes; }
+        }
+
+        /// <summary>
+        /// A landing was asked for: it is the newest from now on. What the one before wanted is kept until the plan is here, since a
+        /// short hop wants most of it again.
+        /// </summary>
+        internal void Land(int landing, Vec3 position, double radiusM, double nowMs)
+        {
+            Newest = new LandingRecord(landing, position, radiusM, nowMs);
+            Recompute();
+        }
+
+        /// <summary>Its plan came; once more after a reconnect.</summary>
+        internal void Planned(PlanFacts plan)
+        {
+            LandingRecord landing = Find(plan.Landing);
+            if (landing == null)
+            {
+                return;
+            }
+            landing.Planned(plan);
+            for (int at = 0; at < plan.Keep.Count; at++)
+            {
+                shelf.Hold(plan.Keep[at], -1);
+            }
+            SetWanted(landing.Expected().ToArray());
+            shelf.FreeUnneededMeshes();
+        }
+
+        /// <summary>A segment's payload is here: for a landing, or (null) for an aim.</summary>
+        internal void Arrived(SegmentFacts facts, int? landing)
+        {
+            int aimedDuring = landing != null ? -1 : Newest == null ? 0 : Newest.Landing;
+            mayDecode = true;
+            if (shelf.Hold(facts.Segment, aimedDuring))
+            {
+                shelf.Forgive(facts.Segment);
+                Recompute();
+            }
+            if (Newest != null)
+            {
+                Newest.Arrived(facts);
+            }
+            if (landing == null && !wantedIds.Contains(facts.Segment))
+            {
+                prefetched.Add(facts.Segment);
+            }
+        }
+
+        /// <summary>The deadline passed: these may be shown before the rest.</summary>
+        internal void Degraded(int number, IReadOnlyList<uint> segments)
+        {
+            LandingRecord landing = Find(number);
+            if (landing != null)
+            {
+                landing.Degrade(segments);
+            }
+            Recompute();
+        }
+
+        /// <summary>Every byte is here: exactly these are to be shown.</summary>
+        internal void Ready(int number, IReadOnlyList<uint> visible, IReadOnlyList<uint> absent, double elapsedMs, long payloadBytes)
+        {
+            LandingRecord landing = Find(number);
+            if (landing == null)
+            {
+                return;
+            }
+            uint[] sorted = SegmentIds.Sorted(visible);
+            bool isShown = landing.Swapped == LandingRecord.Part.Full && SegmentIds.IsSame(sorted, Visible);
+            landing.Ready(visible, absent, elapsedMs, payloadBytes);
+            // After a reconnect the same set may be declared once more.
+            landing.Swapped = isShown ? LandingRecord.Part.Full : LandingRecord.Part.Nothing;
+            for (int at = 0; at < sorted.Length; at++)
+            {
+                shelf.Hold(sorted[at], -1);
+            }
+            SetWanted(SegmentIds.InOrderOf(wanted, sorted)); // Nearest first, as in the plan.
+            shelf.FreeUnneededMeshes();
+        }
+
+        /// <summary>The server said no to a landing: what is shown stays.</summary>
+        internal void Refused(int number, string message)
+        {
+            LandingRecord landing = Find(number);
+            if (landing != null)
+            {
+                landing.Refuse(message);
+                SetWanted(None);
+                shelf.FreeUnneededMeshes();
+            }
+        }
+
+        /// <summary>The cache let these go: they cannot be decoded any more. What is on the GPU stays.</summary>
+        internal void Dropped(IReadOnlyList<uint> segments)
+        {
+            for (int at = 0; at < segments.Count; at++)
+            {
+                shelf.Drop(segments[at]);
+            }
+            Recompute();
+        }
+
+        /// <summary>
+        /// Another scene version: ids mean other segments now. Everything is forgotten but what is visible, which stays drawn until
+        /// <see cref="ClearVisible"/>. Nothing is told to be freed: the owner knows what it uploaded.
+        /// </summary>
+        internal void VersionChanged()
+        {
+            Epoch++;
+            shelf.Clear();
+            prefetched.Clear();
+            if (Newest != null)
+            {
+                Newest.Restart();
+            }
+            SetWanted(None);
+        }
+
+        /// <summary>The base of the new version is drawn: nothing of the old one is shown any more.</summary>
+        internal void ClearVisible()
+        {
+            SetVisible(None);
+            Recompute();
+        }
+
+        /// <summary>What to decode now, most urgent first; marks it so. False where nothing is to be decoded.</summary>
+        internal bool TryTakeDecode(out uint segment)
+        {
+            segment = 0;
+            if (!mayDecode || !shelf.HasRoom)
+            {
+                return false;
+            }
+            if (Newest != null && Newest.Plan != null)
+            {
+                for (int at = 0; at < wanted.Length; at++)
+                {
+                    if (shelf.TryDecode(wanted[at]))
+                    {
+                        segment = wanted[at];
+                        return true;
+                    }
+                }
+            }
+            // What finds no spare room waits for the next swap.
+            while (prefetched.Count > 0 && shelf.HasSpareRoom)
+            {
+                segment = prefetched[0];
+                prefetched.RemoveAt(0);
+                if (shelf.TryDecode(segment))
+                {
+                    return true;
+                }
+            }
+            mayDecode = false;
+            return false;
+        }
+
+        /// <summary>A mesh came that will take those bytes on the GPU. False where nobody wants it any more.</summary>
+        internal bool Decoded(uint segment, int epoch, long bytes)
+        {
+            mayDecode = true;
+            return epoch == Epoch && shelf.Take(segment, bytes);
+        }
+
+        /// <summary>It could not be decoded, or not be uploaded: its base faces stay, and it is told as missing.</summary>
+        internal void Failed(uint segment, int epoch)
+        {
+            if (epoch == Epoch)
+            {
+                shelf.Fail(segment);
+                Recompute();
+            }
+        }
+
+        /// <summary>The most urgent mesh that waits for its upload, none of those left out; false where there is none.</summary>
+        internal bool TryNextUpload(Dictionary<uint, SegmentMesh> waiting, HashSet<uint> leftOut, out uint segment)
+        {
+            segment = 0;
+            if (waiting.Count <= leftOut.Count)
+            {
+                return false;
+            }
+            for (int at = 0; at < wanted.Length; at++)
+            {
+                segment = wanted[at];
+                if (shelf.StepOf(segment) == SegmentStep.Decoded && !leftOut.Contains(segment))
+                {
+                    return true;
+                }
+            }
+            foreach (KeyValuePair<uint, SegmentMesh> pair in waiting)
+            {
+                segment = pair.Key;
+                if (shelf.StepOf(segment) == SegmentStep.Decoded && !leftOut.Contains(segment))
+                {
+                    return true;
+                }
+            }
+            return false;
+        }
+
+        /// <summary>All of it is on the GPU.</summary>
+        internal void Uploaded(uint segment)
+        {
+            shelf.Uploaded(segment);
+            mayDecode = true;
+        }
+
+        /// <summary>And it can be drawn without any further preparation.</summary>
+        internal void Warmed(uint segment)
+        {
+            shelf.Warmed(segment);
+        }
+
+        /// <summary>The base's lists for the coming set of this revision are ready too.</summary>
+        internal void BasePrepared(int revision)
+        {
+            preparedRevision = revision;
+        }
+
+        /// <summary>Ids whose GPU memory, or waiting mesh, is to be freed; each is told once.</summary>
+        internal void TakeFreed(List<uint> target)
+        {
+            shelf.TakeFreed(target);
+        }
+
+        /// <summary>Whether a swap would show the newest landing: in full, the declared inner part of it, or nothing yet.</summary>
+        internal LandingRecord.Part Presentable()
+        {
+            if (Newest == null || Coming == null || Newest.Swapped == LandingRecord.Part.Full || preparedRevision != ComingRevision)
+            {
+                return LandingRecord.Part.Nothing;
+            }
+            bool isWhole;
+            if (Newest.Target(out isWhole) == null)
+            {
+                return LandingRecord.Part.Nothing;
+            }
+            for (int at = 0; at < Coming.Length; at++)
+            {
+                if (shelf.StepOf(Coming[at]) != SegmentStep.Resident)
+                {
+                    return LandingRecord.Part.Nothing;
+                }
+            }
+            return isWhole ? LandingRecord.Part.Full : LandingRecord.Part.Degraded;
+        }
+
+        /// <summary>Show what is presentable; null where nothing is. The one place where the visible set changes within a version.</summary>
+        internal SceneSwap Swap()
+        {
+            LandingRecord.Part part = Presentable();
+            if (part == LandingRecord.Part.Nothing)
+            {
+                return null;
+            }
+            uint[] before = Visible;
+            uint[] after = Coming;
+            uint[] shown = SegmentIds.Without(after, visibleIds);
+            Newest.Swapped = part;
+            Visible = after;
+            visibleIds.Clear();
+            visibleIds.UnionWith(after);
+            uint[] hidden = SegmentIds.Without(before, visibleIds);
+            hiddenIds.Clear();
+            hiddenIds.UnionWith(hidden);
+            int landing = Newest.Landing;
+            shelf.FreeLeftBehind(landing, hiddenIds);
+            prefetched.RemoveAll(segment => !shelf.IsAimedSince(segment, landing));
+            mayDecode = true;
+            Recompute();
+            return new SceneSwap { Landing = landing, IsDegraded = part == LandingRecord.Part.Degraded, Shown = shown, Hidden = hidden };
+        }
+
+        /// <summary>To be called once a frame: notes when the newest landing became presentable in full.</summary>
+        internal void Settle(double nowMs)
+        {
+            if (Newest != null && Newest.PresentableMs == null && Presentable() == LandingRecord.Part.Full)
+            {
+                Newest.PresentableMs = nowMs - Newest.AskedAtMs;
+            }
+        }
+
+        /// <summary>Share of the newest landing that came and was uploaded, 0 to 1.</summary>
+        internal double Fraction()
+        {
+            return Newest == null ? 0 : Newest.Fraction(shelf);
+        }
+
+        /// <summary>What the newest landing's full set lacks: told by the stream, or not decodable. Ascending.</summary>
+        internal IReadOnlyList<uint> Missing()
+        {
+            if (missing != null)
+            {
+                return missing;
+            }
+            var ids = new HashSet<uint>();
+            if (Newest != null)
+            {
+                ids.UnionWith(Newest.Missing);
+                IReadOnlyList<uint> expected = ComingIds() ?? Newest.Expected() ?? (IReadOnlyList<uint>)None;
+                for (int at = 0; at < expected.Count; at++)
+                {
+                    if (shelf.StepOf(expected[at]) == SegmentStep.Failed)
+                    {
+                        ids.Add(expected[at]);
+                    }
+                }
+            }
+            missing = SegmentIds.Sorted(new List<uint>(ids));
+            return missing;
+        }
+
+        private LandingRecord Find(int landing)
+        {
+            return Newest != null && Newest.Landing == landing && Newest.Refusal == null ? Newest : null;
+        }
+
+        private void SetWanted(uint[] ids)
+        {
+            wanted = ids;
+            wantedIds.Clear();
+            wantedIds.UnionWith(ids);
+            shelf.Trim();
+            mayDecode = true;
+            Recompute();
+        }
+
+        private void SetVisible(uint[] ids)
+        {
+            Visible = ids;
+            visibleIds.Clear();
+            visibleIds.UnionWith(ids);
+            shelf.Trim();
+        }
+
+        private IReadOnlyList<uint> ComingIds()
+        {
+            bool isWhole;
+            return Newest.Target(out isWhole);
+        }
+
+        /// <summary>Work out what the next swap will show.</summary>
+        private void Recompute()
+        {
+            missing = null;
+            uint[] next = null;
+            if (Newest != null && Newest.Swapped != LandingRecord.Part.Full)
+            {
+                IReadOnlyList<uint> ids = ComingIds() ?? Newest.Expected();
+                if (ids != null)
+                {
+                    var list = new List<uint>(ids);
+                    list.RemoveAll(segment => shelf.StepOf(segment) == SegmentStep.Failed);
+                    next = list.ToArray();
+                    Array.Sort(next);
+                }
+            }
+            if (!SegmentIds.IsSame(next, Coming))
+            {
+                Coming = next;
+                ComingRevision++;
+            }
+        }
+    }
+}

@@ -1,0 +1,400 @@
+using System;
+using System.Collections.Generic;
+using System.Globalization;
+
+namespace Terraport
+{
+    /// <summary>
+    /// The drawn scene: base mesh, segments of the newest landing, and the swap between two landings. What is visible changes in
+    /// one frame, by flags alone: meshes and the base's next lists of faces were made ready before, within each frame's budget.
+    /// </summary>
+    /// <remarks>
+    /// All calls come from the thread that draws. The owner drains the stream's events into <see cref="Handle"/> and calls
+    /// <see cref="Update"/> once per frame. Stream and decode queue stay the owner's; dispose of the stage before them.
+    /// </remarks>
+    public sealed class SceneStage : IDisposable
+    {
+        private readonly ISceneStream stream;
+        private readonly ISceneRenderer renderer;
+        private readonly StageOptions options;
+        private readonly Residency residency;
+        private readonly StageUploads uploads;
+        private SceneFiles files;
+        private BaseFaces baseFaces;
+        /// <summary>Of a version whose base is not drawn yet.</summary>
+        private BaseFaces nextBase;
+        /// <summary>The base of <see cref="files"/> can be drawn; false until it was uploaded.</summary>
+        private bool isBaseThere;
+        private int landingToShow;
+        private double updateMs;
+        private double updateMaxMs;
+        private bool isDisposed;
+
+        /// <summary>A stage that shows nothing yet: base and segments come in <see cref="Update"/>.</summary>
+        /// <exception cref="ArgumentException">An option that bounds nothing.</exception>
+        public SceneStage(ISceneStream stream, SceneFiles files, ISceneRenderer renderer, IDecodeQueue decoders, StageOptions options = null)
+        {
+            if (stream == null || files == null || renderer == null || decoders == null)
+            {
+                throw new ArgumentNullException("stream", "stream, files, renderer and decoders must be there");
+            }
+            this.stream = stream;
+            this.files = files;
+            this.renderer = renderer;
+            this.options = options ?? new StageOptions();
+            this.options.Check();
+            AutoShow = this.options.AutoShow;
+            residency = new Residency(this.options);
+            uploads = new StageUploads(residency, stream, renderer, decoders, TellFailed);
+            baseFaces = new BaseFaces(files.Cover, renderer, this.options.BaseBlockFaces);
+        }
+
+        /// <summary>What was drawn changed: after every swap, that of a new base included.</summary>
+        public event Action<SceneSwap> Swapped;
+
+        /// <summary>A segment cannot be decoded or drawn: its base stays.</summary>
+        public event Action<uint, TerraportException> DecodeFailed;
+
+        /// <summary>A landing is shown as soon as it is presentable; else <see cref="Show"/> must be called.</summary>
+        public bool AutoShow { get; set; }
+
+        /// <summary>Base, cover and regions that the stage shows, or will show.</summary>
+        public SceneFiles Files
+        {
+            get { return files; }
+        }
+
+        /// <summary>Another scene version was opened: load its files and call <see cref="ReplaceFiles"/>. Until then what is shown stays.</summary>
+        public bool NeedsFiles { get; private set; }
+
+        /// <summary>Version that the session has open: what <see cref="SceneLoader"/> is to be asked for; null before it is open.</summary>
+        public string NeededVersion { get; private set; }
+
+        /// <summary>Whether the base is drawn.</summary>
+        public bool IsBaseDrawn { get; private set; }
+
+        /// <summary>Segments shown, ascending.</summary>
+        public IReadOnlyList<uint> Visible
+        {
+            get { return residency.Visible; }
+        }
+
+        /// <summary>Base faces that are hidden.</summary>
+        public int HiddenBaseFaces
+        {
+            get { return baseFaces.DrawnHiddenCount; }
+        }
+
+        /// <summary>Where the newest landing stands.</summary>
+        public LandingStatus Status
+        {
+            get
+            {
+                LandingRecord landing = residency.Newest;
+                var status = new LandingStatus { Phase = Phase(), Missing = residency.Missing(), Fraction = residency.Fraction() };
+                if (landing != null)
+                {
+                    status.Landing = landing.Landing;
+                    status.Position = landing.Position;
+                    status.RadiusM = landing.RadiusM;
+                    status.Plan = landing.Plan;
+                    status.ReadyMs = landing.ReadyMs;
+                    status.PresentableMs = landing.PresentableMs;
+                    status.PayloadBytes = landing.PayloadBytes;
+                    status.Refusal = landing.Refusal;
+                }
+                return status;
+            }
+        }
+
+        /// <summary>What the stage holds and does now.</summary>
+        public StageStats Stats
+        {
+            get
+            {
+                return new StageStats
+                {
+                    UploadedSegments = uploads.Count,
+                    VisibleSegments = residency.Visible.Length,
+                    InFlight = residency.InFlight,
+                    SpareGpuBytes = residency.SpareBytes,
+                    HiddenBaseFaces = baseFaces.DrawnHiddenCount,
+                    UpdateMs = updateMs,
+                    UpdateMaxMs = updateMaxMs,
+                };
+            }
+        }
+
+        /// <summary>
+        /// What is visible, as a value: equal texts mean the same segments and the same hidden base faces. Changes only in a swap.
+        /// </summary>
+        public string VisibleDigest
+        {
+            get
+            {
+                uint hash = 0;
+                foreach (uint segment in residency.Visible)
+                {
+                    hash ^= CoverCounters.Mix(segment);
+                }
+                string form = "{0}:{1:x8}:{2}:{3:x8}";
+                int hidden = baseFaces.DrawnHiddenCount;
+                return string.Format(CultureInfo.InvariantCulture, form, residency.Visible.Length, hash, hidden, baseFaces.DrawnHiddenHash);
+            }
+        }
+
+        /// <summary>Ask for a landing; it supersedes any that is not shown yet. Its number.</summary>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        public int Land(Vec3 position, double radiusM, LandOptions landOptions = null)
+        {
+            int landing = stream.Land(position, radiusM, landOptions);
+            residency.Land(landing, position, radiusM, options.ClockMs());
+            return landing;
+        }
+
+        /// <summary>Tell where the user points: what lies there is fetched ahead and, as far as there is room, made drawable.</summary>
+        public void Aim(Vec3 position, double radiusM)
+        {
+            stream.Aim(position, radiusM);
+        }
+
+        /// <summary>Take an event of the stream; every one, in their order.</summary>
+        public void Handle(ref StreamEvent next)
+        {
+            switch (next.Kind)
+            {
+                case StreamEventKind.Opened:
+                    NeededVersion = next.SceneVersion;
+                    if (next.IsChanged || (next.SceneVersion != files.Manifest.Version && !NeedsFiles))
+                    {
+                        LeaveVersion();
+                    }
+                    break;
+                case StreamEventKind.Planned:
+                    residency.Planned(next.Plan);
+                    break;
+                case StreamEventKind.Arrived:
+                    residency.Arrived(next.Facts, next.Landing);
+                    break;
+                case StreamEventKind.Degraded:
+                    residency.Degraded(next.Landing ?? 0, next.Segments);
+                    break;
+                case StreamEventKind.Ready:
+                    residency.Ready(next.Landing ?? 0, next.Segments, next.Missing, next.ElapsedMs, next.Bytes);
+                    break;
+                case StreamEventKind.Refused:
+                    if (next.Landing != null)
+                    {
+                        residency.Refused(next.Landing.Value, next.Message);
+                    }
+                    break;
+                case StreamEventKind.Dropped:
+                    residency.Dropped(next.Segments);
+                    break;
+            }
+        }
+
+        /// <summary>
+        /// Once per frame, before it is drawn: ask for decodes, make meshes and lists ready while the budget lasts (one step at
+        /// least), free, and swap where that is due.
+        /// </summary>
+        /// <param name="budgetMs">Milliseconds of this frame.</param>
+        public void Update(double budgetMs)
+        {
+            if (isDisposed)
+            {
+                return;
+            }
+            double startMs = options.ClockMs();
+            uploads.BeginFrame();
+            if (IsBaseDrawn && !NeedsFiles && residency.Coming != null)
+            {
+                baseFaces.Prepare(residency.Coming, residency.ComingRevision);
+            }
+            long bytes = 0;
+            do
+            {
+                long slice = Step();
+                if (slice == 0)
+                {
+                    break;
+                }
+                bytes += slice;
+            }
+            while (bytes < options.MaxFrameUploadBytes && options.ClockMs() - startMs < budgetMs);
+            uploads.AskForDecodes();
+            residency.BasePrepared(baseFaces.PreparedRevision);
+            double nowMs = options.ClockMs();
+            residency.Settle(nowMs);
+            if (residency.Newest != null && (AutoShow || landingToShow == residency.Newest.Landing))
+            {
+                TrySwap();
+            }
+            updateMs = options.ClockMs() - startMs;
+            updateMaxMs = Math.Max(updateMaxMs, updateMs);
+        }
+
+        /// <summary>
+        /// Show the newest landing: now where it is presentable, else in the first Update where it is; the rest of a degraded one too.
+        /// Whether it was shown now.
+        /// </summary>
+        public bool Show()
+        {
+            if (isDisposed || residency.Newest == null)
+            {
+                return false;
+            }
+            landingToShow = residency.Newest.Landing;
+            return TrySwap();
+        }
+
+        /// <summary>
+        /// Base, cover and regions of <see cref="NeededVersion"/>; what is shown of the old version goes when the new base is drawable.
+        /// Files of another version are not taken: their ids would be taken for those of the session.
+        /// </summary>
+        public void ReplaceFiles(SceneFiles newFiles)
+        {
+            if (newFiles == null)
+            {
+                throw new ArgumentNullException("newFiles");
+            }
+            if (NeededVersion != null && newFiles.Manifest.Version != NeededVersion)
+            {
+                return;
+            }
+            if (!NeedsFiles)
+            {
+                LeaveVersion();
+            }
+            files = newFiles;
+            nextBase = new BaseFaces(files.Cover, renderer, options.BaseBlockFaces);
+            NeedsFiles = false;
+        }
+
+        /// <summary>Hide and free every segment, at once; the base stays the renderer's. Stream and decode queue are not closed.</summary>
+        public void Dispose()
+        {
+            if (isDisposed)
+            {
+                return;
+            }
+            isDisposed = true;
+            uploads.FreeUnseen();
+            uint[] visible = residency.Visible;
+            residency.ClearVisible();
+            var none = Array.Empty<uint>();
+            renderer.Swap(new SceneSwap { Shown = none, Hidden = visible, ChangedBlocks = Array.Empty<FaceRange>(), BaseHidden = baseFaces.Hidden });
+            uploads.FreeSeen(visible);
+        }
+
+        private LandingPhase Phase()
+        {
+            LandingRecord landing = residency.Newest;
+            if (landing == null)
+            {
+                return LandingPhase.Idle;
+            }
+            if (landing.Refusal != null)
+            {
+                return LandingPhase.Refused;
+            }
+            if (landing.Swapped == LandingRecord.Part.Full)
+            {
+                return LandingPhase.Shown;
+            }
+            LandingRecord.Part part = CanSwap ? residency.Presentable() : LandingRecord.Part.Nothing;
+            if (part != LandingRecord.Part.Nothing)
+            {
+                return part == LandingRecord.Part.Full ? LandingPhase.Presentable : LandingPhase.DegradedPresentable;
+            }
+            return landing.Plan == null ? LandingPhase.Planning : LandingPhase.Streaming;
+        }
+
+        private bool CanSwap
+        {
+            get { return IsBaseDrawn && !NeedsFiles; }
+        }
+
+        /// <summary>Ids mean other segments now: all but what is shown is freed.</summary>
+        private void LeaveVersion()
+        {
+            uploads.FreeUnseen();
+            residency.VersionChanged();
+            NeedsFiles = NeededVersion != files.Manifest.Version;
+            nextBase = NeedsFiles ? null : new BaseFaces(files.Cover, renderer, options.BaseBlockFaces);
+            isBaseThere = false;
+            IsBaseDrawn = false;
+        }
+
+        /// <summary>One slice of work, most urgent first: its bytes, or 0 where there is nothing to do now.</summary>
+        private long Step()
+        {
+            long bytes = uploads.FreeOne();
+            if (bytes > 0)
+            {
+                return bytes;
+            }
+            if (!NeedsFiles && !isBaseThere)
+            {
+                isBaseThere = renderer.UploadBase(files);
+                if (isBaseThere)
+                {
+                    ShowBase();
+                }
+                return 1;
+            }
+            bytes = uploads.TakeDecoded();
+            if (bytes == 0 && IsBaseDrawn)
+            {
+                bytes = baseFaces.Step();
+                bytes = bytes > 0 ? bytes : uploads.UploadOne();
+            }
+            return bytes > 0 ? bytes : uploads.DecodeOne();
+        }
+
+        /// <summary>A new base takes the place of the one before, and of every segment that was shown over it.</summary>
+        private void ShowBase()
+        {
+            if (nextBase != null)
+            {
+                baseFaces = nextBase;
+                nextBase = null;
+            }
+            uint[] before = residency.Visible;
+            residency.ClearVisible();
+            IsBaseDrawn = true;
+            Tell(new SceneSwap { IsNewBase = true, Shown = Array.Empty<uint>(), Hidden = before, ChangedBlocks = Array.Empty<FaceRange>() });
+            uploads.FreeSeen(before);
+        }
+
+        private bool TrySwap()
+        {
+            SceneSwap swap = CanSwap ? residency.Swap() : null;
+            if (swap == null)
+            {
+                return false;
+            }
+            swap.ChangedBlocks = baseFaces.Flip();
+            Tell(swap);
+            return true;
+        }
+
+        private void TellFailed(uint segment, TerraportException error)
+        {
+            if (DecodeFailed != null)
+            {
+                DecodeFailed(segment, error);
+            }
+        }
+
+        private void Tell(SceneSwap swap)
+        {
+            swap.BaseHidden = baseFaces.Hidden;
+            renderer.Swap(swap);
+            if (Swapped != null)
+            {
+                Swapped(swap);
+            }
+        }
+    }
+}

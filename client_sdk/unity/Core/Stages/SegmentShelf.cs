@@ -1,0 +1,272 @@
+using System;
+using System.Collections.Generic;
+
+namespace Terraport
+{
+    /// <summary>
+    /// Where every known segment stands between payload and GPU, and what of it nobody needs. Which segments are needed is said
+    /// from outside (<see cref="Residency"/>); what is not is spare, and bounded in bytes.
+    /// </summary>
+    internal sealed class SegmentShelf
+    {
+        private readonly long mostSpareBytes;
+        private readonly InFlight inFlight;
+        private readonly Func<uint, bool> isNeeded;
+        private readonly Dictionary<uint, Entry> entries = new Dictionary<uint, Entry>();
+        private readonly List<uint> toFree = new List<uint>();
+        private readonly List<KeyValuePair<uint, Entry>> scratch = new List<KeyValuePair<uint, Entry>>();
+        private long tick;
+
+        /// <param name="isNeeded">Whether a segment is visible, or wanted by the newest landing. After it changes: Trim.</param>
+        internal SegmentShelf(StageOptions options, Func<uint, bool> isNeeded)
+        {
+            mostSpareBytes = options.SpareGpuBytes;
+            inFlight = new InFlight(options.MaxInFlight, options.MaxInFlightBytes);
+            this.isNeeded = isNeeded;
+        }
+
+        internal long SpareBytes { get; private set; }
+
+        /// <summary>Whether an aim's segment may be decoded now.</summary>
+        internal bool HasSpareRoom
+        {
+            get { return SpareBytes < mostSpareBytes; }
+        }
+
+        /// <summary>Segments being decoded, or decoded and not uploaded.</summary>
+        internal int InFlightCount
+        {
+            get { return inFlight.Count; }
+        }
+
+        /// <summary>Whether one more may be decoded.</summary>
+        internal bool HasRoom
+        {
+            get { return inFlight.HasRoom; }
+        }
+
+        internal SegmentStep StepOf(uint segment)
+        {
+            Entry entry;
+            return entries.TryGetValue(segment, out entry) ? entry.Step : SegmentStep.Unknown;
+        }
+
+        /// <summary>A payload is here; the newest landing if an aim brought it, else -1. True where it had failed before.</summary>
+        internal bool Hold(uint segment, int aimedDuring)
+        {
+            Entry entry;
+            if (!entries.TryGetValue(segment, out entry))
+            {
+                entries[segment] = new Entry { Step = SegmentStep.Held, AimedDuring = aimedDuring, UsedAt = ++tick };
+                return false;
+            }
+            entry.AimedDuring = Math.Max(entry.AimedDuring, aimedDuring);
+            return entry.Step == SegmentStep.Failed;
+        }
+
+        /// <summary>It came once more: perhaps whole this time.</summary>
+        internal void Forgive(uint segment)
+        {
+            Entry entry;
+            if (Is(segment, SegmentStep.Failed, out entry))
+            {
+                entry.Step = SegmentStep.Held;
+            }
+        }
+
+        /// <summary>The payload is gone. What is on the GPU stays; what is needed and not there counts as failed.</summary>
+        internal void Drop(uint segment)
+        {
+            SegmentStep step = StepOf(segment);
+            if (step == SegmentStep.Held && isNeeded(segment))
+            {
+                entries[segment].Step = SegmentStep.Failed;
+            }
+            else if (step == SegmentStep.Held || step == SegmentStep.Failed)
+            {
+                entries.Remove(segment);
+            }
+        }
+
+        /// <summary>Forget all, without freeing.</summary>
+        internal void Clear()
+        {
+            entries.Clear();
+            toFree.Clear();
+            inFlight.Clear();
+            SpareBytes = 0;
+        }
+
+        /// <summary>Start decoding a held segment, if there is room.</summary>
+        internal bool TryDecode(uint segment)
+        {
+            Entry entry;
+            if (!inFlight.HasRoom || !Is(segment, SegmentStep.Held, out entry))
+            {
+                return false;
+            }
+            entry.Step = SegmentStep.Decoding;
+            inFlight.Ask();
+            return true;
+        }
+
+        /// <summary>A mesh came. False where nobody needs it and it came for no aim, or there is no spare room.</summary>
+        internal bool Take(uint segment, long bytes)
+        {
+            Entry entry;
+            if (!Is(segment, SegmentStep.Decoding, out entry))
+            {
+                return false;
+            }
+            bool needed = isNeeded(segment);
+            if (!needed && (entry.AimedDuring < 0 || SpareBytes + bytes > mostSpareBytes))
+            {
+                entry.Step = SegmentStep.Held;
+                inFlight.Dismiss();
+                return false;
+            }
+            entry.Step = SegmentStep.Decoded;
+            entry.Bytes = bytes;
+            entry.UsedAt = ++tick;
+            inFlight.Wait(bytes);
+            SpareBytes += needed ? 0 : bytes;
+            return true;
+        }
+
+        /// <summary>It cannot be decoded, or cannot be uploaded.</summary>
+        internal void Fail(uint segment)
+        {
+            Entry entry;
+            if (Is(segment, SegmentStep.Decoding, out entry))
+            {
+                inFlight.Dismiss();
+            }
+            else if (Is(segment, SegmentStep.Decoded, out entry))
+            {
+                inFlight.Leave(entry.Bytes);
+                SpareBytes -= isNeeded(segment) ? 0 : entry.Bytes;
+            }
+            else
+            {
+                return;
+            }
+            entry.Step = SegmentStep.Failed;
+            entry.Bytes = 0;
+        }
+
+        /// <summary>All of it is on the GPU.</summary>
+        internal void Uploaded(uint segment)
+        {
+            Entry entry;
+            if (Is(segment, SegmentStep.Decoded, out entry))
+            {
+                entry.Step = SegmentStep.Uploaded;
+                inFlight.Leave(entry.Bytes);
+            }
+        }
+
+        /// <summary>And it can be drawn without any further preparation.</summary>
+        internal void Warmed(uint segment)
+        {
+            Entry entry;
+            if (Is(segment, SegmentStep.Uploaded, out entry))
+            {
+                entry.Step = SegmentStep.Resident;
+            }
+        }
+
+        /// <summary>Meshes that wait, for no aim, and that nobody needs any more: they take memory and give nothing.</summary>
+        internal void FreeUnneededMeshes()
+        {
+            FreeIf((segment, entry) => entry.Step == SegmentStep.Decoded && entry.AimedDuring < 0 && !isNeeded(segment));
+        }
+
+        /// <summary>After a swap: what it hid, and whatever came for earlier landings and aims.</summary>
+        internal void FreeLeftBehind(int landing, HashSet<uint> hidden)
+        {
+            FreeIf((segment, entry) => !isNeeded(segment) && (hidden.Contains(segment) || entry.AimedDuring < landing));
+        }
+
+        /// <summary>Whether an aim brought it since this landing was asked for.</summary>
+        internal bool IsAimedSince(uint segment, int landing)
+        {
+            Entry entry;
+            return entries.TryGetValue(segment, out entry) && entry.AimedDuring >= landing;
+        }
+
+        /// <summary>Ids whose GPU memory, or waiting mesh, is to be freed; each is told once.</summary>
+        internal void TakeFreed(List<uint> target)
+        {
+            target.AddRange(toFree);
+            toFree.Clear();
+        }
+
+        /// <summary>Count what is spare anew, and free of it what was used longest ago until the rest fits.</summary>
+        internal void Trim()
+        {
+            scratch.Clear();
+            SpareBytes = 0;
+            foreach (KeyValuePair<uint, Entry> pair in entries)
+            {
+                if (IsOnGpu(pair.Value) && !isNeeded(pair.Key))
+                {
+                    scratch.Add(pair);
+                    SpareBytes += pair.Value.Bytes;
+                }
+            }
+            scratch.Sort((left, right) => left.Value.UsedAt.CompareTo(right.Value.UsedAt));
+            for (int at = 0; at < scratch.Count && SpareBytes > mostSpareBytes; at++)
+            {
+                SpareBytes -= scratch[at].Value.Bytes;
+                Free(scratch[at].Key, scratch[at].Value);
+            }
+        }
+
+        /// <summary>Or on its way there, with memory of its own.</summary>
+        private static bool IsOnGpu(Entry entry)
+        {
+            return entry.Step == SegmentStep.Decoded || entry.Step == SegmentStep.Uploaded || entry.Step == SegmentStep.Resident;
+        }
+
+        private bool Is(uint segment, SegmentStep step, out Entry entry)
+        {
+            return entries.TryGetValue(segment, out entry) && entry.Step == step;
+        }
+
+        private void FreeIf(Func<uint, Entry, bool> isToGo)
+        {
+            foreach (KeyValuePair<uint, Entry> pair in entries)
+            {
+                if (IsOnGpu(pair.Value) && isToGo(pair.Key, pair.Value))
+                {
+                    Free(pair.Key, pair.Value);
+                }
+            }
+            Trim();
+        }
+
+        private void Free(uint segment, Entry entry)
+        {
+            if (entry.Step == SegmentStep.Decoded)
+            {
+                inFlight.Leave(entry.Bytes);
+            }
+            entry.Step = SegmentStep.Held; // The payload is still here.
+            toFree.Add(segment);
+        }
+
+        private sealed class Entry
+        {
+            internal SegmentStep Step;
+
+            /// <summary>On the GPU, once decoded.</summary>
+            internal long Bytes;
+
+            /// <summary>Newest landing when an aim brought it, or -1: it came for a landing.</summary>
+            internal int AimedDuring;
+
+            /// <summary>When it came or was decoded, as a running number.</summary>
+            internal long UsedAt;
+        }
+    }
+}

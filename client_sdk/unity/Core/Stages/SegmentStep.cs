@@ -1,0 +1,27 @@
+namespace Terraport
+{
+    /// <summary>Where a segment stands between payload and GPU.</summary>
+    internal enum SegmentStep
+    {
+        /// <summary>Nothing is known of it.</summary>
+        Unknown,
+
+        /// <summary>The payload is here.</summary>
+        Held,
+
+        /// <summary>A decoder has it.</summary>
+        Decoding,
+
+        /// <summary>Waits for, or is under, upload.</summary>
+        Decoded,
+
+        /// <summary>On the GPU.</summary>
+        Uploaded,
+
+        /// <summary>Can be drawn at once.</summary>
+        Resident,
+
+        /// <summary>It cannot be drawn.</summary>
+        Failed,
+    }
+}

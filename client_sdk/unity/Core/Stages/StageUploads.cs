@@ -1,0 +1,208 @@
+using System;
+using System.Collections.Generic;
+
+namespace Terraport
+{
+    /// <summary>The way of segments from the stream through the decoders to the renderer, one slice at a time.</summary>
+    internal sealed class StageUploads
+    {
+        private readonly Residency residency;
+        private readonly ISceneStream stream;
+        private readonly ISceneRenderer renderer;
+        private readonly IDecodeQueue decoders;
+        private readonly Action<uint, TerraportException> onFailed;
+        private readonly Dictionary<uint, SegmentMesh> waiting = new Dictionary<uint, SegmentMesh>();
+        /// <summary>Segments of this version that the renderer was given, and did not free.</summary>
+        private readonly HashSet<uint> uploaded = new HashSet<uint>();
+        private readonly List<uint> warming = new List<uint>();
+        private readonly List<uint> freed = new List<uint>();
+        /// <summary>Segments whose upload goes on in the next frame.</summary>
+        private readonly HashSet<uint> paused = new HashSet<uint>();
+
+        internal StageUploads(
+            Residency residency,
+            ISceneStream stream,
+            ISceneRenderer renderer,
+            IDecodeQueue decoders,
+            Action<uint, TerraportException> onFailed)
+        {
+            this.residency = residency;
+            this.stream = stream;
+            this.renderer = renderer;
+            this.decoders = decoders;
+            this.onFailed = onFailed;
+        }
+
+        /// <summary>Segments that the renderer has.</summary>
+        internal int Count
+        {
+            get { return uploaded.Count; }
+        }
+
+        /// <summary>Ask for decodes, note what became drawable, and what is to be freed.</summary>
+        internal void BeginFrame()
+        {
+            paused.Clear();
+            AskForDecodes();
+            EndWarming();
+            residency.TakeFreed(freed);
+        }
+
+        /// <summary>Give the decoders what they have room for.</summary>
+        internal void AskForDecodes()
+        {
+            uint segment;
+            while (residency.TryTakeDecode(out segment))
+            {
+                PinnedPayload payload;
+                if (stream.TryPin(segment, out payload))
+                {
+                    decoders.Enqueue(segment, residency.Epoch, payload);
+                }
+                else
+                {
+                    residency.Failed(segment, residency.Epoch);
+                }
+            }
+        }
+
+        /// <summary>Free a segment that nobody needs. Comes before any other slice: its id may be on its way again.</summary>
+        internal long FreeOne()
+        {
+            if (freed.Count == 0)
+            {
+                return 0;
+            }
+            Free(freed[freed.Count - 1]);
+            freed.RemoveAt(freed.Count - 1);
+            return 1;
+        }
+
+        /// <summary>Take a mesh, or a failure, from the decoders.</summary>
+        internal long TakeDecoded()
+        {
+            DecodeResult result;
+            if (!decoders.TryTake(out result))
+            {
+                return 0;
+            }
+            if (result.Mesh == null)
+            {
+                residency.Failed(result.Segment, result.Epoch);
+                if (result.Epoch == residency.Epoch)
+                {
+                    onFailed(result.Segment, result.Error);
+                }
+            }
+            else if (residency.Decoded(result.Segment, result.Epoch, result.Mesh.GpuBytes))
+            {
+                waiting.Add(result.Segment, result.Mesh);
+            }
+            else
+            {
+                decoders.Recycle(result.Mesh);
+            }
+            return 1;
+        }
+
+        /// <summary>Hand the most urgent mesh to the renderer: its GPU bytes the first time.</summary>
+        internal long UploadOne()
+        {
+            uint segment;
+            if (!residency.TryNextUpload(waiting, paused, out segment))
+            {
+                return 0;
+            }
+            SegmentMesh mesh = waiting[segment];
+            long bytes = uploaded.Add(segment) ? mesh.GpuBytes : 1;
+            try
+            {
+                if (!renderer.Upload(segment, mesh))
+                {
+                    paused.Add(segment);
+                    return bytes;
+                }
+            }
+            catch (TerraportException error)
+            {
+                Free(segment);
+                residency.Failed(segment, residency.Epoch);
+                onFailed(segment, error);
+                return bytes;
+            }
+            waiting.Remove(segment);
+            decoders.Recycle(mesh);
+            residency.Uploaded(segment);
+            warming.Add(segment);
+            return bytes;
+        }
+
+        /// <summary>A decode on this thread, where the queue has no threads.</summary>
+        internal long DecodeOne()
+        {
+            return decoders.Step() ? 1 : 0;
+        }
+
+        /// <summary>Let go of all that waits, and of all that the renderer has but what is shown: of that <see cref="FreeSeen"/>.</summary>
+        internal void FreeUnseen()
+        {
+            foreach (KeyValuePair<uint, SegmentMesh> pair in waiting)
+            {
+                decoders.Recycle(pair.Value);
+            }
+            waiting.Clear();
+            foreach (uint segment in uploaded)
+            {
+                if (Array.BinarySearch(residency.Visible, segment) < 0)
+                {
+                    renderer.Free(segment);
+                }
+            }
+            uploaded.Clear();
+            warming.Clear();
+            freed.Clear();
+        }
+
+        /// <summary>Let go of what was shown, and is not any more.</summary>
+        internal void FreeSeen(uint[] segments)
+        {
+            foreach (uint segment in segments)
+            {
+                renderer.Free(segment);
+            }
+        }
+
+        private void EndWarming()
+        {
+            for (int at = warming.Count - 1; at >= 0; at--)
+            {
+                bool isThere = uploaded.Contains(warming[at]);
+                if (isThere && !renderer.IsDrawable(warming[at]))
+                {
+                    continue;
+                }
+                if (isThere)
+                {
+                    residency.Warmed(warming[at]);
+                }
+                warming[at] = warming[warming.Count - 1];
+                warming.RemoveAt(warming.Count - 1);
+            }
+        }
+
+        /// <summary>The mesh that waits, and what the renderer has of it.</summary>
+        private void Free(uint segment)
+        {
+            SegmentMesh mesh;
+            if (waiting.TryGetValue(segment, out mesh))
+            {
+                waiting.Remove(segment);
+                decoders.Recycle(mesh);
+            }
+            if (uploaded.Remove(segment))
+            {
+                renderer.Free(segment);
+            }
+        }
+    }
+}
