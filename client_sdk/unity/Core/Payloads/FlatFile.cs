@@ -39,7 +39,7 @@ namespace Terraport
         internal int FieldCount { get; private set; }
 
         /// <summary>Read the directory; the bytes must stay as they are while arrays are asked for.</summary>
-        /// <param name="magic">The eight characters that name the kind of file.</param>
+        /// <remarks>magic: The eight characters that name the kind of file.</remarks>
         /// <exception cref="PayloadException">With the offset: size, magic, version, checksum, directory.</exception>
         internal void Read(ArraySegment<byte> bytes, string magic)
         {

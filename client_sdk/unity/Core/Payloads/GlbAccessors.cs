@@ -28,10 +28,10 @@ namespace Terraport
         }
 
         /// <summary>Rows of a vertex attribute.</summary>
-        /// <param name="number">Node that holds the accessor's number.</param>
-        /// <param name="component">Component type that it must have; <paramref name="other"/> is another one, or 0.</param>
-        /// <param name="type">SCALAR, VEC2, VEC3 or VEC4, of <paramref name="width"/> components.</param>
-        /// <param name="label">For error texts; also says which filter is allowed.</param>
+        /// <remarks>number: Node that holds the accessor's number.
+        /// component: Component type that it must have; <paramref name="other"/> is another one, or 0.
+        /// type: SCALAR, VEC2, VEC3 or VEC4, of <paramref name="width"/> components.
+        /// label: For error texts; also says which filter is allowed.</remarks>
         internal GlbRows Vertices(int number, int component, int other, string type, int width, string label)
         {
             var found = new GlbRows();

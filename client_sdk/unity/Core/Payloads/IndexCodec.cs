@@ -22,7 +22,7 @@ namespace Terraport
         /// Decode vertex numbers into the start of <paramref name="target"/>; safe on hostile bytes. False if they are no such
         /// buffer. The numbers themselves may be anything.
         /// </summary>
-        /// <param name="mask">0xFFFF where the buffer holds 16-bit numbers, else all bits.</param>
+        /// <remarks>mask: 0xFFFF where the buffer holds 16-bit numbers, else all bits.</remarks>
         internal static bool TryDecode(byte[] source, int offset, int length, uint[] target, int count, uint mask)
         {
             if (source == null || target == null || offset < 0 || length < 0 || length > source.Length - offset)
@@ -42,7 +42,7 @@ namespace Terraport
             }
         }
 
-        /// <param name="table">Its 16 bytes end the buffer: a triangle reads at most 16 bytes, so one check serves it.</param>
+        /// <remarks>table: Its 16 bytes end the buffer: a triangle reads at most 16 bytes, so one check serves it.</remarks>
         private static bool Decode(byte* code, byte* data, byte* table, uint* target, uint* end, uint* fifos, uint mask)
         {
             // A place in a fifo that was never written to is no vertex number: callers refuse it.

@@ -24,7 +24,7 @@ namespace Terraport
         /// <summary>
         /// Decode rows into the start of <paramref name="target"/>; safe on hostile bytes. False if they are no such buffer.
         /// </summary>
-        /// <param name="stride">Bytes of a row: a multiple of 4, at most 256.</param>
+        /// <remarks>stride: Bytes of a row: a multiple of 4, at most 256.</remarks>
         internal static bool TryDecode(byte[] source, int offset, int length, byte[] target, int count, int stride)
         {
             if (source == null || target == null || offset < 0 || length < 0 || length > source.Length - offset)

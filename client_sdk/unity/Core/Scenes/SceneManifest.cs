@@ -66,6 +66,15 @@ namespace Terraport
         /// <summary>Names of the encodings that payloads come in; "glb" is among them.</summary>
         public IReadOnlyList<string> Encodings { get; internal set; }
 
+        /// <summary>base.glb.</summary>
+        internal FileFacts BaseFile { get; set; }
+
+        /// <summary>base.cover.</summary>
+        internal FileFacts CoverFile { get; set; }
+
+        /// <summary>regions.json.</summary>
+        internal FileFacts RegionsFile { get; set; }
+
         /// <summary>East, north, height in the survey's CRS, metres, of a place in the scene frame.</summary>
         public void ToSurvey(Vec3 place, out double east, out double north, out double height)
         {

@@ -85,7 +85,7 @@ namespace Terraport
         }
 
         /// <summary>Count one more segment as shown; a repeat changes nothing. The entries of its list, for budgets.</summary>
-        /// <param name="onFace">Told of every face that is hidden now and was not; may be null.</param>
+        /// <remarks>onFace: Told of every face that is hidden now and was not; may be null.</remarks>
         public int Add(uint segment, Action<int> onFace)
         {
             if (!shown.Add(segment) || segment + 1L >= starts.Length)
@@ -105,7 +105,7 @@ namespace Terraport
         }
 
         /// <summary>Count a segment as no longer shown. The entries of its list, for budgets.</summary>
-        /// <param name="onFace">Told of every face that is to be drawn now and was not; may be null.</param>
+        /// <remarks>onFace: Told of every face that is to be drawn now and was not; may be null.</remarks>
         public int Remove(uint segment, Action<int> onFace)
         {
             if (!shown.Remove(segment) || segment + 1L >= starts.Length)

@@ -1,0 +1,23 @@
+namespace Terraport
+{
+    /// <summary>What a server answered.</summary>
+    public sealed class HttpAnswer
+    {
+        /// <summary>An answer whose body is the array's first bytes.</summary>
+        public HttpAnswer(int status, byte[] body, int length)
+        {
+            Status = status;
+            Body = body;
+            Length = length;
+        }
+
+        /// <summary>HTTP status.</summary>
+        public int Status { get; private set; }
+
+        /// <summary>The body; may be longer than <see cref="Length"/>.</summary>
+        public byte[] Body { get; private set; }
+
+        /// <summary>Bytes of the body.</summary>
+        public int Length { get; private set; }
+    }
+}

@@ -1,0 +1,179 @@
+using System;
+using System.Collections.Generic;
+using System.Globalization;
+using Terraport.Json;
+
+namespace Terraport
+{
+    /// <summary>scene.json as a server gives it, checked for what a client uses (scene format, section 4).</summary>
+    public static class ManifestReader
+    {
+        private const string Major = "1";
+
+        /// <summary>Read a manifest; keys that are not known are skipped.</summary>
+        /// <param name="text">UTF-8 JSON.</param>
+        /// <param name="id">Scene id of the URL.</param>
+        /// <exception cref="TerraportException">
+        /// "unsupported_version" for another major version; "damaged" for another format, and where a needed key is missing or not
+        /// what it should be.
+        /// </exception>
+        public static SceneManifest Read(ArraySegment<byte> text, string id)
+        {
+            JsonValue json;
+            try
+            {
+                json = JsonReader.Read(text);
+            }
+            catch (JsonException error)
+            {
+                throw new TerraportException("damaged", "manifest of scene " + id + " is no JSON; is this a terraport server?", null, error);
+            }
+            CheckFormat(json);
+            try
+            {
+                return ReadChecked(json, id);
+            }
+            catch (PayloadException error)
+            {
+                string what = "manifest of scene " + id + ": " + error.Message + "; the scene must be published anew";
+                throw new TerraportException("damaged", what, null, error);
+            }
+        }
+
+        private static void CheckFormat(JsonValue json)
+        {
+            if (json["format"].Text != "terraport-scene")
+            {
+                string got = "got format " + json["format"].Show() + ", expected \"terraport-scene\"; is this a terraport server?";
+                throw new TerraportException("damaged", got);
+            }
+            string version = json["format_version"].Text;
+            if (version == null || version.Split('.')[0] != Major)
+            {
+                string got = "got scene format " + json["format_version"].Show() + ", expected 1.x; a newer client is needed";
+                throw new TerraportException("unsupported_version", got);
+            }
+        }
+
+        private static SceneManifest ReadChecked(JsonValue json, string id)
+        {
+            JsonValue counts = SceneJson.ExpectObject(json["counts"], "counts");
+            JsonValue files = SceneJson.ExpectObject(json["files"], "files");
+            JsonValue encodings = SceneJson.ExpectObject(json["encodings"], "encodings");
+            SceneJson.ExpectObject(encodings["glb"], "encodings.glb");
+            Vec3 origin = SceneJson.ExpectTriple(json["origin"], "origin");
+            JsonValue bounds = SceneJson.ExpectObject(json["bounds"], "bounds");
+            var manifest = new SceneManifest
+            {
+                Id = id,
+                Name = SceneJson.ExpectText(json["name"], "name"),
+                Version = SceneJson.ExpectDigits(json["version"], "version", 32),
+                OriginEast = origin.X,
+                OriginNorth = origin.Y,
+                OriginHeight = origin.Z,
+                StepM = ReadStep(json["step_m"]),
+                BoundsMin = SceneJson.ExpectTriple(bounds["min"], "bounds.min"),
+                BoundsMax = SceneJson.ExpectTriple(bounds["max"], "bounds.max"),
+                Attributes = ReadAttributes(json["attributes"]),
+                SegmentCount = (int)SceneJson.ExpectWhole(counts["segments"], "counts.segments", 1, 1 << 25),
+                BaseFaces = (int)SceneJson.ExpectWhole(counts["base_faces"], "counts.base_faces", 1, 1 << 27),
+                DetailFaces = SceneJson.ExpectWhole(counts["detail_faces"], "counts.detail_faces", 1, long.MaxValue),
+                HasColour = SceneJson.ExpectFlag(json["has_colour"], "has_colour"),
+                TextureTypes = ReadTextureTypes(json["textures"]),
+                DeviationM = ReadDeviation(json["hand_off"]),
+                Encodings = NamesOf(encodings),
+                BaseFile = ReadFile(files, "base.glb", 1 << 30),
+                CoverFile = ReadFile(files, "base.cover", 1 << 30),
+                RegionsFile = ReadFile(files, "regions.json", 1 << 28),
+            };
+            Vec3 low = manifest.BoundsMin;
+            Vec3 high = manifest.BoundsMax;
+            if (low.X > high.X || low.Y > high.Y || low.Z > high.Z)
+            {
+                throw new PayloadException("bounds.min is above bounds.max");
+            }
+            ReadCrs(json["crs"], manifest);
+            return manifest;
+        }
+
+        private static void ReadCrs(JsonValue crs, SceneManifest manifest)
+        {
+            if (crs.IsNull)
+            {
+                return;
+            }
+            manifest.CrsName = SceneJson.ExpectText(SceneJson.ExpectObject(crs, "crs")["name"], "crs.name");
+            if (!crs["epsg"].IsNull)
+            {
+                manifest.CrsEpsg = (int)SceneJson.ExpectWhole(crs["epsg"], "crs.epsg", 0, int.MaxValue);
+            }
+        }
+
+        private static double ReadStep(JsonValue value)
+        {
+            double step = SceneJson.ExpectNumber(value, "step_m");
+            // A power of two has no bits of mantissa.
+            bool isPower = step > 0 && (BitConverter.DoubleToInt64Bits(step) & 0xFFFFFFFFFFFFF) == 0;
+            return isPower ? step : throw SceneJson.Wrong(value, "step_m", "a power of two");
+        }
+
+        private static double ReadDeviation(JsonValue handOff)
+        {
+            JsonValue value = SceneJson.ExpectObject(handOff, "hand_off")["deviation_m"];
+            double length = SceneJson.ExpectNumber(value, "hand_off.deviation_m");
+            return length >= 0 ? length : throw SceneJson.Wrong(value, "hand_off.deviation_m", "a length");
+        }
+
+        private static IReadOnlyList<AttributeInfo> ReadAttributes(JsonValue list)
+        {
+            var attributes = new AttributeInfo[SceneJson.ExpectList(list, "attributes").Count];
+            for (int at = 0; at < attributes.Length; at++)
+            {
+                JsonValue row = SceneJson.ExpectObject(list[at], "attribute");
+                string name = SceneJson.ExpectText(row["name"], "name of an attribute");
+                attributes[at] = new AttributeInfo(name, Extreme(row["min"], name), Extreme(row["max"], name));
+            }
+            return attributes;
+        }
+
+        private static double? Extreme(JsonValue value, string name)
+        {
+            return value.IsNull ? (double?)null : SceneJson.ExpectNumber(value, "min or max of " + name);
+        }
+
+        private static IReadOnlyList<string> ReadTextureTypes(JsonValue textures)
+        {
+            if (textures.IsNull)
+            {
+                return Array.Empty<string>();
+            }
+            JsonValue list = SceneJson.ExpectList(SceneJson.ExpectObject(textures, "textures")["media_types"], "textures.media_types");
+            var types = new string[list.Count];
+            for (int at = 0; at < types.Length; at++)
+            {
+                types[at] = SceneJson.ExpectText(list[at], "textures.media_types");
+            }
+            return types;
+        }
+
+        private static IReadOnlyList<string> NamesOf(JsonValue encodings)
+        {
+            var names = new string[encodings.Count];
+            for (int at = 0; at < names.Length; at++)
+            {
+                names[at] = encodings.Members.NameAt(at);
+            }
+            return names;
+        }
+
+        private static FileFacts ReadFile(JsonValue files, string key, int mostBytes)
+        {
+            JsonValue file = SceneJson.ExpectObject(files[key], key);
+            return new FileFacts
+            {
+                Length = (int)SceneJson.ExpectWhole(file["bytes"], "bytes of " + key, 1, mostBytes),
+                Xxh3 = ulong.Parse(SceneJson.ExpectDigits(file["xxh3"], "xxh3 of " + key, 16), NumberStyles.HexNumber, CultureInfo.InvariantCulture),
+            };
+        }
+    }
+}

@@ -1,0 +1,121 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Json;
+
+namespace Terraport
+{
+    /// <summary>regions.json and labels.json: what is known of the regions, and what people call them (scene format, section 11).</summary>
+    public static class RegionsReader
+    {
+        private const int LongestLabel = 256;
+        /// <summary>A whole file of 256 MiB has fewer values that mean anything.</summary>
+        private const int MostValues = 1 << 24;
+
+        /// <summary>
+        /// Read the regions. Everything but their order is informative: a fact that is missing, or not what it should be, is null.
+        /// </summary>
+        /// <param name="regions">regions.json.</param>
+        /// <param name="labels">labels.json; empty without one. Damaged, it gives no label: a name must never take the ground away.</param>
+        /// <exception cref="PayloadException">There is no list of regions, or an id is not the position in it.</exception>
+        public static IReadOnlyList<RegionFacts> Read(ArraySegment<byte> regions, ArraySegment<byte> labels)
+        {
+            JsonValue json;
+            try
+            {
+                json = JsonReader.Read(regions, JsonReader.DefaultMaxDepth, MostValues);
+            }
+            catch (JsonException error)
+            {
+                throw new PayloadException("regions.json does not parse: " + error.Message);
+            }
+            JsonValue list = SceneJson.ExpectList(SceneJson.ExpectObject(json, "regions.json")["regions"], "regions");
+            Dictionary<long, string> names = ReadLabels(labels);
+            var facts = new RegionFacts[list.Count];
+            for (int at = 0; at < facts.Length; at++)
+            {
+                JsonValue region = SceneJson.ExpectObject(list[at], "region");
+                if (SceneJson.ExpectWhole(region["id"], "id of a region", 0, int.MaxValue) != at)
+                {
+                    throw new PayloadException("region " + at + " has another id, expected its position");
+                }
+                facts[at] = ReadRegion(region, at, names);
+            }
+            return facts;
+        }
+
+        private static RegionFacts ReadRegion(JsonValue region, int id, Dictionary<long, string> names)
+        {
+            long number;
+            bool hasStable = region["stable_id"].TryInteger(out number) && number >= 0 && number <= uint.MaxValue;
+            string label = null;
+            if (!hasStable || !names.TryGetValue(number, out label))
+            {
+                label = string.IsNullOrEmpty(region["label"].Text) ? null : region["label"].Text;
+            }
+            return new RegionFacts
+            {
+                Id = id,
+                StableId = hasStable ? number : (long?)null,
+                Label = label,
+                AreaM2 = SceneJson.NumberOrNull(region["area_m2"]),
+                MeanColour = SceneJson.TripleOrNull(region["mean_colour"]),
+                SlopeDeg = SceneJson.NumberOrNull(region["slope_deg"]["mean"]),
+                Centroid = SceneJson.TripleOrNull(region["centroid"]),
+            };
+        }
+
+        private static Dictionary<long, string> ReadLabels(ArraySegment<byte> text)
+        {
+            var none = new Dictionary<long, string>();
+            JsonValue json;
+            try
+            {
+                json = text.Count == 0 ? default(JsonValue) : JsonReader.Read(text);
+            }
+            catch (JsonException)
+            {
+                return none;
+            }
+            string version = json["format_version"].Text;
+            JsonValue rows = json["labels"];
+            if (json["format"].Text != "terraport-labels" || version == null || version.Split('.')[0] != "1" || rows.Kind != JsonKind.List)
+            {
+                return none;
+            }
+            var labels = new Dictionary<long, string>();
+            long before = -1;
+            for (int at = 0; at < rows.Count; at++)
+            {
+                long number;
+                bool isRight = rows[at]["stable_id"].TryInteger(out number) && number > before && number <= uint.MaxValue;
+                string label = rows[at]["label"].Text;
+                if (!isRight || !IsLabel(label))
+                {
+                    return none;
+                }
+                labels.Add(number, label);
+                before = number;
+            }
+            return labels;
+        }
+
+        /// <summary>1 to 256 code points, no control character, no blank at either end.</summary>
+        private static bool IsLabel(string label)
+        {
+            if (string.IsNullOrEmpty(label) || label != label.Trim())
+            {
+                return false;
+            }
+            int points = 0;
+            foreach (char one in label)
+            {
+                if (char.IsControl(one))
+                {
+                    return false;
+                }
+                points += char.IsLowSurrogate(one) ? 0 : 1;
+            }
+            return points <= LongestLabel;
+        }
+    }
+}

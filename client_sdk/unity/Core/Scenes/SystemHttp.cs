@@ -1,0 +1,89 @@
+using System;
+using System.IO;
+using System.Net.Http;
+using System.Net.Http.Headers;
+using System.Threading;
+using System.Threading.Tasks;
+
+namespace Terraport
+{
+    /// <summary>HTTP by .NET's own client, on threads of the pool.</summary>
+    public sealed class SystemHttp : IHttp
+    {
+        /// <summary>How long nothing may come, milliseconds.</summary>
+        private const int StallMs = 30000;
+        private const int PieceBytes = 1 << 16;
+
+        // One for the process: each client has connections of its own.
+        private static readonly HttpClient Client = new HttpClient(new HttpClientHandler { AllowAutoRedirect = false });
+
+        /// <inheritdoc/>
+        public async Task<HttpAnswer> GetAsync(string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled)
+        {
+            // Inside, continuations need no particular thread; the caller's come back on the caller's context.
+            using (CancellationTokenSource stalled = CancellationTokenSource.CreateLinkedTokenSource(cancelled))
+            using (var request = new HttpRequestMessage(HttpMethod.Get, url))
+            {
+                try
+                {
+                    if (!string.IsNullOrEmpty(token))
+                    {
+                        request.Headers.Authorization = new AuthenticationHeaderValue("Bearer", token);
+                    }
+                    stalled.CancelAfter(StallMs);
+                    const HttpCompletionOption headersFirst = HttpCompletionOption.ResponseHeadersRead;
+                    using (HttpResponseMessage response = await Client.SendAsync(request, headersFirst, stalled.Token).ConfigureAwait(false))
+                    using (Stream stream = await response.Content.ReadAsStreamAsync().ConfigureAwait(false))
+                    {
+                        long stated = response.Content.Headers.ContentLength ?? 0;
+                        var body = new byte[(int)Math.Max(1, Math.Min(stated > 0 ? stated + 1 : PieceBytes, mostBytes + 1L))];
+                        int length = 0;
+                        for (;;)
+                        {
+                            stalled.CancelAfter(StallMs);
+                            int left = Math.Min(PieceBytes, body.Length - length);
+                            int came = await stream.ReadAsync(body, length, left, stalled.Token).ConfigureAwait(false);
+                            if (came == 0)
+                            {
+                                return new HttpAnswer((int)response.StatusCode, body, length);
+                            }
+                            length += came;
+                            if (length > mostBytes)
+                            {
+                                throw new TerraportException("damaged", url + " has more than " + mostBytes + " bytes, expected at most that");
+                            }
+                            if (onBytes != null)
+                            {
+                                onBytes(came);
+                            }
+                            if (length == body.Length)
+                            {
+                                Array.Resize(ref body, (int)Math.Min(2L * length, mostBytes + 1L));
+                            }
+                        }
+                    }
+                }
+                catch (OperationCanceledException error)
+                {
+                    cancelled.ThrowIfCancellationRequested();
+                    throw Unreachable(url, "nothing for " + StallMs / 1000 + " s", error);
+                }
+                catch (Exception error)
+                {
+                    cancelled.ThrowIfCancellationRequested();
+                    if (error is HttpRequestException || error is IOException || error is ObjectDisposedException)
+                    {
+                        throw Unreachable(url, (error.InnerException ?? error).Message, error);
+                    }
+                    throw;
+                }
+            }
+        }
+
+        private static TerraportException Unreachable(string url, string why, Exception error)
+        {
+            string text = "no answer from " + url + " (" + why + "); is the server running, and reachable from here?";
+            return new TerraportException("unreachable", text, null, error);
+        }
+    }
+}
