@@ -1,0 +1,115 @@
+using System;
+using System.Collections.Generic;
+using System.Linq;
+using NUnit.Framework;
+using Terraport.Wire;
+
+namespace Terraport.Tests
+{
+    /// <summary>Random landings, aims, cuts and flipped bits: the last landing alone decides what is visible.</summary>
+    [TestFixture]
+    public class SessionPropertyTests
+    {
+        private const int Seeds = 300;
+        private readonly SessionToyScene toy = new SessionToyScene();
+
+        [TestCase(false)]
+        [TestCase(true)]
+        public void WhateverHappensTheVisibleSetIsThatOfTheLastLanding(bool spoils)
+        {
+            for (int seed = 0; seed < Seeds; seed++) OneHistory(seed, spoils);
+        }
+
+        private void OneHistory(int seed, bool spoils)
+        {
+            var random = new Random(seed);
+            string where = "seed " + seed;
+            long cacheBytes = Pick(random, 0, 2000, 8000, 1 << 20);
+            SessionPair pair = new SessionPair(toy, new SessionModelOptions
+            {
+                CacheBytes = cacheBytes,
+                CreditBytes = Pick(random, 50, 700, 1 << 20, 4000),
+                Lag = (int)Pick(random, 0, 1, 5, 30),
+                MaxChunk = (int)Pick(random, 7, 100, 100000, 900),
+                ReleaseFactor = random.Next(2) == 0 ? 1 : 1.5,
+                MaxHeldSegments = (int)Pick(random, 1, 5, 1000, 20),
+                Subprotocol = random.Next(2) == 0 ? Subprotocol.Msgpack : Subprotocol.Json,
+                Random = random,
+            }).Connect();
+            pair.OffersHeld = random.Next(2) == 0;
+            bool spoilNext = false;
+            pair.Spoil = data =>
+            {
+                byte[] carried = spoilNext ? SessionPair.Flipped(data) : data;
+                spoilNext = false;
+                return carried;
+            };
+            for (int steps = random.Next(25); steps > 0; steps--)
+            {
+                switch (random.Next(6))
+                {
+                    case 0: pair.Client.Land(Place(random), 0.5 + 7.5 * random.NextDouble()); break;
+                    case 1:
+                        pair.Client.Aim(Place(random), 0.5 + 7.5 * random.NextDouble());
+                        pair.Client.FlushAim();
+                        break;
+                    case 2:
+                        pair.Disconnect();
+                        pair.Connect();
+                        break;
+                    case 3: spoilNext = spoils; break;
+                    default:
+                        for (int count = random.Next(60); count > 0; count--) pair.Step();
+                        break;
+                }
+            }
+            spoilNext = false;
+            pair.Client.Land(SessionToyScene.Middle, 3.3);
+            pair.Settle();
+            CheckEnd(pair, spoils, cacheBytes, where);
+        }
+
+        private void CheckEnd(SessionPair pair, bool spoils, long cacheBytes, string where)
+        {
+            uint[] visible = pair.Client.Visible.ToArray();
+            PlanFacts plan = pair.Of(StreamEventKind.Planned).Last().Plan;
+            uint[] wanted = plan.Load.Select(facts => facts.Segment).Concat(plan.Keep).OrderBy(one => one).ToArray();
+            Assert.AreEqual(wanted, visible, where);
+            Assert.IsTrue(toy.Within(SessionToyScene.Middle, 3.3).All(visible.Contains), where);
+            Assert.IsNull(pair.Client.Unfinished, where);
+            Assert.AreEqual(0, pair.Client.OpenParts, where);
+            Assert.AreEqual(0, pair.Client.Stats.RepeatedBytes, where);
+            if (!spoils) Assert.AreEqual(0, pair.Rejects.Count, where);
+            Assert.LessOrEqual(pair.Client.Cache.Bytes, Math.Max(cacheBytes, toy.BytesOf(visible)), where);
+            foreach (uint segment in visible) Assert.AreEqual(toy.Payloads[segment], pair.Payload(segment), where);
+            // What was told as here and not as gone is here, and nothing else.
+            var told = new HashSet<uint>();
+            foreach (StreamEvent one in pair.Events)
+            {
+                if (one.Kind == StreamEventKind.Arrived) told.Add(one.Facts.Segment);
+                else if (one.Kind == StreamEventKind.Dropped) told.ExceptWith(one.Segments);
+            }
+            Assert.IsTrue(told.All(pair.Client.Cache.Contains), where);
+            Assert.AreEqual(pair.Client.Cache.Count, told.Count, where);
+            // Every landing ends in one way: ready, superseded, or the last one.
+            List<int?> ends = pair.Events
+                .Where(one => one.Kind == StreamEventKind.Ready || one.Kind == StreamEventKind.Superseded)
+                .Select(one => one.Landing).ToList();
+            Assert.AreEqual(ends.Count, ends.Distinct().Count(), where);
+            // What the server believes held is here, once the next landing has told the evictions.
+            pair.Client.Land(SessionToyScene.Middle, 3.3);
+            pair.Settle();
+            Assert.IsTrue(pair.Server.Held.All(pair.Client.Cache.Contains), where);
+        }
+
+        private static long Pick(Random random, params long[] values)
+        {
+            return values[random.Next(values.Length)];
+        }
+
+        private static Vec3 Place(Random random)
+        {
+            return new Vec3(16 * random.NextDouble() - 2, 0, 16 * random.NextDouble() - 2);
+        }
+    }
+}
