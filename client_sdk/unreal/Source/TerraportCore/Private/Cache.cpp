@@ -1,0 +1,46 @@
+#include "Cache.h"
+
+namespace terraport {
+
+const CachedSegment* SegmentCache::get(std::uint32_t segment) {
+  const auto place = places_.find(segment);
+  if (place == places_.end()) return nullptr;
+  entries_.splice(entries_.end(), entries_, place->second);
+  return &*place->second;
+}
+
+const CachedSegment* SegmentCache::peek(std::uint32_t segment) const {
+  const auto place = places_.find(segment);
+  return place == places_.end() ? nullptr : &*place->second;
+}
+
+void SegmentCache::put(CachedSegment entry) {
+  const std::uint32_t segment = entry.facts.segment;
+  discard(segment);
+  bytes_ += entry.payload->size();
+  entries_.push_back(std::move(entry));
+  places_[segment] = std::prev(entries_.end());
+}
+
+bool SegmentCache::discard(std::uint32_t segment) {
+  const auto place = places_.find(segment);
+  if (place == places_.end()) return false;
+  bytes_ -= place->second->payload->size();
+  entries_.erase(place->second);
+  places_.erase(place);
+  return true;
+}
+
+std::vector<SegmentFacts> SegmentCache::trim() {
+  std::vector<SegmentFacts> evicted;
+  for (auto entry = entries_.begin(); entry != entries_.end() && bytes_ > maxBytes_;) {
+    const SegmentFacts facts = entry->facts;
+    ++entry;
+    if (pinned_.count(facts.segment) != 0) continue;
+    discard(facts.segment);
+    evicted.push_back(facts);
+  }
+  return evicted;
+}
+
+}  // namespace terraport

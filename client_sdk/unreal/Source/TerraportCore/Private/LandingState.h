@@ -1,0 +1,77 @@
+// What the session knows of one landing or prefetch that is on its way. Pure.
+#pragma once
+
+#include "Messages.generated.h"
+#include "Terraport/Types.h"
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <vector>
+
+namespace terraport {
+
+/// The message that asks for a landing.
+LandMessage landMessage(std::uint32_t generation, const Vec3& position, double radiusM, const LandOptions& options);
+
+/// One landing that the user asked for, over as many generations as reconnecting takes.
+struct LandingState {
+  /// The session's own number, the same over reconnects.
+  std::int64_t number = kNoLanding;
+  Vec3 position;
+  double radiusM = 0;
+  LandOptions options;
+  /// Generation on the present connection; absent before it was sent there.
+  std::optional<std::uint32_t> generation;
+  /// Of the load table, and of segments of `keep` that are sent after all, by id.
+  std::map<std::uint32_t, SegmentFacts> facts;
+  /// Facts of segments rejected after this landing was asked for and before its plan came, by id: the plan may still keep
+  /// them, and the server sends them again (6.4, rule 7).
+  std::map<std::uint32_t, SegmentFacts> crossed;
+  /// Ids of load and keep.
+  std::set<std::uint32_t> wanted;
+  /// Wanted ids whose payload is not here yet.
+  std::set<std::uint32_t> waiting;
+  /// Ids of the latest `ready.missing`.
+  std::set<std::uint32_t> missing;
+  /// How often each came wrong in this generation.
+  std::map<std::uint32_t, int> rejects;
+  /// The declared inner set, until it has been reported.
+  std::optional<std::vector<std::uint32_t>> inner;
+  bool isReadySeen = false;
+  /// Chunk bytes that came for it, in all its generations.
+  std::uint64_t payloadBytes = 0;
+  /// Whether it became ready for the client.
+  bool isDone = false;
+
+  /// The message that asks for it under a generation.
+  LandMessage message(std::uint32_t asGeneration) const;
+
+  /// Take the plan of a generation, in place of any before.
+  void begin(const PlanMessage& plan);
+
+  /// Wait for a segment of `keep` that is not here after all.
+  void expectAgain(const SegmentFacts& segment);
+
+  /// Whether it is ready for the client (6.4, rule 5).
+  bool isComplete() const;
+
+  /// What it shows once complete: all that is wanted and whole, ascending.
+  std::vector<std::uint32_t> shown() const;
+};
+
+/// What an aim brings.
+struct PrefetchState {
+  std::uint32_t generation = 0;
+  std::map<std::uint32_t, SegmentFacts> facts;
+  std::set<std::uint32_t> waiting;
+  std::uint64_t bytes = 0;
+  /// How often each came wrong.
+  std::map<std::uint32_t, int> rejects;
+};
+
+/// Begin one.
+PrefetchState prefetchState(const PrefetchMessage& prefetch);
+
+}  // namespace terraport

@@ -1,0 +1,248 @@
+#include "Link.h"
+
+#include "Backoff.h"
+#include "WireErrors.h"
+
+#include <algorithm>
+
+namespace terraport {
+
+namespace {
+
+/// Between two aims: a hand moves faster, but ten plans a second are enough to prefetch by.
+constexpr double kAimPeriodMs = 100;
+
+/// One attempt: TCP, TLS, WebSocket handshake and welcome.
+constexpr double kConnectMs = 10000;
+
+/// A connection that lived this long, or readied a landing, begins the waits anew when it is lost.
+constexpr double kStableMs = 10000;
+
+/// Silence of a server that owes an answer: a dead line is noticed by TCP after minutes only.
+constexpr double kSilenceMs = 30000;
+
+/// Before the welcome says what is allowed: hello, and nothing else.
+constexpr double kGreetingPerS = 1;
+
+std::string textOf(int closeCode) {
+  return closeCode == kCloseAbnormal ? "no connection to the server"
+                                     : "the connection was closed with " + std::to_string(closeCode);
+}
+
+}  // namespace
+
+Link::Link(Parts parts) : parts_(std::move(parts)), pacer_(kGreetingPerS, 0) {}
+
+void Link::pump(double nowMs, std::size_t maxBytes) {
+  // A clock that runs back, or is none, must not undo what was timed.
+  if (nowMs > nowMs_) nowMs_ = nowMs;
+  if (isLeft_) return;
+  if (!isBegun_) {
+    isBegun_ = true;
+    connect();
+  } else if (transport_ == nullptr && retryAtMs_ && nowMs_ >= *retryAtMs_) {
+    connect();
+  }
+  if (transport_ != nullptr) receive(maxBytes);
+  if (transport_ != nullptr) speak();
+  if (transport_ != nullptr) watch();
+}
+
+void Link::reconnect(const std::string& token) {
+  if (isLeft_) return;
+  const bool isNewer = !token.empty() && token != parts_.token;
+  if (isNewer) parts_.token = token;
+  if (!isBegun_ || (transport_ != nullptr && !isNewer)) return;
+  drop(kCloseNormal);
+  attempt_ = 0;
+  firstWaitMs_.reset();
+  connect();
+}
+
+void Link::leave() {
+  if (isLeft_) return;
+  isLeft_ = true;
+  parts_.session.bye();
+  if (transport_ != nullptr && outgoing_.empty()) {
+    for (const EncodedMessage& message : parts_.session.takeMessages()) {
+      if (!transport_->trySend(message.view(), message.isText)) break;
+    }
+  }
+  drop(kCloseNormal);
+}
+
+// ---- one connection
+
+void Link::connect() {
+  retryAtMs_.reset();
+  attempt_ += 1;
+  refusal_.reset();
+  welcomedMs_.reset();
+  isGreeted_ = false;
+  connectedAtMs_ = nowMs_;
+  heardMs_ = nowMs_;
+  LinkState state;
+  state.phase = LinkPhase::Connecting;
+  state.attempt = static_cast<std::uint32_t>(attempt_);
+  parts_.told(state);
+  transport_ = parts_.transports.make();
+  transport_->open(parts_.url, {nameOf(parts_.session.options().subprotocol)}, parts_.token);
+}
+
+void Link::onOpen() {
+  isGreeted_ = true;
+  const std::string chosen = transport_->subprotocol();
+  // Where the server chose none it closes with 4409 by itself, which says more.
+  if (!chosen.empty() && chosen != nameOf(parts_.session.options().subprotocol)) {
+    cut(kCloseMalformed, "the server chose a subprotocol that was not offered");
+    return;
+  }
+  parts_.session.connected(offersHeld_);
+}
+
+void Link::receive(std::size_t maxBytes) {
+  const TransportState state = transport_->state();
+  if (!isGreeted_ && state != TransportState::Connecting) {
+    if (state == TransportState::Open) onOpen();
+    if (transport_ == nullptr) return;
+  }
+  std::size_t taken = 0;
+  bool isDry = false;
+  while (parts_.wantsMore() && (taken == 0 || taken < maxBytes)) {
+    if (!transport_->tryReceive(message_)) {
+      isDry = true;
+      break;
+    }
+    taken += std::max<std::size_t>(message_.bytes.size(), 1);
+    heardMs_ = nowMs_;
+    const Status status = parts_.session.receive({message_.bytes.data(), message_.bytes.size()}, message_.isText);
+    report();
+    if (!status.isOk()) {
+      refusal_ = Refusal{"malformed", "the server broke the protocol: " + status.message()};
+      cut(kCloseMalformed, "malformed");
+      return;
+    }
+  }
+  // What came before the close is taken first: it says why.
+  if (isDry && state == TransportState::Closed) lost(transport_->closeCode(), transport_->closeReason());
+}
+
+void Link::report() {
+  for (SessionEvent& event : parts_.session.takeEvents()) {
+    note(event);
+    parts_.handle(event);
+  }
+}
+
+/// Take what concerns the connection itself.
+void Link::note(const SessionEvent& event) {
+  if (event.news != SessionNews::Told) return;
+  const StreamEvent& told = event.told;
+  if (told.kind == EventKind::Opened) {
+    welcomedMs_ = nowMs_;
+    pacer_ = Pacer(event.limits.maxMessagesPerS, nowMs_);
+    LinkState state;
+    state.phase = LinkPhase::Open;
+    parts_.told(state);
+  } else if (told.kind == EventKind::Ready) {
+    attempt_ = 0;
+  } else if (told.kind == EventKind::Refused && told.fatal) {
+    refusal_ = Refusal{told.code, told.message};
+  } else if (told.kind == EventKind::Notice && told.reconnectAfterMs) {
+    firstWaitMs_ = *told.reconnectAfterMs;
+  }
+}
+
+/// Hand out events and send what the session has to say. While something waits for its time the session keeps the rest:
+/// there landings replace each other, and grants add up.
+void Link::speak() {
+  ClientSession& session = parts_.session;
+  report();
+  if (outgoing_.empty()) {
+    if (session.hasAim() && nowMs_ >= nextAimMs_) {
+      nextAimMs_ = nowMs_ + kAimPeriodMs;
+      session.flushAim();
+    }
+    for (EncodedMessage& message : session.takeMessages()) outgoing_.push_back(std::move(message));
+  }
+  proceed();
+  if (!session.awaitsAnswer()) {
+    owedSinceMs_.reset();
+  } else if (!owedSinceMs_) {
+    owedSinceMs_ = nowMs_;
+  }
+}
+
+void Link::proceed() {
+  while (!outgoing_.empty()) {
+    if (!sendAtMs_) sendAtMs_ = nowMs_ + pacer_.take(nowMs_);
+    if (nowMs_ < *sendAtMs_) return;
+    if (!transport_->trySend(outgoing_.front().view(), outgoing_.front().isText)) return;
+    sendAtMs_.reset();
+    outgoing_.pop_front();
+  }
+}
+
+/// Give up a connection on which nothing comes about.
+void Link::watch() {
+  if (!welcomedMs_) {
+    if (nowMs_ - connectedAtMs_ > kConnectMs) cut(kCloseTimeout, "no welcome in time");
+    return;
+  }
+  if (!owedSinceMs_) return;
+  const double sinceMs = std::max({*owedSinceMs_, heardMs_, *welcomedMs_});
+  if (nowMs_ - sinceMs > kSilenceMs) cut(kCloseTimeout, "the server is silent");
+}
+
+/// Close from this side, without waiting for the other: its answer may never come.
+void Link::cut(int closeCode, const std::string& reason) {
+  transport_->close(closeCode, reason);
+  lost(closeCode, reason);
+}
+
+void Link::lost(int closeCode, const std::string& reason) {
+  drop(kCloseNormal);
+  report();
+  if (retriesWithoutHeld()) {
+    connect();
+    return;
+  }
+  if (welcomedMs_ && nowMs_ - *welcomedMs_ >= kStableMs) attempt_ = 0;
+  LinkState state;
+  state.closeCode = closeCode;
+  state.code = refusal_ ? refusal_->code : codeOfClose(closeCode);
+  state.message = refusal_ ? refusal_->message : reason.empty() ? textOf(closeCode) : reason;
+  if (afterClose(closeCode) != AfterClose::Again) {
+    state.phase = LinkPhase::Closed;
+    parts_.told(state);
+    return;
+  }
+  state.phase = LinkPhase::Waiting;
+  state.retryInMs = firstWaitMs_.value_or(waitMs(std::max(0, attempt_ - 1), parts_.chance()));
+  state.attempt = static_cast<std::uint32_t>(attempt_ + 1);
+  firstWaitMs_.reset();
+  retryAtMs_ = nowMs_ + state.retryInMs;
+  parts_.told(state);
+}
+
+/// Offer nothing in hello from now on if the server found that too large; once.
+bool Link::retriesWithoutHeld() {
+  if (!refusal_ || refusal_->code != "too_large" || welcomedMs_ || !offersHeld_) return false;
+  offersHeld_ = false;
+  return true;
+}
+
+/// Part from the transport and from everything that was timed for it.
+void Link::drop(int closeCode) {
+  outgoing_.clear();
+  sendAtMs_.reset();
+  pacer_ = Pacer(kGreetingPerS, nowMs_);
+  owedSinceMs_.reset();
+  retryAtMs_.reset();
+  if (transport_ == nullptr) return;
+  if (transport_->state() != TransportState::Closed) transport_->close(closeCode, "");
+  transport_.reset();
+  parts_.session.connectionLost();
+}
+
+}  // namespace terraport

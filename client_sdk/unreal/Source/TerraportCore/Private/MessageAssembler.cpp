@@ -1,0 +1,59 @@
+#include "Terraport/MessageAssembler.h"
+
+#include <utility>
+
+namespace terraport {
+
+namespace {
+
+/// Buffers that are kept for later messages, and how large one may be for that.
+constexpr std::size_t kMostSpare = 16;
+constexpr std::size_t kMostSpareBytes = 256 * 1024;
+
+}  // namespace
+
+Status MessageAssembler::take(ByteSpan piece, bool isText, bool isLast) {
+  if (!inMessage_) {
+    inMessage_ = true;
+    part_.isText = isText;
+    part_.bytes.clear();
+    if (!spare_.empty()) {
+      part_.bytes.swap(spare_.back());
+      spare_.pop_back();
+      part_.bytes.clear();
+    }
+  } else if (part_.isText != isText) {
+    return Status::failed("malformed", "got a message that is text and binary");
+  }
+  if (piece.size > limits_.maxMessageBytes - part_.bytes.size()) {
+    return Status::failed("too_large", "got a message of more than " + std::to_string(limits_.maxMessageBytes) + " bytes");
+  }
+  part_.bytes.insert(part_.bytes.end(), piece.data, piece.data + piece.size);
+  if (!isLast) return Status::ok();
+  inMessage_ = false;
+  if (!whole_.empty() && part_.bytes.size() > limits_.maxWaitingBytes - waitingBytes_) {
+    return Status::failed("too_large", "more than " + std::to_string(limits_.maxWaitingBytes) + " bytes wait to be read");
+  }
+  waitingBytes_ += part_.bytes.size();
+  whole_.push_back(std::exchange(part_, TransportMessage()));
+  return Status::ok();
+}
+
+bool MessageAssembler::tryNext(TransportMessage& message) {
+  if (whole_.empty()) return false;
+  std::swap(message, whole_.front());
+  std::vector<std::uint8_t>& old = whole_.front().bytes;
+  if (old.capacity() > 0 && old.capacity() <= kMostSpareBytes && spare_.size() < kMostSpare) spare_.push_back(std::move(old));
+  whole_.pop_front();
+  waitingBytes_ -= message.bytes.size();
+  return true;
+}
+
+void MessageAssembler::clear() {
+  inMessage_ = false;
+  part_.bytes.clear();
+  whole_.clear();
+  waitingBytes_ = 0;
+}
+
+}  // namespace terraport

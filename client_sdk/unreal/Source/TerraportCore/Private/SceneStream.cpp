@@ -1,0 +1,216 @@
+#include "Terraport/SceneStream.h"
+
+#include "Link.h"
+#include "Session.h"
+#include "Terraport/SceneUrl.h"
+#include "Terraport/Xxh3.h"
+
+#include <chrono>
+#include <deque>
+#include <map>
+#include <random>
+#include <utility>
+
+namespace terraport {
+
+namespace {
+
+/// Picks that wait for an answer; a server answers far fewer at a time.
+constexpr std::size_t kMaxPicks = 64;
+
+/// Events that wait to be taken; beyond it nothing is received.
+constexpr std::size_t kMaxWaitingEvents = 4096;
+
+/// Of messages in one pump: a third of a millisecond of hashing, and as much of copying.
+constexpr std::size_t kMaxPumpBytes = 2 * 1024 * 1024;
+
+SessionOptions sessionOptions(const StreamOptions& options) {
+  SessionOptions session;
+  session.client = options.client;
+  session.encoding = options.encoding;
+  session.budgets = options.budgets;
+  session.creditBytes = options.creditBytes;
+  session.releaseFactor = options.releaseFactor;
+  session.subprotocol = options.subprotocol;
+  session.cacheBytes = options.cacheBytes;
+  return session;
+}
+
+/// Numbers in [0, 1) that differ from one device to the next.
+class Chance {
+ public:
+  Chance() {
+    // Not every platform has a good random_device; the clock differs too.
+    const auto now = std::chrono::high_resolution_clock::now().time_since_epoch().count();
+    std::seed_seq seed{static_cast<std::uint32_t>(now), static_cast<std::uint32_t>(now >> 32), std::random_device{}()};
+    engine_.seed(seed);
+  }
+
+  double operator()() { return std::uniform_real_distribution<double>(0, 1)(engine_); }
+
+ private:
+  std::minstd_rand engine_;
+};
+
+}  // namespace
+
+struct SceneStream::Impl {
+  Impl(const StreamOptions& options, std::string url, std::shared_ptr<TransportFactory> factory,
+       std::function<double()> chance)
+      : transports(std::move(factory)),
+        session(sessionOptions(options), &xxh3Hash64),
+        link(Link::Parts{session, *transports, std::move(url), options.token, std::move(chance),
+                         [this](SessionEvent& event) { handle(event); },
+                         [this](const LinkState& state) { onLink(state); },
+                         [this] { return events.size() < kMaxWaitingEvents; }}) {}
+
+  void tell(StreamEvent event) { events.push_back(std::move(event)); }
+
+  void onLink(const LinkState& state) {
+    StreamEvent event;
+    event.kind = EventKind::Link;
+    event.link = state;
+    tell(std::move(event));
+    if (state.phase == LinkPhase::Closed) end(Status::failed(state.code, state.message));
+  }
+
+  /// Nobody answers any more: tell whoever waits.
+  void end(const Status& why) {
+    ended = why;
+    for (const std::uint32_t request : session.dropPicks()) {
+      StreamEvent event;
+      event.kind = EventKind::PickRefused;
+      event.request = request;
+      event.code = why.code();
+      event.message = why.message();
+      tell(std::move(event));
+    }
+  }
+
+  void handle(SessionEvent& event) {
+    if (event.news == SessionNews::Rejected) return;
+    StreamEvent& told = event.told;
+    const bool isOver = told.kind == EventKind::Ready || told.kind == EventKind::Superseded ||
+                        (told.kind == EventKind::Refused && told.landing != kNoLanding);
+    if (isOver) {
+      const auto asked = askedMs.find(told.landing);
+      if (asked != askedMs.end()) {
+        told.elapsedMs = link.nowMs() - asked->second;
+        askedMs.erase(asked);
+      }
+    }
+    if (!isClosed) tell(std::move(told));
+  }
+
+  void refuse(const Status& why) {
+    StreamEvent event;
+    event.kind = EventKind::Refused;
+    event.code = why.code();
+    event.message = why.message();
+    tell(std::move(event));
+  }
+
+  std::shared_ptr<TransportFactory> transports;
+  ClientSession session;
+  std::deque<StreamEvent> events;
+  /// When each landing that is not over was asked for.
+  std::map<std::int64_t, double> askedMs;
+  /// Why nothing is sent any more, until `reconnect`.
+  Status ended;
+  bool isClosed = false;
+  std::size_t maxPumpBytes = kMaxPumpBytes;
+  // Last, so that it parts from its transport before what it reports to is gone.
+  Link link;
+};
+
+Result<std::unique_ptr<SceneStream>> SceneStream::make(const StreamOptions& options,
+                                                       std::shared_ptr<TransportFactory> transports,
+                                                       double (*chance)()) {
+  Result<std::string> url = streamUrl(options.sceneUrl);
+  if (!url.isOk()) return url.status();
+  TERRAPORT_RETURN_IF_ERROR(checkSessionOptions(sessionOptions(options)));
+  if (transports == nullptr) return Status::failed("invalid_argument", "got no transports");
+  std::function<double()> draw = chance != nullptr ? std::function<double()>(chance) : std::function<double()>(Chance());
+  auto impl = std::make_unique<Impl>(options, url.take(), std::move(transports), std::move(draw));
+  return std::unique_ptr<SceneStream>(new SceneStream(std::move(impl)));
+}
+
+SceneStream::SceneStream(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+SceneStream::~SceneStream() { close(); }
+
+void SceneStream::pump(double nowMs) { impl_->link.pump(nowMs, impl_->maxPumpBytes); }
+
+void SceneStream::setMaxPumpBytes(std::size_t bytes) { impl_->maxPumpBytes = bytes; }
+
+std::int64_t SceneStream::land(const Vec3& position, double radiusM, const LandOptions& options) {
+  const Status status = checkLand(position, radiusM, options);
+  if (!status.isOk()) {
+    impl_->refuse(status);
+    return kNoLanding;
+  }
+  const std::int64_t number = impl_->session.land(position, radiusM, options);
+  impl_->askedMs[number] = impl_->link.nowMs();
+  return number;
+}
+
+void SceneStream::aim(const Vec3& position, double radiusM) {
+  const Status status = checkAim(position, radiusM);
+  if (status.isOk()) {
+    impl_->session.aim(position, radiusM);
+  } else {
+    impl_->refuse(status);
+  }
+}
+
+Result<std::uint64_t> SceneStream::pick(const Vec3& origin, const std::optional<Vec3>& direction) {
+  if (!impl_->ended.isOk()) return impl_->ended;
+  TERRAPORT_RETURN_IF_ERROR(checkPick(origin, direction));
+  if (impl_->session.openPicks() >= kMaxPicks) {
+    return Status::failed("too_many", std::to_string(kMaxPicks) + " picks wait for an answer already");
+  }
+  return std::uint64_t{impl_->session.pick(origin, direction)};
+}
+
+bool SceneStream::tryNextEvent(StreamEvent& event) {
+  if (impl_->events.empty()) return false;
+  std::swap(event, impl_->events.front());
+  impl_->events.pop_front();
+  return true;
+}
+
+SharedPayload SceneStream::payload(std::uint32_t segment) const {
+  const CachedSegment* const entry = impl_->session.held().peek(segment);
+  return entry == nullptr ? nullptr : entry->payload;
+}
+
+PayloadEncoding SceneStream::encoding() const { return impl_->session.options().encoding; }
+
+StreamStats SceneStream::stats() const {
+  const Transfers& transfers = impl_->session.transfers();
+  StreamStats stats;
+  stats.payloadBytes = transfers.payloadBytes();
+  stats.repeatedBytes = transfers.repeatedBytes();
+  stats.heldSegments = impl_->session.held().count();
+  stats.heldBytes = impl_->session.held().bytes();
+  stats.aimedLandings = transfers.aims().landings;
+  stats.aimHits = transfers.aims().hits;
+  stats.prefetchedBytes = transfers.aims().prefetchedBytes;
+  stats.usedPrefetchedBytes = transfers.aims().usedBytes;
+  return stats;
+}
+
+void SceneStream::reconnect(const std::string& token) {
+  if (impl_->isClosed) return;
+  impl_->ended = Status::ok();
+  impl_->link.reconnect(token);
+}
+
+void SceneStream::close() {
+  if (impl_->isClosed) return;
+  impl_->link.leave();
+  impl_->end(Status::failed("closed", "the stream was closed here"));
+  impl_->isClosed = true;
+}
+
+}  // namespace terraport

@@ -1,0 +1,157 @@
+#include "Terraport/SceneUrl.h"
+
+#include "Utf8.h"
+
+#include <algorithm>
+#include <string_view>
+
+namespace terraport {
+
+namespace {
+
+constexpr std::string_view kScenes = "/scenes";
+constexpr std::string_view kStream = "/stream";
+
+Status invalid(const std::string& text) { return Status::failed("invalid_url", text); }
+
+std::string lower(std::string_view text) {
+  std::string small(text);
+  for (char& letter : small) {
+    if (letter >= 'A' && letter <= 'Z') letter = static_cast<char>(letter - 'A' + 'a');
+  }
+  return small;
+}
+
+bool isPlain(char letter) {
+  return (letter >= '0' && letter <= '9') || (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
+         std::string_view("_.-~").find(letter) != std::string_view::npos;
+}
+
+int hexDigit(char letter) {
+  if (letter >= '0' && letter <= '9') return letter - '0';
+  if (letter >= 'a' && letter <= 'f') return letter - 'a' + 10;
+  if (letter >= 'A' && letter <= 'F') return letter - 'A' + 10;
+  return -1;
+}
+
+/// As Python's `quote(text, safe="")` does it.
+std::string encoded(const std::string& text) {
+  static const char digits[] = "0123456789ABCDEF";
+  std::string into;
+  for (const char letter : text) {
+    if (isPlain(letter)) {
+      into.push_back(letter);
+    } else {
+      const auto byte = static_cast<unsigned char>(letter);
+      into.append({'%', digits[byte >> 4], digits[byte & 0xF]});
+    }
+  }
+  return into;
+}
+
+Result<std::string> decoded(std::string_view text) {
+  std::string into;
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    if (text[at] != '%') {
+      into.push_back(text[at]);
+      continue;
+    }
+    const int high = at + 2 < text.size() ? hexDigit(text[at + 1]) : -1;
+    const int low = at + 2 < text.size() ? hexDigit(text[at + 2]) : -1;
+    if (high < 0 || low < 0) return invalid("scene id has a percent sign without two digits");
+    into.push_back(static_cast<char>(16 * high + low));
+    at += 2;
+  }
+  if (!isUtf8(into)) return invalid("scene id, expected UTF-8 behind its percent signs");
+  return into;
+}
+
+std::string_view withoutSlashes(std::string_view text) {
+  while (!text.empty() && text.front() == '/') text.remove_prefix(1);
+  while (!text.empty() && text.back() == '/') text.remove_suffix(1);
+  return text;
+}
+
+/// A host name, an IPv4 address or an IPv6 address in brackets, and perhaps a port.
+bool isAuthority(std::string_view text) {
+  std::string_view host = text;
+  const std::size_t bracket = text.find(']');
+  const std::size_t colon = text.find(':', bracket == std::string_view::npos ? 0 : bracket);
+  if (colon != std::string_view::npos) {
+    host = text.substr(0, colon);
+    const std::string_view port = text.substr(colon + 1);
+    const bool isPort = !port.empty() && port.size() <= 5 &&
+                        std::all_of(port.begin(), port.end(), [](char letter) { return letter >= '0' && letter <= '9'; });
+    if (!isPort) return false;
+  }
+  if (!host.empty() && host.front() == '[') {
+    return host.size() > 2 && host.back() == ']' &&
+           std::all_of(host.begin() + 1, host.end() - 1,
+                       [](char letter) { return hexDigit(letter) >= 0 || letter == ':' || letter == '.'; });
+  }
+  // Everything else that is no ASCII must come as punycode.
+  return !host.empty() && std::all_of(host.begin(), host.end(), isPlain);
+}
+
+}  // namespace
+
+Result<SceneUrl> parseSceneUrl(const std::string& url) {
+  const std::string_view whole = url;
+  const std::size_t slashes = whole.find("://");
+  const std::string scheme = slashes == std::string_view::npos ? "" : lower(whole.substr(0, slashes));
+  const bool isSecure = scheme == "https" || scheme == "wss";
+  if (!isSecure && scheme != "http" && scheme != "ws") {
+    return invalid("URL " + url + ", expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)");
+  }
+  const std::string_view rest = whole.substr(slashes + 3);
+  const std::size_t slash = std::min(rest.find('/'), rest.size());
+  const std::string_view authority = rest.substr(0, slash);
+  const std::string_view path = rest.substr(slash);
+  const bool isClean = std::all_of(path.begin(), path.end(), [](char letter) {
+    return static_cast<unsigned char>(letter) > 0x20 && letter != '\\' && letter != 0x7F;
+  });
+  if (rest.find_first_of("?#@") != std::string_view::npos) {
+    return invalid("URL has credentials, a query or a fragment, expected none of them");
+  }
+  if (!isAuthority(authority) || !isClean) {
+    return invalid("URL " + url + ", expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)");
+  }
+  const std::string origin = (isSecure ? "https://" : "http://") + lower(authority);
+  const std::size_t found = path.find(kScenes);
+  std::string_view prefix = path.substr(0, found);
+  const std::string_view behind = found == std::string_view::npos ? "" : path.substr(found + kScenes.size());
+  std::string_view scene = withoutSlashes(behind);
+  if (scene.size() > kStream.size() && scene.substr(scene.size() - kStream.size()) == kStream) {
+    scene.remove_suffix(kStream.size());
+  }
+  SceneUrl result;
+  if (scene.empty()) {
+    while (!prefix.empty() && prefix.back() == '/') prefix.remove_suffix(1);
+    result.server = origin + std::string(prefix);
+    return result;
+  }
+  if (scene.find('/') != std::string_view::npos || behind.front() != '/') {
+    return invalid("URL path " + std::string(path) + ", expected [/prefix]/scenes/ID");
+  }
+  Result<std::string> id = decoded(scene);
+  if (!id.isOk()) return id.status();
+  result.server = origin + std::string(prefix);
+  result.scene = id.take();
+  return result;
+}
+
+Result<std::string> sceneUrlOf(const std::string& serverUrl, const std::string& id) {
+  const Result<SceneUrl> parsed = parseSceneUrl(serverUrl);
+  if (!parsed.isOk()) return parsed.status();
+  return parsed.value().server + std::string(kScenes) + "/" + encoded(id);
+}
+
+Result<std::string> streamUrl(const std::string& sceneUrl) {
+  const Result<SceneUrl> parsed = parseSceneUrl(sceneUrl);
+  if (!parsed.isOk()) return parsed.status();
+  const SceneUrl& parts = parsed.value();
+  if (parts.scene.empty()) return invalid(parts.server + " names no scene, expected .../scenes/ID");
+  return "ws" + parts.server.substr(4) + std::string(kScenes) + "/" + encoded(parts.scene) + std::string(kStream);
+}
+
+}  // namespace terraport

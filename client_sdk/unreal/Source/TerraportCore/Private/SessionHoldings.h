@@ -1,0 +1,58 @@
+// What the client holds, and what the server must be told of it. Pure.
+#pragma once
+
+#include "Cache.h"
+#include "Messages.generated.h"
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <vector>
+
+namespace terraport {
+
+/// The cache, and the evictions that the server does not know yet: a segment that is not held any more must be named in an
+/// `evict` before the next `land` or `aim` (wire protocol, 6.7), since the server counts on what it once sent.
+class Holdings {
+ public:
+  explicit Holdings(std::uint64_t cacheBytes) : cache_(cacheBytes) {}
+
+  std::uint64_t bytes() const { return cache_.bytes(); }
+  std::size_t count() const { return cache_.size(); }
+  bool has(std::uint32_t segment) const { return cache_.has(segment); }
+
+  /// Make it the most recently used; whether it is held.
+  bool recall(std::uint32_t segment) { return cache_.get(segment) != nullptr; }
+
+  /// The entry, without changing its age; null where it is not held.
+  const CachedSegment* peek(std::uint32_t segment) const { return cache_.peek(segment); }
+
+  /// Facts of what is held, or was until the server is told.
+  std::optional<SegmentFacts> factsOf(std::uint32_t segment) const;
+
+  void put(CachedSegment entry);
+
+  /// Make exactly these the ones that must not be evicted.
+  void pin(std::set<std::uint32_t> segments) { cache_.pin(std::move(segments)); }
+
+  /// Evict down to the bound; returns the ids that went.
+  std::vector<std::uint32_t> trim();
+
+  /// Drop a segment that the server knows to be gone: dropped by it, or rejected.
+  void forget(std::uint32_t segment);
+
+  /// The messages, once, that tell the server what is gone. `spared`: ids of a plan that is not ready; these must not be
+  /// evicted now and are told later.
+  std::vector<ClientMessage> evictions(const std::set<std::uint32_t>& spared);
+
+  /// Everything held, most recently used first; every eviction is told by what is not in it.
+  std::vector<HeldRow> offer();
+
+ private:
+  SegmentCache cache_;
+  /// Dropped here, and the server not told yet.
+  std::map<std::uint32_t, SegmentFacts> gone_;
+};
+
+}  // namespace terraport

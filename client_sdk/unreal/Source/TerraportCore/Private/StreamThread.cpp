@@ -1,0 +1,265 @@
+#include "Terraport/StreamThread.h"
+
+#include "Session.h"
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <variant>
+#include <vector>
+
+namespace terraport {
+
+namespace {
+
+/// Between two looks at the network: while something came in the last second, and later. Commands wake the thread at once.
+constexpr double kShortPauseMs = 1;
+constexpr double kLongPauseMs = 10;
+constexpr double kQuietMs = 1000;
+
+/// As in SceneStream, which counts the picks that it knows; here are those on their way to it.
+constexpr std::size_t kMaxPicks = 64;
+
+/// Events that wait for the owner; the thread keeps the rest, and receives nothing more when that is full.
+constexpr std::size_t kMaxWaitingEvents = 4096;
+
+struct LandCommand {
+  Vec3 position;
+  double radiusM = 0;
+  LandOptions options;
+};
+struct AimCommand {
+  Vec3 position;
+  double radiusM = 0;
+};
+struct PickCommand {
+  Vec3 origin;
+  std::optional<Vec3> direction;
+  std::uint64_t request = 0;
+};
+struct ReconnectCommand {
+  std::string token;
+};
+using Command = std::variant<LandCommand, AimCommand, PickCommand, ReconnectCommand>;
+
+double nowMs() {
+  using Milliseconds = std::chrono::duration<double, std::milli>;
+  return std::chrono::duration_cast<Milliseconds>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+struct StreamThread::Impl {
+  explicit Impl(std::unique_ptr<SceneStream> made) : stream(std::move(made)), encoding(stream->encoding()) {}
+
+  ~Impl() { stop(); }
+
+  void start() {
+    thread = std::thread([this] { run(); });
+  }
+
+  void stop() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex);
+      isStopping = true;
+    }
+    wake.notify_one();
+    if (thread.joinable()) thread.join();
+  }
+
+  void say(Command command) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex);
+      if (isStopping) return;
+      // Only the newest aim counts; in one burst of them the older ones are never sent.
+      if (std::holds_alternative<AimCommand>(command) && !commands.empty() &&
+          std::holds_alternative<AimCommand>(commands.back())) {
+        commands.back() = std::move(command);
+      } else {
+        commands.push_back(std::move(command));
+      }
+    }
+    wake.notify_one();
+  }
+
+  /// On the thread.
+  void run() {
+    std::deque<Command> todo;
+    double busyMs = nowMs();
+    bool wasBusy = false;
+    for (;;) {
+      {
+        std::unique_lock<std::mutex> lock(mutex);
+        const double pauseMs = nowMs() - busyMs < kQuietMs ? kShortPauseMs : kLongPauseMs;
+        if (!wasBusy) {
+          wake.wait_for(lock, std::chrono::duration<double, std::milli>(pauseMs),
+                        [this] { return isStopping || !commands.empty(); });
+        }
+        if (isStopping) break;
+        todo.swap(commands);
+      }
+      // The time first: a landing counts from it.
+      stream->pump(nowMs());
+      for (const Command& command : todo) std::visit([this](const auto& one) { obey(one); }, command);
+      if (!todo.empty()) stream->pump(nowMs());
+      wasBusy = passOn();
+      if (wasBusy || !todo.empty()) busyMs = nowMs();
+      todo.clear();
+    }
+    // On this thread, where its transports live.
+    stream->close();
+    passOn();
+    stream.reset();
+  }
+
+  void obey(const LandCommand& land) { stream->land(land.position, land.radiusM, land.options); }
+  void obey(const AimCommand& aim) { stream->aim(aim.position, aim.radiusM); }
+  void obey(const ReconnectCommand& reconnect) { stream->reconnect(reconnect.token); }
+
+  void obey(const PickCommand& pick) {
+    const Result<std::uint64_t> asked = stream->pick(pick.origin, pick.direction);
+    if (asked.isOk()) {
+      ours[asked.value()] = pick.request;
+      return;
+    }
+    StreamEvent event;
+    event.kind = EventKind::PickRefused;
+    event.request = pick.request;
+    event.code = asked.status().code();
+    event.message = asked.status().message();
+    answers.push_back(std::move(event));
+  }
+
+  /// Hand events, payloads and counts to the owner; whether there was any event.
+  bool passOn() {
+    const StreamStats counted = stream->stats();
+    std::size_t room = 0;
+    {
+      const std::lock_guard<std::mutex> lock(mutex);
+      stats = counted;
+      room = events.size() < kMaxWaitingEvents ? kMaxWaitingEvents - events.size() : 0;
+    }
+    std::vector<StreamEvent> fresh = std::move(answers);
+    answers.clear();
+    StreamEvent event;
+    while (fresh.size() < room && stream->tryNextEvent(event)) {
+      if (event.kind == EventKind::Picked || event.kind == EventKind::PickRefused) renumber(event);
+      fresh.push_back(std::move(event));
+      event = StreamEvent();
+    }
+    if (fresh.empty()) return false;
+    const std::lock_guard<std::mutex> lock(mutex);
+    for (StreamEvent& one : fresh) {
+      if (one.kind == EventKind::Arrived) {
+        payloads[one.facts.segment] = stream->payload(one.facts.segment);
+      } else if (one.kind == EventKind::Dropped) {
+        for (const std::uint32_t segment : one.segments) payloads.erase(segment);
+      } else if (one.kind == EventKind::Picked || one.kind == EventKind::PickRefused) {
+        openPicks -= openPicks > 0 ? 1 : 0;
+      }
+      events.push_back(std::move(one));
+    }
+    return true;
+  }
+
+  void renumber(StreamEvent& event) {
+    const auto found = ours.find(event.request);
+    if (found == ours.end()) return;
+    event.request = found->second;
+    ours.erase(found);
+  }
+
+  // Of the thread alone.
+  std::unique_ptr<SceneStream> stream;
+  /// Our number of a pick by the stream's.
+  std::map<std::uint64_t, std::uint64_t> ours;
+  std::vector<StreamEvent> answers;
+
+  // Of the owner alone.
+  std::int64_t landings = 0;
+  std::uint64_t requests = 0;
+  const PayloadEncoding encoding;
+  std::thread thread;
+
+  // Of both.
+  std::mutex mutex;
+  std::condition_variable wake;
+  std::deque<Command> commands;
+  std::deque<StreamEvent> events;
+  std::map<std::uint32_t, SharedPayload> payloads;
+  StreamStats stats;
+  std::size_t openPicks = 0;
+  bool isStopping = false;
+};
+
+Result<std::unique_ptr<StreamThread>> StreamThread::make(const StreamOptions& options,
+                                                         std::shared_ptr<TransportFactory> transports) {
+  Result<std::unique_ptr<SceneStream>> stream = SceneStream::make(options, std::move(transports));
+  if (!stream.isOk()) return stream.status();
+  auto impl = std::make_unique<Impl>(stream.take());
+  impl->start();
+  return std::unique_ptr<StreamThread>(new StreamThread(std::move(impl)));
+}
+
+StreamThread::StreamThread(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+StreamThread::~StreamThread() = default;
+
+std::int64_t StreamThread::land(const Vec3& position, double radiusM, const LandOptions& options) {
+  const Status status = checkLand(position, radiusM, options);
+  // A number that cannot be goes on too: the refusal then comes in its place among the events.
+  impl_->say(LandCommand{position, radiusM, options});
+  if (!status.isOk()) return kNoLanding;
+  // As the session counts: landings that it takes, in the order in which they are asked for.
+  impl_->landings += 1;
+  return impl_->landings;
+}
+
+void StreamThread::aim(const Vec3& position, double radiusM) { impl_->say(AimCommand{position, radiusM}); }
+
+Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional<Vec3>& direction) {
+  TERRAPORT_RETURN_IF_ERROR(checkPick(origin, direction));
+  {
+    const std::lock_guard<std::mutex> lock(impl_->mutex);
+    if (impl_->isStopping) return Status::failed("closed", "the stream was closed here");
+    if (impl_->openPicks >= kMaxPicks) {
+      return Status::failed("too_many", std::to_string(kMaxPicks) + " picks wait for an answer already");
+    }
+    impl_->openPicks += 1;
+  }
+  impl_->requests += 1;
+  impl_->say(PickCommand{origin, direction, impl_->requests});
+  return impl_->requests;
+}
+
+bool StreamThread::tryNextEvent(StreamEvent& event) {
+  const std::lock_guard<std::mutex> lock(impl_->mutex);
+  if (impl_->events.empty()) return false;
+  std::swap(event, impl_->events.front());
+  impl_->events.pop_front();
+  return true;
+}
+
+SharedPayload StreamThread::payload(std::uint32_t segment) const {
+  const std::lock_guard<std::mutex> lock(impl_->mutex);
+  const auto found = impl_->payloads.find(segment);
+  return found == impl_->payloads.end() ? nullptr : found->second;
+}
+
+PayloadEncoding StreamThread::encoding() const { return impl_->encoding; }
+
+StreamStats StreamThread::stats() const {
+  const std::lock_guard<std::mutex> lock(impl_->mutex);
+  return impl_->stats;
+}
+
+void StreamThread::reconnect(const std::string& token) { impl_->say(ReconnectCommand{token}); }
+
+void StreamThread::close() { impl_->stop(); }
+
+}  // namespace terraport
