@@ -62,10 +62,6 @@ namespace Terraport.Unity
         {
             if (coming == null || coming.Files != files)
             {
-                if (drawn != null && drawn.Files == files)
-                {
-                    return true;
-                }
                 if (coming != null)
                 {
                     coming.Release();

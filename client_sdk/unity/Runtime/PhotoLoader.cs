@@ -7,7 +7,7 @@ namespace Terraport.Unity
 {
     /// <summary>
     /// Makes textures from payloads' images, at most one JPEG or PNG in a frame: Unity reads those on the main thread alone, which
-    /// takes 5 to 20 ms for a megapixel on a headset. KTX2 is read on threads, by another package. Main thread.
+    /// takes milliseconds for each. KTX2 is read on threads, by another package. Main thread.
     /// </summary>
     public sealed class PhotoLoader : IDisposable
     {

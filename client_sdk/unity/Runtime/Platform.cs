@@ -1,4 +1,5 @@
 using System;
+using System.Threading.Tasks;
 
 namespace Terraport.Unity
 {
@@ -10,6 +11,18 @@ namespace Terraport.Unity
         public static bool HasThreads
         {
             get { return false; }
+        }
+
+        /// <summary>Runs work beside the main thread; null where there is no beside.</summary>
+        public static Func<Action, Task> Aside
+        {
+            get { return null; }
+        }
+
+        /// <summary>How files are fetched unless a project says otherwise.</summary>
+        public static IHttp MakeHttp()
+        {
+            return new WebRequestHttp();
         }
 
         public static ISceneStream OpenStream(StreamOptions options, ITransportFactory transports)
@@ -26,6 +39,18 @@ namespace Terraport.Unity
         public static bool HasThreads
         {
             get { return true; }
+        }
+
+        /// <summary>Runs work beside the main thread; null where there is no beside.</summary>
+        public static Func<Action, Task> Aside
+        {
+            get { return Task.Run; }
+        }
+
+        /// <summary>How files are fetched unless a project says otherwise.</summary>
+        public static IHttp MakeHttp()
+        {
+            return new SystemHttp();
         }
 
         /// <summary>A stream that is pumped on a thread of its own.</summary>

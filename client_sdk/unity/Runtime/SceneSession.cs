@@ -13,6 +13,11 @@ namespace Terraport.Unity
         /// <summary>Faces of a block of the base: 13 blocks for 200,000 faces, and at most 96 KiB of indices to write for one.</summary>
         private const int BaseBlockFaces = 16384;
 
+        /// <summary>Between two tries to load the files; doubled from the first to the second.</summary>
+        private const float MinRetryS = 2;
+
+        private const float MaxRetryS = 30;
+
         private readonly TerraportSettings settings;
         private readonly DeviceBudgets budgets;
         private readonly string url;
@@ -25,6 +30,8 @@ namespace Terraport.Unity
         private string token;
         private Task<SceneFiles> loading;
         private IDecodeQueue decoders;
+        private float retryAtS = float.PositiveInfinity;
+        private float retryInS = MinRetryS;
         private bool isDisposed;
 
         public SceneSession(TerraportScene scene, string url, string token)
@@ -34,7 +41,7 @@ namespace Terraport.Unity
             this.url = url;
             this.token = token;
             transports = scene.Transports;
-            http = scene.Http;
+            http = scene.Http ?? Platform.MakeHttp();
             materials = new GroundMaterials(scene.DetailMaterial, scene.BaseMaterial, settings.relief);
             renderer = new GroundRenderer(scene.transform, photos, materials, BaseBlockFaces);
             renderer.BaseFault += fault => Fault(fault);
@@ -82,9 +89,9 @@ namespace Terraport.Unity
             {
                 Stream.Reconnect(newToken);
             }
-            if (loading == null && Files == null)
+            if (loading == null && (Files == null || Stage.NeedsFiles))
             {
-                loading = LoadAsync();
+                retryAtS = 0;
             }
         }
 
@@ -92,6 +99,10 @@ namespace Terraport.Unity
         public void Update()
         {
             TakeFiles();
+            if (loading == null && Time.realtimeSinceStartup >= retryAtS)
+            {
+                Load();
+            }
             photos.Step();
             if (Stage == null)
             {
@@ -112,9 +123,9 @@ namespace Terraport.Unity
                 return; // A listener closed the scene.
             }
             Stage.Update(settings.ActualFrameBudgetMs);
-            if (!isDisposed && Stage.NeedsFiles && loading == null)
+            if (!isDisposed && Stage.NeedsFiles && loading == null && float.IsPositiveInfinity(retryAtS))
             {
-                loading = LoadAsync();
+                Load(); // Another version is served now.
             }
         }
 
@@ -145,24 +156,26 @@ namespace Terraport.Unity
             cancel.Dispose();
         }
 
+        private void Load()
+        {
+            retryAtS = float.PositiveInfinity;
+            loading = LoadAsync();
+        }
+
         private async Task<SceneFiles> LoadAsync()
         {
             CancellationToken cancelled = cancel.Token;
-            SceneFiles files = await SceneLoader.LoadAsync(url, token, http, null, cancelled);
-            if (Platform.HasThreads)
+            string version = Stage != null && Stage.NeedsFiles ? Stage.NeededVersion : null;
+            SceneFiles files = await SceneLoader.LoadAsync(url, token, http, null, cancelled, version, Platform.Aside);
+            SceneFiles sorted = null;
+            Action prepare = () => sorted = BaseOrder.Sort(files, BaseBlockFaces);
+            if (Platform.Aside == null)
             {
-                return await Task.Run(() => Prepare(files), cancelled);
+                prepare(); // Its blocks are packed one by one while they are uploaded.
+                return sorted;
             }
-            return Prepare(files);
-        }
-
-        private static SceneFiles Prepare(SceneFiles files)
-        {
-            SceneFiles sorted = BaseOrder.Sort(files, BaseBlockFaces);
-            if (Platform.HasThreads)
-            {
-                BaseParts.PackOnto(sorted.Base, BaseBlockFaces);
-            }
+            prepare += () => BaseParts.PackOnto(sorted.Base, BaseBlockFaces);
+            await Platform.Aside(prepare);
             return sorted;
         }
 
@@ -181,9 +194,12 @@ namespace Terraport.Unity
             if (done.IsFaulted)
             {
                 Exception why = done.Exception.GetBaseException();
+                retryAtS = Time.realtimeSinceStartup + retryInS;
+                retryInS = Math.Min(retryInS * 2, MaxRetryS);
                 Fault(why as TerraportException ?? new TerraportException("load", why.Message, null, why));
                 return;
             }
+            retryInS = MinRetryS;
             Files = done.Result;
             if (Stage == null)
             {
@@ -221,7 +237,9 @@ namespace Terraport.Unity
         private StreamOptions OptionsOf()
         {
             StreamOptions options = new StreamOptions();
-            options.SceneUrl = url;
+            SceneUrl address = SceneUrl.Parse(url);
+            // A server's address stands for its only scene, which the files have named.
+            options.SceneUrl = address.Scene != null ? url : address.ScenesUrl + "/" + Uri.EscapeDataString(Files.Manifest.Id);
             options.Token = token;
             options.Encoding = settings.encoding;
             Budgets bounds = default(Budgets);

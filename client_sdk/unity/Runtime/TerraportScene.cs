@@ -221,9 +221,9 @@ namespace Terraport.Unity
         /// </summary>
         /// <param name="point">Where, in Unity's world.</param>
         /// <param name="radiusM">Metres of the scene; 0 takes <see cref="DefaultRadiusM"/>.</param>
-        /// <param name="options">Inner radius, deadline, stall.</param>
+        /// <param name="options">Inner radius, deadline, stall; null leaves them to the server.</param>
         /// <returns>Number of the landing in the events; 0 where it waits for the scene to be loaded.</returns>
-        public int Land(Vector3 point, float radiusM = 0, LandOptions options = default(LandOptions))
+        public int Land(Vector3 point, float radiusM = 0, LandOptions options = null)
         {
             Vec3 place = ToScene(point);
             double radius = radiusM > 0 ? radiusM : DefaultRadiusM;

@@ -1,0 +1,93 @@
+using System;
+using System.Threading;
+using System.Threading.Tasks;
+using UnityEngine.Networking;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// Files by Unity's own web requests: where .NET's client does not work (WebGL), or where a project wants Unity's certificates. Main
+    /// thread. In a browser redirects are followed all the same; the browser then takes the token off where the origin changes.
+    /// </summary>
+    public sealed class WebRequestHttp : IHttp
+    {
+        /// <inheritdoc/>
+        public async Task<HttpAnswer> GetAsync(
+            string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled)
+        {
+            cancelled.ThrowIfCancellationRequested();
+            using (UnityWebRequest request = new UnityWebRequest(url, UnityWebRequest.kHttpVerbGET))
+            {
+                BoundedDownload download = new BoundedDownload(mostBytes, onBytes);
+                request.downloadHandler = download;
+                request.redirectLimit = 0;
+                if (!string.IsNullOrEmpty(token))
+                {
+                    request.SetRequestHeader("Authorization", "Bearer " + token);
+                }
+                TaskCompletionSource<bool> done = new TaskCompletionSource<bool>();
+                UnityWebRequestAsyncOperation sending = request.SendWebRequest();
+                sending.completed += _ => done.TrySetResult(true);
+                using (cancelled.Register(request.Abort))
+                {
+                    await done.Task;
+                }
+                cancelled.ThrowIfCancellationRequested();
+                if (download.IsTooLong)
+                {
+                    throw new TerraportException("damaged", url + " has more than " + mostBytes + " bytes, expected at most that");
+                }
+                if (request.responseCode == 0)
+                {
+                    string text = "no answer from " + url + " (" + request.error + "); is the server running, and reachable from here?";
+                    throw new TerraportException("unreachable", text);
+                }
+                return new HttpAnswer((int)request.responseCode, download.Body, download.Length);
+            }
+        }
+
+        /// <summary>Gathers a body up to a bound, and ends the request where more comes.</summary>
+        private sealed class BoundedDownload : DownloadHandlerScript
+        {
+            private const int PieceBytes = 65536;
+
+            private readonly int mostBytes;
+            private readonly Action<int> onBytes;
+
+            public BoundedDownload(int mostBytes, Action<int> onBytes)
+                : base(new byte[PieceBytes])
+            {
+                this.mostBytes = mostBytes;
+                this.onBytes = onBytes;
+            }
+
+            public byte[] Body { get; private set; } = new byte[PieceBytes];
+
+            public int Length { get; private set; }
+
+            public bool IsTooLong { get; private set; }
+
+            protected override bool ReceiveData(byte[] data, int dataLength)
+            {
+                if (dataLength > mostBytes - Length)
+                {
+                    IsTooLong = true;
+                    return false;
+                }
+                if (Length + dataLength > Body.Length)
+                {
+                    byte[] longer = new byte[(int)Math.Min(Math.Max(2L * Body.Length, Length + dataLength), mostBytes)];
+                    Buffer.BlockCopy(Body, 0, longer, 0, Length);
+                    Body = longer;
+                }
+                Buffer.BlockCopy(data, 0, Body, Length, dataLength);
+                Length += dataLength;
+                if (onBytes != null)
+                {
+                    onBytes(dataLength);
+                }
+                return true;
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+#include "../../../Pipelines.hlsl"
+float3 _WorldSpaceCameraPos;
+float4 unity_FogColor;
+float3 GetCameraPositionWS() { return _WorldSpaceCameraPos; }
+float ComputeFogFactor(float z) { return z; }
+float3 MixFog(float3 colour, float factor) { return lerp(unity_FogColor.rgb, colour, saturate(factor)); }
