@@ -6,13 +6,7 @@ template <typename T>
 class TActorIterator
 {
 public:
-	explicit TActorIterator(const UWorld* World)
-	{
-		for (AActor* Actor : World->StubActors)
-		{
-			Found = Found != nullptr ? Found : dynamic_cast<T*>(Actor);
-		}
-	}
+	explicit TActorIterator(const UWorld* World) : Found(static_cast<T*>(World->StubActor)) {}
 	explicit operator bool() const
 	{
 		return Found != nullptr;

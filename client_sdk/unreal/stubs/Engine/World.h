@@ -12,5 +12,6 @@ public:
 		return StubPlayer;
 	}
 	APlayerController* StubPlayer = nullptr;
-	std::vector<AActor*> StubActors;
+	/// The one that iterators find.
+	AActor* StubActor = nullptr;
 };

@@ -23,7 +23,6 @@ public:
 	{
 		T* Made = new T();
 		Made->StubOwner = this;
-		StubComponents.push_back(Made);
 		return Made;
 	}
 	bool SetRootComponent(USceneComponent* Component)
@@ -71,18 +70,12 @@ public:
 	template <typename T>
 	T* FindComponentByClass() const
 	{
-		for (UActorComponent* Component : StubComponents)
-		{
-			if (T* Found = dynamic_cast<T*>(Component))
-			{
-				return Found;
-			}
-		}
-		return nullptr;
+		return static_cast<T*>(StubFound);
 	}
 	FTransform StubTransform;
 	UWorld* StubWorld = nullptr;
-	std::vector<UActorComponent*> StubComponents;
+	/// What is found, whatever the class: without run-time type information nobody can tell.
+	UActorComponent* StubFound = nullptr;
 
 private:
 	USceneComponent* StubRoot = nullptr;
