@@ -14,10 +14,10 @@ namespace {
 constexpr std::string_view kAttribute = "attribute/";
 
 /// Rows that are not counted by the header.
-constexpr std::uint32_t kAnyRows = 0xFFFFFFFFU;
+constexpr std::int64_t kAnyRows = -1;
 
 /// Look for a field: null where there is none, a failure where it has another type or shape.
-Status findField(const FlatFile& file, std::string_view name, FlatType type, std::uint32_t components, std::uint32_t rows,
+Status findField(const FlatFile& file, std::string_view name, FlatType type, std::uint32_t components, std::int64_t rows,
                  const FlatField*& field) {
   field = file.find(name);
   if (field == nullptr) {

@@ -76,6 +76,9 @@ class TERRAPORTCORE_API SceneRenderer {
   /// Called again for the same block where the coming set changed meanwhile. What is drawn does not change.
   virtual void prepareBase(const FaceRange& block, const HiddenFaces& next) = 0;
 
+  /// Whether the base of the last `beginBase` is drawn: nothing is swapped before. Asked once a frame until it is true.
+  virtual bool isBaseReady() { return true; }
+
   /// Change what is drawn, at once: flags alone, everything was uploaded and prepared.
   virtual void swap(const SceneSwap& change) = 0;
 };
