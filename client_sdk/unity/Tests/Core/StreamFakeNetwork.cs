@@ -1,0 +1,54 @@
+using System;
+using System.Collections.Generic;
+using Terraport.Wire;
+
+namespace Terraport.Tests
+{
+    /// <summary>
+    /// A network in memory: every connection has a model server of its own at its end. Time stands still unless a test moves
+    /// it.
+    /// </summary>
+    internal sealed class StreamFakeNetwork : ITransportFactory
+    {
+        internal readonly SessionModelOptions Options = new SessionModelOptions { CreditBytes = 1 << 20 };
+        internal readonly List<StreamFakeTransport> Made = new List<StreamFakeTransport>();
+        internal SessionToyScene Scene = new SessionToyScene();
+        internal double NowMs = 1000;
+        // Where set, connections are closed with it at once.
+        internal int RefuseWith;
+        internal string RefuseReason = "";
+        // Where set, an error that goes before that close.
+        internal ErrorMessage RefuseError;
+        // Where set, nothing comes about: no answer to the handshake.
+        internal bool IsDeaf;
+
+        internal StreamFakeTransport Last
+        {
+            get { return Made[Made.Count - 1]; }
+        }
+
+        public ITransport Create()
+        {
+            Made.Add(new StreamFakeTransport(this));
+            return Last;
+        }
+
+        internal SceneStream Stream(Action<StreamOptions> change = null)
+        {
+            return new SceneStream(StreamOptions(change), this, null, () => NowMs);
+        }
+
+        internal StreamOptions StreamOptions(Action<StreamOptions> change = null)
+        {
+            var options = new StreamOptions
+            {
+                SceneUrl = "http://toy.example/scenes/toy",
+                CreditBytes = Options.CreditBytes,
+                ReleaseFactor = 1,
+                Subprotocol = Options.Subprotocol,
+            };
+            if (change != null) change(options);
+            return options;
+        }
+    }
+}

@@ -1,0 +1,94 @@
+using System;
+using System.Collections.Generic;
+using System.Diagnostics;
+using System.Linq;
+using System.Threading;
+using NUnit.Framework;
+
+namespace Terraport.Tests
+{
+    /// <summary>The stream on a thread of its own.</summary>
+    [TestFixture]
+    public class StreamThreadedTests
+    {
+        private static readonly Vec3 Middle = SessionToyScene.Middle;
+
+        [Test]
+        public void LandsAsTheInlineStreamDoesAndPinsFromAnyThread()
+        {
+            var network = new StreamFakeNetwork();
+            var stream = new ThreadedStream(network.StreamOptions(), network);
+            var events = new List<StreamEvent>();
+            int last = 0;
+            for (int count = 1; count <= 20; count++)
+            {
+                last = stream.Land(Middle, 1 + count % 5);
+                Assert.AreEqual(count, last);
+                stream.Aim(Middle, 2);
+            }
+            int request = stream.Pick(Middle);
+            Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == last)
+                && events.Exists(one => one.Kind == StreamEventKind.Picked));
+            StreamEvent ready = events.FindLast(one => one.Kind == StreamEventKind.Ready);
+            Assert.AreEqual(network.Scene.Within(Middle, 1 + 20 % 5), ready.Segments);
+            Assert.GreaterOrEqual(ready.ElapsedMs, 0);
+            Assert.AreEqual(request, events.Find(one => one.Kind == StreamEventKind.Picked).Request);
+            foreach (uint segment in ready.Segments)
+            {
+                PinnedPayload pin;
+                Assert.IsTrue(stream.TryPin(segment, out pin));
+                Assert.AreEqual(network.Scene.Payloads[segment], pin.Bytes.ToArray());
+                pin.Dispose();
+            }
+            Until(stream, events, () => stream.Stats.HeldSegments > 0);
+            stream.Close();
+            PinnedPayload gone;
+            Until(stream, events, () => !stream.TryPin(ready.Segments[0], out gone));
+            Assert.AreEqual("bye", network.Last.Server.Heard.Last().Type);
+            stream.Dispose();
+        }
+
+        [Test]
+        public void RefusesNumbersThatCannotBeInTheCallersThread()
+        {
+            var network = new StreamFakeNetwork();
+            using (var stream = new ThreadedStream(network.StreamOptions(), network))
+            {
+                Assert.Catch<ArgumentException>(() => stream.Land(Middle, 0));
+                Assert.Catch<ArgumentException>(() => stream.Land(Middle, 1, new LandOptions { DeadlineMs = 1 }));
+                Assert.Catch<ArgumentException>(() => stream.Aim(Middle, double.NaN));
+                Assert.Catch<ArgumentException>(() => stream.Pick(Middle, new Vec3(0, 0, 0)));
+                Assert.AreEqual(1, stream.Land(Middle, 1));
+                Assert.AreEqual(1, stream.Pick(Middle));
+            }
+        }
+
+        [Test]
+        public void ConnectsAgainByItself()
+        {
+            var network = new StreamFakeNetwork { RefuseWith = 1006 };
+            var events = new List<StreamEvent>();
+            using (var stream = new ThreadedStream(network.StreamOptions(), network))
+            {
+                int landing = stream.Land(Middle, 2);
+                Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Link && one.Link.Phase == LinkPhase.Waiting));
+                network.RefuseWith = 0;
+                Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == landing));
+            }
+        }
+
+        private static void Until(ThreadedStream stream, List<StreamEvent> events, Func<bool> isSo)
+        {
+            Stopwatch clock = Stopwatch.StartNew();
+            do
+            {
+                stream.Pump();
+                StreamEvent next;
+                while (stream.TryNextEvent(out next)) events.Add(next);
+                Assert.Less(clock.ElapsedMilliseconds, 20000, "it never is so");
+                Thread.Sleep(1);
+            }
+            while (!isSo());
+        }
+    }
+}
