@@ -2,12 +2,12 @@
 
     python benchmarks/engine_decoders.py [SCENE ...] [--segments 200] [--seconds 3] [--smoke]
 
-Each scene's payloads, evenly spread over it, as `glb` and as `arrays` (made from the GLBs where the
-scene has none), one thread, into buffers that are used again. Prints one row per decoder. Without
-SCENE the payloads are made from a formula. Allocations: of C++ every call of `operator new`; of C#
-what the garbage collector's heap grew by, with the collections in between; neither
-counts the first two rounds, in which the buffers grow. Python's figures are of `decode_glb` and
-`decode_arrays`, which make new arrays each time (`decode_arrays` views of the payload).
+Each scene's payloads, evenly spread over it, as `glb` and as `arrays` (made from the GLBs), one
+thread, into buffers that are used again. Prints one row per decoder. Without SCENE the payloads are
+made from a formula. Allocations: of C++ by every call of `operator new`, of C# by
+`GC.GetAllocatedBytesForCurrentThread`; the first two rounds, in which buffers grow, do not count.
+Python's figures are of `decode_glb` and `decode_arrays`, which make new arrays each time (the
+latter mostly views of the payload).
 
 Needs what tests/engines needs (mono-mcs, g++, cmake); says so where they are missing.
 """
@@ -139,8 +139,6 @@ def by_python(payloads: Sequence[bytes], decode: Decode, seconds: float) -> dict
 def row(name: str, size_kb: float, told: dict[str, Any]) -> None:
     allocated = told.get("allocated_bytes_per_segment")
     shown = "" if allocated is None else f"{allocated:,.2f}"
-    if told.get("collections"):
-        shown += f" ({told['collections']} collections)"
     print(
         f"{name:22}{size_kb:>8.1f}{told['segments_per_s']:>12,.0f}{told['payload_mb_per_s']:>9,.0f}"
         f"{told['mtriangles_per_s']:>8.1f}{shown:>25}"

@@ -7,11 +7,11 @@ import json
 import re
 import subprocess
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self, TypeVar
+from typing import Any, Final, Self
 
 from engines.cores import CppCore, CsCore
 from sdk.proxy import Proxy
@@ -19,7 +19,6 @@ from sdk.proxy import Proxy
 __all__ = ["Client", "Landed", "ThreadedProxy", "Totals", "totals"]
 
 TIMEOUT_S: Final = 120
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,8 @@ class Landed:
     segments: dict[int, dict[str, Any]]
     """Of what was held at the end: digests of the decoded arrays."""
     stats: dict[str, Any]
+    stage: dict[str, Any]
+    """What would be drawn, where the visit was staged (``files=``)."""
     failure: str | None
     """Why it ended early."""
     said: str = field(repr=False, default="")
@@ -95,6 +96,7 @@ class Client:
             told["picks"],
             {int(key): value for key, value in told["segments"].items()},
             told["stats"],
+            told["stage"] or {},
             told["failure"],
             done.stdout,
         )
@@ -138,9 +140,3 @@ class ThreadedProxy:
 
     def _call(self, work: Callable[[], Any]) -> None:
         asyncio.run_coroutine_threadsafe(work(), self._loop).result(30)
-
-
-def text_of(command: Sequence[str]) -> str:
-    """Return what a program printed, whatever its exit code."""
-    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
-    return done.stdout + done.stderr

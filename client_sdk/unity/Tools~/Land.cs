@@ -35,7 +35,7 @@ namespace Terraport.Tools
             var transports = new WebSocketTransportFactory();
             if (request.IsThreaded) stream = new ThreadedStream(request.Stream, transports);
             else stream = new SceneStream(request.Stream, transports);
-            if (request.IsStaged) staged = new StagedVisit(stream, request.Stream, Now);
+            if (request.IsStaged) staged = new StagedVisit(stream, request.Stream);
         }
 
         public static int Run(string[] arguments)
@@ -171,7 +171,8 @@ namespace Terraport.Tools
                     EventJson.Describe(landings, told);
                     break;
                 case StreamEventKind.Refused:
-                    if (told.Landing == landing || told.IsFatal) refusedCode = told.Code;
+                    // What ends the session is told by the link as well.
+                    if (told.Landing == landing && !told.IsFatal) refusedCode = told.Code;
                     break;
                 case StreamEventKind.Prefetched:
                     prefetched++;

@@ -1,5 +1,6 @@
 using System;
 using System.Globalization;
+using System.Runtime.InteropServices;
 using System.Threading;
 
 namespace Terraport.Tools
@@ -17,6 +18,18 @@ namespace Terraport.Tools
             "       terraport-tools axes PAYLOAD ...\n";
 
         private static int Main(string[] arguments)
+        {
+            int code = Run(arguments);
+            Console.Out.Flush();
+            // Mono 6.8 ends by aborting its own timers' thread, now and then in the middle of a sort, with exit code 134.
+            EndProcess(code);
+            return code;
+        }
+
+        [DllImport("libc", EntryPoint = "_exit")]
+        private static extern void EndProcess(int code);
+
+        private static int Run(string[] arguments)
         {
             Thread.CurrentThread.CurrentCulture = CultureInfo.InvariantCulture;
             var rest = new string[Math.Max(arguments.Length - 1, 0)];

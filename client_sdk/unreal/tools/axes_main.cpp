@@ -2,6 +2,8 @@
 //
 // Prints payloads as Unreal is given them, turned by the engine layer's own TerraportAxes.h: one JSON array of meshes.
 
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -15,6 +17,22 @@
 #include "mesh_arrays.h"
 
 namespace {
+
+std::string base64(const std::vector<std::uint8_t>& bytes) {
+  static const char* const kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  for (std::size_t at = 0; at < bytes.size(); at += 3) {
+    const std::size_t count = std::min<std::size_t>(3, bytes.size() - at);
+    std::uint32_t word = 0;
+    for (std::size_t part = 0; part < 3; ++part) {
+      word = word << 8 | (part < count ? bytes[at + part] : 0U);
+    }
+    for (std::size_t digit = 0; digit < 4; ++digit) {
+      text += digit <= count ? kDigits[word >> (18 - 6 * digit) & 63U] : '=';
+    }
+  }
+  return text;
+}
 
 void describe(terraport::tools::JsonText& json, const terraport::SegmentMesh& mesh, const terraport::SharedPayload& payload) {
   using namespace terraport;
@@ -48,13 +66,19 @@ void describe(terraport::tools::JsonText& json, const terraport::SegmentMesh& me
   } else {
     json.null();
   }
-  json.key("srgb_colours");
+  // Linear light, as the vertex colours of both engines are.
+  json.key("linear_colours");
   if (plain.hasColours) {
-    json.integers(std::vector<std::uint32_t>(plain.colours.begin(), plain.colours.end()));
+    std::vector<float> linear;
+    for (const std::uint8_t level : plain.colours) {
+      const double share = level / 255.0;
+      linear.push_back(static_cast<float>(share <= 0.04045 ? share / 12.92 : std::pow((share + 0.055) / 1.055, 2.4)));
+    }
+    json.numbers(linear);
   } else {
     json.null();
   }
-  json.key("image_bytes").integers(std::vector<std::uint32_t>(plain.image.begin(), plain.image.end())).close('}');
+  json.key("image").text(base64(plain.image)).close('}');
 }
 
 }  // namespace

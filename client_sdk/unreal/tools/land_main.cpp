@@ -173,7 +173,7 @@ class Visit {
         describeEvent(landings_, event);
         break;
       case EventKind::Refused:
-        if (event.landing == landing_ || event.fatal) {
+        if (event.landing == landing_ && !event.fatal) {  // what ends the session is told by the link as well
           refusedCode_ = event.code;
         }
         break;

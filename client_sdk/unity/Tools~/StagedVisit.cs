@@ -1,0 +1,55 @@
+namespace Terraport.Tools
+{
+    /// <summary>
+    /// A visit as an engine makes it: the stream's events go to a <see cref="SceneStage"/>, and a renderer that draws nothing
+    /// notes what would be drawn.
+    /// </summary>
+    internal sealed class StagedVisit
+    {
+        /// <summary>What a frame gives the stage.</summary>
+        private const double FrameMs = 2;
+
+        private readonly RecordingRenderer renderer = new RecordingRenderer();
+        private readonly DecodeThreads decoders;
+        private readonly SceneStage stage;
+
+        public StagedVisit(ISceneStream stream, StreamOptions options)
+        {
+            SceneFiles files = SceneLoader.LoadAsync(options.SceneUrl, options.Token).GetAwaiter().GetResult();
+            decoders = new DecodeThreads(options.Encoding, 2);
+            stage = new SceneStage(stream, files, renderer, decoders, new StageOptions { BaseBlockFaces = 16 });
+        }
+
+        /// <summary>Whether the newest landing is what is drawn.</summary>
+        public bool IsShown
+        {
+            get { return stage.Status.Phase == LandingPhase.Shown; }
+        }
+
+        public int Land(Vec3 position, double radiusM, LandOptions options)
+        {
+            return stage.Land(position, radiusM, options);
+        }
+
+        public void Handle(StreamEvent told)
+        {
+            stage.Handle(ref told);
+        }
+
+        /// <summary>One frame of the engine.</summary>
+        public void Frame()
+        {
+            stage.Update(FrameMs);
+        }
+
+        /// <summary>What is drawn, and what happened: one JSON object.</summary>
+        public string Describe()
+        {
+            var json = new JsonText();
+            json.Open('{').Key("visible").Values(renderer.Shown).Key("hidden_base_faces").Values(renderer.HiddenFaces);
+            json.Key("swaps").Value((long)renderer.Swaps).Key("digest").Value(stage.VisibleDigest).Key("faults").Open('[');
+            foreach (string fault in renderer.Faults) json.Value(fault);
+            return json.Close(']').Close('}').ToString();
+        }
+    }
+}

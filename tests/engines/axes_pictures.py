@@ -1,0 +1,102 @@
+"""The scene ``axes`` as each client draws it: ``python tests/engines/axes_pictures.py`` writes
+``docs/images/engine-axes.png``.
+
+Each core lands on the service, decodes what came, and turns it by its engine layer's own code; then
+`engine_view` draws that by the engine's conventions. The first picture is the Python SDK's, which
+stays in the scene frame.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+if __name__ == "__main__":  # run as a script: the package "engines" lies in tests/
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from conformance.scene.axes_scene import NAMES, write_axes_scene
+from engines import cores
+from engines.engine_view import CONVENTIONS, Drawn, beside, draw
+from engines.programs import Client
+from engines.sdk_arrays import land_with_sdk
+from faults.service import Service
+
+__all__ = ["PICTURE", "drawn_by_client", "drawn_by_sdk"]
+
+PICTURE: Final = cores.ROOT / "docs" / "images" / "engine-axes.png"
+ENGINES: Final = {"csharp": "unity", "cpp": "unreal"}
+LANDING: Final = (0.0, 1.0, -3.0, 60.0)
+
+
+def drawn_by_sdk(url: str, encoding: str = "glb") -> list[Drawn]:
+    """Return the landed meshes in the scene frame."""
+    _, meshes = land_with_sdk(url, [LANDING], encoding=encoding)
+    return [
+        Drawn(
+            mesh.positions,
+            mesh.normals,
+            mesh.faces,
+            mesh.colours,
+            mesh.uvs,
+            None if mesh.texture is None else mesh.texture.data,
+        )
+        for mesh in meshes.values()
+    ]
+
+
+def drawn_by_client(client: Client, url: str, encoding: str = "glb") -> list[Drawn]:
+    """Return the landed meshes as the client's engine is given them."""
+    with tempfile.TemporaryDirectory() as folder:
+        step = "land:" + ",".join(map(str, LANDING))
+        landed = client.land(url, step, encoding=encoding, dump=folder)
+        assert landed.exit_code == 0, landed.said
+        payloads = [Path(folder) / f"{segment}.{encoding}" for segment in landed.segments]
+        assert len(payloads) == len(NAMES)
+        done = client.run("axes", *payloads)
+    return [_mesh(told) for told in json.loads(done.stdout.strip().splitlines()[-1])]
+
+
+def _mesh(told: dict[str, Any]) -> Drawn:
+    image = base64.b64decode(told["image"]) if told["image"] else None
+    linear = _rows(told["linear_colours"], 3)
+    colours = None
+    if linear is not None:
+        curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        colours = 255 * curved
+    uvs = _rows(told["uvs"], 2)
+    positions, normals = np.array(told["positions"]), np.array(told["normals"])
+    faces = np.array(told["indices"]).reshape(-1, 3)
+    return Drawn(positions.reshape(-1, 3), normals.reshape(-1, 3), faces, colours, uvs, image)
+
+
+def _rows(values: list[float] | None, columns: int) -> npt.NDArray[Any] | None:
+    return None if values is None else np.array(values).reshape(-1, columns)
+
+
+def main() -> int:
+    """Write the picture."""
+    built = {"csharp": cores.csharp(), "cpp": cores.cpp()}
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder) / "scenes"
+        root.mkdir()
+        write_axes_scene(root / "axes")
+        with Service(root) as service:
+            url = f"{service.url}/scenes/axes"
+            pictures = {"Python SDK": draw(drawn_by_sdk(url), CONVENTIONS["scene"])}
+            for language, engine in ENGINES.items():
+                meshes = drawn_by_client(Client(language, built[language]), url)
+                name = f"{engine.capitalize()}, as its client hands it over"
+                pictures[name] = draw(meshes, CONVENTIONS[engine])
+    beside(pictures, PICTURE)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,225 @@
+"""Both cores land on the real service, and assemble what the Python SDK assembles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from engines.conftest import TOKEN
+from engines.programs import Client
+from engines.sdk_arrays import NORMAL_STEP, digests, land_with_sdk, normals_apart
+from faults.service import Service
+
+from terraport_payload import SegmentMesh
+
+HERE = "30,1,30"
+EVERYWHERE = "land:30,1,30,100"
+
+
+def same_arrays(landed: dict[int, dict[str, Any]], meshes: dict[int, SegmentMesh]) -> None:
+    """Array for array, bit for bit; of the normals see `normals_apart`."""
+    assert set(landed) == set(meshes)
+    for segment, mesh in meshes.items():
+        assert landed[segment] == digests(mesh), f"segment {segment}"
+
+
+@pytest.mark.parametrize("threaded", [0, 1], ids=["pumped", "threaded"])
+@pytest.mark.parametrize("subprotocol", ["msgpack", "json"])
+@pytest.mark.parametrize("encoding", ["glb", "arrays"])
+def test_assembled_segments_are_those_of_the_python_sdk(
+    client: Client, server: Service, encoding: str, subprotocol: str, threaded: int, tmp_path: Path
+) -> None:
+    url = f"{server.url}/scenes/grid"
+    (visible,), meshes = land_with_sdk(url, [(30, 1, 30, 22)], encoding=encoding)
+    landed = client.land(
+        url,
+        f"land:{HERE},22",
+        encoding=encoding,
+        subprotocol=subprotocol,
+        threaded=threaded,
+        dump=tmp_path,
+    )
+    assert (landed.exit_code, landed.failure) == (0, None), landed.said
+    (ready,) = landed.landings
+    assert ready["visible"] == visible
+    assert 4 < len(visible) < 36
+    assert ready["missing"] == []
+    same_arrays(landed.segments, meshes)
+    exact = encoding == "arrays"
+    assert normals_apart(meshes, tmp_path) <= (0.0 if exact else NORMAL_STEP)
+    (plan,) = landed.of("planned")
+    assert plan["load_bytes"] == sum(one["length"] for one in plan["load"])
+    assert ready["payload_bytes"] == plan["load_bytes"] == landed.stats["payload_bytes"]
+    assert [one["facts"] for one in landed.of("arrived")] == plan["load"], "nearest first"
+    assert [one["state"] for one in landed.of("link")][:2] == ["connecting", "open"]
+
+
+@pytest.mark.parametrize("scene", ["axes", "tiny"])
+@pytest.mark.parametrize("encoding", ["glb", "arrays"])
+def test_textures_colours_and_attributes_are_those_of_the_python_sdk(
+    client: Client, server: Service, scene: str, encoding: str, tmp_path: Path
+) -> None:
+    url = f"{server.url}/scenes/{scene}"
+    _, meshes = land_with_sdk(url, [(0, 1, 0, 50)], encoding=encoding)
+    landed = client.land(url, "land:0,1,0,50", encoding=encoding, dump=tmp_path)
+    assert landed.exit_code == 0, landed.said
+    same_arrays(landed.segments, meshes)
+    normals_apart(meshes, tmp_path)
+    assert any(mesh.texture is not None for mesh in meshes.values()) == (scene == "axes")
+
+
+def test_visible_sets_of_a_walk_are_those_of_the_python_sdk(
+    client: Client, server: Service
+) -> None:
+    """Segments are kept within the release radius, whatever the way that led there."""
+    url = f"{server.url}/scenes/grid"
+    walk = [(5.0 * step, 1.0, 7.0 * step % 55, 6.0 + step * 5 % 23) for step in range(12)]
+    visible, _ = land_with_sdk(url, walk)
+    landed = client.land(url, *(f"land:{x},{y},{z},{radius}" for x, y, z, radius in walk))
+    assert [ready["visible"] for ready in landed.landings] == visible
+    assert landed.stats["repeated_bytes"] == 0
+
+
+def test_a_second_visit_costs_no_bytes(client: Client, server: Service) -> None:
+    landed = client.land(
+        f"{server.url}/scenes/grid", "land:5,1,5,12", "land:55,1,55,12", "land:5,1,5,12"
+    )
+    first, second, third = landed.landings
+    assert first["visible"] == third["visible"] != second["visible"]
+    assert (third["payload_bytes"], landed.of("planned")[2]["load"]) == (0, [])
+    assert landed.stats["repeated_bytes"] == 0
+
+
+@pytest.mark.parametrize("budget", ["max_triangles", "max_bytes", "max_segments"])
+def test_budgets_are_never_exceeded(client: Client, server: Service, budget: str) -> None:
+    url = f"{server.url}/scenes/grid"
+    (whole,) = client.land(url, EVERYWHERE).of("planned")
+    sums = {
+        "max_triangles": [row["faces"] for row in whole["load"]],
+        "max_bytes": [row["length"] for row in whole["load"]],
+        "max_segments": [1] * len(whole["load"]),
+    }[budget]
+    bound = sum(sums[:10]) + (sums[10] - 1 if budget != "max_segments" else 0)
+    landed = client.land(url, EVERYWHERE, **{budget: bound})
+    (plan,), (ready,) = landed.of("planned"), landed.landings
+    assert plan["load"] == whole["load"][:10]
+    assert plan["omitted_by"] == budget
+    assert plan["omitted_segments"] == 26
+    assert plan["effective_radius_m"] < 100
+    assert ready["visible"] == sorted(row["id"] for row in plan["load"])
+    (visible,), _ = land_with_sdk(url, [(30, 1, 30, 100)], **{budget: bound})
+    assert ready["visible"] == visible
+
+
+def test_a_newer_landing_supersedes_the_older(client: Client, server: Service) -> None:
+    url = f"{server.url}/scenes/big"
+    landed = client.land(url, "start:30,1,30,100", "land:5,1,5,2", credit_bytes=65_536)
+    assert landed.exit_code == 0, landed.said
+    (superseded,) = landed.of("superseded")
+    (ready,) = landed.landings
+    assert superseded["by"] == ready["landing"] > superseded["landing"]
+    (visible,), _ = land_with_sdk(url, [(5, 1, 5, 2)])
+    assert ready["visible"] == visible
+    total = sum(row["length"] for row in landed.of("planned")[0]["load"])
+    assert landed.stats["payload_bytes"] < total / 2, "the rest of the first was never sent"
+
+
+def test_the_cache_keeps_its_bound_and_says_what_it_let_go(client: Client, server: Service) -> None:
+    url = f"{server.url}/scenes/grid"
+    landed = client.land(
+        url, "land:5,1,5,3", "land:55,1,55,3", "land:5,1,55,3", "land:5,1,5,3", cache_bytes=0
+    )
+    first, *_, last = landed.landings
+    assert [len(ready["visible"]) for ready in landed.landings] == [1, 1, 1, 1]
+    dropped = [segment for event in landed.of("dropped") for segment in event["segments"]]
+    assert set(first["visible"]) <= set(dropped)
+    assert last["payload_bytes"] == first["payload_bytes"] > 0, "what was let go is sent again"
+    assert landed.stats["held_segments"] <= 2
+
+
+def test_an_aim_brings_what_the_landing_needs(client: Client, server: Service) -> None:
+    landed = client.land(
+        f"{server.url}/scenes/grid", "land:5,1,5,3", "aim:30,1,30,12", "land:30,1,30,12"
+    )
+    plan = landed.of("planned")[-1]
+    assert plan["load"] == []
+    assert len(plan["keep"]) > 3
+    assert landed.stats["aimed_landings"] == landed.stats["aim_hits"] == 1
+    assert landed.stats["prefetched_bytes"] == landed.stats["used_prefetched_bytes"] > 0
+
+
+def test_picks_are_answered(client: Client, server: Service) -> None:
+    landed = client.land(
+        f"{server.url}/scenes/grid", "land:5,1,5,3", "pick:5,50,5,0,-1,0", "pick:500,50,5,0,-1,0"
+    )
+    met, missed = landed.picks
+    assert met["hit"]["segment"] == 0
+    x, y, z = met["hit"]["position"]
+    assert abs(x - 5) < 1e-6
+    assert 0 <= y <= 2
+    assert abs(z - 5) < 1e-6
+    assert met["hit"]["attributes"]["grade"] == pytest.approx(0.55, abs=0.01)
+    assert missed["hit"] is None
+
+
+def test_a_landing_that_cannot_be_is_refused_and_the_next_one_goes_on(
+    client: Client, server: Service
+) -> None:
+    landed = client.land(f"{server.url}/scenes/grid", "land:0,1,0,100000", "land:5,1,5,3")
+    (refused,) = landed.of("refused")
+    assert (refused["code"], refused["fatal"], refused["landing"]) == ("radius_too_large", False, 1)
+    assert (landed.failure, len(landed.landings)) == (None, 1)
+
+
+def test_a_token_opens_a_wrong_one_is_told_once_and_a_right_one_mends_it(
+    client: Client, guarded: Service
+) -> None:
+    url = f"{guarded.url}/scenes/grid"
+    assert client.land(url, "land:5,1,5,3", token=TOKEN).exit_code == 0
+    for options in ({}, {"token": "not-the-right-token"}):
+        landed = client.land(url, "land:5,1,5,3", "pause:700", **options)
+        assert landed.failure == "land:5,1,5,3: closed: unauthorised"
+        states = [link["state"] for link in landed.of("link")]
+        assert states == ["connecting", "closed"], "a refused token is not repeated"
+        assert landed.of("link")[-1]["close_code"] == 4401
+        assert TOKEN not in landed.said
+    mended = client.land(
+        url, "land:5,1,5,3", f"reconnect:{TOKEN}", "wait", token="not-the-right-token"
+    )
+    assert (mended.failure, len(mended.landings)) == (None, 1)
+
+
+def test_an_unknown_scene_is_told_and_not_asked_for_again(client: Client, server: Service) -> None:
+    landed = client.land(f"{server.url}/scenes/no-such-scene", "land:5,1,5,3", "pause:700")
+    assert landed.failure == "land:5,1,5,3: closed: unknown_scene"
+    assert [link["state"] for link in landed.of("link")] == ["connecting", "closed"]
+
+
+@pytest.mark.parametrize("encoding", ["glb", "arrays"])
+def test_what_an_engine_would_draw_is_what_the_python_sdk_shows(
+    client: Client, server: Service, encoding: str, tmp_path: Path
+) -> None:
+    """Through the stage: decoded, uploaded in slices, and swapped in one frame; base faces too."""
+    import terraport.sync
+
+    url = f"{server.url}/scenes/grid"
+    for name in ("", "/base.glb", "/base.cover", "/regions"):
+        answer = httpx.get(url + name)
+        if answer.status_code == 200:
+            (tmp_path / (name[1:] or "scene")).write_bytes(answer.content)
+    places = [(30.0, 1.0, 30.0, 22.0), (12.0, 1.0, 44.0, 15.0), (30.0, 1.0, 30.0, 8.0)]
+    with terraport.sync.connect(url, encoding=encoding) as session:
+        base = session.base()
+        for number, (x, y, z, radius_m) in enumerate(places, 1):
+            session.land((x, y, z), radius_m).ready()
+            steps = [f"land:{a},{b},{c},{d}" for a, b, c, d in places[:number]]
+            landed = client.land(url, *steps, files=tmp_path, encoding=encoding)
+            assert landed.exit_code == 0, landed.said
+            assert landed.stage["faults"] == []
+            assert landed.stage["swaps"] == number
+            assert landed.stage["visible"] == sorted(session.visible)
+            hidden = base.hidden_faces(session.visible).nonzero()[0].tolist()
+            assert landed.stage["hidden_base_faces"] == hidden
+            assert 0 < len(hidden) < len(base.mesh.faces)

@@ -1,0 +1,117 @@
+"""The cores' own unit tests, run by NUnit and doctest.
+
+``python tests/engines/test_units.py`` prints what they say, with the corpora, for CI's log.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+if __name__ == "__main__":  # run as a script: the package "engines" lies in tests/
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from engines import cores
+from engines.programs import Client
+
+TIMEOUT_S = 420
+
+
+def run_nunit(core: cores.CsCore, library: Path) -> tuple[int, int, str]:
+    """Run the NUnit tests of a library; returns how many passed and failed, and what was said.
+
+    nunit-console's last line is no plain count: the report has it.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.xml"
+        done = subprocess.run(
+            ["nunit-console", "-nologo", "-noshadow", "-nodots", f"-xml={report}", str(library)],
+            cwd=folder,
+            env=os.environ
+            | {
+                "TERRAPORT_REPOSITORY": str(cores.ROOT),
+                "TERRAPORT_WIRE_CORPUS": str(cores.ROOT / "tests" / "conformance" / "wire"),
+            },
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=TIMEOUT_S,
+            check=False,
+        )
+        if not report.is_file():
+            return 0, 1, done.stdout
+        cases = list(ET.parse(report).iter("test-case"))
+    passed = sum(case.get("result") == "Success" for case in cases)
+    failures = [
+        f"failed: {case.get('name')}: {case.findtext('.//message')}"
+        for case in cases
+        if case.get("result") != "Success"
+    ]
+    said = "\n".join([*failures, f"{passed} passed, {len(failures)} failed"])
+    return passed, len(failures), said + ("\n" + done.stdout if failures else "")
+
+
+def run_doctest(program: Path) -> tuple[int, int, str]:
+    """Run doctest's program; returns how many cases passed and failed, and what was said."""
+    done = subprocess.run(
+        [str(program), "--no-colors=true"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    found = re.search(r"test cases:\s+(\d+)\s*\|\s*(\d+) passed\s*\|\s*(\d+) failed", done.stdout)
+    if found is None or done.returncode not in (0, 1):
+        return 0, 1, done.stdout
+    _, passed, failed = map(int, found.groups())
+    return passed, failed, done.stdout
+
+
+def test_the_csharp_core_passes_its_nunit_tests(csharp: cores.CsCore) -> None:
+    passed, failed, said = run_nunit(csharp, csharp.tests)
+    assert failed == 0, said[-6000:]
+    assert passed > 100
+
+
+def test_the_cpp_core_passes_its_doctest_cases(cpp: cores.CppCore) -> None:
+    passed, failed, said = run_doctest(cpp.tests)
+    assert failed == 0, said[-6000:]
+    assert passed > 60
+
+
+def main() -> int:
+    """Print the output of both cores' tests and corpora; returns the exit code."""
+    root = cores.ROOT / "tests" / "conformance"
+    corpora = {"wire": root / "wire", "payload": root / "scene" / "payload"}
+    bad = 0
+    for language in ("csharp", "cpp"):
+        missing = cores.missing_for(language)
+        if missing is not None:
+            sys.stdout.write(f"-- {language}: left out ({missing})\n")
+            continue
+        if language == "csharp":
+            core = cores.csharp()
+            _, failed, said = run_nunit(core, core.tests)
+            client = Client(language, core)
+        else:
+            made = cores.cpp()
+            _, failed, said = run_doctest(made.tests)
+            client = Client(language, made)
+        sys.stdout.write(f"-- {language}: unit tests\n{said.strip()}\n")
+        bad += failed
+        for kind, folder in corpora.items():
+            told = client.corpus(kind, folder)
+            sys.stdout.write(f"-- {language}: {kind} corpus\n{told.said.strip()}\n")
+            bad += told.failed
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
