@@ -93,6 +93,12 @@ namespace Terraport.Sessions
             get { return picks.Count; }
         }
 
+        /// <summary>Messages that wait for <see cref="TakeMessages"/>.</summary>
+        public int UnsentMessages
+        {
+            get { return outbox.Count; }
+        }
+
         /// <summary>Segments that are partly here.</summary>
         public int OpenParts
         {

@@ -26,6 +26,10 @@ namespace Terraport
         // What one pump takes at most, so that a frame of the engine that pumps stays short: it is hashed at once.
         private const int MaxPumpBytes = 4 * 1024 * 1024;
 
+        // What the session has to say and may not yet, beyond which nothing is received: else a server that sends wrong bytes
+        // without end would fill the memory with what is to be told of them.
+        private const int MaxUnsentMessages = 256;
+
         private const double Never = double.PositiveInfinity;
 
         private readonly ClientSession session;
@@ -96,7 +100,8 @@ namespace Terraport
             TransportState state = present.State;
             if (!isGreeted && (state == TransportState.Open || state == TransportState.Closed)) Greet(state, nowMs);
             bool isMore = true;
-            if (mayReceive) isMore = Receive(nowMs);
+            bool isBlocked = session.UnsentMessages >= MaxUnsentMessages;
+            if (mayReceive && !isBlocked) isMore = Receive(nowMs);
             else heardMs = nowMs;
             if (transport != present) return false;
             if (state == TransportState.Closed && !isMore) Lost(transport.CloseCode, transport.CloseReason, nowMs);
@@ -106,7 +111,7 @@ namespace Terraport
                 Cut(CloseCodes.Timeout, "the server is silent", nowMs);
             }
             Flush(nowMs);
-            return isMore && mayReceive;
+            return isMore && mayReceive && !isBlocked;
         }
 
         /// <summary>Send what the session has to say; to be called after every command.</summary>
@@ -182,7 +187,7 @@ namespace Terraport
             int bytes = 0;
             ITransport present = transport;
             TransportMessage message;
-            while (bytes < MaxPumpBytes)
+            while (bytes < MaxPumpBytes && session.UnsentMessages < MaxUnsentMessages)
             {
                 if (transport != present || !present.TryReceive(out message)) return false;
                 bytes += message.Bytes.Count;

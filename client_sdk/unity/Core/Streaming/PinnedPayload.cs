@@ -11,7 +11,8 @@ namespace Terraport
     {
         private readonly PayloadBuffer buffer;
 
-        internal PinnedPayload(PayloadBuffer buffer, SegmentFacts facts)
+        /// <summary>A pin of a buffer that the caller retained: what a stream of another kind hands out.</summary>
+        public PinnedPayload(PayloadBuffer buffer, SegmentFacts facts)
         {
             this.buffer = buffer;
             Facts = facts;

@@ -119,6 +119,12 @@ namespace Terraport.Tests
             if (changed != null) changed();
         }
 
+        /// <summary>Messages on the way to the client.</summary>
+        internal int Left
+        {
+            get { lock (gate) return down.Count; }
+        }
+
         /// <summary>Put bytes on the way to the client.</summary>
         internal void Inject(byte[] data)
         {

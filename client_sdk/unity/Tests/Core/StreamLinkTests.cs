@@ -324,6 +324,28 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void AServerThatSendsWrongBytesWithoutEndFillsNoMemory()
+        {
+            SceneStream stream = network.Stream();
+            Pump(stream);
+            network.Last.IsSilent = true;
+            stream.Aim(Middle, 1);
+            Pump(stream);
+            SegmentFacts facts = network.Scene.Facts[0];
+            network.Last.Inject(WireCodec.Encode(
+                new PrefetchMessage { Generation = 1, Segments = new[] { facts }, Bytes = facts.Length }, Subprotocol.Msgpack));
+            var chunk = new ArraySegment<byte>(new byte[facts.Length]);
+            byte[] wrong = new PayloadFrame(1, 0, 0, facts.Length, chunk).Encode();
+            for (int count = 0; count < 5000; count++) network.Last.Inject(wrong);
+            Pump(stream);
+            int told = network.Last.Server.HeardOf<RejectMessage>().Count();
+            Assert.That(network.Last.Left, Is.InRange(5000 - told - 600, 5000 - told));
+            network.NowMs += 60000;
+            Pump(stream);
+            Assert.Greater(network.Last.Server.HeardOf<RejectMessage>().Count(), told);
+        }
+
+        [Test]
         public void MorePicksThanMayWaitAreRefusedHere()
         {
             SceneStream stream = network.Stream();
