@@ -242,7 +242,7 @@ namespace Terraport.Unity
             options.SceneUrl = address.Scene != null ? url : address.ScenesUrl + "/" + Uri.EscapeDataString(Files.Manifest.Id);
             options.Token = token;
             options.Encoding = settings.encoding;
-            Budgets bounds = default(Budgets);
+            Budgets bounds = new Budgets();
             bounds.MaxTriangles = budgets.maxTriangles;
             bounds.MaxBytes = (long)budgets.maxMebibytes << 20;
             bounds.MaxSegments = budgets.maxSegments;

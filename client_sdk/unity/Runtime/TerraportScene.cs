@@ -49,7 +49,7 @@ namespace Terraport.Unity
 
         private SceneSession session;
         private string token;
-        private LinkState link;
+        private LinkState link = new LinkState();
         private bool hasPendingLanding;
         private Vec3 pendingPosition;
         private double pendingRadiusM;
@@ -164,12 +164,13 @@ namespace Terraport.Unity
             get
             {
                 SceneFigures figures = default(SceneFigures);
+                figures.Stream = new StreamStats();
                 if (session != null)
                 {
                     figures.Segments = session.Renderer.SegmentCount;
                     figures.Objects = session.Renderer.ObjectCount;
                     figures.DrawnTriangles = session.Renderer.DrawnTriangles;
-                    figures.Stream = session.Stream == null ? default(StreamStats) : session.Stream.Stats;
+                    figures.Stream = session.Stream == null ? figures.Stream : session.Stream.Stats;
                 }
                 return figures;
             }
@@ -212,7 +213,7 @@ namespace Terraport.Unity
                 closing.Dispose();
             }
             hasPendingLanding = false;
-            link = default(LinkState);
+            link = new LinkState();
         }
 
         /// <summary>

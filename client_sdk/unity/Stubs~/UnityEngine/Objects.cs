@@ -10,19 +10,33 @@ namespace UnityEngine
         DontSave = 52,
     }
 
-    /// <summary>Destroyed objects equal null, as in the engine. LiveCount is the stubs' own: how many were made and not destroyed.</summary>
+    /// <summary>Destroyed objects equal null, as in the engine.</summary>
     public class Object
     {
+        private static readonly HashSet<Object> live = new HashSet<Object>();
         private static int lastId;
         private readonly int id = ++lastId;
         private bool isDestroyed;
 
         public Object()
         {
-            LiveCount++;
+            live.Add(this);
         }
 
-        public static int LiveCount { get; private set; }
+        /// <summary>The stubs' own: everything of a type that was made and not destroyed.</summary>
+        public static List<T> LiveOf<T>() where T : Object
+        {
+            List<T> found = new List<T>();
+            foreach (Object made in live)
+            {
+                T match = made as T;
+                if (!ReferenceEquals(match, null))
+                {
+                    found.Add(match);
+                }
+            }
+            return found;
+        }
 
         public string name { get; set; }
 
@@ -65,8 +79,8 @@ namespace UnityEngine
             if (obj != null)
             {
                 obj.OnDestroying();
+                live.Remove(obj);
                 obj.isDestroyed = true;
-                LiveCount--;
             }
         }
 

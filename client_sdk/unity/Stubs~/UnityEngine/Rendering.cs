@@ -212,6 +212,7 @@ namespace UnityEngine
 
         public Material(Material source)
         {
+            renderQueue = source.renderQueue;
         }
 
         public int renderQueue { get; set; }

@@ -1,0 +1,221 @@
+using System;
+using System.Collections.Generic;
+using System.Diagnostics;
+using System.Reflection;
+using System.Threading;
+using Terraport.Unity;
+using UnityEngine;
+using UnityEngine.Rendering;
+
+namespace Terraport.Stubs
+{
+    /// <summary>
+    /// Runs TerraportScene on the stubs, against a live service: lands twice, looks at what would be drawn in the frame of each swap, and
+    /// at what is left after closing. A line of figures for each landing; exit code 1 where something is wrong.
+    ///
+    ///     mono SceneOnStubs.exe SCENE_URL RADIUS_M [arrays] [token]
+    /// </summary>
+    public static class SceneOnStubs
+    {
+        private const int FrameMs = 5;
+        private const int PatienceMs = 60000;
+
+        private static readonly List<string> Faults = new List<string>();
+        private static TerraportScene scene;
+        private static PlanFacts plan;
+        private static SceneSwap lastSwap;
+        private static int swaps;
+        private static double updateMaxMs;
+        private static double lookMs;
+        private static double allLookMs;
+
+        /// <summary>See the class.</summary>
+        public static int Main(string[] arguments)
+        {
+            float radiusM = float.Parse(arguments[1], System.Globalization.CultureInfo.InvariantCulture);
+            GameObject holder = new GameObject("scene");
+            holder.SetActive(false);
+            scene = holder.AddComponent<TerraportScene>();
+            scene.SceneUrl = arguments[0];
+            scene.Settings.encoding = arguments.Length > 2 && arguments[2] == "arrays" ? PayloadEncoding.Arrays : PayloadEncoding.Glb;
+            scene.Token = arguments.Length > 3 ? arguments[3] : null;
+            scene.Planned += facts => plan = facts;
+            scene.Failed += why => Faults.Add(why.Code + ": " + why.Message);
+            scene.Shown += OnShown;
+            int before = LiveCount();
+            scene.Open();
+            RunUntil(() => scene.Files != null && lastSwap != null, "the base");
+            if (Faults.Count == 0)
+            {
+                Vec3 low = scene.Files.Manifest.BoundsMin, high = scene.Files.Manifest.BoundsMax;
+                Vec3 middle = new Vec3((low.X + high.X) / 2, (low.Y + high.Y) / 2, (low.Z + high.Z) / 2);
+                Land(middle, radiusM);
+                Land(new Vec3(middle.X + radiusM / 2, middle.Y, middle.Z + radiusM / 3), radiusM);
+                Land(middle, radiusM);
+            }
+            scene.Close();
+            Expect(before, LiveCount(), "objects left after closing");
+            foreach (string fault in Faults)
+            {
+                Console.WriteLine("wrong: " + fault);
+            }
+            return Faults.Count == 0 ? 0 : 1;
+        }
+
+        private static void Land(Vec3 place, float radiusM)
+        {
+            plan = null;
+            swaps = 0;
+            updateMaxMs = 0;
+            allLookMs = 0;
+            Stopwatch watch = Stopwatch.StartNew();
+            scene.Land(scene.ToWorld(place), radiusM);
+            RunUntil(() => scene.Status.Phase == LandingPhase.Shown, "a landing");
+            if (Faults.Count > 0)
+            {
+                return;
+            }
+            Console.WriteLine(
+                "landing {0}: {1} segments, {2} triangles drawn, {3} base faces hidden, {4} loaded, ready {5:0} ms, shown {6:0} ms, "
+                + "longest frame {7:0.0} ms",
+                lastSwap.Landing, scene.Figures.Segments, scene.Figures.DrawnTriangles, lastSwap.BaseHidden.Count, plan.Load.Count,
+                scene.Status.ReadyMs, watch.Elapsed.TotalMilliseconds - allLookMs, updateMaxMs);
+            Expect(1, swaps, "swaps of a landing");
+        }
+
+        private static void RunUntil(Func<bool> isDone, string what)
+        {
+            MethodInfo update = typeof(TerraportScene).GetMethod("Update", BindingFlags.Instance | BindingFlags.NonPublic);
+            Stopwatch watch = Stopwatch.StartNew();
+            while (!isDone() && Faults.Count == 0)
+            {
+                Stopwatch frame = Stopwatch.StartNew();
+                update.Invoke(scene, null);
+                updateMaxMs = Math.Max(updateMaxMs, frame.Elapsed.TotalMilliseconds - lookMs);
+                allLookMs += lookMs;
+                lookMs = 0;
+                if (watch.ElapsedMilliseconds > PatienceMs)
+                {
+                    Faults.Add("no sign of " + what + " within " + PatienceMs + " ms");
+                }
+                Thread.Sleep(FrameMs);
+            }
+        }
+
+        /// <summary>What is drawn must be right in this very frame: in it the user sees the new set for the first time.</summary>
+        private static void OnShown(SceneSwap swap)
+        {
+            Stopwatch watch = Stopwatch.StartNew();
+            lastSwap = swap;
+            swaps++;
+            Look(swap);
+            lookMs += watch.Elapsed.TotalMilliseconds;
+        }
+
+        private static void Look(SceneSwap swap)
+        {
+            List<Mesh> detail = new List<Mesh>();
+            long baseFaces = 0;
+            foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>())
+            {
+                if (!renderer.enabled)
+                {
+                    continue;
+                }
+                Mesh mesh = renderer.gameObject.GetComponent<MeshFilter>().sharedMesh;
+                // The base is drawn after the detail: by another material.
+                if (renderer.sharedMaterial.renderQueue > 0)
+                {
+                    baseFaces += mesh.SubMesh.indexCount / 3;
+                }
+                else
+                {
+                    detail.Add(mesh);
+                }
+            }
+            Expect(scene.Files.Base.FaceCount - swap.BaseHidden.Count, baseFaces, "base faces drawn");
+            if (swap.Landing > 0)
+            {
+                CheckDetail(detail);
+            }
+        }
+
+        private static void CheckDetail(List<Mesh> detail)
+        {
+            Expect(plan.Load.Count + plan.Keep.Count, detail.Count, "segments drawn");
+            Dictionary<string, SegmentFacts> facts = new Dictionary<string, SegmentFacts>();
+            foreach (SegmentFacts segment in plan.Load)
+            {
+                facts[KeyOf(MeshFiller.ToBounds(Axes.Turn(segment.Bounds)))] = segment;
+            }
+            int found = 0;
+            foreach (Mesh mesh in detail)
+            {
+                SegmentFacts segment;
+                if (facts.TryGetValue(KeyOf(mesh.bounds), out segment))
+                {
+                    found++;
+                    Expect(segment.Faces, mesh.SubMesh.indexCount / 3, "faces of a segment");
+                    Expect(segment.Vertices, mesh.VertexData.Length, "vertices of a segment");
+                }
+                CheckMesh(mesh);
+            }
+            Expect(plan.Load.Count, found, "segments whose box is that of the plan, turned");
+        }
+
+        /// <summary>Vertices within the box, and faces that look where their normals do, by Unity's rule.</summary>
+        private static void CheckMesh(Mesh mesh)
+        {
+            bool isPhoto = mesh.VertexData is PhotoVertex[];
+            Expect(isPhoto ? (int)VertexAttribute.TexCoord0 : (int)VertexAttribute.Color, (int)mesh.Layout[2].attribute, "third attribute");
+            int along = 0, against = 0;
+            for (int at = 0; at < mesh.SubMesh.indexCount; at += 3)
+            {
+                float[] a = VertexOf(mesh, at), b = VertexOf(mesh, at + 1), c = VertexOf(mesh, at + 2);
+                float ux = b[0] - a[0], uy = b[1] - a[1], uz = b[2] - a[2], vx = c[0] - a[0], vy = c[1] - a[1], vz = c[2] - a[2];
+                float front = (uy * vz - uz * vy) * a[3] + (uz * vx - ux * vz) * a[4] + (ux * vy - uy * vx) * a[5];
+                along += front > 0 ? 1 : 0;
+                against += front < 0 ? 1 : 0;
+            }
+            if (along < 9 * against)
+            {
+                Faults.Add("of a mesh's faces " + along + " look along their normals and " + against + " against them");
+            }
+        }
+
+        private static float[] VertexOf(Mesh mesh, int at)
+        {
+            ushort[] indices = mesh.IndexData as ushort[];
+            long vertex = indices != null ? indices[at] : ((uint[])mesh.IndexData)[at];
+            PhotoVertex[] photos = mesh.VertexData as PhotoVertex[];
+            if (photos != null)
+            {
+                PhotoVertex photo = photos[vertex];
+                return new[] { photo.X, photo.Y, photo.Z, photo.NormalX, photo.NormalY, photo.NormalZ };
+            }
+            TintedVertex tinted = ((TintedVertex[])mesh.VertexData)[vertex];
+            return new[] { tinted.X, tinted.Y, tinted.Z, tinted.NormalX, tinted.NormalY, tinted.NormalZ };
+        }
+
+        private static string KeyOf(Bounds box)
+        {
+            return string.Format(
+                System.Globalization.CultureInfo.InvariantCulture, "{0:R} {1:R} {2:R} {3:R} {4:R} {5:R}",
+                box.center.x, box.center.y, box.center.z, box.size.x, box.size.y, box.size.z);
+        }
+
+        private static int LiveCount()
+        {
+            // Shaders are assets: loaded, not made.
+            return UnityEngine.Object.LiveOf<UnityEngine.Object>().Count - UnityEngine.Object.LiveOf<Shader>().Count;
+        }
+
+        private static void Expect(long expected, long actual, string what)
+        {
+            if (expected != actual)
+            {
+                Faults.Add(what + ": " + actual + ", expected " + expected);
+            }
+        }
+    }
+}
