@@ -1,0 +1,431 @@
+// Landings, supersede, resume and aims: the client's state machine against the model server.
+#include "session_pair.h"
+
+#include <doctest/doctest.h>
+
+#include <set>
+
+using namespace terraport;
+using namespace terraport::testing;
+
+namespace {
+
+using Ids = std::vector<std::uint32_t>;
+
+const ToyScene toy;
+
+std::vector<std::int64_t> landingsOf(const std::vector<StreamEvent>& events) {
+  std::vector<std::int64_t> numbers;
+  for (const StreamEvent& event : events) numbers.push_back(event.landing);
+  return numbers;
+}
+
+bool isOnce(const Ids& ids) { return std::set<std::uint32_t>(ids.begin(), ids.end()).size() == ids.size(); }
+
+PairOptions withCredit(std::uint64_t creditBytes) {
+  PairOptions options;
+  options.creditBytes = creditBytes;
+  return options;
+}
+
+}  // namespace
+
+TEST_CASE("session: a landing shows exactly what brute force finds, in both subprotocols") {
+  for (const Subprotocol subprotocol : {Subprotocol::Msgpack, Subprotocol::Json}) {
+    PairOptions options;
+    options.subprotocol = subprotocol;
+    Pair pair(toy, options);
+    pair.connect();
+    const std::int64_t number = pair.client.land(kMiddle, 4, {});
+    pair.settle();
+    const Ids want = toy.within(kMiddle, 4);
+    REQUIRE(want.size() > 5);
+    const auto ready = pair.of(EventKind::Ready);
+    REQUIRE(ready.size() == 1);
+    CHECK(ready[0].landing == number);
+    CHECK(ready[0].segments == want);
+    CHECK(ready[0].missing.empty());
+    CHECK(ready[0].payloadBytes == toy.bytesOf(want));
+    CHECK(pair.server->chunkBytes == toy.bytesOf(want));
+    CHECK(pair.client.transfers().payloadBytes() == toy.bytesOf(want));
+    CHECK(pair.client.transfers().visible() == want);
+    for (const std::uint32_t segment : want) CHECK(pair.holds(segment));
+  }
+}
+
+TEST_CASE("session: a landing costs no bytes the second time") {
+  Pair pair(toy);
+  pair.connect();
+  for (int visit = 0; visit < 2; ++visit) {
+    pair.client.land(kMiddle, 4, {});
+    pair.settle();
+  }
+  const auto planned = pair.of(EventKind::Planned);
+  REQUIRE(planned.size() == 2);
+  CHECK(planned[1].plan.loadBytes == 0);
+  CHECK(planned[1].plan.keep.size() == planned[0].plan.load.size());
+  CHECK(pair.of(EventKind::Ready)[1].payloadBytes == 0);
+  CHECK(isOnce(pair.received));
+}
+
+TEST_CASE("session: a landing is not ready before the server says so, though it is whole (6.4, rule 5)") {
+  Pair pair(toy);
+  pair.connect();
+  pair.client.land(kMiddle, 4, {});
+  while (pair.received.size() < toy.within(kMiddle, 4).size()) REQUIRE(pair.step());
+  CHECK(pair.of(EventKind::Ready).empty());
+  CHECK(pair.client.transfers().visible().empty());
+  pair.settle();
+  CHECK(pair.of(EventKind::Ready).size() == 1);
+}
+
+TEST_CASE("session: a landing comes whole however small the credit, granted in steps of half of it") {
+  Pair tiny(toy, withCredit(1));
+  tiny.connect();
+  tiny.client.land({0, 0, 0}, 0.5, {});
+  tiny.settle();
+  CHECK(tiny.client.transfers().visible() == Ids{0});
+  PairOptions options = withCredit(4000);
+  options.maxChunk = 100;
+  Pair pair(toy, options);
+  pair.connect();
+  pair.client.land(kMiddle, 9, {});
+  pair.settle();
+  std::size_t grants = 0;
+  for (const ClientMessage& message : pair.server->heard) {
+    if (const auto* const credit = std::get_if<CreditMessage>(&message)) {
+      grants += 1;
+      CHECK(credit->bytes < 2100);
+    }
+  }
+  CHECK(grants == toy.bytesOf(toy.within(kMiddle, 9)) / 2000);
+}
+
+TEST_CASE("session: grants that were not sent yet add up to one message") {
+  Pair pair(toy, withCredit(100));
+  pair.connect();
+  pair.settle();
+  pair.client.land(kMiddle, 4, {});
+  for (const EncodedMessage& message : pair.client.takeMessages()) pair.server->receive(message);
+  pair.server->credit = 1 << 20;
+  while (auto data = pair.server->next()) pair.give(*data);
+  CHECK(pair.of(EventKind::Ready).size() == 1);
+  CHECK(pair.client.takeMessages().size() == 1);
+}
+
+TEST_CASE("session: a landing keeps to the budgets, and says what they left out") {
+  for (int which = 0; which < 3; ++which) {
+    PairOptions options;
+    if (which == 0) options.budgets.maxSegments = 3;
+    if (which == 1) options.budgets.maxTriangles = 39;
+    if (which == 2) options.budgets.maxBytes = 2000;
+    Pair pair(toy, options);
+    pair.connect();
+    pair.client.land(kMiddle, 4, {});
+    pair.settle();
+    const PlanFacts plan = pair.of(EventKind::Planned)[0].plan;
+    const Ids visible = pair.client.transfers().visible();
+    CHECK(!visible.empty());
+    if (which < 2) CHECK(visible.size() == 3);
+    if (which == 2) CHECK(toy.bytesOf(visible) <= 2000);
+    CHECK(plan.omittedBy == std::vector<const char*>{"max_segments", "max_triangles", "max_bytes"}[which]);
+    CHECK(plan.omittedSegments == toy.within(kMiddle, 4).size() - visible.size());
+    CHECK(plan.effectiveRadiusM < 4);
+  }
+}
+
+TEST_CASE("session: a landing declares the inner set after its deadline, as soon as that is whole here, and goes on") {
+  Pair pair(toy, withCredit(2000));
+  pair.connect();
+  pair.settle();
+  LandOptions options;
+  options.innerRadiusM = 1.5;
+  options.deadlineMs = 100;
+  pair.client.land(kMiddle, 5, options);
+  const Ids inner = toy.within(kMiddle, 1.5);
+  while (pair.received.size() < inner.size()) REQUIRE(pair.step());
+  pair.server->isDeadlinePassed = true;
+  pair.settle();
+  const auto degraded = pair.of(EventKind::Degraded);
+  REQUIRE(degraded.size() == 1);
+  CHECK(degraded[0].segments == inner);
+  CHECK(pair.client.transfers().visible() == toy.within(kMiddle, 5));
+}
+
+TEST_CASE("session: a landing is not declared degraded with a segment that came wrong") {
+  PairOptions pairOptions;
+  pairOptions.lag = 30;
+  Pair pair(toy, pairOptions);
+  pair.connect();
+  pair.settle();
+  int spoilt = 0;
+  pair.spoil = [&spoilt](EncodedMessage& data) {
+    if (spoilt++ == 0) flip(data);
+  };
+  LandOptions options;
+  options.innerRadiusM = 1.5;
+  options.deadlineMs = 100;
+  pair.client.land(kMiddle, 5, options);
+  pair.step();
+  pair.server->isDeadlinePassed = true;
+  pair.settle();
+  const Ids inner = toy.within(kMiddle, 1.5);
+  REQUIRE(pair.rejected().size() == 1);
+  CHECK(std::count(inner.begin(), inner.end(), pair.rejected()[0]) == 1);
+  std::set<std::uint32_t> before;
+  bool isDegraded = false;
+  for (const SessionEvent& event : pair.events) {
+    if (event.news != SessionNews::Told || isDegraded) continue;
+    isDegraded = event.told.kind == EventKind::Degraded;
+    if (event.told.kind == EventKind::Arrived) before.insert(event.told.facts.segment);
+  }
+  CHECK(isDegraded);
+  for (const std::uint32_t segment : inner) CHECK(before.count(segment) == 1);
+}
+
+TEST_CASE("session: a landing without what the server cannot read is ready; the next one tries again (6.4, rule 6)") {
+  Pair pair(toy);
+  pair.connect();
+  pair.server->unreadable.insert(14);
+  pair.client.land(kMiddle, 4, {});
+  pair.settle();
+  Ids want = toy.within(kMiddle, 4);
+  CHECK(pair.of(EventKind::Ready)[0].missing == Ids{14});
+  Ids without = want;
+  without.erase(std::find(without.begin(), without.end(), 14u));
+  CHECK(pair.client.transfers().visible() == without);
+  pair.server->unreadable.clear();
+  pair.client.land(kMiddle, 4, {});
+  pair.settle();
+  CHECK(pair.client.transfers().visible() == want);
+}
+
+TEST_CASE("session: a newer landing supersedes, and what is half here goes on") {
+  const ToyScene scene(5000);
+  Pair pair(scene, withCredit(100));
+  pair.connect();
+  const std::int64_t first = pair.client.land({0, 0, 0}, 1, {});
+  while (pair.server->chunkBytes < 300) REQUIRE(pair.step());
+  const std::int64_t second = pair.client.land({0, 0, 0}, 2, {});
+  pair.settle();
+  const auto superseded = pair.of(EventKind::Superseded);
+  REQUIRE(superseded.size() == 1);
+  CHECK(superseded[0].landing == first);
+  CHECK(superseded[0].by == second);
+  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{second});
+  CHECK(pair.server->chunkBytes == scene.bytesOf(scene.within({0, 0, 0}, 2)));
+}
+
+TEST_CASE("session: a newer landing somewhere else makes the parts of the older one forgotten") {
+  const ToyScene scene(5000);
+  Pair pair(scene, withCredit(100));
+  pair.connect();
+  pair.client.land({0, 0, 0}, 1, {});
+  while (pair.server->chunkBytes < 300) REQUIRE(pair.step());
+  CHECK(pair.client.transfers().openParts() == 1);
+  pair.client.land({10, 0, 10}, 0.5, {});
+  while (pair.of(EventKind::Planned).size() < 2) REQUIRE(pair.step());
+  CHECK(pair.client.transfers().openParts() == 0);
+}
+
+TEST_CASE("session: a newer landing that is refused leaves the older one going (6.5, rule 5)") {
+  Pair pair(toy);
+  pair.connect();
+  const std::int64_t good = pair.client.land(kMiddle, 4, {});
+  for (int step = 0; step < 3; ++step) pair.step();
+  const std::int64_t bad = pair.client.land(kMiddle, 501, {});
+  pair.settle();
+  const auto refused = pair.of(EventKind::Refused);
+  REQUIRE(refused.size() == 1);
+  CHECK(refused[0].landing == bad);
+  CHECK(refused[0].code == "radius_too_large");
+  CHECK(!refused[0].fatal);
+  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{good});
+  CHECK(pair.of(EventKind::Superseded).empty());
+}
+
+TEST_CASE("session: only the newest landing waits for a connection") {
+  Pair pair(toy);
+  const std::int64_t first = pair.client.land({0, 0, 0}, 1, {});
+  const std::int64_t second = pair.client.land(kMiddle, 1, {});
+  pair.connect().settle();
+  CHECK(landingsOf(pair.of(EventKind::Superseded)) == std::vector<std::int64_t>{first});
+  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{second});
+}
+
+TEST_CASE("session: a landing takes the place of one that never left: one `land` waits to be sent at most") {
+  Pair pair(toy);
+  pair.connect().settle();
+  for (int count = 0; count < 100; ++count) pair.client.land(kMiddle, 1 + count / 50.0, {});
+  pair.client.pick({0, 0, 0}, {});
+  const auto said = pair.client.takeMessages();
+  CHECK(said.size() == 2);
+  for (const EncodedMessage& message : said) pair.server->receive(message);
+  pair.settle();
+  CHECK(pair.of(EventKind::Superseded).size() == 99);
+  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{100});
+  CHECK(pair.client.transfers().visible() == toy.within(kMiddle, 1 + 99 / 50.0));
+}
+
+TEST_CASE("session: a landing that a cut ended is resumed, and no segment comes twice") {
+  for (int steps = 0; steps < 60; steps += 2) {
+    CAPTURE(steps);
+    Pair pair(toy, withCredit(300));
+    pair.connect();
+    const std::int64_t number = pair.client.land(kMiddle, 4, {});
+    for (int step = 0; step < steps; ++step) pair.step();
+    pair.disconnect();
+    CHECK((pair.client.unfinished() == number || pair.of(EventKind::Ready).size() == 1));
+    CHECK(pair.client.transfers().openParts() == 0);
+    pair.connect().settle();
+    const Ids want = toy.within(kMiddle, 4);
+    const auto ready = pair.of(EventKind::Ready);
+    REQUIRE(!ready.empty());
+    CHECK(ready.back().landing == number);
+    CHECK(ready.back().segments == want);
+    CHECK(pair.receivedSorted() == want);
+    CHECK(pair.client.transfers().repeatedBytes() == 0);
+  }
+}
+
+TEST_CASE("session: a lost connection makes what the old one said of ready void") {
+  Pair pair(toy);
+  pair.connect().settle();
+  int frames = 0;
+  pair.spoil = [&frames](EncodedMessage& data) {
+    if (frames++ == 0) flip(data);
+  };
+  const std::int64_t number = pair.client.land({0, 0, 0}, 0.5, {});
+  while (frames == 0) REQUIRE(pair.step());
+  // The reject of it waits in the outbox while the server says ready.
+  pair.give(*pair.server->next());
+  CHECK(pair.rejected().size() == 1);
+  CHECK(pair.of(EventKind::Ready).empty());
+  pair.disconnect();
+  pair.connect();
+  while (pair.received.empty()) REQUIRE(pair.step());
+  CHECK(pair.of(EventKind::Ready).empty());
+  pair.settle();
+  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{number});
+}
+
+TEST_CASE("session: a lost connection leaves what is shown until the new landing is ready (10.3)") {
+  Pair pair(toy);
+  pair.connect();
+  pair.client.land({0, 0, 0}, 2, {});
+  pair.settle();
+  const Ids shown = pair.client.transfers().visible();
+  pair.client.land(kMiddle, 4, {});
+  pair.step();
+  pair.disconnect();
+  pair.connect();
+  CHECK(pair.client.transfers().visible() == shown);
+  pair.settle();
+  CHECK(pair.client.transfers().visible() == toy.within(kMiddle, 4));
+}
+
+TEST_CASE("session: an aim is held for the landing that follows, which costs nothing") {
+  Pair pair(toy);
+  pair.connect().settle();
+  pair.client.aim(kMiddle, 3);
+  CHECK(pair.client.hasAim());
+  pair.client.flushAim();
+  pair.settle();
+  const Ids want = toy.within(kMiddle, 3);
+  const auto prefetching = pair.of(EventKind::Prefetching);
+  REQUIRE(prefetching.size() == 1);
+  CHECK(prefetching[0].segmentCount == want.size());
+  CHECK(prefetching[0].payloadBytes == toy.bytesOf(want));
+  CHECK(pair.of(EventKind::Prefetched).size() == 1);
+  CHECK(pair.client.transfers().visible().empty());
+  pair.client.land(kMiddle, 3, {});
+  pair.settle();
+  CHECK(pair.of(EventKind::Planned).back().plan.loadBytes == 0);
+  CHECK(pair.client.transfers().visible() == want);
+  const AimCounts& aims = pair.client.transfers().aims();
+  CHECK(aims.landings == 1);
+  CHECK(aims.hits == 1);
+  CHECK(aims.usedBytes == toy.bytesOf(want));
+  CHECK(aims.prefetchedBytes == toy.bytesOf(want));
+}
+
+TEST_CASE("session: an aim elsewhere is a miss, and counted; older ones are replaced; a landing drops it") {
+  Pair pair(toy);
+  pair.connect().settle();
+  for (int x = 5; x >= 0; --x) pair.client.aim({static_cast<double>(x), 0, 0}, 1);
+  pair.client.flushAim();
+  pair.settle();
+  CHECK(pair.server->heardTypes() == std::vector<std::string>{"hello", "aim"});
+  pair.client.aim({1, 0, 1}, 1);
+  pair.client.land(kMiddle, 2, {});
+  CHECK(!pair.client.hasAim());
+  pair.settle();
+  const AimCounts& aims = pair.client.transfers().aims();
+  CHECK(aims.landings == 1);
+  CHECK(aims.hits == 0);
+  CHECK(aims.usedBytes == 0);
+  CHECK(aims.prefetchedBytes == toy.bytesOf(toy.within({0, 0, 0}, 1)));
+}
+
+TEST_CASE("session: an aim that comes wrong twice is given up") {
+  Pair pair(toy);
+  pair.connect().settle();
+  pair.spoil = flip;
+  pair.client.aim({0, 0, 0}, 0.5);
+  pair.client.flushAim();
+  pair.settle();
+  CHECK(pair.rejected() == Ids{0, 0});
+  CHECK(pair.of(EventKind::Prefetched).size() == 1);
+  CHECK(!pair.client.held().has(0));
+}
+
+TEST_CASE("session: an aim that a cut ended is sent anew, and nothing comes twice (7, rule 4)") {
+  Pair pair(toy, withCredit(300));
+  pair.connect().settle();
+  pair.client.aim(kMiddle, 3);
+  pair.client.flushAim();
+  while (pair.received.size() < 2) REQUIRE(pair.step());
+  pair.disconnect();
+  pair.connect().settle(true);
+  CHECK(pair.receivedSorted() == toy.within(kMiddle, 3));
+  CHECK(pair.of(EventKind::Prefetched).size() == 1);
+  pair.client.land(kMiddle, 3, {});
+  pair.settle();
+  CHECK(pair.of(EventKind::Planned).back().plan.loadBytes == 0);
+}
+
+TEST_CASE("session: an aim is not sent anew once all has come, or the user has landed") {
+  Pair pair(toy);
+  pair.connect().settle();
+  pair.client.aim(kMiddle, 3);
+  pair.client.flushAim();
+  pair.settle();
+  pair.disconnect();
+  pair.connect().settle();
+  CHECK(!pair.client.hasAim());
+  pair.client.aim({0, 0, 0}, 3);
+  pair.client.flushAim();
+  pair.client.land(kMiddle, 3, {});
+  pair.disconnect();
+  pair.connect().settle();
+  CHECK(!pair.client.hasAim());
+  CHECK(pair.of(EventKind::Ready).back().segments == toy.within(kMiddle, 3));
+}
+
+TEST_CASE("session: an aim after an unfinished landing comes behind it again") {
+  Pair pair(toy, withCredit(300));
+  pair.connect().settle();
+  pair.client.land(kMiddle, 3, {});
+  pair.client.aim({0, 0, 0}, 2);
+  pair.client.flushAim();
+  while (pair.received.empty()) REQUIRE(pair.step());
+  pair.disconnect();
+  pair.connect().settle(true);
+  std::vector<EventKind> kinds;
+  for (const SessionEvent& event : pair.events) {
+    const bool isEnd = event.told.kind == EventKind::Ready || event.told.kind == EventKind::Prefetched;
+    if (event.news == SessionNews::Told && isEnd) kinds.push_back(event.told.kind);
+  }
+  CHECK(kinds == std::vector<EventKind>{EventKind::Ready, EventKind::Prefetched});
+  CHECK(isOnce(pair.received));
+}
