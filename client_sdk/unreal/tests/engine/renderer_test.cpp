@@ -208,7 +208,7 @@ std::vector<std::uint8_t> MaskOf(std::size_t Faces, std::size_t Every)
 TEST_CASE("the base is drawn whole, each face once, and with its push")
 {
 	FStand Stand;
-	CHECK(Stand.Renderer->IsBaseThere());
+	CHECK(Stand.Renderer->isBaseReady());
 	CHECK(Stand.Backend->Drawn() == Stand.Expected({}));
 	const UMaterialInstanceDynamic* Instance =
 		static_cast<UMaterialInstanceDynamic*>(Stand.Backend->Made.front()->StubMaterial);
@@ -260,18 +260,25 @@ TEST_CASE("a block that was prepared twice shows the newer mask, and one with ev
 	CHECK(Stand.Backend->Drawn() == Stand.Expected({}));
 }
 
-TEST_CASE("a landing that comes before the base is complete waits for it within the swap")
+TEST_CASE("a new version's base appears at once, when all of it is made; until then the old one is drawn")
 {
 	FStand Stand;
+	const std::vector<std::uint8_t> Mask = MaskOf(Stand.Files->base.faceCount, 4);
+	Stand.Upload(6);
+	Stand.Prepare(Mask);
+	terraport::SceneSwap Swap = Stand.SwapOf(Mask);
+	Swap.shown = {6};
+	Stand.Renderer->swap(Swap);
+	const auto Before = Stand.Backend->Drawn();
 	Stand.Renderer->SetBase(FTerraportBase::Build(*Stand.Files, BlockFaces, ETerraportVertexColours::Srgb));
 	Stand.Renderer->beginBase(*Stand.Files);
-	// The old base stays drawn.
+	for (std::uint32_t Block = 0; !Stand.Renderer->isBaseReady(); ++Block)
+	{
+		REQUIRE(Block < Stand.Files->base.faceCount / BlockFaces + 1);
+		CHECK(Stand.Backend->Drawn() == Before);
+		Stand.RunFrames(1);
+	}
 	CHECK(Stand.Backend->Drawn() == Stand.Expected({}));
-	const std::vector<std::uint8_t> Mask = MaskOf(Stand.Files->base.faceCount, 4);
-	Stand.Prepare(Mask);
-	Stand.Renderer->swap(Stand.SwapOf(Mask));
-	CHECK(Stand.Renderer->IsBaseThere());
-	CHECK(Stand.Backend->Drawn() == Stand.Expected(Mask));
 }
 
 TEST_CASE("a segment is drawable in the frame after it was made, and gone when it is freed")

@@ -179,13 +179,13 @@ void FTerraportRenderer::prepareBase(const terraport::FaceRange& Range, const te
 	Block.bHasBack = true;
 }
 
+bool FTerraportRenderer::isBaseReady()
+{
+	return bBaseShown;
+}
+
 void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
 {
-	// A landing that is quicker than the base: it is completed here, since nothing may be missing under what is shown.
-	while (Base.IsValid() && NextBlock < Blocks.size())
-	{
-		Step(0.0);
-	}
 	for (const std::uint32_t Segment : Change.hidden)
 	{
 		const auto Found = Segments.find(Segment);

@@ -64,12 +64,6 @@ public:
 	 * `EndS`, but one piece at least. */
 	void Step(double EndS);
 
-	/** Whether the base is drawn in full. */
-	bool IsBaseThere() const
-	{
-		return bBaseShown;
-	}
-
 	/** First point of what is shown along a ray of component space, and its segment (-1: the base). */
 	bool CastGround(const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const;
 
@@ -82,6 +76,7 @@ public:
 	virtual std::size_t gpuBytesOf(const terraport::SegmentMesh& Mesh) const override;
 	virtual void beginBase(const terraport::SceneFiles& Files) override;
 	virtual void prepareBase(const terraport::FaceRange& Block, const terraport::HiddenFaces& Next) override;
+	virtual bool isBaseReady() override;
 	virtual void swap(const terraport::SceneSwap& Change) override;
 
 private:
