@@ -197,6 +197,10 @@ namespace Terraport
                 {
                     int code = result.CloseStatus.HasValue ? (int)result.CloseStatus.Value : Closes.Abnormal;
                     Become(TransportState.Closed, code, result.CloseStatusDescription ?? "");
+                    if (socket.State != WebSocketState.CloseReceived) return;
+                    // The server waits for an answer before it lets the connection go.
+                    ended.CancelAfter(GoodbyeMs);
+                    await socket.CloseOutputAsync(WebSocketCloseStatus.NormalClosure, "", ended.Token);
                     return;
                 }
                 count += result.Count;
@@ -281,7 +285,10 @@ namespace Terraport
             if (changed != null) changed();
         }
 
-        /// <summary>The close code that an exception stands for: a refused handshake has its HTTP status in the text only.</summary>
+        /// <summary>
+        /// The close code that an exception stands for. A refused handshake has its HTTP status in the text only, and on Mono
+        /// not even there: that is a connection which never came about.
+        /// </summary>
         private static int CodeOf(Exception error)
         {
             for (Exception one = error; one != null; one = one.InnerException)
