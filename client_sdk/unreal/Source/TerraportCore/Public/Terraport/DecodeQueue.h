@@ -26,13 +26,14 @@ struct DecodedSegment {
   std::uint32_t segment = 0;
   std::uint32_t epoch = 0;
   Status status;
-  /// Null where the status is a failure. Give it to DecodeQueue::release, so that its memory is used again.
+  /// Empty, or null, where the status is a failure. Give it to DecodeQueue::release, so that its memory is used again.
   std::unique_ptr<SegmentMesh> mesh;
   /// Where `mesh->image` lies.
   SharedPayload payload;
 };
 
-/// Decode one job into `mesh`, in the calling thread: what every queue does.
+/// Decode one job into `mesh`, in the calling thread: what every queue does. The decoders' own memory belongs to the thread, and is
+/// used again.
 TERRAPORTCORE_API Status decodePayload(const DecodeJob& job, SegmentMesh& mesh);
 
 /// Decodes elsewhere, or later. Called from one thread, the stage's; nothing blocks.

@@ -40,7 +40,7 @@ struct SceneSwap {
 
 enum class UploadState : std::uint8_t {
   Done,
-  /// Call again, in this frame while there is time, or the next: the work is done in slices.
+  /// Call again in the next frame: the work is done in slices, or waits for something.
   More,
   /// It cannot be drawn (no memory): it counts as missing, and its base faces stay.
   Failed,

@@ -1,0 +1,298 @@
+#include "Residency.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace terraport {
+namespace {
+
+SegmentList sorted(SegmentList segments) {
+  std::sort(segments.begin(), segments.end());
+  segments.erase(std::unique(segments.begin(), segments.end()), segments.end());
+  return segments;
+}
+
+}  // namespace
+
+Residency::Residency(const ShelfLimits& limits)
+    : shelf_(limits,
+             [this](std::uint32_t segment) { return wantedPlaces_.count(segment) != 0 || visibleIds_.count(segment) != 0; }) {}
+
+bool Residency::isBusy() const {
+  const auto waits = [this](std::uint32_t segment) { return shelf_.stepOf(segment) == ShelfStep::Held; };
+  return shelf_.inFlight() > 0 || shelf_.hasFrees() ||
+         (newest_ && newest_->hasPlan && std::any_of(wanted_.begin(), wanted_.end(), waits)) ||
+         (shelf_.hasSpareRoom() && std::any_of(prefetched_.begin(), prefetched_.end(), waits));
+}
+
+void Residency::land(std::int64_t landing, const Vec3& position, double radiusM, double nowMs) {
+  newest_.emplace();
+  newest_->landing = landing;
+  newest_->position = position;
+  newest_->radiusM = radiusM;
+  newest_->askedAtMs = nowMs;
+  recompute();
+}
+
+void Residency::planned(const PlanFacts& plan, std::int64_t landing) {
+  LandingRecord* const record = landingOf(landing);
+  if (record == nullptr) {
+    return;
+  }
+  record->planned(plan);
+  for (const std::uint32_t segment : plan.keep) {
+    shelf_.hold(segment, -1);
+  }
+  setWanted(*record->expected());
+  shelf_.freeUnneededMeshes();
+}
+
+void Residency::arrived(const SegmentFacts& facts, std::int64_t landing) {
+  const bool isAimed = landing == kNoLanding;
+  const std::int64_t newestNumber = newest_ ? newest_->landing : 0;
+  if (shelf_.hold(facts.segment, isAimed ? newestNumber : -1)) {
+    shelf_.forgive(facts.segment);
+    recompute();
+  }
+  if (newest_) {
+    newest_->arrived(facts);
+  }
+  if (isAimed && wantedPlaces_.count(facts.segment) == 0) {
+    prefetched_.push_back(facts.segment);
+  }
+}
+
+void Residency::degraded(std::int64_t landing, const SegmentList& segments) {
+  LandingRecord* const record = landingOf(landing);
+  if (record != nullptr) {
+    record->degrade(segments);
+  }
+  recompute();
+}
+
+void Residency::ready(std::int64_t landing, const SegmentList& visible, const SegmentList& missing, double elapsedMs,
+                      std::uint64_t payloadBytes) {
+  LandingRecord* const record = landingOf(landing);
+  if (record == nullptr) {
+    return;
+  }
+  const bool isShown = record->shown == ShownPart::Full && sorted(visible) == visible_;
+  record->ready(visible, missing, elapsedMs, payloadBytes);
+  // After a reconnect the same set may be declared once more.
+  record->shown = isShown ? ShownPart::Full : ShownPart::Nothing;
+  for (const std::uint32_t segment : visible) {
+    shelf_.hold(segment, -1);
+  }
+  // In the plan's order, nearest first; what the plan did not name last.
+  SegmentList wanted = visible;
+  const auto placeOf = [this](std::uint32_t segment) {
+    const auto found = wantedPlaces_.find(segment);
+    return found == wantedPlaces_.end() ? wanted_.size() : found->second;
+  };
+  std::stable_sort(wanted.begin(), wanted.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return placeOf(a) < placeOf(b); });
+  setWanted(std::move(wanted));
+  shelf_.freeUnneededMeshes();
+}
+
+void Residency::refused(std::int64_t landing, const std::string& message) {
+  LandingRecord* const record = landingOf(landing);
+  if (record != nullptr) {
+    record->refuse(message);
+    setWanted({});
+    shelf_.freeUnneededMeshes();
+  }
+}
+
+void Residency::dropped(const SegmentList& segments) {
+  for (const std::uint32_t segment : segments) {
+    shelf_.drop(segment);
+  }
+  recompute();
+}
+
+void Residency::versionChanged() {
+  ++epoch_;
+  shelf_.clear();
+  prefetched_.clear();
+  if (newest_) {
+    newest_->restart();
+  }
+  setWanted({});
+}
+
+void Residency::clearVisible() {
+  visible_.clear();
+  visibleIds_.clear();
+  shelf_.trim();
+  recompute();
+}
+
+void Residency::takeDecodes(std::vector<ResidencyRequest>& requests) {
+  const auto ask = [&](std::uint32_t segment) {
+    if (shelf_.tryDecode(segment)) {
+      requests.push_back({segment, epoch_});
+    }
+  };
+  if (newest_ && newest_->hasPlan) {
+    for (const std::uint32_t segment : wanted_) {
+      if (!shelf_.hasRoom()) {
+        return;
+      }
+      ask(segment);
+    }
+  }
+  // What finds no spare room waits for the next swap.
+  std::size_t asked = 0;
+  for (; asked < prefetched_.size() && shelf_.hasRoom() && shelf_.hasSpareRoom(); ++asked) {
+    ask(prefetched_[asked]);
+  }
+  prefetched_.erase(prefetched_.begin(), prefetched_.begin() + static_cast<std::ptrdiff_t>(asked));
+}
+
+bool Residency::decoded(std::uint32_t segment, std::uint32_t epoch, std::size_t bytes) {
+  return epoch == epoch_ && shelf_.take(segment, bytes);
+}
+
+void Residency::decodeFailed(std::uint32_t segment, std::uint32_t epoch) {
+  if (epoch == epoch_) {
+    shelf_.fail(segment);
+    recompute();
+  }
+}
+
+void Residency::uploadFailed(std::uint32_t segment) {
+  shelf_.fail(segment);
+  recompute();
+}
+
+std::optional<std::uint32_t> Residency::nextUpload(const SegmentList& skipped) const {
+  std::optional<std::uint32_t> best;
+  std::size_t bestPlace = 0;
+  for (const std::uint32_t segment : shelf_.decodedSegments()) {
+    if (std::find(skipped.begin(), skipped.end(), segment) != skipped.end()) {
+      continue;
+    }
+    const auto found = wantedPlaces_.find(segment);
+    const std::size_t place = found == wantedPlaces_.end() ? wanted_.size() : found->second;
+    if (!best || place < bestPlace || (place == bestPlace && segment < *best)) {
+      best = segment;
+      bestPlace = place;
+    }
+  }
+  return best;
+}
+
+PresentablePart Residency::presentable() const {
+  if (!newest_ || !coming_ || newest_->shown == ShownPart::Full || newest_->target() == nullptr ||
+      preparedRevision_ != comingRevision_) {
+    return PresentablePart::Nothing;
+  }
+  if (checkedShelf_ != shelf_.revision() || checkedComing_ != comingRevision_) {
+    checkedShelf_ = shelf_.revision();
+    checkedComing_ = comingRevision_;
+    isComingDrawable_ = std::all_of(coming_->begin(), coming_->end(), [this](std::uint32_t segment) {
+      return shelf_.stepOf(segment) == ShelfStep::Drawable;
+    });
+  }
+  if (!isComingDrawable_) {
+    return PresentablePart::Nothing;
+  }
+  return newest_->isTargetWhole() ? PresentablePart::Full : PresentablePart::Degraded;
+}
+
+bool Residency::swap(ResidencySwap& out) {
+  const PresentablePart part = presentable();
+  if (part == PresentablePart::Nothing) {
+    return false;
+  }
+  SegmentList visible = *coming_;
+  const std::unordered_set<std::uint32_t> after(visible.begin(), visible.end());
+  out = ResidencySwap();
+  out.landing = newest_->landing;
+  out.isDegraded = part == PresentablePart::Degraded;
+  for (const std::uint32_t segment : visible) {
+    if (visibleIds_.count(segment) == 0) {
+      out.shown.push_back(segment);
+    }
+  }
+  for (const std::uint32_t segment : visible_) {
+    if (after.count(segment) == 0) {
+      out.hidden.push_back(segment);
+    }
+  }
+  newest_->shown = out.isDegraded ? ShownPart::Degraded : ShownPart::Full;
+  visible_ = std::move(visible);
+  visibleIds_ = after;
+  const std::int64_t landing = newest_->landing;
+  shelf_.freeLeftBehind(landing, {out.hidden.begin(), out.hidden.end()});
+  const auto isOld = [&](std::uint32_t segment) { return !shelf_.isAimedSince(segment, landing); };
+  prefetched_.erase(std::remove_if(prefetched_.begin(), prefetched_.end(), isOld), prefetched_.end());
+  recompute();
+  return true;
+}
+
+void Residency::settle(double nowMs) {
+  if (newest_ && newest_->presentableMs < 0.0 && presentable() == PresentablePart::Full) {
+    newest_->presentableMs = nowMs - newest_->askedAtMs;
+  }
+}
+
+double Residency::fraction() const {
+  return newest_ ? newest_->fraction([this](std::uint32_t segment) { return shelf_.stepOf(segment) == ShelfStep::Drawable; })
+                 : 0.0;
+}
+
+SegmentList Residency::missing() const {
+  if (!newest_) {
+    return {};
+  }
+  SegmentList all = newest_->missing;
+  const SegmentList* declared = newest_->target();
+  declared = declared != nullptr ? declared : newest_->expected();
+  if (declared != nullptr) {
+    for (const std::uint32_t segment : *declared) {
+      if (shelf_.stepOf(segment) == ShelfStep::Failed) {
+        all.push_back(segment);
+      }
+    }
+  }
+  return sorted(std::move(all));
+}
+
+LandingRecord* Residency::landingOf(std::int64_t landing) {
+  return newest_ && newest_->landing == landing && !newest_->isRefused ? &*newest_ : nullptr;
+}
+
+void Residency::setWanted(SegmentList wanted) {
+  wanted_ = std::move(wanted);
+  wantedPlaces_.clear();
+  for (std::size_t place = 0; place < wanted_.size(); ++place) {
+    wantedPlaces_.emplace(wanted_[place], place);
+  }
+  shelf_.trim();
+  recompute();
+}
+
+void Residency::recompute() {
+  std::optional<SegmentList> next;
+  if (newest_ && newest_->shown != ShownPart::Full) {
+    const SegmentList* ids = newest_->target();
+    ids = ids != nullptr ? ids : newest_->expected();
+    if (ids != nullptr) {
+      next.emplace();
+      for (const std::uint32_t segment : *ids) {
+        if (shelf_.stepOf(segment) != ShelfStep::Failed) {
+          next->push_back(segment);
+        }
+      }
+      *next = sorted(std::move(*next));
+    }
+  }
+  if (next != coming_) {
+    coming_ = std::move(next);
+    ++comingRevision_;
+  }
+}
+
+}  // namespace terraport
