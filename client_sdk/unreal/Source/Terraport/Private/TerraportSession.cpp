@@ -3,7 +3,6 @@
 #include "HAL/PlatformTime.h"
 #include "Materials/Material.h"
 #include "Modules/ModuleManager.h"
-#include "TerraportAxes.h"
 #include "TerraportLog.h"
 #include "TerraportScene.h"
 #include "TerraportText.h"
@@ -28,22 +27,6 @@ double NowMilliseconds()
 	return FPlatformTime::Seconds() * 1000.0;
 }
 
-FVector PointOf(const FTransform& Frame, const terraport::Vec3& Place)
-{
-	const double Scene[3] = {Place.x, Place.y, Place.z};
-	double Out[3];
-	TerraportAxes::PointToUnreal(Scene, Out);
-	return Frame.TransformPosition(FVector(Out[0], Out[1], Out[2]));
-}
-
-FVector DirectionOf(const FTransform& Frame, const terraport::Vec3& Direction)
-{
-	const double Scene[3] = {Direction.x, Direction.y, Direction.z};
-	double Out[3];
-	TerraportAxes::DirectionToUnreal(Scene, Out);
-	return Frame.TransformVectorNoScale(FVector(Out[0], Out[1], Out[2]));
-}
-
 /** Nothing that a second attempt could change. */
 bool IsFinal(const std::string& Code)
 {
@@ -52,7 +35,8 @@ bool IsFinal(const std::string& Code)
 } // namespace
 
 FTerraportSession::FTerraportSession(ATerraportScene& InOwner, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
-	: Owner(InOwner), Backend(InBackend), Token(TerraportText::ToUtf8(InOwner.Token))
+	: Owner(InOwner), Backend(InBackend), Token(TerraportText::ToUtf8(InOwner.Token)),
+	  Budgets(InOwner.Device == ETerraportDevice::Custom ? InOwner.CustomBudgets : FTerraportBudgets::For(InOwner.Device))
 {
 	// Worker threads may only look it up.
 	FModuleManager::Get().LoadModule(TEXT("ImageWrapper"));
@@ -284,7 +268,7 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 		return;
 	}
 	terraport::StageOptions Options;
-	Options.spareGpuBytes = std::size_t(std::max(Owner.SpareMeshMiB, 0)) * Mebibyte;
+	Options.spareGpuBytes = std::size_t(std::max(Budgets.SpareMeshMiB, 1)) * Mebibyte;
 	Options.baseBlockFaces = BaseBlockFaces;
 	Options.autoShow = Owner.bAutoShow;
 	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Renderer, *Decodes, Options);
@@ -318,26 +302,11 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& S
 	Options.token = Token;
 	Options.encoding =
 		Owner.Encoding == ETerraportEncoding::Arrays ? terraport::PayloadEncoding::Arrays : terraport::PayloadEncoding::Glb;
-	Options.cacheBytes = uint64(std::max(Owner.CacheMiB, 0)) * Mebibyte;
-	switch (Owner.Budget)
-	{
-	case ETerraportBudget::StandaloneHeadset:
-		Options.budgets.maxTriangles = 400000;
-		Options.budgets.maxBytes = 24 * Mebibyte;
-		break;
-	case ETerraportBudget::Desktop:
-		Options.budgets.maxTriangles = 1500000;
-		Options.budgets.maxBytes = 96 * Mebibyte;
-		break;
-	case ETerraportBudget::Workstation:
-		Options.budgets.maxTriangles = 6000000;
-		Options.budgets.maxBytes = 384 * Mebibyte;
-		break;
-	case ETerraportBudget::Custom:
-		Options.budgets.maxTriangles = uint64(std::max<int64>(Owner.MaxTriangles, 1));
-		Options.budgets.maxBytes = uint64(std::max(Owner.MaxPayloadMiB, 1)) * Mebibyte;
-		break;
-	}
+	Options.budgets.maxTriangles = uint64(std::max<int64>(Budgets.MaxTriangles, 1));
+	Options.budgets.maxBytes = uint64(std::max(Budgets.MaxPayloadMiB, 1)) * Mebibyte;
+	Options.budgets.maxSegments = uint64(std::max(Budgets.MaxSegments, 1));
+	Options.cacheBytes = uint64(std::max(Budgets.CacheMiB, 0)) * Mebibyte;
+	Options.creditBytes = uint64(std::max(Budgets.CreditMiB, 1)) * Mebibyte;
 	return Options;
 }
 
@@ -366,155 +335,4 @@ FTerraportMaterials FTerraportSession::MaterialsOf()
 			*Owner.GetName());
 	}
 	return Materials;
-}
-
-void FTerraportSession::TellSwaps()
-{
-	std::vector<terraport::SceneSwap> Now;
-	Now.swap(Swaps);
-	for (const terraport::SceneSwap& Change : Now)
-	{
-		FTerraportSwap Swap;
-		Swap.Landing = Change.landing;
-		Swap.bDegraded = Change.degraded;
-		Swap.Shown = int32(Change.shown.size());
-		Swap.Hidden = int32(Change.hidden.size());
-		Owner.OnShown.Broadcast(Swap);
-		if (bEnded)
-		{
-			return;
-		}
-	}
-}
-
-void FTerraportSession::TellPresentable()
-{
-	if (!Stage || Owner.bAutoShow || !Stage->isPresentable())
-	{
-		return;
-	}
-	const terraport::LandingStatus Status = Stage->status();
-	const bool bInFull = Status.phase == terraport::LandingPhase::Presentable;
-	if (Status.landing != ToldPresentable || (bInFull && !bToldPresentableInFull))
-	{
-		ToldPresentable = Status.landing;
-		bToldPresentableInFull = bInFull;
-		Owner.OnPresentable.Broadcast(Status.landing);
-	}
-}
-
-void FTerraportSession::Tell(const terraport::StreamEvent& Event)
-{
-	switch (Event.kind)
-	{
-	case terraport::EventKind::Link:
-		TellLink(Event.link);
-		break;
-	case terraport::EventKind::Planned:
-	{
-		FTerraportPlan Plan;
-		Plan.Landing = Event.landing;
-		Plan.RadiusM = Event.plan.radiusM;
-		Plan.EffectiveRadiusM = Event.plan.effectiveRadiusM;
-		Plan.LoadSegments = int32(Event.plan.load.size());
-		Plan.KeptSegments = int32(Event.plan.keep.size());
-		Plan.LoadBytes = int64(Event.plan.loadBytes);
-		Plan.Triangles = int64(Event.plan.totalTriangles);
-		Plan.OmittedSegments = int32(Event.plan.omittedSegments);
-		Owner.OnPlan.Broadcast(Plan);
-		break;
-	}
-	case terraport::EventKind::Ready:
-	{
-		FTerraportReady Ready;
-		Ready.Landing = Event.landing;
-		Ready.Segments = int32(Event.segments.size());
-		Ready.Missing = int32(Event.missing.size());
-		Ready.ElapsedMs = Event.elapsedMs;
-		Ready.PayloadBytes = int64(Event.payloadBytes);
-		Owner.OnReady.Broadcast(Ready);
-		break;
-	}
-	case terraport::EventKind::Degraded:
-		Owner.OnDegraded.Broadcast(Event.landing);
-		break;
-	case terraport::EventKind::Refused:
-		// What ends a connection is told by the link that follows, which also says whether it is for good.
-		if (!Event.fatal)
-		{
-			TellFailure(Event.code, Event.message, Event.landing, false);
-		}
-		break;
-	case terraport::EventKind::Picked:
-	{
-		FTerraportPick Pick;
-		Pick.Request = int64(Event.request);
-		Pick.bHit = Event.hit.has_value();
-		if (Event.hit)
-		{
-			const FTransform Frame = Owner.GetActorTransform();
-			Pick.Location = PointOf(Frame, Event.hit->position);
-			Pick.Normal = DirectionOf(Frame, Event.hit->normal);
-			Pick.Segment = int32(Event.hit->segment);
-			Pick.Region = int32(Event.hit->region);
-			Pick.Label = Event.hit->label ? TerraportText::FromUtf8(*Event.hit->label) : FString();
-			Pick.HeightM = Event.hit->heightM;
-			for (const auto& Entry : Event.hit->attributes)
-			{
-				Pick.Attributes.Add(TerraportText::FromUtf8(Entry.first), Entry.second);
-			}
-		}
-		Owner.OnPicked.Broadcast(Pick);
-		break;
-	}
-	case terraport::EventKind::PickRefused:
-		TellFailure(Event.code, Event.message, 0, false);
-		break;
-	case terraport::EventKind::Notice:
-		UE_LOG(LogTerraport, Log, TEXT("the server says: %s"), *TerraportText::FromUtf8(Event.noticeKind));
-		break;
-	default:
-		break;
-	}
-}
-
-void FTerraportSession::TellLink(const terraport::LinkState& Link)
-{
-	FTerraportLink News;
-	switch (Link.phase)
-	{
-	case terraport::LinkPhase::Connecting:
-		News.State = ETerraportLink::Connecting;
-		break;
-	case terraport::LinkPhase::Open:
-		News.State = ETerraportLink::Open;
-		break;
-	case terraport::LinkPhase::Waiting:
-		News.State = ETerraportLink::Waiting;
-		break;
-	case terraport::LinkPhase::Closed:
-		News.State = ETerraportLink::Closed;
-		break;
-	}
-	News.Attempt = int32(Link.attempt);
-	News.RetryInS = Link.retryInMs / 1000.0;
-	News.CloseCode = Link.closeCode;
-	News.Code = TerraportText::FromUtf8(Link.code);
-	News.Message = TerraportText::FromUtf8(Link.message);
-	Owner.OnLink.Broadcast(News);
-	if (!bEnded && Link.phase == terraport::LinkPhase::Closed && Link.code != "closed")
-	{
-		TellFailure(Link.code, Link.message, 0, true);
-	}
-}
-
-void FTerraportSession::TellFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal)
-{
-	FTerraportFailure Failure;
-	Failure.Code = TerraportText::FromUtf8(Code);
-	Failure.Message = TerraportText::FromUtf8(Message);
-	Failure.Landing = std::max<int64>(Landing, 0);
-	Failure.bFatal = bFatal;
-	UE_LOG(LogTerraport, Warning, TEXT("%s: %s"), *Failure.Code, *Failure.Message);
-	Owner.OnFailed.Broadcast(Failure);
 }

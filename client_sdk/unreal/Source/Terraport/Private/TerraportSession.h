@@ -78,6 +78,7 @@ private:
 	ATerraportScene& Owner;
 	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
 	std::string Token;
+	const FTerraportBudgets Budgets;
 	ETerraportVertexColours Colours = ETerraportVertexColours::Srgb;
 	bool bEnded = false;
 	std::unique_ptr<FTerraportFiles> Loading;

@@ -55,27 +55,14 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
 	bool bAutoShow = true;
 
-	/** How much one landing may bring. Counts when the scene is opened. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Budget")
-	ETerraportBudget Budget = ETerraportBudget::Desktop;
+	/** What this device is asked to hold. Counts when the scene is opened. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Budgets")
+	ETerraportDevice Device = ETerraportDevice::Desktop;
 
-	/** Triangles of one landing; with Budget Custom. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Budget",
-		meta = (ClampMin = "1000", EditCondition = "Budget == ETerraportBudget::Custom"))
-	int64 MaxTriangles = 1500000;
-
-	/** MiB of payload of one landing; with Budget Custom. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Budget",
-		meta = (ClampMin = "1", ClampMax = "4096", EditCondition = "Budget == ETerraportBudget::Custom"))
-	int32 MaxPayloadMiB = 96;
-
-	/** MiB of payload kept beside what is shown, so that coming back needs no network. More costs memory, less costs bytes. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Budget", meta = (ClampMin = "0", ClampMax = "8192"))
-	int32 CacheMiB = 96;
-
-	/** MiB of meshes that are ready and neither shown nor waited for: what an aim brought. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Budget", meta = (ClampMin = "0", ClampMax = "4096"))
-	int32 SpareMeshMiB = 128;
+	/** With Device Custom. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Budgets",
+		meta = (EditCondition = "Device == ETerraportDevice::Custom"))
+	FTerraportBudgets CustomBudgets;
 
 	/** Milliseconds of each frame that the game thread may spend here. Less makes landings slower, more makes frames longer; 1 for
 	 * a headset at 90 Hz. The step in hand is ended: about half a millisecond more. */
