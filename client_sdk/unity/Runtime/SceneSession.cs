@@ -110,7 +110,7 @@ namespace Terraport.Unity
             }
             Stream.Pump();
             StreamEvent next;
-            while (!isDisposed && Stream.TryNextEvent(out next))
+            while (Stream.TryNextEvent(out next))
             {
                 Stage.Handle(ref next);
                 if (Streamed != null)
@@ -118,12 +118,8 @@ namespace Terraport.Unity
                     Streamed(ref next);
                 }
             }
-            if (isDisposed)
-            {
-                return; // A listener closed the scene.
-            }
             Stage.Update(settings.ActualFrameBudgetMs);
-            if (!isDisposed && Stage.NeedsFiles && loading == null && float.IsPositiveInfinity(retryAtS))
+            if (Stage.NeedsFiles && loading == null && float.IsPositiveInfinity(retryAtS))
             {
                 Load(); // Another version is served now.
             }

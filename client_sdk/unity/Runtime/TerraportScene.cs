@@ -48,6 +48,7 @@ namespace Terraport.Unity
         private UnityEvent<string> onFailed = new UnityEvent<string>();
 
         private SceneSession session;
+        private SceneSession updating;
         private string token;
         private LinkState link = new LinkState();
         private bool hasPendingLanding;
@@ -210,7 +211,15 @@ namespace Terraport.Unity
             {
                 SceneSession closing = session;
                 session = null;
-                closing.Dispose();
+                closing.Faulted -= Fail;
+                closing.Loaded -= OnLoaded;
+                closing.Streamed -= OnStreamed;
+                closing.Swapped -= OnSwapped;
+                if (closing != updating)
+                {
+                    closing.Dispose();
+                }
+                // Else a listener called: it is disposed of when its Update has come to an end.
             }
             hasPendingLanding = false;
             link = new LinkState();
@@ -319,9 +328,23 @@ namespace Terraport.Unity
 
         private void Update()
         {
-            if (session != null)
+            if (session == null)
             {
-                session.Update();
+                return;
+            }
+            updating = session;
+            try
+            {
+                updating.Update();
+            }
+            finally
+            {
+                SceneSession updated = updating;
+                updating = null;
+                if (updated != session)
+                {
+                    updated.Dispose();
+                }
             }
         }
     }

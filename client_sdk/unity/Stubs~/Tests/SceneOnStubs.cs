@@ -13,7 +13,10 @@ namespace Terraport.Stubs
     /// Runs TerraportScene on the stubs, against a live service: lands twice, looks at what would be drawn in the frame of each swap, and
     /// at what is left after closing. A line of figures for each landing; exit code 1 where something is wrong.
     ///
-    ///     mono SceneOnStubs.exe SCENE_URL RADIUS_M [arrays] [token]
+    ///     mono SceneOnStubs.exe SCENE_URL RADIUS_M [glb|arrays] [TOKEN] [changing]
+    ///
+    /// With "changing" it then writes "change" and waits for a line; whoever started it has published another version by then. It connects
+    /// anew, and the new version must take the place of the old in one frame.
     /// </summary>
     public static class SceneOnStubs
     {
@@ -22,6 +25,7 @@ namespace Terraport.Stubs
 
         private static readonly List<string> Faults = new List<string>();
         private static TerraportScene scene;
+        private static Action update;
         private static PlanFacts plan;
         private static SceneSwap lastSwap;
         private static int swaps;
@@ -38,10 +42,12 @@ namespace Terraport.Stubs
             scene = holder.AddComponent<TerraportScene>();
             scene.SceneUrl = arguments[0];
             scene.Settings.encoding = arguments.Length > 2 && arguments[2] == "arrays" ? PayloadEncoding.Arrays : PayloadEncoding.Glb;
-            scene.Token = arguments.Length > 3 ? arguments[3] : null;
+            scene.Token = arguments.Length > 3 && arguments[3].Length > 0 ? arguments[3] : null;
             scene.Planned += facts => plan = facts;
             scene.Failed += why => Faults.Add(why.Code + ": " + why.Message);
             scene.Shown += OnShown;
+            MethodInfo message = typeof(TerraportScene).GetMethod("Update", BindingFlags.Instance | BindingFlags.NonPublic);
+            update = (Action)Delegate.CreateDelegate(typeof(Action), scene, message);
             int before = LiveCount();
             scene.Open();
             RunUntil(() => scene.Files != null && lastSwap != null, "the base");
@@ -52,9 +58,19 @@ namespace Terraport.Stubs
                 Land(middle, radiusM);
                 Land(new Vec3(middle.X + radiusM / 2, middle.Y, middle.Z + radiusM / 3), radiusM);
                 Land(middle, radiusM);
+                Rest();
+                if (Faults.Count == 0 && arguments.Length > 4 && arguments[4] == "changing")
+                {
+                    Change(radiusM);
+                }
             }
             scene.Close();
             Expect(before, LiveCount(), "objects left after closing");
+            if (Faults.Count == 0)
+            {
+                CloseWithin();
+                Expect(before, LiveCount(), "objects left after closing within an event");
+            }
             foreach (string fault in Faults)
             {
                 Console.WriteLine("wrong: " + fault);
@@ -83,14 +99,68 @@ namespace Terraport.Stubs
             Expect(1, swaps, "swaps of a landing");
         }
 
+        /// <summary>A listener may close the scene from within any event, in the middle of the stage's own work.</summary>
+        private static void CloseWithin()
+        {
+            lastSwap = null;
+            scene.Shown += CloseOnShown;
+            scene.Open();
+            RunUntil(() => !scene.IsOpen, "the base, once more");
+            scene.Shown -= CloseOnShown;
+            update();
+        }
+
+        private static void CloseOnShown(SceneSwap swap)
+        {
+            scene.Close();
+        }
+
+        /// <summary>A frame in which nothing comes must make no garbage at all.</summary>
+        private static void Rest()
+        {
+            const int frames = 200;
+            for (int frame = 0; frame < frames; frame++)
+            {
+                update();
+                Thread.Sleep(1);
+            }
+            long before = GC.GetAllocatedBytesForCurrentThread();
+            for (int frame = 0; frame < frames; frame++)
+            {
+                update();
+            }
+            long bytes = GC.GetAllocatedBytesForCurrentThread() - before;
+            Console.WriteLine("{0} frames at rest: {1} bytes of garbage", frames, bytes);
+            Expect(0, bytes, "bytes of garbage at rest");
+        }
+
+        private static void Change(float radiusM)
+        {
+            string before = scene.Files.Manifest.Version;
+            Console.WriteLine("change");
+            Console.Out.Flush();
+            Console.ReadLine();
+            int segments = 0;
+            scene.Shown += swap => segments = swap.IsNewBase ? swap.Hidden.Count : segments;
+            lastSwap = null;
+            scene.Reconnect(scene.Token ?? "another");
+            RunUntil(() => lastSwap != null && lastSwap.IsNewBase, "the new base");
+            if (Faults.Count == 0)
+            {
+                Console.WriteLine("version {0} took the place of {1}; {2} segments of it went", scene.Files.Manifest.Version, before, segments);
+                Expect(0, string.CompareOrdinal(before, scene.Files.Manifest.Version) == 0 ? 1 : 0, "versions that are the same");
+                Vec3 low = scene.Files.Manifest.BoundsMin, high = scene.Files.Manifest.BoundsMax;
+                Land(new Vec3((low.X + high.X) / 2, (low.Y + high.Y) / 2, (low.Z + high.Z) / 2), radiusM);
+            }
+        }
+
         private static void RunUntil(Func<bool> isDone, string what)
         {
-            MethodInfo update = typeof(TerraportScene).GetMethod("Update", BindingFlags.Instance | BindingFlags.NonPublic);
             Stopwatch watch = Stopwatch.StartNew();
             while (!isDone() && Faults.Count == 0)
             {
                 Stopwatch frame = Stopwatch.StartNew();
-                update.Invoke(scene, null);
+                update();
                 updateMaxMs = Math.Max(updateMaxMs, frame.Elapsed.TotalMilliseconds - lookMs);
                 allLookMs += lookMs;
                 lookMs = 0;
@@ -137,6 +207,10 @@ namespace Terraport.Stubs
             if (swap.Landing > 0)
             {
                 CheckDetail(detail);
+            }
+            else
+            {
+                Expect(0, detail.Count, "segments drawn beside a new base");
             }
         }
 
