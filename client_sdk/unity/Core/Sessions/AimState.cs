@@ -1,3 +1,4 @@
+using System;
 using Terraport.Wire;
 
 namespace Terraport.Sessions
@@ -16,6 +17,16 @@ namespace Terraport.Sessions
         internal bool Waits
         {
             get { return noted.IsThere; }
+        }
+
+        /// <summary>Check what an aim says; nothing is allocated where it is right, since it may come with every frame.</summary>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow.</exception>
+        internal static void Check(Vec3 position, double radiusM)
+        {
+            const double Most = WireLimits.MaxCoordinateM;
+            bool isRight = radiusM > 0 && radiusM <= WireLimits.MaxRadiusM
+                && Math.Abs(position.X) <= Most && Math.Abs(position.Y) <= Most && Math.Abs(position.Z) <= Most;
+            if (!isRight) WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
         }
 
         /// <summary>Note the newest one, in place of any that waits.</summary>

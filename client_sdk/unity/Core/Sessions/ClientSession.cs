@@ -108,20 +108,7 @@ namespace Terraport.Sessions
         /// <summary>What has been counted over all connections.</summary>
         public StreamStats Stats
         {
-            get
-            {
-                return new StreamStats
-                {
-                    PayloadBytes = transfers.PayloadBytes,
-                    RepeatedBytes = transfers.RepeatedBytes,
-                    HeldSegments = Cache.Count,
-                    HeldBytes = Cache.Bytes,
-                    AimedLandings = transfers.Aims.Landings,
-                    AimHits = transfers.Aims.Hits,
-                    PrefetchedBytes = transfers.Aims.PrefetchedBytes,
-                    UsedPrefetchedBytes = transfers.Aims.UsedBytes,
-                };
-            }
+            get { return transfers.Stats; }
         }
 
         /// <summary>Take the next event; false where none waits.</summary>
@@ -166,7 +153,7 @@ namespace Terraport.Sessions
             generation = 0;
             aim.ConnectionLost(transfers.AimDone);
             LandingState landing = transfers.ConnectionLost();
-            if (landing != null) Queue(landing);
+            if (landing != null) AwaitWelcome(landing);
         }
 
         /// <summary>Take one whole WebSocket message; nothing refers to its bytes afterwards.</summary>
@@ -203,7 +190,7 @@ namespace Terraport.Sessions
             landings++;
             aim.Clear();
             if (IsOpen) SendLanding(landing);
-            else Queue(landing);
+            else AwaitWelcome(landing);
             return landing.Number;
         }
 
@@ -211,7 +198,7 @@ namespace Terraport.Sessions
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
         public void Aim(Vec3 position, double radiusM)
         {
-            WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
+            AimState.Check(position, radiusM);
             aim.Note(position, radiusM);
         }
 
@@ -358,7 +345,7 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Keep the newest landing for the next connection; what waited before is superseded.</summary>
-        private void Queue(LandingState landing)
+        private void AwaitWelcome(LandingState landing)
         {
             if (queued != null) ReportSuperseded(queued, landing);
             queued = landing;

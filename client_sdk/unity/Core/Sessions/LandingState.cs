@@ -127,5 +127,25 @@ namespace Terraport.Sessions
             Array.Sort(missing);
             return missing;
         }
+
+        /// <summary>What the user is told of its plan.</summary>
+        internal PlanFacts FactsOf(PlanMessage plan)
+        {
+            return new PlanFacts
+            {
+                Landing = Number,
+                Position = plan.Position,
+                RadiusM = plan.RadiusM,
+                EffectiveRadiusM = plan.EffectiveRadiusM,
+                Load = plan.Load,
+                Keep = plan.Keep,
+                Release = plan.Release,
+                LoadBytes = plan.LoadBytes,
+                TotalBytes = plan.TotalBytes,
+                TotalTriangles = plan.TotalTriangles,
+                OmittedSegments = plan.OmittedSegments,
+                OmittedBy = plan.OmittedBy,
+            };
+        }
     }
 }

@@ -18,10 +18,14 @@ namespace Terraport.Sessions
         // Sent, and without a plan yet, oldest first.
         private readonly List<LandingState> asked = new List<LandingState>();
         private readonly HashSet<uint> retried = new HashSet<uint>();
+        private readonly AimCounts aims = new AimCounts();
         private LandingState current;
         private PrefetchState prefetch;
         // Shown perhaps, since a deadline passed: the newest declared inner set.
         private uint[] inner = new uint[0];
+        // Chunk bytes taken, and those of them that belong to segments which were held already.
+        private long payloadBytes;
+        private long repeatedBytes;
 
         internal Transfers(Holdings held, PayloadPool pool, List<WireMessage> outbox, Queue<StreamEvent> events)
         {
@@ -34,14 +38,24 @@ namespace Terraport.Sessions
         /// <summary>Ids that the last ready landing shows, ascending.</summary>
         internal uint[] Visible { get; private set; } = new uint[0];
 
-        /// <summary>Chunk bytes taken.</summary>
-        internal long PayloadBytes { get; private set; }
-
-        /// <summary>Those of them that belong to segments which were held already; 0 with a right server.</summary>
-        internal long RepeatedBytes { get; private set; }
-
-        /// <summary>What aims have brought.</summary>
-        internal AimCounts Aims { get; } = new AimCounts();
+        /// <summary>What has been counted over all connections.</summary>
+        internal StreamStats Stats
+        {
+            get
+            {
+                return new StreamStats
+                {
+                    PayloadBytes = payloadBytes,
+                    RepeatedBytes = repeatedBytes,
+                    HeldSegments = held.Cache.Count,
+                    HeldBytes = held.Cache.Bytes,
+                    AimedLandings = aims.Landings,
+                    AimHits = aims.Hits,
+                    PrefetchedBytes = aims.PrefetchedBytes,
+                    UsedPrefetchedBytes = aims.UsedBytes,
+                };
+            }
+        }
 
         /// <summary>Generation of the newest aim of which everything has come; -1 for none.</summary>
         internal long AimDone { get; private set; } = -1;
@@ -145,7 +159,7 @@ namespace Terraport.Sessions
             retried.Clear();
             landing.Begin(plan);
             assembler.KeepOnly(landing.Facts);
-            Aims.Planned(plan.Keep, plan.Load.Length > 0);
+            aims.Planned(plan.Keep, plan.Load.Length > 0);
             var gone = new List<uint>();
             foreach (uint segment in plan.Keep)
             {
@@ -160,7 +174,7 @@ namespace Terraport.Sessions
             {
                 Kind = StreamEventKind.Planned,
                 Landing = landing.Number,
-                Plan = Facts(landing.Number, plan),
+                Plan = landing.FactsOf(plan),
             });
             foreach (uint segment in gone) AskAgain(landing, segment);
         }
@@ -207,7 +221,7 @@ namespace Terraport.Sessions
         internal void OnPrefetch(PrefetchMessage message)
         {
             prefetch = new PrefetchState(message);
-            Aims.Prefetching();
+            aims.Prefetching();
             retried.Clear();
             assembler.KeepOnly(prefetch.Facts);
             ReportAim(StreamEventKind.Prefetching, prefetch);
@@ -222,8 +236,8 @@ namespace Terraport.Sessions
             SegmentFacts facts = Expected(frame, landing, ahead);
             int bytes = frame.Chunk.Count;
             if (landing != null) landing.PayloadBytes += bytes;
-            PayloadBytes += bytes;
-            if (held.Cache.Contains(frame.Segment)) RepeatedBytes += bytes;
+            payloadBytes += bytes;
+            if (held.Cache.Contains(frame.Segment)) repeatedBytes += bytes;
             PayloadBuffer payload = assembler.Take(frame, facts.Length);
             if (payload == null) return;
             if (Xxh3.Hash64(payload.Data, 0, payload.Length) != facts.Xxh3)
@@ -249,7 +263,7 @@ namespace Terraport.Sessions
             }
             else
             {
-                Aims.Arrived(frame.Segment, facts.Length);
+                aims.Arrived(frame.Segment, facts.Length);
                 ahead.Waiting.Remove(frame.Segment);
                 EndPrefetchIfDone(ahead);
             }
@@ -367,25 +381,6 @@ namespace Terraport.Sessions
         {
             uint[] segments = held.Trim();
             if (segments != null) events.Enqueue(new StreamEvent { Kind = StreamEventKind.Dropped, Segments = segments });
-        }
-
-        private static PlanFacts Facts(int landing, PlanMessage plan)
-        {
-            return new PlanFacts
-            {
-                Landing = landing,
-                Position = plan.Position,
-                RadiusM = plan.RadiusM,
-                EffectiveRadiusM = plan.EffectiveRadiusM,
-                Load = plan.Load,
-                Keep = plan.Keep,
-                Release = plan.Release,
-                LoadBytes = plan.LoadBytes,
-                TotalBytes = plan.TotalBytes,
-                TotalTriangles = plan.TotalTriangles,
-                OmittedSegments = plan.OmittedSegments,
-                OmittedBy = plan.OmittedBy,
-            };
         }
     }
 }

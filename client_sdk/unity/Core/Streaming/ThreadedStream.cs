@@ -20,7 +20,13 @@ namespace Terraport
         private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
         private readonly AutoResetEvent wake = new AutoResetEvent(false);
         private readonly SceneStream stream;
+        // One delegate, so that the command can be told from the others.
+        private readonly Action close;
         private StreamStats stats;
+        // The newest aim, which is no command of its own: it may come with every frame, and must allocate nothing.
+        private Vec3 aimPosition;
+        private double aimRadiusM;
+        private bool hasAim;
         private int landings;
         private int requests;
         private bool isClosed;
@@ -34,6 +40,7 @@ namespace Terraport
         public ThreadedStream(StreamOptions options, ITransportFactory transports = null)
         {
             stream = new SceneStream(options, transports, Wake);
+            close = stream.Close;
             var thread = new Thread(Run) { Name = "terraport stream", IsBackground = true };
             thread.Start();
         }
@@ -62,6 +69,8 @@ namespace Terraport
             WireCodec.Check(new LandingState(0, position, radiusM, copy).Message(0));
             double atMs = StreamClock.NowMs;
             landings++;
+            // A landing ends the aims before it.
+            lock (gate) hasAim = false;
             Command(() => stream.Land(position, radiusM, copy, atMs));
             return landings;
         }
@@ -69,8 +78,14 @@ namespace Terraport
         /// <inheritdoc/>
         public void Aim(Vec3 position, double radiusM)
         {
-            WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
-            Command(() => stream.Aim(position, radiusM));
+            AimState.Check(position, radiusM);
+            lock (gate)
+            {
+                aimPosition = position;
+                aimRadiusM = radiusM;
+                hasAim = true;
+            }
+            Wake();
         }
 
         /// <inheritdoc/>
@@ -121,7 +136,7 @@ namespace Terraport
         public void Close()
         {
             if (isClosed) return;
-            Command(stream.Close);
+            Command(close);
             isClosed = true;
         }
 
@@ -137,7 +152,7 @@ namespace Terraport
             {
                 if (isOver) return;
                 commands.Enqueue(command);
-                if (command == stream.Close) isOver = true;
+                if (command == close) isOver = true;
             }
             Wake();
         }
@@ -161,19 +176,25 @@ namespace Terraport
             while (!isLast);
         }
 
-        /// <summary>Carry out what was asked for, in order; whether the stream is closed by now.</summary>
+        /// <summary>Carry out what was asked for, in order, and the newest aim behind it; whether the stream is closed by now.</summary>
         private bool RunCommands()
         {
             for (;;)
             {
-                Action command;
+                Action command = null;
+                Vec3 position;
+                double radiusM;
                 lock (gate)
                 {
-                    if (commands.Count == 0) return false;
-                    command = commands.Dequeue();
+                    if (commands.Count > 0) command = commands.Dequeue();
+                    else if (!hasAim) return false;
+                    else hasAim = false;
+                    position = aimPosition;
+                    radiusM = aimRadiusM;
                 }
-                command();
-                if (command == stream.Close) return true;
+                if (command == null) stream.Aim(position, radiusM);
+                else command();
+                if (command == close) return true;
             }
         }
 

@@ -27,8 +27,8 @@ namespace Terraport.Tests
         private BudgetsPart budgets;
         private double releaseFactor;
         private long generation = -1;
-        private Sending landing;
-        private Sending prefetch;
+        private SessionModelSending landing;
+        private SessionModelSending prefetch;
         private AimMessage waitingAim;
         private uint[] shown = new uint[0];
 
@@ -70,7 +70,7 @@ namespace Terraport.Tests
         internal byte[] Next()
         {
             if (said.Count > 0) return Encoded();
-            foreach (Sending sending in new[] { landing, prefetch })
+            foreach (SessionModelSending sending in new[] { landing, prefetch })
             {
                 if (sending == null || sending.IsReadySent) continue;
                 Degrade(sending);
@@ -154,7 +154,7 @@ namespace Terraport.Tests
         private void Reject(uint segment)
         {
             Held.Remove(segment);
-            Sending sending = landing != null && landing.Order.Contains(segment) ? landing : prefetch;
+            SessionModelSending sending = landing != null && landing.Order.Contains(segment) ? landing : prefetch;
             if (sending == null || !sending.Order.Contains(segment)) return;
             if (sending.Land == null && !sending.Load.Contains(segment)) return;
             if (!sending.Rejected.Add(segment))
@@ -256,13 +256,13 @@ namespace Terraport.Tests
             });
         }
 
-        private Sending Begin(uint number, LandMessage land, uint[] order, uint[] load, uint[] inner)
+        private SessionModelSending Begin(uint number, LandMessage land, uint[] order, uint[] load, uint[] inner)
         {
             foreach (uint segment in parts.Keys.ToList())
             {
                 if (!load.Contains(segment)) parts.Remove(segment);
             }
-            return new Sending
+            return new SessionModelSending
             {
                 Generation = number,
                 Land = land,
@@ -281,7 +281,7 @@ namespace Terraport.Tests
             TellSuperseded(landing, by);
         }
 
-        private void TellSuperseded(Sending sending, uint by)
+        private void TellSuperseded(SessionModelSending sending, uint by)
         {
             if (sending != null && !sending.IsReadySent) SaySuperseded(sending.Generation, by, scene.BytesOf(sending.Queue));
         }
@@ -320,7 +320,7 @@ namespace Terraport.Tests
             return order;
         }
 
-        private byte[] Chunk(Sending sending)
+        private byte[] Chunk(SessionModelSending sending)
         {
             while (sending.Queue.Count > 0 && Unreadable.Contains(sending.Queue[0]))
             {
@@ -350,7 +350,7 @@ namespace Terraport.Tests
         }
 
         /// <summary>Say degraded where the deadline has passed and the inner set is whole.</summary>
-        private void Degrade(Sending sending)
+        private void Degrade(SessionModelSending sending)
         {
             if (!DeadlinePassed || sending.IsDegradedSent || sending.Inner.Length == 0 || !sending.Inner.All(Held.Contains)) return;
             sending.IsDegradedSent = true;
@@ -358,7 +358,7 @@ namespace Terraport.Tests
         }
 
         /// <summary>Say ready where everything is sent.</summary>
-        private void Settle(Sending sending)
+        private void Settle(SessionModelSending sending)
         {
             if (sending.Queue.Count > 0) return;
             sending.IsReadySent = true;
@@ -381,23 +381,6 @@ namespace Terraport.Tests
             if (number <= generation) throw new InvalidOperationException("generation " + number + " after " + generation);
             generation = number;
             hasMoved = true;
-        }
-
-        /// <summary>A generation on its way: a landing, or what an aim brings.</summary>
-        private sealed class Sending
-        {
-            internal readonly HashSet<uint> Rejected = new HashSet<uint>();
-            internal readonly HashSet<uint> Missing = new HashSet<uint>();
-            internal uint Generation;
-            internal LandMessage Land;
-            internal uint[] Order;
-            internal uint[] Inner;
-            internal List<uint> Queue;
-            internal HashSet<uint> Load;
-            internal int Delivered;
-            internal long PayloadBytes;
-            internal bool IsReadySent;
-            internal bool IsDegradedSent;
         }
     }
 }
