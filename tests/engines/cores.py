@@ -27,13 +27,13 @@ BUILD_TIMEOUT_S: Final = 600
 """Of one compiler: two cores may be shared with other tests."""
 
 MCS: Final = ("mcs", "-langversion:latest", "-warnaserror", "-unsafe", "-optimize+", "-debug-")
-CS_REFERENCES: Final = ("-r:System.Net.Http.dll",)
+CS_REFERENCES: Final = ("-r:System.Net.Http.dll", "-r:System.Core.dll")
 NUNIT: Final = "/usr/lib/cli/nunit.framework-2.6.3/nunit.framework.dll"
 
 WITHOUT_UNITY: Final = ("Axes.cs", "PackedMesh.cs", "TintedVertex.cs", "PhotoVertex.cs")
 """Files of the Runtime that the axes' tool runs: plain arithmetic."""
 
-CPP_FLAGS: Final = ("-std=c++17", "-fno-exceptions", "-fno-rtti", "-Wall", "-Wextra", "-Werror")
+UNITY_FOLDERS: Final = ("Core", "Runtime", "Editor", "Samples~", "Stubs~", "Tests/Runtime")
 
 
 class BuildError(Exception):
@@ -53,6 +53,11 @@ class CsCore:
     @property
     def tests(self) -> Path:
         return self.folder / "Terraport.Core.Tests.dll"
+
+    @property
+    def layer_tests(self) -> Path:
+        """Of the Runtime, on the stubs; only of what `unity_layer` returns."""
+        return self.folder / "Terraport.Runtime.Tests.dll"
 
     def tool(self, name: str) -> list[str]:
         """Command of one tool: ``corpus``, ``land``, ``decode``, ``axes``."""
@@ -124,6 +129,40 @@ def cpp(*options: str, name: str = "cpp") -> CppCore:
         run_logged(["cmake", "--build", str(folder), "-j", str(os.cpu_count() or 1)])
 
     return CppCore(_built(name, sources, build))
+
+
+def unity_layer() -> CsCore:
+    """Compile Runtime, Editor, samples and their tests against the stubs, in every variant."""
+    files = {name: sorted((UNITY / name).rglob("*.cs")) for name in UNITY_FOLDERS}
+    ktx = UNITY / "Runtime" / "Ktx"
+    runtime = [path for path in files["Runtime"] if ktx not in path.parents]
+    stubs = [path for path in files["Stubs~"] if path.parent.name in ("UnityEngine", "UnityEditor")]
+    packages = [path for path in files["Stubs~"] if path.parent.name == "Packages"]
+    visit = [path for path in files["Stubs~"] if path.parent.name == "Tests"]
+
+    def build(folder: Path) -> None:
+        def compiled(name: str, sources: Sequence[Path], *extra: str) -> str:
+            # Fields that Unity fills from the scene look unassigned to a compiler (0649).
+            compile_cs(sources, folder / name, ["-nowarn:0649", *extra])
+            return f"-r:{folder / name}"
+
+        known = [compiled("Terraport.Core.dll", files["Core"])]
+        known.append(compiled("UnityStubs.dll", stubs, *known))
+        browser = [*known, "-d:UNITY_WEBGL"]
+        compiled("Terraport.Runtime.WebGl.dll", runtime, *browser)
+        known.append(compiled("Terraport.Runtime.dll", runtime, *known))
+        compiled("Terraport.Editor.dll", files["Editor"], *known)
+        for variant in ("", "-d:TERRAPORT_XRI_3"):
+            also = [*known, *filter(None, [variant])]
+            name = variant.rpartition(":")[2] or "plain"
+            also.append(compiled(f"Packages.{name}.dll", packages, *also))
+            compiled(f"Terraport.Ktx.{name}.dll", sorted(ktx.rglob("*.cs")), *also)
+            compiled(f"Samples.{name}.dll", files["Samples~"], *also)
+        compiled("Terraport.Runtime.Tests.dll", files["Tests/Runtime"], *known, f"-r:{NUNIT}")
+        compile_cs(visit, folder / "SceneOnStubs.exe", known, target="exe")
+        shutil.copy(NUNIT, folder)
+
+    return CsCore(_built("unity", [path for some in files.values() for path in some], build))
 
 
 def compile_cs(

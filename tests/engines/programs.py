@@ -43,7 +43,7 @@ class Landed:
     """Of what was held at the end: digests of the decoded arrays."""
     stats: dict[str, Any]
     stage: dict[str, Any]
-    """What would be drawn, where the visit was staged (``files=``)."""
+    """What would be drawn, where the visit was staged (``staged=1``)."""
     failure: str | None
     """Why it ended early."""
     said: str = field(repr=False, default="")

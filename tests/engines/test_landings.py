@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 from engines.conftest import TOKEN
 from engines.programs import Client
 from engines.sdk_arrays import NORMAL_STEP, digests, land_with_sdk, normals_apart
 from faults.service import Service
 
+import terraport.sync
 from terraport_payload import SegmentMesh
 
 HERE = "30,1,30"
@@ -199,23 +199,17 @@ def test_an_unknown_scene_is_told_and_not_asked_for_again(client: Client, server
 
 @pytest.mark.parametrize("encoding", ["glb", "arrays"])
 def test_what_an_engine_would_draw_is_what_the_python_sdk_shows(
-    client: Client, server: Service, encoding: str, tmp_path: Path
+    client: Client, server: Service, encoding: str
 ) -> None:
     """Through the stage: decoded, uploaded in slices, and swapped in one frame; base faces too."""
-    import terraport.sync
-
     url = f"{server.url}/scenes/grid"
-    for name in ("", "/base.glb", "/base.cover", "/regions"):
-        answer = httpx.get(url + name)
-        if answer.status_code == 200:
-            (tmp_path / (name[1:] or "scene")).write_bytes(answer.content)
     places = [(30.0, 1.0, 30.0, 22.0), (12.0, 1.0, 44.0, 15.0), (30.0, 1.0, 30.0, 8.0)]
     with terraport.sync.connect(url, encoding=encoding) as session:
         base = session.base()
         for number, (x, y, z, radius_m) in enumerate(places, 1):
             session.land((x, y, z), radius_m).ready()
             steps = [f"land:{a},{b},{c},{d}" for a, b, c, d in places[:number]]
-            landed = client.land(url, *steps, files=tmp_path, encoding=encoding)
+            landed = client.land(url, *steps, staged=1, encoding=encoding)
             assert landed.exit_code == 0, landed.said
             assert landed.stage["faults"] == []
             assert landed.stage["swaps"] == number

@@ -10,7 +10,7 @@ namespace Terraport.Tools
         public const string Usage =
             "usage: land --scene URL [--NAME VALUE ...] STEP ...\n" +
             "  --token T  --encoding glb|arrays  --subprotocol msgpack|json  --max-triangles N  --max-bytes N  --max-segments N\n" +
-            "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --files 1\n" +
+            "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n" +
             "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n" +
             "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n" +
             "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n";
@@ -78,7 +78,7 @@ namespace Terraport.Tools
                 case "threaded": IsThreaded = value == "1"; break;
                 case "timeout-s": TimeoutS = double.Parse(value, CultureInfo.InvariantCulture); break;
                 case "dump": DumpFolder = value; break;
-                case "files": IsStaged = value.Length > 0; break;
+                case "staged": IsStaged = value == "1"; break;
                 default: return false;
             }
             return true;

@@ -34,8 +34,12 @@ class Visit {
     if (!open()) {
       return 2;
     }
-    if (!request_.filesFolder.empty()) {
-      staged_ = StagedVisit::make(*stream_, request_.filesFolder, failure_);
+    if (request_.isStaged) {
+      staged_ = StagedVisit::make(*stream_, request_.stream.sceneUrl, request_.stream.token, failure_);
+      if (!staged_) {
+        std::fprintf(stderr, "error: %s\n", failure_.c_str());
+        return 2;
+      }
     }
     for (const Step& step : request_.steps) {
       take(step);

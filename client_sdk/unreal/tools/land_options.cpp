@@ -9,7 +9,7 @@ namespace {
 const char* const kUsage =
     "usage: terraport-land --scene URL [--NAME VALUE ...] STEP ...\n"
     "  --token T  --encoding glb|arrays  --subprotocol msgpack|json  --max-triangles N  --max-bytes N  --max-segments N\n"
-    "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --files FOLDER\n"
+    "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
     "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
     "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
     "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n";
@@ -41,8 +41,8 @@ bool setOption(LandRequest& request, const std::string& name, const std::string&
     request.timeoutS = std::atof(value.c_str());
   } else if (name == "dump") {
     request.dumpFolder = value;
-  } else if (name == "files") {
-    request.filesFolder = value;
+  } else if (name == "staged") {
+    request.isStaged = value == "1";
   } else {
     return false;
   }

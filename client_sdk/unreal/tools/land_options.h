@@ -28,8 +28,8 @@ struct LandRequest {
   double timeoutS = 60.0;
   /// Where decoded normals and payloads are written; empty for nowhere.
   std::string dumpFolder;
-  /// Where base.glb, base.cover and scene.json of the scene lie: the visit is then staged, as in an engine; empty for no.
-  std::string filesFolder;
+  /// Whether the visit is staged, as in an engine: base mesh loaded, segments decoded, swaps made.
+  bool isStaged = false;
   std::vector<Step> steps;
 };
 

@@ -8,13 +8,13 @@
 
 namespace terraport::tools {
 
-/// A visit as an engine makes it: the stream's events go to a SceneStage, and a renderer that draws nothing notes what would be
-/// drawn, and every order that a real one could not keep.
+/// A visit as an engine makes it: the scene's files are loaded, the stream's events go to a SceneStage, and a renderer that draws
+/// nothing notes what would be drawn, and every order that a real one could not keep.
 class StagedVisit {
  public:
-  /// `folder` has scene.json (as GET /scenes/{id} gives it), base.glb and base.cover. Null, and `failure` set, where they cannot
-  /// be read.
-  static std::unique_ptr<StagedVisit> make(LandingStream& stream, const std::string& folder, std::string& failure);
+  /// Null, and `failure` set, where the scene cannot be loaded.
+  static std::unique_ptr<StagedVisit> make(LandingStream& stream, const std::string& sceneUrl, const std::string& token,
+                                           std::string& failure);
   ~StagedVisit();
 
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);

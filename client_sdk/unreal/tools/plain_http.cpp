@@ -1,0 +1,107 @@
+#include "plain_http.h"
+
+#include <netdb.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <utility>
+
+namespace terraport::tools {
+namespace {
+
+/// A connected socket; -1 where there is none.
+int connectTo(const std::string& host, const std::string& port) {
+  addrinfo hints = {};
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  if (getaddrinfo(host.c_str(), port.c_str(), &hints, &found) != 0) {
+    return -1;
+  }
+  int connected = -1;
+  for (const addrinfo* one = found; one != nullptr && connected < 0; one = one->ai_next) {
+    connected = socket(one->ai_family, one->ai_socktype, one->ai_protocol);
+    if (connected >= 0 && connect(connected, one->ai_addr, one->ai_addrlen) != 0) {
+      close(connected);
+      connected = -1;
+    }
+  }
+  freeaddrinfo(found);
+  return connected;
+}
+
+bool sendAll(int connection, const std::string& text) {
+  for (std::size_t sent = 0; sent < text.size();) {
+    const ssize_t count = send(connection, text.data() + sent, text.size() - sent, MSG_NOSIGNAL);
+    if (count <= 0) {
+      return false;
+    }
+    sent += static_cast<std::size_t>(count);
+  }
+  return true;
+}
+
+HttpAnswer fetch(const std::string& url, const std::string& token, std::size_t maxBytes) {
+  HttpAnswer answer;
+  const std::string scheme = "http://";
+  if (url.compare(0, scheme.size(), scheme) != 0) {
+    answer.reason = "not an http URL";
+    return answer;
+  }
+  const std::size_t slash = url.find('/', scheme.size());
+  const std::string place = url.substr(scheme.size(), slash == std::string::npos ? slash : slash - scheme.size());
+  const std::size_t colon = place.rfind(':');
+  const std::string host = place.substr(0, colon);
+  const int connection = connectTo(host, colon == std::string::npos ? "80" : place.substr(colon + 1));
+  if (connection < 0) {
+    answer.reason = "no connection to " + place;
+    return answer;
+  }
+  std::string request = "GET " + (slash == std::string::npos ? "/" : url.substr(slash)) + " HTTP/1.1\r\nHost: " + place;
+  request += "\r\nConnection: close\r\nAccept-Encoding: identity\r\n";
+  if (!token.empty()) {
+    request += "Authorization: Bearer " + token + "\r\n";
+  }
+  std::string whole;
+  if (sendAll(connection, request + "\r\n")) {
+    char piece[65536];
+    for (ssize_t size = 0; (size = recv(connection, piece, sizeof piece, 0)) > 0;) {
+      whole.append(piece, static_cast<std::size_t>(size));
+      if (whole.size() > maxBytes + 65536) {
+        answer.isTooLarge = true;
+        break;
+      }
+    }
+  }
+  close(connection);
+  const std::size_t end = whole.find("\r\n\r\n");
+  if (end == std::string::npos || whole.compare(0, 9, "HTTP/1.1 ") != 0) {
+    answer.reason = "no answer";
+    return answer;
+  }
+  answer.status = std::atoi(whole.c_str() + 9);
+  answer.body.assign(whole.begin() + static_cast<std::ptrdiff_t>(end + 4), whole.end());
+  answer.isTooLarge = answer.isTooLarge || answer.body.size() > maxBytes;
+  return answer;
+}
+
+}  // namespace
+
+std::uint64_t PlainHttp::get(const std::string& url, const std::string& bearerToken, std::size_t maxBytes) {
+  answers_[++last_] = fetch(url, bearerToken, maxBytes);
+  return last_;
+}
+
+bool PlainHttp::poll(std::uint64_t request, HttpAnswer& answer) {
+  const auto found = answers_.find(request);
+  if (found == answers_.end()) {
+    return false;
+  }
+  answer = std::move(found->second);
+  answers_.erase(found);
+  return true;
+}
+
+void PlainHttp::cancel(std::uint64_t request) { answers_.erase(request); }
+
+}  // namespace terraport::tools

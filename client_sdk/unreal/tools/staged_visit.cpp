@@ -1,0 +1,85 @@
+#include "staged_visit.h"
+
+#include <chrono>
+#include <utility>
+
+#include "Terraport/DecodeThreads.h"
+#include "Terraport/SceneLoader.h"
+#include "Terraport/SceneStage.h"
+#include "json_text.h"
+#include "plain_http.h"
+#include "recording_renderer.h"
+
+namespace terraport::tools {
+namespace {
+
+/// What a frame gives the stage.
+constexpr double kFrameMs = 2.0;
+constexpr std::size_t kDecodeThreads = 2;
+/// Small, so that small scenes have many.
+constexpr std::uint32_t kBaseBlockFaces = 16;
+
+double clockMs() {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+StageOptions smallBlocks() {
+  StageOptions options;
+  options.baseBlockFaces = kBaseBlockFaces;
+  return options;
+}
+
+}  // namespace
+
+struct StagedVisit::Impl {
+  Impl(LandingStream& stream, SharedSceneFiles files)
+      : decoders(kDecodeThreads), stage(stream, std::move(files), renderer, decoders, smallBlocks()) {}
+
+  RecordingRenderer renderer;
+  DecodeThreads decoders;
+  SceneStage stage;
+};
+
+std::unique_ptr<StagedVisit> StagedVisit::make(LandingStream& stream, const std::string& sceneUrl, const std::string& token,
+                                               std::string& failure) {
+  PlainHttp http;
+  SceneLoadOptions options;
+  options.token = token;
+  SceneLoader loader(http, sceneUrl, options);
+  while (loader.pump() == LoadState::Loading) {
+  }
+  if (loader.state() == LoadState::Failed) {
+    failure = "files: " + loader.status().code() + ": " + loader.status().text();
+    return nullptr;
+  }
+  return std::unique_ptr<StagedVisit>(new StagedVisit(std::make_unique<Impl>(stream, loader.files())));
+}
+
+StagedVisit::StagedVisit(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+StagedVisit::~StagedVisit() = default;
+
+std::int64_t StagedVisit::land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs) {
+  return impl_->stage.land(position, radiusM, options, nowMs);
+}
+
+void StagedVisit::handle(const StreamEvent& event) { impl_->stage.handle(event); }
+
+void StagedVisit::frame() { impl_->stage.update(clockMs, kFrameMs); }
+
+bool StagedVisit::isShown() const { return impl_->stage.status().phase == LandingPhase::Shown; }
+
+std::string StagedVisit::describe() const {
+  const RecordingRenderer& renderer = impl_->renderer;
+  JsonText json;
+  json.open('{').key("visible").integers({renderer.shown().begin(), renderer.shown().end()});
+  json.key("hidden_base_faces").integers(renderer.hiddenFaces());
+  json.key("swaps").integer(renderer.swaps()).key("digest").text(impl_->stage.visibleDigest().text());
+  json.key("faults").open('[');
+  for (const std::string& fault : renderer.faults()) {
+    json.text(fault);
+  }
+  return json.close(']').close('}').str();
+}
+
+}  // namespace terraport::tools

@@ -1,0 +1,267 @@
+"""Which client can do what, each claim by a test: ``python tests/engines/support.py [--check]``.
+
+Writes the matrix of ``docs/topics/clients.md`` between its marks. A claim names a file and a test
+in it; `missing_tests` finds those that are not there (any more), so that a cell cannot outlive its
+test.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+__all__ = ["CLIENTS", "FEATURES", "PAGE", "No", "matrix", "missing_tests", "page_text"]
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+PAGE: Final = ROOT / "docs" / "topics" / "clients.md"
+BEGIN: Final = "<!-- generated: matrix -->"
+END: Final = "<!-- end -->"
+CLIENTS: Final = ("Python SDK", "viewer (web)", "Unity (C#)", "Unreal (C++)")
+
+WEB: Final = "client_sdk/web/test"
+LAND: Final = "tests/engines/test_landings.py"
+FAULT: Final = "tests/engines/test_faults.py"
+CORPUS: Final = "tests/engines/test_corpora.py"
+LAYER: Final = "tests/engines/test_engine_layers.py"
+
+
+@dataclass(frozen=True)
+class No:
+    """What a client cannot do, and why."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Yes:
+    """A test that shows it; ``short`` of what it is not."""
+
+    file: str
+    test: str
+    short: str = ""
+
+
+Claim = Yes | No
+
+
+def both(file: str, test: str) -> tuple[Claim, Claim]:
+    """One test that runs for both engine clients' cores."""
+    return Yes(file, test), Yes(file, test)
+
+
+SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return, over %s")
+SDK_LAND = "tests/socket/test_sdk_sessions.py"
+NO_GROUPS = No("skips what it is told of groups")
+NO_DISK = No("memory alone")
+
+FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
+    "wire corpus, whole": (
+        Yes("tests/conformance/test_wire_corpus.py", "test_bad"),
+        Yes(
+            f"{WEB}/wire-corpus.test.ts", "runs the whole corpus, with every message in both forms"
+        ),
+        *both(CORPUS, "test_the_whole_corpus_passes"),
+    ),
+    "payload corpus, `glb`": (
+        Yes("tests/conformance/scene/test_scene_corpus.py", "test_payload"),
+        Yes(f"{WEB}/payload-corpus.test.ts", "runs every GLB of the corpus"),
+        *both(CORPUS, "test_the_whole_corpus_passes"),
+    ),
+    "payload corpus, `arrays`": (
+        Yes("tests/conformance/scene/test_scene_corpus.py", "test_payload"),
+        No("asks for `glb` alone"),
+        *both(CORPUS, "test_the_whole_corpus_passes"),
+    ),
+    "msgpack and JSON": (
+        Yes(
+            "tests/sdk/test_session_landings.py",
+            "test_a_landing_shows_exactly_what_brute_force_finds",
+        ),
+        SERVER,
+        *both(LAND, "test_assembled_segments_are_those_of_the_python_sdk"),
+    ),
+    "segments array for array as the Python SDK": (
+        Yes(SDK_LAND, "test_a_landing_brings_every_segment_within_the_radius"),
+        SERVER,
+        *both(LAND, "test_assembled_segments_are_those_of_the_python_sdk"),
+    ),
+    "visible sets of a walk as the Python SDK": (
+        Yes(SDK_LAND, "test_the_visible_set_does_not_depend_on_what_was_before"),
+        Yes(f"{WEB}/client/server.test.ts", "visible sets are those of the Python SDK"),
+        *both(LAND, "test_visible_sets_of_a_walk_are_those_of_the_python_sdk"),
+    ),
+    "a second visit costs no bytes": (
+        Yes(SDK_LAND, "test_a_second_visit_costs_no_payload_bytes"),
+        SERVER,
+        *both(LAND, "test_a_second_visit_costs_no_bytes"),
+    ),
+    "a newer landing supersedes": (
+        Yes(SDK_LAND, "test_a_newer_landing_supersedes_the_older"),
+        Yes(f"{WEB}/client/server.test.ts", "a newer landing supersedes the older"),
+        *both(LAND, "test_a_newer_landing_supersedes_the_older"),
+    ),
+    "budgets": (
+        Yes(SDK_LAND, "test_budgets_are_never_exceeded"),
+        Yes(f"{WEB}/session/landings.test.ts", "keeps to the budgets, and says what they left out"),
+        *both(LAND, "test_budgets_are_never_exceeded"),
+    ),
+    "deadline: the inner part first": (
+        Yes(SDK_LAND, "test_a_deadline_makes_the_inner_set_presentable"),
+        Yes("tests/browser/test_faults.py", "test_past_the_deadline_the_inner_part_is_shown_first"),
+        *both(FAULT, "test_a_deadline_shows_the_inner_part_first"),
+    ),
+    "aims fetch ahead": (
+        Yes(SDK_LAND, "test_an_aim_makes_the_landing_free"),
+        Yes(
+            f"{WEB}/client/server.test.ts", "an aim, and the landing there has nothing left to load"
+        ),
+        *both(LAND, "test_an_aim_brings_what_the_landing_needs"),
+    ),
+    "picks": (
+        Yes(SDK_LAND, "test_picks_find_the_ground_whether_loaded_or_not"),
+        Yes(
+            f"{WEB}/session/holding.test.ts",
+            "are answered, and asked again after a lost connection",
+        ),
+        *both(LAND, "test_picks_are_answered"),
+    ),
+    "cache bounded by bytes": (
+        Yes("tests/sdk/test_cache.py", "test_any_history_gives_what_a_list_gives"),
+        Yes(f"{WEB}/session/parts.test.ts", "does over any history what a list does slowly"),
+        *both(LAND, "test_the_cache_keeps_its_bound_and_says_what_it_let_go"),
+    ),
+    "cache on disk": (
+        Yes("tests/socket/test_sdk_disk.py", "test_a_second_run_reads_from_disk"),
+        NO_DISK,
+        NO_DISK,
+        NO_DISK,
+    ),
+    "a cut line is mended, nothing comes twice": (
+        Yes("tests/socket/test_sdk_reconnect.py", "test_a_landing_survives_any_number_of_cuts"),
+        Yes(f"{WEB}/client/server.test.ts", "a cut line is mended, no segment comes twice"),
+        *both(FAULT, "test_a_cut_line_is_mended_and_no_segment_comes_twice"),
+    ),
+    "a service that is killed and comes back": (
+        Yes("tests/socket/test_sdk_reconnect.py", "test_a_server_that_restarts_with_a_new_version"),
+        Yes("tests/browser/test_faults.py", "test_the_server_is_killed_and_starts_again"),
+        *both(FAULT, "test_a_service_that_is_killed_and_comes_back"),
+    ),
+    "a flipped bit is found, the segment sent again": (
+        Yes(
+            "tests/socket/test_sdk_reconnect.py",
+            "test_a_bit_flipped_on_the_way_is_found_and_sent_again",
+        ),
+        Yes(f"{WEB}/session/holding.test.ts", "is rejected, and the segment sent again"),
+        *both(FAULT, "test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again"),
+    ),
+    "tokens; a refused one is not repeated": (
+        Yes(SDK_LAND, "test_tokens"),
+        Yes(f"{WEB}/client/server.test.ts", "a wrong one is told and not repeated"),
+        *both(LAND, "test_a_token_opens_a_wrong_one_is_told_once_and_a_right_one_mends_it"),
+    ),
+    "tokens that a function renews": (
+        Yes("tests/socket/test_sdk_tokens.py", "test_a_session_outlives_its_tokens"),
+        No("the page asks its user"),
+        No("the game gives another by `Reconnect`"),
+        No("the game gives another by `Reconnect`"),
+    ),
+    "base hidden by the cover, swap at once": (
+        Yes(SDK_LAND, "test_base_and_hidden_faces"),
+        Yes("tests/browser/test_landings.py", "test_what_is_drawn_is_what_the_sdk_shows"),
+        *both(LAND, "test_what_an_engine_would_draw_is_what_the_python_sdk_shows"),
+    ),
+    "textures: decoded payload, image's bytes": (
+        Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),
+        Yes("tests/browser/test_pictures.py", "test_ways_to_colour_the_ground"),
+        *both(LAND, "test_textures_colours_and_attributes_are_those_of_the_python_sdk"),
+    ),
+    "axes, winding and V of the engine": (
+        No("stays in the scene frame"),
+        No("stays in the scene frame"),
+        *both("tests/engines/test_axes.py", "test_the_engine_draws_what_the_python_sdk_draws"),
+    ),
+    "decoding allocates nothing in the steady state": (
+        No("new arrays each time"),
+        No("new arrays each time: they go to the GPU"),
+        *both("tests/engines/test_decoding.py", "test_nothing_is_allocated_in_the_steady_state"),
+    ),
+    "lands groups": (
+        Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
+        NO_GROUPS,
+        NO_GROUPS,
+        NO_GROUPS,
+    ),
+    "drawn in a headset": (
+        No("no renderer"),
+        Yes(
+            "tests/browser/test_headset.py",
+            "test_a_teleport_swaps_and_moves_in_one_black_frame",
+            "emulated",
+        ),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs", "on stubs of the engine's API"),
+        Yes(LAYER, "test_the_unreal_layer_passes_its_tests", "on stubs of the engine's API"),
+    ),
+}
+
+
+def missing_tests() -> list[str]:
+    """Return the claims whose file or test is not there."""
+    missing = []
+    for feature, claims in FEATURES.items():
+        for client, claim in zip(CLIENTS, claims, strict=True):
+            if isinstance(claim, No):
+                continue
+            path = ROOT / claim.file
+            text = path.read_text(encoding="utf-8") if path.is_file() else ""
+            wanted = rf"def {claim.test}" if path.suffix == ".py" else re.escape(claim.test)
+            if not re.search(wanted, text):
+                missing.append(f"{feature}, {client}: {claim.file} has no {claim.test!r}")
+    return missing
+
+
+def matrix() -> str:
+    """Return the table, each yes a link to the file of its test."""
+    lines = [
+        "| | " + " | ".join(CLIENTS) + " |",
+        "|---" * (len(CLIENTS) + 1) + "|",
+    ]
+    for feature, claims in FEATURES.items():
+        cells = [_cell(claim) for claim in claims]
+        lines.append(f"| {feature} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def page_text() -> str:
+    """Return the page with the present matrix in its place."""
+    text = PAGE.read_text(encoding="utf-8")
+    head, rest = text.split(BEGIN)
+    return f"{head}{BEGIN}\n{matrix()}\n{END}{rest.split(END, 1)[1]}"
+
+
+def _cell(claim: Claim) -> str:
+    if isinstance(claim, No):
+        return f"no: {claim.reason}"
+    word = "yes" if not claim.short else claim.short
+    return f'[{word}](../../{claim.file} "{claim.test}")'
+
+
+def main() -> int:
+    """Write or check the page; return the exit code."""
+    problems = missing_tests()
+    current = PAGE.read_text(encoding="utf-8")
+    wanted = page_text()
+    if "--check" in sys.argv[1:]:
+        if wanted != current:
+            problems.append(f"{PAGE.name} is not what support.py writes")
+    else:
+        PAGE.write_text(wanted, encoding="utf-8")
+    for problem in problems:
+        sys.stderr.write(f"error: {problem}\n")
+    return 1 if problems else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,165 @@
+"""The engine layers, against stubs of exactly the engine's API that they use; the packages' shape.
+
+Neither engine is run: a stub finds a wrong name or type, not a wrong picture.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from engines import cores
+from engines.conftest import skip_or_fail
+from engines.test_units import run_doctest, run_nunit
+from faults.service import Service
+
+UNITY, UNREAL = cores.UNITY, cores.UNREAL
+
+
+@pytest.fixture(scope="module")
+def unity() -> cores.CsCore:
+    reason = cores.missing_for("csharp")
+    if reason is not None:
+        skip_or_fail(f"the Unity layer cannot be compiled ({reason})")
+    return cores.unity_layer()
+
+
+def test_the_unity_layer_compiles_in_every_variant_and_passes_its_tests(
+    unity: cores.CsCore,
+) -> None:
+    """Runtime (also for WebGL), Editor, KTX and samples for both XR Interaction Toolkits."""
+    passed, failed, said = run_nunit(unity, unity.layer_tests)
+    assert failed == 0, said[-6000:]
+    assert passed > 10
+
+
+@pytest.mark.parametrize("encoding", ["glb", "arrays"])
+def test_the_unity_scene_lands_on_the_stubs(
+    unity: cores.CsCore, server: Service, encoding: str
+) -> None:
+    """The component itself, on a fake engine that keeps what its meshes are given."""
+    program = ["mono", str(unity.folder / "SceneOnStubs.exe")]
+    done = subprocess.run(
+        [*program, f"{server.url}/scenes/grid", "25", encoding],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=180,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-4000:]
+
+
+def test_a_typo_in_the_unity_layer_does_not_compile(unity: cores.CsCore, tmp_path: Path) -> None:
+    text = (UNITY / "Runtime" / "MeshFiller.cs").read_text()
+    wrong = text.replace("AllocateWritableMeshData", "AllocateWriteableMeshData")
+    assert wrong != text
+    (tmp_path / "MeshFiller.cs").write_text(wrong)
+    others = [p for p in (UNITY / "Runtime").glob("*.cs") if p.name != "MeshFiller.cs"]
+    references = [f"-r:{unity.folder / name}" for name in ("Terraport.Core.dll", "UnityStubs.dll")]
+    with pytest.raises(cores.BuildError, match="AllocateWriteableMeshData"):
+        cores.compile_cs(
+            [*others, tmp_path / "MeshFiller.cs"], tmp_path / "x.dll", ["-nowarn:0649", *references]
+        )
+
+
+def test_the_unreal_module_compiles_against_the_stubs() -> None:
+    reason = cores.missing_for("cpp")
+    if reason is not None:
+        skip_or_fail(f"the Unreal module cannot be compiled ({reason})")
+    cores.run_logged(["sh", str(UNREAL / "stubs" / "compile.sh")])
+
+
+def test_the_unreal_layer_passes_its_tests_on_the_stubs(cpp: cores.CppCore) -> None:
+    passed, failed, said = run_doctest(cpp.folder / "bin" / "terraport-engine-tests")
+    assert failed == 0, said[-6000:]
+    assert passed > 10
+
+
+def test_every_file_that_unity_imports_has_its_meta() -> None:
+    done = subprocess.run(
+        [sys.executable, str(UNITY / "Tools~" / "metas.py"), "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    guids = [
+        re.search(r"^guid: ([0-9a-f]{32})$", path.read_text(), re.MULTILINE)
+        for path in UNITY.rglob("*.meta")
+    ]
+    assert None not in guids
+    assert len({found[1] for found in guids if found}) == len(guids) > 100
+
+
+def test_the_unity_package_names_what_is_there() -> None:
+    package = json.loads((UNITY / "package.json").read_text())
+    assert package["name"] == "com.terraport.client"
+    for sample in package["samples"]:
+        assert any((UNITY / sample["path"]).rglob("*.cs")), sample
+    assemblies = {}
+    for path in UNITY.rglob("*.asmdef"):
+        told = json.loads(path.read_text())
+        assemblies[told["name"]] = told
+    assert assemblies["Terraport.Core"]["noEngineReferences"] is True
+    assert assemblies["Terraport.Core"]["references"] == []
+    ours = {name for name in assemblies if name.startswith("Terraport")}
+    for told in assemblies.values():
+        wanted = {name for name in told["references"] if name.startswith("Terraport")}
+        assert wanted <= ours, told["name"]
+
+
+def test_the_unity_core_knows_no_engine_and_needs_no_reflection() -> None:
+    for path in (UNITY / "Core").rglob("*.cs"):
+        code = re.sub(r"//.*", "", path.read_text())
+        for word in ("UnityEngine", "System.Reflection", "dynamic ", "Activator."):
+            assert word not in code, f"{path.name} has {word}"
+
+
+def test_the_unreal_plugin_names_what_is_there() -> None:
+    plugin = json.loads((UNREAL / "Terraport.uplugin").read_text())
+    for module in plugin["Modules"]:
+        name = module["Name"]
+        rules = (UNREAL / "Source" / name / f"{name}.Build.cs").read_text()
+        assert f"class {name}" in rules
+        sources = "".join(p.read_text() for p in (UNREAL / "Source" / name).rglob("*.cpp"))
+        assert re.search(rf"IMPLEMENT_(GAME_)?MODULE\(.*\b{name}\b", sources), name
+
+
+def test_the_unreal_core_knows_no_engine_and_throws_nothing() -> None:
+    core = UNREAL / "Source" / "TerraportCore"
+    for path in [*core.rglob("*.h"), *core.rglob("*.cpp")]:
+        if path.name.endswith("Module.cpp"):
+            continue
+        code = re.sub(r"//.*", "", path.read_text())
+        for word in (r"\bthrow\b", r"\bcatch\b", r"\bdynamic_cast\b", r"\bFString\b", r"\babort\("):
+            assert not re.search(word, code), f"{path.name} has {word}"
+        for include in re.findall(r'#include "([^"]+)"', code):
+            near = (path.parent / include, core / "Public" / include, core / "Private" / include)
+            assert any(place.is_file() for place in near), f"{path.name} includes {include}"
+
+
+def test_files_stay_readable() -> None:
+    """Some 400 lines at most, but for what is generated; tests may take a hundred more."""
+    long = {
+        str(path.relative_to(cores.ROOT)): count
+        for folder in (UNITY, UNREAL)
+        for path in folder.rglob("*")
+        if path.suffix in {".cs", ".h", ".cpp"} and ".generated." not in path.name
+        if (count := len(path.read_text().splitlines()))
+        > (500 if "ests" in str(path.relative_to(folder)) else 450)
+    }
+    assert long == {}
+
+
+def test_nothing_of_this_machine_is_in_the_packages() -> None:
+    words = re.compile(rf"{re.escape(os.sep)}work{os.sep}|/tmp/tr|C:\\\\Users")
+    for folder in (UNITY, UNREAL):
+        for path in folder.rglob("*"):
+            if path.is_file() and path.suffix in {".cs", ".h", ".cpp", ".md", ".json", ".txt"}:
+                assert not words.search(path.read_text()), path
