@@ -1,10 +1,13 @@
-"""Writes the .meta file beside every file and folder that Unity imports from this package.
+"""Write the .meta file beside every file and folder that Unity imports from this package.
 
-Unity refuses assets of a package (which it may not write to) without them. A GUID is the MD5 of the package's name and the
-path, so that it is the same on every machine and changes only when a file moves.
+Unity refuses assets of a package (which it may not write to) without them. A GUID is the MD5 of the
+package's name and the path, so that it is the same on every machine and changes only when a file
+moves.
 
-    python client_sdk/unity/Tools~/metas.py            write what is missing or different, delete what is left over
-    python client_sdk/unity/Tools~/metas.py --check    write nothing; say what would change, and exit with 1
+    python client_sdk/unity/Tools~/metas.py            write what is missing or different,
+                                                       delete what is left over
+    python client_sdk/unity/Tools~/metas.py --check    write nothing, say what would change,
+                                                       and exit with 1 where something would
 """
 
 from __future__ import annotations
@@ -25,8 +28,8 @@ _DEFAULT = "DefaultImporter:\n  externalObjects: {}\n" + _END
 _FOLDER = "folderAsset: yes\n" + _DEFAULT
 _TEXT = "TextScriptImporter:\n  externalObjects: {}\n" + _END
 _SCRIPT = (
-    "MonoImporter:\n  externalObjects: {}\n  serializedVersion: 2\n  defaultReferences: []\n  executionOrder: 0\n"
-    "  icon: {instanceID: 0}\n" + _END
+    "MonoImporter:\n  externalObjects: {}\n  serializedVersion: 2\n  defaultReferences: []\n"
+    "  executionOrder: 0\n  icon: {instanceID: 0}\n" + _END
 )
 _ASMDEF = "AssemblyDefinitionImporter:\n  externalObjects: {}\n" + _END
 _SHADER = (
@@ -36,7 +39,8 @@ _SHADER = (
 _INCLUDE = "ShaderIncludeImporter:\n  externalObjects: {}\n" + _END
 _MANIFEST = "PackageManifestImporter:\n  externalObjects: {}\n" + _END
 # A browser's plug-in must not be linked into anything else.
-_BROWSER = """PluginImporter:
+_BROWSER = (
+    """PluginImporter:
   externalObjects: {}
   serializedVersion: 2
   iconMap: {}
@@ -63,7 +67,9 @@ _BROWSER = """PluginImporter:
     second:
       enabled: 1
       settings: {}
-""" + _END
+"""
+    + _END
+)
 
 _BY_SUFFIX = {
     ".cs": _SCRIPT,
@@ -78,9 +84,11 @@ _BY_SUFFIX = {
 
 
 def is_imported(path: Path) -> bool:
-    """Whether Unity looks at it: nothing below a name that begins with a dot or ends in a tilde, and no .meta."""
+    """Whether Unity looks at it: no .meta, nothing below a name like `.x` or `x~`."""
     parts = path.relative_to(ROOT).parts
-    return path.suffix != ".meta" and not any(part.startswith(".") or part.endswith("~") for part in parts)
+    return path.suffix != ".meta" and not any(
+        part.startswith(".") or part.endswith("~") for part in parts
+    )
 
 
 def meta_of(path: Path) -> str:
@@ -100,19 +108,29 @@ def wanted() -> dict[Path, str]:
     """Text by path of every .meta file that there has to be."""
     assets = [path for path in sorted(ROOT.rglob("*")) if is_imported(path)]
     # An empty folder is not in git, and must not leave a .meta there.
-    kept = [path for path in assets if path.is_file() or any(p.is_file() and is_imported(p) for p in path.rglob("*"))]
+    kept = [
+        path
+        for path in assets
+        if path.is_file() or any(p.is_file() and is_imported(p) for p in path.rglob("*"))
+    ]
     return {path.with_name(path.name + ".meta"): meta_of(path) for path in kept}
 
 
 def main() -> int:
     """Bring the files up to date, or say what is not."""
     parser = argparse.ArgumentParser(description="Write the .meta files of the Unity package.")
-    parser.add_argument("--check", action="store_true", help="write nothing, exit with 1 where something would change")
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="write nothing, exit with 1 where something would change",
+    )
     check = parser.parse_args().check
     metas = wanted()
     there = {path for path in ROOT.rglob("*.meta") if is_imported(path.with_suffix(""))}
     stale = sorted(there - metas.keys())
-    changed = [path for path, text in metas.items() if path not in there or path.read_text("utf-8") != text]
+    changed = [
+        path for path, text in metas.items() if path not in there or path.read_text("utf-8") != text
+    ]
     for path in stale:
         print(f"left over: {path.relative_to(ROOT)}")
         if not check:
