@@ -5,8 +5,8 @@ namespace Terraport
     /// frame. Called from <see cref="SceneStage.Update"/>, <see cref="SceneStage.Show"/> and Dispose alone, on their thread.
     /// </summary>
     /// <remarks>
-    /// An implementation throws <see cref="TerraportException"/> where a mesh cannot be drawn (an image does not decode): the
-    /// segment then counts as missing and its base stays. Anything else that it throws is its own mistake and passes through.
+    /// An implementation throws <see cref="TerraportException"/> from Upload or IsDrawable where a mesh cannot be drawn (an
+    /// image does not decode): the segment is freed, counts as missing, and its base stays. Anything else that it throws is its own mistake and passes through.
     /// </remarks>
     public interface ISceneRenderer
     {

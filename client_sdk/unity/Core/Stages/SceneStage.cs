@@ -118,7 +118,6 @@ namespace Terraport
                     VisibleSegments = residency.Visible.Length,
                     InFlight = residency.InFlight,
                     SpareGpuBytes = residency.SpareBytes,
-                    HiddenBaseFaces = baseFaces.DrawnHiddenCount,
                     UpdateMs = updateMs,
                     UpdateMaxMs = updateMaxMs,
                 };

@@ -133,23 +133,27 @@ namespace Terraport
             return true;
         }
 
-        /// <summary>It cannot be decoded, or cannot be uploaded.</summary>
+        /// <summary>It cannot be decoded, uploaded, or drawn; what there was of it is freed by the caller.</summary>
         internal void Fail(uint segment)
         {
             Entry entry;
-            if (Is(segment, SegmentStep.Decoding, out entry))
-            {
-                inFlight.Dismiss();
-            }
-            else if (Is(segment, SegmentStep.Decoded, out entry))
-            {
-                inFlight.Leave(entry.Bytes);
-                SpareBytes -= isNeeded(segment) ? 0 : entry.Bytes;
-            }
-            else
+            if (!entries.TryGetValue(segment, out entry))
             {
                 return;
             }
+            if (entry.Step == SegmentStep.Decoding)
+            {
+                inFlight.Dismiss();
+            }
+            else if (entry.Step == SegmentStep.Decoded)
+            {
+                inFlight.Leave(entry.Bytes);
+            }
+            else if (entry.Step != SegmentStep.Uploaded)
+            {
+                return;
+            }
+            SpareBytes -= entry.Step == SegmentStep.Decoding || isNeeded(segment) ? 0 : entry.Bytes;
             entry.Step = SegmentStep.Failed;
             entry.Bytes = 0;
         }

@@ -15,9 +15,6 @@ namespace Terraport
         /// <summary>GPU bytes of segments that nobody shows or waits for.</summary>
         public long SpareGpuBytes;
 
-        /// <summary>Base faces that are hidden.</summary>
-        public int HiddenBaseFaces;
-
         /// <summary>Milliseconds that the last Update took.</summary>
         public double UpdateMs;
 

@@ -176,18 +176,32 @@ namespace Terraport
         {
             for (int at = warming.Count - 1; at >= 0; at--)
             {
-                bool isThere = uploaded.Contains(warming[at]);
-                if (isThere && !renderer.IsDrawable(warming[at]))
+                if (!uploaded.Contains(warming[at]) || HasWarmed(warming[at]))
                 {
-                    continue;
+                    warming[at] = warming[warming.Count - 1];
+                    warming.RemoveAt(warming.Count - 1);
                 }
-                if (isThere)
-                {
-                    residency.Warmed(warming[at]);
-                }
-                warming[at] = warming[warming.Count - 1];
-                warming.RemoveAt(warming.Count - 1);
             }
+        }
+
+        /// <summary>Whether a segment needs no further preparation, or can have none.</summary>
+        private bool HasWarmed(uint segment)
+        {
+            try
+            {
+                if (!renderer.IsDrawable(segment))
+                {
+                    return false;
+                }
+                residency.Warmed(segment);
+            }
+            catch (TerraportException error)
+            {
+                Free(segment);
+                residency.Failed(segment, residency.Epoch);
+                onFailed(segment, error);
+            }
+            return true;
         }
 
         /// <summary>The mesh that waits, and what the renderer has of it.</summary>

@@ -25,6 +25,9 @@ namespace Terraport.Tests
         /// <summary>Segments whose upload fails.</summary>
         internal readonly HashSet<uint> Unusable = new HashSet<uint>();
 
+        /// <summary>Segments of which it is noticed only after their upload that they cannot be drawn.</summary>
+        internal readonly HashSet<uint> UnusableLater = new HashSet<uint>();
+
         /// <summary>A clock that every call moves on, milliseconds.</summary>
         internal double NowMs;
 
@@ -93,6 +96,10 @@ namespace Terraport.Tests
         public bool IsDrawable(uint segment)
         {
             Assert.IsTrue(whole.Contains(segment), "asked for a segment that was not uploaded");
+            if (UnusableLater.Contains(segment))
+            {
+                throw new TerraportException("damaged", "image does not decode");
+            }
             return warming[segment]-- <= 0;
         }
 

@@ -176,6 +176,46 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void Image_ThatFailsAFrameLater_CountsAsMissing()
+        {
+            var bench = new StageBench();
+            bench.Renderer.UnusableLater.Add(2);
+            bench.LandOn(1, 2, 3);
+            bench.Frames(60);
+            Assert.IsTrue(bench.Shows(1, 3));
+            Assert.AreEqual(2, bench.Renderer.Uploaded);
+            Assert.AreEqual(new uint[] { 2 }, bench.Stage.Status.Missing);
+        }
+
+        [Test]
+        public void Frames_WithNothingToDo_AllocateNothing()
+        {
+            var bench = new StageBench();
+            bench.LandOn(1, 2, 3);
+            bench.Frames(60);
+            long sum = 0;
+            long allocated = Allocations.Of(100, () =>
+            {
+                bench.Stage.Update(2);
+                sum += bench.Stage.Status.Landing + bench.Stage.Stats.InFlight;
+            });
+            Assert.AreEqual(120, sum);
+            Assert.AreEqual(0, allocated);
+        }
+
+        [Test]
+        public void Frames_WhilePayloadsAreAwaited_AllocateNothing()
+        {
+            var bench = new StageBench();
+            bench.Frames(10);
+            int landing = bench.Land();
+            bench.Plan(landing, Range(20));
+            bench.Arrive(landing, 0, 1, 2);
+            bench.Frames(60);
+            Assert.AreEqual(0, Allocations.Of(100, () => bench.Stage.Update(2)));
+        }
+
+        [Test]
         public void Budget_OfNothing_StillGetsThere()
         {
             var bench = new StageBench();
