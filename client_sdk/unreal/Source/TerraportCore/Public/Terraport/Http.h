@@ -1,4 +1,4 @@
-// What the core needs of an engine's HTTP.
+// What the core needs of the HTTP of an engine.
 #pragma once
 
 #include <cstddef>
