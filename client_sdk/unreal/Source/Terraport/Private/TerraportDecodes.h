@@ -4,7 +4,7 @@
 
 #include "Terraport/DecodeQueue.h"
 #include "TerraportMeshBackend.h"
-#include "TerraportTypes.h"
+#include "TerraportSettings.h"
 
 /**
  * Decodes payloads on the engine's task threads, turns axes there, and makes of the mesh what the backend takes: the game thread

@@ -5,7 +5,7 @@
 #include "Terraport/SceneFiles.h"
 #include "Terraport/Status.h"
 #include "TerraportMeshBuilder.h"
-#include "TerraportTypes.h"
+#include "TerraportSettings.h"
 
 #include <memory>
 #include <string>

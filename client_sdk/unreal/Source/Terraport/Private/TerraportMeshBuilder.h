@@ -7,7 +7,7 @@
 #include "TerraportGround.h"
 #include "TerraportMeshBackend.h"
 #include "TerraportTexture.h"
-#include "TerraportTypes.h"
+#include "TerraportSettings.h"
 
 #include <cstdint>
 #include <vector>

@@ -6,7 +6,7 @@
 #include "TerraportGround.h"
 #include "TerraportMeshBackend.h"
 #include "TerraportMeshBuilder.h"
-#include "TerraportTypes.h"
+#include "TerraportSettings.h"
 
 #include <unordered_map>
 #include <vector>

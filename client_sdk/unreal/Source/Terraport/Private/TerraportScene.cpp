@@ -150,6 +150,11 @@ void ATerraportScene::Open()
 		UE_LOG(LogTerraport, Warning, TEXT("%s has a scale other than 1: radii and heights will be wrong"), *GetName());
 	}
 	Session = MakeShared<FTerraportSession>(*this, Backend.ToSharedRef());
+	if (bLandAtOpen)
+	{
+		bLandAtOpen = false;
+		Session->Land(PlaceOf(*this, OpenLocation), OpenRadiusM, OptionsOf(OpenOptions));
+	}
 }
 
 void ATerraportScene::Close()
@@ -172,9 +177,18 @@ void ATerraportScene::Reconnect(const FString& NewToken)
 
 int64 ATerraportScene::Land(const FVector& WorldLocation, double RadiusM, const FTerraportLandOptions& Options)
 {
-	if (!Session.IsValid() || WorldLocation.ContainsNaN() || !(RadiusM > 0.0) || !std::isfinite(RadiusM))
+	if (WorldLocation.ContainsNaN() || !(RadiusM > 0.0) || !std::isfinite(RadiusM))
 	{
 		return -1;
+	}
+	if (!Session.IsValid())
+	{
+		// An actor that was spawned just now has not begun to play.
+		bLandAtOpen = true;
+		OpenLocation = WorldLocation;
+		OpenRadiusM = RadiusM;
+		OpenOptions = Options;
+		return 0;
 	}
 	return Session->Land(PlaceOf(*this, WorldLocation), RadiusM, OptionsOf(Options));
 }

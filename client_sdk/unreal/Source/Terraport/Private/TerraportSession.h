@@ -7,6 +7,7 @@
 #include "TerraportDecodes.h"
 #include "TerraportFiles.h"
 #include "TerraportRenderer.h"
+#include "TerraportSettings.h"
 #include "TerraportTypes.h"
 
 #include <memory>

@@ -3,6 +3,7 @@
 #include "CoreMinimal.h"
 #include "GameFramework/Actor.h"
 #include "TerraportMeshBackend.h"
+#include "TerraportSettings.h"
 #include "TerraportTypes.h"
 
 #include "TerraportScene.generated.h"
@@ -235,4 +236,10 @@ private:
 	/** Shared with Tick alone, so that a listener may close the scene that tells it something. */
 	TSharedPtr<FTerraportSession> Session;
 	TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> CustomBackend;
+
+	/** A landing that was asked for before Open. */
+	bool bLandAtOpen = false;
+	FVector OpenLocation = FVector::ZeroVector;
+	double OpenRadiusM = 0.0;
+	FTerraportLandOptions OpenOptions;
 };

@@ -1,4 +1,4 @@
-#include "TerraportTypes.h"
+#include "TerraportSettings.h"
 
 FTerraportBudgets FTerraportBudgets::For(ETerraportDevice Device)
 {

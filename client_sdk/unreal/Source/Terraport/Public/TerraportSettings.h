@@ -1,0 +1,86 @@
+#pragma once
+
+#include "CoreMinimal.h"
+
+#include "TerraportSettings.generated.h"
+
+/** In which form detail comes. */
+UENUM(BlueprintType)
+enum class ETerraportEncoding : uint8
+{
+	/** Quantised and compressed: the fewest bytes. */
+	Compact,
+	/** Plain arrays: three to four times the bytes, next to no work to decode. For slow processors on fast links; the scene must
+	 * have been built with it. */
+	Arrays,
+};
+
+/** What a device is asked to hold: the bounds of a landing and of what is kept beside it. The same numbers as in the web client. */
+UENUM(BlueprintType)
+enum class ETerraportDevice : uint8
+{
+	/** 6 million triangles, 96 MiB, 4,096 segments a landing. */
+	Desktop,
+	/** 900,000 triangles, 32 MiB, 512 segments a landing: two eyes on a phone's graphics. */
+	Headset,
+	/** 1.5 million triangles, 32 MiB, 1,024 segments a landing; little memory beside. */
+	Phone,
+	/** What CustomBudgets says. */
+	Custom,
+};
+
+/** Bounds of everything that can grow with the length of a visit. The server keeps those of a landing: nearest first until the next
+ * segment would exceed one. */
+USTRUCT(BlueprintType)
+struct TERRAPORT_API FTerraportBudgets
+{
+	GENERATED_BODY()
+
+	/** Triangles of a landing. More: a larger sharp circle. Fewer: more frames per second. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1000"))
+	int64 MaxTriangles = 6000000;
+
+	/** MiB of payload of a landing. More: denser surveys and photographs. Less: shorter waits, less memory. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "4096"))
+	int32 MaxPayloadMiB = 96;
+
+	/** Segments of a landing; each in view is a draw call. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1"))
+	int32 MaxSegments = 4096;
+
+	/** MiB of payload kept in main memory beside what is shown, so that coming back needs no network. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "0", ClampMax = "8192"))
+	int32 CacheMiB = 256;
+
+	/** MiB of payload under way at most. More: long links are used in full. Less: a landing that is given up costs less. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "256"))
+	int32 CreditMiB = 16;
+
+	/** MiB of meshes that are ready and neither shown nor waited for: what an aim brought. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "4096"))
+	int32 SpareMeshMiB = 256;
+
+	/** The bounds of a class of devices; for Custom those of a desktop. */
+	static FTerraportBudgets For(ETerraportDevice Device);
+};
+
+/** How meshes are drawn (docs/decisions/0027). */
+UENUM(BlueprintType)
+enum class ETerraportMeshes : uint8
+{
+	/** UProceduralMeshComponent: shown and hidden without a new render state. */
+	Procedural,
+	/** UDynamicMeshComponent: for projects that go on with Geometry Script. Showing makes render states in the frame of the swap. */
+	Dynamic,
+};
+
+/** How vertex colours are coded for the material's Vertex Color node. */
+UENUM(BlueprintType)
+enum class ETerraportVertexColours : uint8
+{
+	/** Eight bits of sRGB: every level of the survey, exactly. The material must turn them to linear light; the one of
+	 * terraport_materials.py does. */
+	Srgb,
+	/** Eight bits of linear light: any material takes them as they are, and dark levels run together. */
+	Linear,
+};
