@@ -9,7 +9,7 @@ namespace Terraport.Unity
     /// transform of its object is the place of the scene's origin: X east, Y up, Z north, metres.
     /// </summary>
     /// <remarks>
-    /// Opened when enabled, closed when disabled; everything that it made is freed then. All members belong to the main thread, and
+    /// Opened when enabled with an address, closed when disabled; everything that it made is freed then. All members belong to the main thread, and
     /// events are raised on it, from Update. Nothing blocks.
     /// </remarks>
     [AddComponentMenu("Terraport/Terraport Scene")]
@@ -18,10 +18,10 @@ namespace Terraport.Unity
     {
         [SerializeField]
         [Tooltip("Address of the scene: http(s)://host/scenes/ID.")]
-        private string sceneUrl = "http://127.0.0.1:8080/scenes/sample";
+        private string sceneUrl = "";
 
         [SerializeField]
-        [Tooltip("Open when the component is enabled. Off: call Open.")]
+        [Tooltip("Open when the component is enabled, if it has an address. Off: call Open.")]
         private bool openOnEnable = true;
 
         [SerializeField]
@@ -315,7 +315,7 @@ namespace Terraport.Unity
 
         private void OnEnable()
         {
-            if (openOnEnable)
+            if (openOnEnable && !string.IsNullOrEmpty(sceneUrl))
             {
                 Open();
             }
