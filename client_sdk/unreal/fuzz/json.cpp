@@ -1,0 +1,61 @@
+// JSON texts, as manifests, GLB chunks and messages hold them. The first byte sets the bounds.
+//
+// Every value is visited; every number that is read is written so that it reads as the same.
+#include "Terraport/Json.h"
+
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+
+using namespace terraport;
+
+namespace {
+
+void expect(bool isTrue) {
+  if (!isTrue) std::abort();
+}
+
+std::size_t visit(const JsonValue& value) {
+  std::size_t count = 1;
+  if (const auto number = value.number()) {
+    std::string text;
+    writeJsonFloat(*number, text);
+    expect(readDecimal(text) == *number);
+    const auto whole = value.integer();
+    expect(!whole || static_cast<double>(*whole) == *number);
+  }
+  if (const auto text = value.text()) {
+    std::string written;
+    writeJsonText(*text, written);
+    JsonDocument document;
+    // Half a character, where the bounds allow it, is no text that can be written.
+    if (document.read(written).isOk()) expect(document.root().text() == text);
+  }
+  const JsonValue::Range items = value.items();
+  std::uint32_t walked = 0;
+  for (auto item = items.begin(); item != items.end(); ++item) {
+    count += visit(*item);
+    walked += 1;
+    if (value.isMap() && walked < 8) expect(value.member(item.key()).kind() == (*item).kind());
+  }
+  expect(walked == value.size());
+  return count;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size == 0) return 0;
+  static JsonDocument document;
+  JsonLimits limits;
+  limits.maxDepth = 1 + (data[0] & 0x1F);
+  limits.maxValues = (data[0] & 0x20) != 0 ? 16 : 4096;
+  limits.allowsLoneSurrogates = (data[0] & 0x40) != 0;
+  const std::string_view text(reinterpret_cast<const char*>(data) + 1, size - 1);
+  if (document.read(text, limits).isOk()) {
+    expect(visit(document.root()) <= limits.maxValues);
+  } else {
+    expect(!document.root().exists());
+  }
+  return 0;
+}

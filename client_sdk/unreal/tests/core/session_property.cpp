@@ -1,0 +1,106 @@
+// Random landings, aims, cuts and flipped bits: the last landing alone decides what is visible.
+#include "session_pair.h"
+
+#include <doctest/doctest.h>
+
+#include <set>
+
+using namespace terraport;
+using namespace terraport::testing;
+
+namespace {
+
+constexpr int kSeeds = 150;
+
+void oneHistory(const ToyScene& toy, int seed, bool spoils) {
+  CAPTURE(seed);
+  CAPTURE(spoils);
+  Seeded random(static_cast<std::uint32_t>(seed));
+  const auto place = [&random] { return Vec3{random() * 16 - 2, 0, random() * 16 - 2}; };
+  const auto radiusM = [&random] { return 0.5 + random() * 7.5; };
+  PairOptions options;
+  options.cacheBytes = random.one<std::uint64_t>({0, 2000, 8000, 1 << 20});
+  options.creditBytes = random.one<std::uint64_t>({50, 700, 1 << 20});
+  options.lag = random.one<std::size_t>({0, 1, 5, 30});
+  options.maxChunk = random.one({7, 100, 100000});
+  options.releaseFactor = random.one({1.0, 1.5});
+  options.maxHeldSegments = random.one<std::uint32_t>({1, 5, 1000});
+  options.subprotocol = random.one({Subprotocol::Msgpack, Subprotocol::Json});
+  options.random = [&random] { return random(); };
+  Pair pair(toy, options);
+  pair.offersHeld = random() < 0.5;
+  pair.connect();
+  bool spoilsNext = false;
+  pair.spoil = [&spoilsNext](EncodedMessage& data) {
+    if (spoilsNext) flip(data);
+    spoilsNext = false;
+  };
+  for (int step = random.below(25); step > 0; --step) {
+    switch (random.below(6)) {
+      case 0:
+        pair.client.land(place(), radiusM(), {});
+        break;
+      case 1:
+        pair.client.aim(place(), radiusM());
+        pair.client.flushAim();
+        break;
+      case 2:
+        pair.disconnect();
+        pair.connect();
+        break;
+      case 3:
+        spoilsNext = spoils;
+        break;
+      default:
+        for (int count = random.below(60); count > 0; --count) pair.step();
+    }
+  }
+  spoilsNext = false;
+  pair.client.land(kMiddle, 3.3, {});
+  pair.settle();
+  REQUIRE_MESSAGE(pair.violation.isOk(), pair.violation.message());
+  const std::vector<std::uint32_t> visible = pair.client.transfers().visible();
+  const PlanFacts plan = pair.of(EventKind::Planned).back().plan;
+  std::set<std::uint32_t> wanted(plan.keep.begin(), plan.keep.end());
+  for (const SegmentFacts& facts : plan.load) wanted.insert(facts.segment);
+  CHECK(visible == std::vector<std::uint32_t>(wanted.begin(), wanted.end()));
+  for (const std::uint32_t segment : toy.within(kMiddle, 3.3)) CHECK(wanted.count(segment) == 1);
+  CHECK(pair.client.unfinished() == kNoLanding);
+  CHECK(pair.client.transfers().openParts() == 0);
+  CHECK(pair.client.transfers().repeatedBytes() == 0);
+  if (!spoils) CHECK(pair.rejected().empty());
+  CHECK(pair.client.held().bytes() <= std::max(options.cacheBytes, toy.bytesOf(visible)));
+  for (const std::uint32_t segment : visible) CHECK(pair.holds(segment));
+  // What was told as here and not as gone is here, and nothing else.
+  std::set<std::uint32_t> told;
+  std::set<std::int64_t> ends;
+  for (const SessionEvent& event : pair.events) {
+    if (event.news != SessionNews::Told) continue;
+    if (event.told.kind == EventKind::Arrived) told.insert(event.told.facts.segment);
+    if (event.told.kind == EventKind::Dropped) {
+      for (const std::uint32_t segment : event.told.segments) told.erase(segment);
+    }
+    // Every landing ends in one way: ready, superseded, or the last one.
+    if (event.told.kind == EventKind::Ready || event.told.kind == EventKind::Superseded) {
+      CHECK(ends.insert(event.told.landing).second);
+    }
+  }
+  CHECK(told.size() == pair.client.held().count());
+  for (const std::uint32_t segment : told) CHECK(pair.client.held().has(segment));
+  // What the server believes held is here, once the next landing has told the evictions.
+  pair.client.land(kMiddle, 3.3, {});
+  pair.settle();
+  for (const auto& believed : pair.server->held) CHECK(pair.client.held().has(believed.first));
+}
+
+}  // namespace
+
+TEST_CASE("session: whatever happens, the visible set is that of the last landing") {
+  const ToyScene toy;
+  for (int seed = 0; seed < kSeeds; ++seed) oneHistory(toy, seed, false);
+}
+
+TEST_CASE("session: whatever happens, and with flipped bits") {
+  const ToyScene toy;
+  for (int seed = 0; seed < kSeeds; ++seed) oneHistory(toy, seed + kSeeds, true);
+}
