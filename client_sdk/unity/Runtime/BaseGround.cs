@@ -31,7 +31,7 @@ namespace Terraport.Unity
             scratch = new ushort[blockFaces * 3];
             if (files.Base.HasTexture)
             {
-                photo = photos.Begin(files.Base.Image);
+                BeginPhoto(files.Base.Image);
             }
         }
 
@@ -81,16 +81,13 @@ namespace Terraport.Unity
             {
                 return false;
             }
-            // A base whose photograph cannot be read is still ground: it is drawn plain, and the fault is the caller's to tell.
+            // A base whose photograph cannot be read is still ground: it is drawn plain, and told of when it is shown.
             Finish();
             return true;
         }
 
         /// <summary>Why its photograph is missing; else null.</summary>
-        public TerraportException Fault
-        {
-            get { return photo == null ? null : photo.Error; }
-        }
+        public TerraportException Fault { get; private set; }
 
         /// <summary>Write the coming list of one block.</summary>
         public void Prepare(FaceRange block, HiddenFaces next)
@@ -130,10 +127,26 @@ namespace Terraport.Unity
             Engine.Destroy(photoMaterial);
         }
 
+        private void BeginPhoto(MeshImage image)
+        {
+            try
+            {
+                photo = photos.Begin(image);
+            }
+            catch (TerraportException why)
+            {
+                Fault = why; // A kind of image that nothing here reads.
+            }
+        }
+
         private void Finish()
         {
             materials.SetPush(deviationM);
-            if (photo != null && photo.Error == null)
+            if (photo != null && photo.Error != null)
+            {
+                Fault = photo.Error;
+            }
+            else if (photo != null)
             {
                 photoMaterial = materials.MakeBase(photo.Result);
             }
