@@ -8,7 +8,7 @@ namespace Terraport
     /// <remarks>
     /// Pointers, since every payload is hashed before it is used, and an array's accesses are checked one by one otherwise. The
     /// range is checked once, before the first read; numbers are read as they lie in memory, which is little-endian on every
-    /// platform that Unity builds for.
+    /// platform that Unity builds for; not on 8-byte borders, which 32-bit ARM (ARMv7) does not allow.
     /// </remarks>
     public static unsafe class Xxh3
     {
