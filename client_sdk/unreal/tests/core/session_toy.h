@@ -61,10 +61,12 @@ struct ToyScene {
   static constexpr std::uint32_t kGrid = 6;
 
   std::string version;
+  std::uint64_t (*hash)(ByteSpan);
   std::vector<std::vector<std::uint8_t>> payloads;
   std::vector<SegmentFacts> facts;
 
-  explicit ToyScene(int mostBytes = 900, std::string name = "v1") : version(std::move(name)) {
+  explicit ToyScene(int mostBytes = 900, std::string name = "v1", std::uint64_t (*with)(ByteSpan) = &toyHash)
+      : version(std::move(name)), hash(with) {
     Seeded random(0);
     for (std::uint32_t segment = 0; segment < kGrid * kGrid; ++segment) {
       std::vector<std::uint8_t> payload(static_cast<std::size_t>(1 + random.below(mostBytes)));
@@ -82,7 +84,7 @@ struct ToyScene {
     SegmentFacts& row = facts[segment];
     row.segment = segment;
     row.length = static_cast<std::uint32_t>(payload.size());
-    row.xxh3 = toyHash({payload.data(), payload.size()});
+    row.xxh3 = hash({payload.data(), payload.size()});
     row.faces = 10;
     row.vertices = 12;
     row.bounds = {x, 0, z, x + 1, 0, z + 1};

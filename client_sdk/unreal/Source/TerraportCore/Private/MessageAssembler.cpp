@@ -31,7 +31,7 @@ Status MessageAssembler::take(ByteSpan piece, bool isText, bool isLast) {
   part_.bytes.insert(part_.bytes.end(), piece.data, piece.data + piece.size);
   if (!isLast) return Status::ok();
   inMessage_ = false;
-  if (!whole_.empty() && part_.bytes.size() > limits_.maxWaitingBytes - waitingBytes_) {
+  if (!whole_.empty() && waitingBytes_ + part_.bytes.size() > limits_.maxWaitingBytes) {
     return Status::failed("too_large", "more than " + std::to_string(limits_.maxWaitingBytes) + " bytes wait to be read");
   }
   waitingBytes_ += part_.bytes.size();

@@ -3,6 +3,7 @@
 #include "Utf8.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <string_view>
 
 namespace terraport {
@@ -80,9 +81,12 @@ bool isAuthority(std::string_view text) {
   if (colon != std::string_view::npos) {
     host = text.substr(0, colon);
     const std::string_view port = text.substr(colon + 1);
-    const bool isPort = !port.empty() && port.size() <= 5 &&
-                        std::all_of(port.begin(), port.end(), [](char letter) { return letter >= '0' && letter <= '9'; });
-    if (!isPort) return false;
+    std::uint32_t number = 0;
+    for (const char digit : port.substr(0, 6)) {
+      if (digit < '0' || digit > '9') return false;
+      number = 10 * number + static_cast<std::uint32_t>(digit - '0');
+    }
+    if (number < 1 || number > 65535 || port.size() > 5) return false;
   }
   if (!host.empty() && host.front() == '[') {
     return host.size() > 2 && host.back() == ']' &&
@@ -97,6 +101,10 @@ bool isAuthority(std::string_view text) {
 
 Result<SceneUrl> parseSceneUrl(const std::string& url) {
   const std::string_view whole = url;
+  // First of all: where there may be a secret in it the URL is not shown.
+  if (whole.find_first_of("?#@") != std::string_view::npos) {
+    return invalid("URL has credentials, a query or a fragment, expected none of them");
+  }
   const std::size_t slashes = whole.find("://");
   const std::string scheme = slashes == std::string_view::npos ? "" : lower(whole.substr(0, slashes));
   const bool isSecure = scheme == "https" || scheme == "wss";
@@ -110,9 +118,6 @@ Result<SceneUrl> parseSceneUrl(const std::string& url) {
   const bool isClean = std::all_of(path.begin(), path.end(), [](char letter) {
     return static_cast<unsigned char>(letter) > 0x20 && letter != '\\' && letter != 0x7F;
   });
-  if (rest.find_first_of("?#@") != std::string_view::npos) {
-    return invalid("URL has credentials, a query or a fragment, expected none of them");
-  }
   if (!isAuthority(authority) || !isClean) {
     return invalid("URL " + url + ", expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)");
   }
