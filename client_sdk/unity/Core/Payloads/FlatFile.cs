@@ -124,7 +124,8 @@ namespace Terraport
             }
             if (fields[field].Type != type || fields[field].Components != components)
             {
-                throw new PayloadException("field " + name + " is of another type, expected " + type + " x " + components, fields[field].At);
+                string expected = "expected " + type + " x " + components;
+                throw new PayloadException("field " + name + " is of another type, " + expected, fields[field].At);
             }
             return fields[field].Rows;
         }

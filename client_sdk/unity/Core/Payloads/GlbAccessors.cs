@@ -2,7 +2,9 @@ using System;
 
 namespace Terraport
 {
-    /// <summary>Accessors out of a GLB's BIN chunk: every count, offset and length is checked before anything is reserved for it.</summary>
+    /// <summary>
+    /// Accessors out of a GLB's BIN chunk: every count, offset and length is checked before anything is reserved for it.
+    /// </summary>
     internal sealed class GlbAccessors
     {
         internal const int Byte = 5120;

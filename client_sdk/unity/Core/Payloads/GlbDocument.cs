@@ -2,7 +2,9 @@ using System;
 
 namespace Terraport
 {
-    /// <summary>The two chunks of a GLB (glTF 2.0, section 4.4), and values out of its document, each checked before it is used.</summary>
+    /// <summary>
+    /// The two chunks of a GLB (glTF 2.0, section 4.4), and values out of its document, each checked before it is used.
+    /// </summary>
     internal sealed class GlbDocument
     {
         /// <summary>Bounds the parser's work on hostile bytes; our own documents have 2 to 4 KiB.</summary>
@@ -85,7 +87,9 @@ namespace Terraport
             return place - payloadStart;
         }
 
-        /// <summary>The node, if it is an object. The label of its part may be null; texts are put together for errors alone.</summary>
+        /// <summary>
+        /// The node, if it is an object. The label of its part may be null; texts are put together for errors alone.
+        /// </summary>
         internal int ExpectObject(int node, string what, string label)
         {
             if (!Tape.IsObject(node))

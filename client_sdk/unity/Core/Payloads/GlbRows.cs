@@ -1,6 +1,8 @@
 namespace Terraport
 {
-    /// <summary>Rows of an accessor where they lie: in the payload, or decompressed. Valid until the next accessor is read.</summary>
+    /// <summary>
+    /// Rows of an accessor where they lie: in the payload, or decompressed. Valid until the next accessor is read.
+    /// </summary>
     internal struct GlbRows
     {
         /// <summary>The array they lie in.</summary>

@@ -2,10 +2,15 @@ using System;
 
 namespace Terraport
 {
-    /// <summary>Buffers that grow and never shrink: a quarter of room more than asked for, so that the next larger payload often fits.</summary>
+    /// <summary>
+    /// Buffers that grow and never shrink: a quarter of room more than asked for, so that the next larger payload often
+    /// fits.
+    /// </summary>
     internal static class Grow
     {
-        /// <summary>At least that many entries; what the array held is lost where it grows. Callers have checked the length.</summary>
+        /// <summary>
+        /// At least that many entries; what the array held is lost where it grows. Callers have checked the length.
+        /// </summary>
         internal static T[] To<T>(T[] array, int length)
         {
             if (array != null && array.Length >= length)

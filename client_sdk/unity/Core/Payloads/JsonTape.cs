@@ -16,22 +16,11 @@ namespace Terraport
         private readonly int[] open = new int[MostDepth];
         private readonly JsonTexts texts = new JsonTexts();
         private readonly JsonNumbers numbers = new JsonNumbers();
-        private Node[] nodes = new Node[512];
+        private JsonNode[] nodes = new JsonNode[512];
         private int count;
         private byte[] bytes;
         private int at;
         private int end;
-
-        private enum Kind : byte
-        {
-            Null,
-            False,
-            True,
-            Number,
-            Text,
-            List,
-            Object,
-        }
 
         /// <summary>Read a document; its first node is 0. The bytes must stay as they are while nodes are asked for.</summary>
         /// <exception cref="PayloadException">It is no JSON, or nested more than 64 deep.</exception>
@@ -61,27 +50,27 @@ namespace Terraport
 
         internal bool IsObject(int node)
         {
-            return node >= 0 && nodes[node].Kind == Kind.Object;
+            return node >= 0 && nodes[node].Kind == JsonNodeKind.Object;
         }
 
         internal bool IsList(int node)
         {
-            return node >= 0 && nodes[node].Kind == Kind.List;
+            return node >= 0 && nodes[node].Kind == JsonNodeKind.List;
         }
 
         internal bool IsText(int node)
         {
-            return node >= 0 && nodes[node].Kind == Kind.Text;
+            return node >= 0 && nodes[node].Kind == JsonNodeKind.Text;
         }
 
         internal bool IsNumber(int node)
         {
-            return node >= 0 && nodes[node].Kind == Kind.Number;
+            return node >= 0 && nodes[node].Kind == JsonNodeKind.Number;
         }
 
         internal bool IsTrue(int node)
         {
-            return node >= 0 && nodes[node].Kind == Kind.True;
+            return node >= 0 && nodes[node].Kind == JsonNodeKind.True;
         }
 
         /// <summary>Entries of a list, or keys of an object.</summary>
@@ -102,7 +91,9 @@ namespace Terraport
             return nodes[node].Next;
         }
 
-        /// <summary>Value under a key; the last where it stands twice, as everywhere. <see cref="None"/> where it does not stand.</summary>
+        /// <summary>
+        /// Value under a key; the last where it stands twice, as everywhere. <see cref="None"/> where it does not stand.
+        /// </summary>
         internal int Find(int owner, string key)
         {
             int found = None;
@@ -133,11 +124,11 @@ namespace Terraport
         /// <summary>Whether a node is a text, and this one (ASCII).</summary>
         internal bool IsEqual(int node, string ascii)
         {
-            if (node < 0 || nodes[node].Kind != Kind.Text)
+            if (node < 0 || nodes[node].Kind != JsonNodeKind.Text)
             {
                 return false;
             }
-            Node text = nodes[node];
+            JsonNode text = nodes[node];
             if (text.Count != 0)
             {
                 return TextOf(node) == ascii;
@@ -166,7 +157,7 @@ namespace Terraport
         /// <summary>A text; the same object for the same bytes, as far as a small cache reaches.</summary>
         internal string TextOf(int node)
         {
-            Node text = nodes[node];
+            JsonNode text = nodes[node];
             return texts.Get(bytes, text.Start, text.Length, text.Count != 0);
         }
 
@@ -185,13 +176,13 @@ namespace Terraport
             }
             switch (nodes[node].Kind)
             {
-                case Kind.Object:
+                case JsonNodeKind.Object:
                     return "an object";
-                case Kind.List:
+                case JsonNodeKind.List:
                     return "a list";
-                case Kind.Null:
+                case JsonNodeKind.Null:
                     return "null";
-                case Kind.Text:
+                case JsonNodeKind.Text:
                     return "\"" + Shortened(TextOf(node)) + "\"";
                 default:
                     return Shortened(Encoding.UTF8.GetString(bytes, nodes[node].Start, nodes[node].Length));
@@ -211,7 +202,7 @@ namespace Terraport
             {
                 int owner = depth > 0 ? open[depth - 1] : None;
                 SkipBlanks();
-                if (owner != None && IsAt(nodes[owner].Kind == Kind.Object ? (byte)'}' : (byte)']'))
+                if (owner != None && IsAt(nodes[owner].Kind == JsonNodeKind.Object ? (byte)'}' : (byte)']'))
                 {
                     if (nodes[owner].IsExpecting)
                     {
@@ -234,7 +225,7 @@ namespace Terraport
                     {
                         throw Damaged("nested more than 64 deep");
                     }
-                    open[depth++] = Add(first == '{' ? Kind.Object : Kind.List, at, 1);
+                    open[depth++] = Add(first == '{' ? JsonNodeKind.Object : JsonNodeKind.List, at, 1);
                     at++;
                     continue;
                 }
@@ -253,7 +244,7 @@ namespace Terraport
             }
             nodes[owner].Count++;
             nodes[owner].IsExpecting = false;
-            if (nodes[owner].Kind == Kind.List)
+            if (nodes[owner].Kind == JsonNodeKind.List)
             {
                 return;
             }
@@ -285,13 +276,13 @@ namespace Terraport
                     ReadText();
                     break;
                 case (byte)'t':
-                    ReadWord("true", Kind.True);
+                    ReadWord("true", JsonNodeKind.True);
                     break;
                 case (byte)'f':
-                    ReadWord("false", Kind.False);
+                    ReadWord("false", JsonNodeKind.False);
                     break;
                 case (byte)'n':
-                    ReadWord("null", Kind.Null);
+                    ReadWord("null", JsonNodeKind.Null);
                     break;
                 default:
                     ReadNumber();
@@ -299,7 +290,7 @@ namespace Terraport
             }
         }
 
-        private void ReadWord(string word, Kind kind)
+        private void ReadWord(string word, JsonNodeKind kind)
         {
             if (end - at < word.Length)
             {
@@ -340,7 +331,7 @@ namespace Terraport
                     at++;
                 }
             }
-            nodes[Add(Kind.Text, start, at - start)].Count = escapes;
+            nodes[Add(JsonNodeKind.Text, start, at - start)].Count = escapes;
             at++;
         }
 
@@ -351,17 +342,17 @@ namespace Terraport
             {
                 throw Damaged("no value");
             }
-            Add(Kind.Number, at, length);
+            Add(JsonNodeKind.Number, at, length);
             at += length;
         }
 
-        private int Add(Kind kind, int start, int length)
+        private int Add(JsonNodeKind kind, int start, int length)
         {
             if (count == nodes.Length)
             {
                 Array.Resize(ref nodes, 2 * count);
             }
-            nodes[count] = new Node { Kind = kind, Start = start, Length = length, Next = count + 1 };
+            nodes[count] = new JsonNode { Kind = kind, Start = start, Length = length, Next = count + 1 };
             return count++;
         }
 
@@ -390,25 +381,6 @@ namespace Terraport
         private PayloadException Damaged(string what)
         {
             return new PayloadException("JSON does not parse: " + what, at);
-        }
-
-        private struct Node
-        {
-            internal Kind Kind;
-
-            /// <summary>Of a container: a comma stands before what comes next.</summary>
-            internal bool IsExpecting;
-
-            /// <summary>Byte of a scalar's first character; of a text without its quotation mark.</summary>
-            internal int Start;
-
-            internal int Length;
-
-            /// <summary>Entries of a container; escapes of a text.</summary>
-            internal int Count;
-
-            /// <summary>The node after this one and everything in it.</summary>
-            internal int Next;
         }
     }
 }

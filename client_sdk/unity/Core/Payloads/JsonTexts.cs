@@ -4,7 +4,9 @@ using System.Text;
 
 namespace Terraport
 {
-    /// <summary>Texts of JSON: the same bytes give the same object, as far as a small cache reaches, so that names are made once.</summary>
+    /// <summary>
+    /// Texts of JSON: the same bytes give the same object, as far as a small cache reaches, so that names are made once.
+    /// </summary>
     internal sealed class JsonTexts
     {
         private const int Places = 64;

@@ -2,7 +2,10 @@ using System;
 
 namespace Terraport
 {
-    /// <summary>16-bit linear light, as GLB payloads have it, to the survey's own 8-bit sRGB (IEC 61966-2-1): exact by nearest level.</summary>
+    /// <summary>
+    /// 16-bit linear light, as GLB payloads have it, to the survey's own 8-bit sRGB (IEC 61966-2-1): exact by nearest
+    /// level.
+    /// </summary>
     public static class LinearColour
     {
         private static readonly byte[] Levels = MakeLevels();

@@ -1,6 +1,9 @@
 namespace Terraport
 {
-    /// <summary>What a GPU would not notice: numbers of vertices that are not there, normals without length, positions at infinity.</summary>
+    /// <summary>
+    /// What a GPU would not notice: numbers of vertices that are not there, normals without length, positions at
+    /// infinity.
+    /// </summary>
     internal static class MeshChecks
     {
         /// <summary>Every face uses vertices that are there.</summary>

@@ -38,7 +38,10 @@ namespace Terraport
             }
         }
 
-        /// <summary>EXPONENTIAL: 8 bits of exponent over 24 bits of mantissa, both signed, become float32; as they are read, not in place.</summary>
+        /// <summary>
+        /// EXPONENTIAL: 8 bits of exponent over 24 bits of mantissa, both signed, become float32; as they are read, not
+        /// in place.
+        /// </summary>
         internal static void Exponential(int[] words, float[] values, int count)
         {
             for (int at = 0; at < count; at++)

@@ -27,7 +27,9 @@ namespace Terraport
         /// <summary>Triangles.</summary>
         public int FaceCount { get; internal set; }
 
-        /// <summary>Metres, scene frame: a vertex lies at Translation + StepM * code, exact in float32. 0 for float positions.</summary>
+        /// <summary>
+        /// Metres, scene frame: a vertex lies at Translation + StepM * code, exact in float32. 0 for float positions.
+        /// </summary>
         public Vec3 Translation { get; internal set; }
 
         /// <summary>Metres of one step of a code; 1 for float positions.</summary>
@@ -57,7 +59,10 @@ namespace Terraport
         /// <summary>From arrays: four per vertex, sRGB, alpha 255.</summary>
         public byte[] SrgbColours { get; internal set; } = Array.Empty<byte>();
 
-        /// <summary>Whether there is an image, and texture coordinates in the array of the encoding; (0, 0) is its upper left corner.</summary>
+        /// <summary>
+        /// Whether there is an image, and texture coordinates in the array of the encoding; (0, 0) is its upper left
+        /// corner.
+        /// </summary>
         public bool HasTexture
         {
             get { return Image.Length > 0; }
@@ -170,7 +175,10 @@ namespace Terraport
             blue = isSrgb ? SrgbColours[at + 2] : LinearColour.ToSrgb(LinearColours[at + 2]);
         }
 
-        /// <summary>The texture coordinates of a vertex, 0 to 1, (0, 0) the image's upper left. Only where <see cref="HasTexture"/>.</summary>
+        /// <summary>
+        /// The texture coordinates of a vertex, 0 to 1, (0, 0) the image's upper left. Only where
+        /// <see cref="HasTexture"/>.
+        /// </summary>
         public void UvAt(int vertex, out float u, out float v)
         {
             if (Encoding == PayloadEncoding.Arrays)

@@ -16,7 +16,9 @@ namespace Terraport
         private const int MostBlockBytes = 8192;
         private const int MostBlockRows = 256;
         private const int GroupRows = 16;
-        /// <summary>A group reads at most 24 bytes, and the end of a buffer has at least 32: one check serves a whole group.</summary>
+        /// <summary>
+        /// A group reads at most 24 bytes, and the end of a buffer has at least 32: one check serves a whole group.
+        /// </summary>
         private const int GroupBytes = 24;
         private const int LeastTail = 32;
         private const int MostStride = 256;
@@ -81,12 +83,15 @@ namespace Terraport
                     hasDeltas |= hasAny;
                 }
                 uint* row = (uint*)(rows + channel);
-                last[channel >> 2] = hasDeltas ? Add(deltas, row, count, stride, last[channel >> 2]) : Repeat(row, count, stride, last[channel >> 2]);
+                uint before = last[channel >> 2];
+                last[channel >> 2] = hasDeltas ? Add(deltas, row, count, stride, before) : Repeat(row, count, stride, before);
             }
             return data;
         }
 
-        /// <summary>Differences of one channel of a block, no longer zigzag; the byte after them, or null if they are damaged.</summary>
+        /// <summary>
+        /// Differences of one channel of a block, no longer zigzag; the byte after them, or null if they are damaged.
+        /// </summary>
         private static byte* Channel(byte* data, byte* end, byte* deltas, int count, out bool hasAny)
         {
             int groups = (count + GroupRows - 1) / GroupRows;

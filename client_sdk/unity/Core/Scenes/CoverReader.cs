@@ -24,7 +24,8 @@ namespace Terraport
             }
             if (offsets[0] != 0 || offsets[baseFaces] != (uint)segments.Length)
             {
-                throw new PayloadException("cover offsets run " + offsets[0] + " to " + offsets[baseFaces] + ", expected 0 to " + segments.Length);
+                string run = offsets[0] + " to " + offsets[baseFaces];
+                throw new PayloadException("cover offsets run " + run + ", expected 0 to " + segments.Length);
             }
             // All of them before any row is read: until then an offset may point anywhere.
             for (int face = 0; face < baseFaces; face++)

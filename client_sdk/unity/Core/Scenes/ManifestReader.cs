@@ -26,7 +26,8 @@ namespace Terraport
             }
             catch (JsonException error)
             {
-                throw new TerraportException("damaged", "manifest of scene " + id + " is no JSON; is this a terraport server?", null, error);
+                string what = "manifest of scene " + id + " is no JSON; is this a terraport server?";
+                throw new TerraportException("damaged", what, null, error);
             }
             CheckFormat(json);
             try
@@ -169,10 +170,11 @@ namespace Terraport
         private static FileFacts ReadFile(JsonValue files, string key, int mostBytes)
         {
             JsonValue file = SceneJson.ExpectObject(files[key], key);
+            string digits = SceneJson.ExpectDigits(file["xxh3"], "xxh3 of " + key, 16);
             return new FileFacts
             {
                 Length = (int)SceneJson.ExpectWhole(file["bytes"], "bytes of " + key, 1, mostBytes),
-                Xxh3 = ulong.Parse(SceneJson.ExpectDigits(file["xxh3"], "xxh3 of " + key, 16), NumberStyles.HexNumber, CultureInfo.InvariantCulture),
+                Xxh3 = ulong.Parse(digits, NumberStyles.HexNumber, CultureInfo.InvariantCulture),
             };
         }
     }

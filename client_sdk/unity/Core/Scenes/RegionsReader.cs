@@ -4,7 +4,9 @@ using Terraport.Json;
 
 namespace Terraport
 {
-    /// <summary>regions.json and labels.json: what is known of the regions, and what people call them (scene format, section 11).</summary>
+    /// <summary>
+    /// regions.json and labels.json: what is known of the regions, and what people call them (scene format, section 11).
+    /// </summary>
     public static class RegionsReader
     {
         private const int LongestLabel = 256;

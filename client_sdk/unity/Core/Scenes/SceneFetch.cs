@@ -46,7 +46,8 @@ namespace Terraport
             ArraySegment<byte> body = BodyOf(url, await http.GetAsync(url, token, mostBytes, onBytes, cancelled));
             if (body.Count != facts.Length)
             {
-                throw new TerraportException("damaged", url + " has " + body.Count + " bytes, expected " + facts.Length + " by the manifest; load it again");
+                string what = url + " has " + body.Count + " bytes, expected " + facts.Length + " by the manifest; load it again";
+                throw new TerraportException("damaged", what);
             }
             if (Xxh3.Hash64(body.Array, body.Offset, body.Count) != facts.Xxh3)
             {

@@ -23,7 +23,9 @@ namespace Terraport
         /// <param name="cancelled">Ends it.</param>
         /// <param name="version">Scene version; null for the newest.</param>
         /// <param name="aside">Runs the decoding elsewhere, for example on a pool's thread; null for here.</param>
-        /// <exception cref="TerraportException">The server's code where it refuses; "unreachable", "damaged", "unsupported_version", "invalid_url", "several_scenes".</exception>
+        /// <exception cref="TerraportException">
+        /// The server's code where it refuses; "unreachable", "damaged", "unsupported_version", "invalid_url", "several_scenes".
+        /// </exception>
         /// <exception cref="OperationCanceledException">It was cancelled.</exception>
         public static async Task<SceneFiles> LoadAsync(
             string url,
@@ -123,7 +125,11 @@ namespace Terraport
             return ManifestReader.Read(text, SceneUrl.Parse(sceneUrl).Scene);
         }
 
-        private static async Task<SceneFiles> LoadVersionAsync(SceneFetch fetch, string sceneUrl, SceneManifest manifest, Func<Action, Task> aside)
+        private static async Task<SceneFiles> LoadVersionAsync(
+            SceneFetch fetch,
+            string sceneUrl,
+            SceneManifest manifest,
+            Func<Action, Task> aside)
         {
             fetch.Begin((long)manifest.BaseFile.Length + manifest.CoverFile.Length + manifest.RegionsFile.Length);
             string version = manifest.Version;
@@ -165,7 +171,8 @@ namespace Terraport
             }
             catch (PayloadException error)
             {
-                string text = "scene " + manifest.Id + ", version " + manifest.Version + ": " + error.Message + "; it must be published anew";
+                string scene = "scene " + manifest.Id + ", version " + manifest.Version;
+                string text = scene + ": " + error.Message + "; it must be published anew";
                 throw new TerraportException("damaged", text, null, error);
             }
         }

@@ -32,7 +32,8 @@ namespace Terraport
                     }
                     stalled.CancelAfter(StallMs);
                     const HttpCompletionOption headersFirst = HttpCompletionOption.ResponseHeadersRead;
-                    using (HttpResponseMessage response = await Client.SendAsync(request, headersFirst, stalled.Token).ConfigureAwait(false))
+                    Task<HttpResponseMessage> sent = Client.SendAsync(request, headersFirst, stalled.Token);
+                    using (HttpResponseMessage response = await sent.ConfigureAwait(false))
                     using (Stream stream = await response.Content.ReadAsStreamAsync().ConfigureAwait(false))
                     {
                         long stated = response.Content.Headers.ContentLength ?? 0;
@@ -50,7 +51,7 @@ namespace Terraport
                             length += came;
                             if (length > mostBytes)
                             {
-                                throw new TerraportException("damaged", url + " has more than " + mostBytes + " bytes, expected at most that");
+                                throw new TerraportException("damaged", url + " has more than " + mostBytes + " bytes, the most expected");
                             }
                             if (onBytes != null)
                             {

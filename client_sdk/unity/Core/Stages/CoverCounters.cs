@@ -9,7 +9,9 @@ namespace Terraport
     /// are not shown, so a landing costs only the faces under the segments that change. No distance, no geometry: the outcome
     /// depends on the set alone.
     /// </summary>
-    /// <remarks>Building costs all entries of the cover once, for the inverse lists; adding or removing a segment its entries.</remarks>
+    /// <remarks>
+    /// Building costs all entries of the cover once, for the inverse lists; adding or removing a segment its entries.
+    /// </remarks>
     public sealed class CoverCounters
     {
         private readonly int[] missing;

@@ -9,7 +9,10 @@ namespace Terraport
         internal int Epoch;
         internal PinnedPayload Payload;
 
-        /// <summary>Decode it, and let the payload go. Whatever goes wrong belongs to this segment alone, and is told as its error.</summary>
+        /// <summary>
+        /// Decode it, and let the payload go. Whatever goes wrong belongs to this segment alone, and is told as its
+        /// error.
+        /// </summary>
         internal DecodeResult Run(SegmentDecoder decoder, MeshPool pool, Action<SegmentMesh> afterDecode)
         {
             SegmentMesh mesh = pool.Take();

@@ -83,7 +83,10 @@ namespace Terraport
             pool.Give(mesh);
         }
 
-        /// <summary>Let go of every payload that was not decoded, and end the threads; waits for a decode under way, a second at most.</summary>
+        /// <summary>
+        /// Let go of every payload that was not decoded, and end the threads; waits for a decode under way, a second at
+        /// most.
+        /// </summary>
         public void Dispose()
         {
             lock (jobs)

@@ -2,7 +2,9 @@ using System;
 
 namespace Terraport
 {
-    /// <summary>Turns payloads into meshes, on threads of its own or in slices of a frame. All calls come from one thread.</summary>
+    /// <summary>
+    /// Turns payloads into meshes, on threads of its own or in slices of a frame. All calls come from one thread.
+    /// </summary>
     public interface IDecodeQueue : IDisposable
     {
         /// <summary>Decode a payload; it is disposed of when that is done, on whatever thread.</summary>

@@ -6,7 +6,8 @@ namespace Terraport
     /// </summary>
     /// <remarks>
     /// An implementation throws <see cref="TerraportException"/> from Upload or IsDrawable where a mesh cannot be drawn (an
-    /// image does not decode): the segment is freed, counts as missing, and its base stays. Anything else that it throws is its own mistake and passes through.
+    /// image does not decode): the segment is freed, counts as missing, and its base stays. Anything else that it throws is its
+    /// own mistake and passes through.
     /// </remarks>
     public interface ISceneRenderer
     {
@@ -31,13 +32,17 @@ namespace Terraport
         /// </summary>
         bool Upload(uint segment, SegmentMesh mesh);
 
-        /// <summary>Whether an uploaded segment can be drawn without any further preparation; asked in every frame until it can.</summary>
+        /// <summary>
+        /// Whether an uploaded segment can be drawn without any further preparation; asked in every frame until it can.
+        /// </summary>
         bool IsDrawable(uint segment);
 
         /// <summary>Let go of a segment that was uploaded, in whole or in part. It is not drawn.</summary>
         void Free(uint segment);
 
-        /// <summary>Change what is drawn, all of it in the frame that is drawn next. Flags alone: nothing is uploaded here.</summary>
+        /// <summary>
+        /// Change what is drawn, all of it in the frame that is drawn next. Flags alone: nothing is uploaded here.
+        /// </summary>
         void Swap(SceneSwap swap);
     }
 }

@@ -6,7 +6,9 @@ namespace Terraport
     /// </summary>
     internal sealed class InFlight
     {
-        /// <summary>GPU bytes that a segment is taken to have until some were decoded: between vertex colours and a large texture.</summary>
+        /// <summary>
+        /// GPU bytes that a segment is taken to have until some were decoded: between vertex colours and a large texture.
+        /// </summary>
         private const double FirstGuessBytes = 6.0 * 1024 * 1024;
         /// <summary>How fast the guess follows what came.</summary>
         private const double GuessShare = 0.25;

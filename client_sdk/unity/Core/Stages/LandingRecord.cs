@@ -53,7 +53,9 @@ namespace Terraport
 
         internal Part Swapped { get; set; }
 
-        /// <summary>A plan came: the first, or another one after a reconnect. What was shown stays shown until the next ready.</summary>
+        /// <summary>
+        /// A plan came: the first, or another one after a reconnect. What was shown stays shown until the next ready.
+        /// </summary>
         internal void Planned(PlanFacts plan)
         {
             Plan = plan;
@@ -105,7 +107,10 @@ namespace Terraport
             arrived.Clear();
         }
 
-        /// <summary>What may be shown next, once it is on the GPU; null where nothing was declared yet, or the inner part is shown.</summary>
+        /// <summary>
+        /// What may be shown next, once it is on the GPU; null where nothing was declared yet, or the inner part is
+        /// shown.
+        /// </summary>
         internal IReadOnlyList<uint> Target(out bool isWhole)
         {
             isWhole = whole != null;

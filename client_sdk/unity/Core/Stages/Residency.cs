@@ -182,15 +182,17 @@ namespace Terraport
             return isWhole ? LandingRecord.Part.Full : LandingRecord.Part.Degraded;
         }
 
-        /// <summary>Show what is presentable; null where nothing is. The one place where the visible set changes within a version.</summary>
+        /// <summary>
+        /// Show what is presentable; null where nothing is. The one place where the visible set changes within a version.
+        /// </summary>
         internal SceneSwap Swap()
         {
             LandingRecord.Part part = Presentable();
-            return part == LandingRecord.Part.Nothing ? null : Swap(part);
+            return part == LandingRecord.Part.Nothing ? null : Show(part);
         }
 
         /// <summary>Apart, since this makes garbage and the question is asked in every frame.</summary>
-        private SceneSwap Swap(LandingRecord.Part part)
+        private SceneSwap Show(LandingRecord.Part part)
         {
             uint[] before = Visible;
             uint[] after = Coming;

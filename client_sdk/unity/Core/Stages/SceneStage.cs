@@ -1,6 +1,5 @@
 using System;
 using System.Collections.Generic;
-using System.Globalization;
 
 namespace Terraport
 {
@@ -12,7 +11,7 @@ namespace Terraport
     /// All calls come from the thread that draws. The owner drains the stream's events into <see cref="Handle"/> and calls
     /// <see cref="Update"/> once per frame. Stream and decode queue stay the owner's; dispose of the stage before them.
     /// </remarks>
-    public sealed class SceneStage : IDisposable
+    public sealed partial class SceneStage : IDisposable
     {
         private readonly ISceneStream stream;
         private readonly ISceneRenderer renderer;
@@ -32,7 +31,12 @@ namespace Terraport
 
         /// <summary>A stage that shows nothing yet: base and segments come in <see cref="Update"/>.</summary>
         /// <exception cref="ArgumentException">An option that bounds nothing.</exception>
-        public SceneStage(ISceneStream stream, SceneFiles files, ISceneRenderer renderer, IDecodeQueue decoders, StageOptions options = null)
+        public SceneStage(
+            ISceneStream stream,
+            SceneFiles files,
+            ISceneRenderer renderer,
+            IDecodeQueue decoders,
+            StageOptions options = null)
         {
             if (stream == null || files == null || renderer == null || decoders == null)
             {
@@ -64,10 +68,15 @@ namespace Terraport
             get { return files; }
         }
 
-        /// <summary>Another scene version was opened: load its files and call <see cref="ReplaceFiles"/>. Until then what is shown stays.</summary>
+        /// <summary>
+        /// Another scene version was opened: load its files and call <see cref="ReplaceFiles"/>. Until then what is shown
+        /// stays.
+        /// </summary>
         public bool NeedsFiles { get; private set; }
 
-        /// <summary>Version that the session has open: what <see cref="SceneLoader"/> is to be asked for; null before it is open.</summary>
+        /// <summary>
+        /// Version that the session has open: what <see cref="SceneLoader"/> is to be asked for; null before it is open.
+        /// </summary>
         public string NeededVersion { get; private set; }
 
         /// <summary>Whether the base is drawn.</summary>
@@ -85,63 +94,6 @@ namespace Terraport
             get { return baseFaces.DrawnHiddenCount; }
         }
 
-        /// <summary>Where the newest landing stands.</summary>
-        public LandingStatus Status
-        {
-            get
-            {
-                LandingRecord landing = residency.Newest;
-                var status = new LandingStatus { Phase = Phase(), Missing = residency.Missing(), Fraction = residency.Fraction() };
-                if (landing != null)
-                {
-                    status.Landing = landing.Landing;
-                    status.Position = landing.Position;
-                    status.RadiusM = landing.RadiusM;
-                    status.Plan = landing.Plan;
-                    status.ReadyMs = landing.ReadyMs;
-                    status.PresentableMs = landing.PresentableMs;
-                    status.PayloadBytes = landing.PayloadBytes;
-                    status.Refusal = landing.Refusal;
-                }
-                return status;
-            }
-        }
-
-        /// <summary>What the stage holds and does now.</summary>
-        public StageStats Stats
-        {
-            get
-            {
-                return new StageStats
-                {
-                    UploadedSegments = uploads.Count,
-                    VisibleSegments = residency.Visible.Length,
-                    InFlight = residency.InFlight,
-                    SpareGpuBytes = residency.SpareBytes,
-                    UpdateMs = updateMs,
-                    UpdateMaxMs = updateMaxMs,
-                };
-            }
-        }
-
-        /// <summary>
-        /// What is visible, as a value: equal texts mean the same segments and the same hidden base faces. Changes only in a swap.
-        /// </summary>
-        public string VisibleDigest
-        {
-            get
-            {
-                uint hash = 0;
-                foreach (uint segment in residency.Visible)
-                {
-                    hash ^= CoverCounters.Mix(segment);
-                }
-                string form = "{0}:{1:x8}:{2}:{3:x8}";
-                int hidden = baseFaces.DrawnHiddenCount;
-                return string.Format(CultureInfo.InvariantCulture, form, residency.Visible.Length, hash, hidden, baseFaces.DrawnHiddenHash);
-            }
-        }
-
         /// <summary>Ask for a landing; it supersedes any that is not shown yet. Its number.</summary>
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
         public int Land(Vec3 position, double radiusM, LandOptions landOptions = null)
@@ -151,7 +103,9 @@ namespace Terraport
             return landing;
         }
 
-        /// <summary>Tell where the user points: what lies there is fetched ahead and, as far as there is room, made drawable.</summary>
+        /// <summary>
+        /// Tell where the user points: what lies there is fetched ahead and, as far as there is room, made drawable.
+        /// </summary>
         public void Aim(Vec3 position, double radiusM)
         {
             stream.Aim(position, radiusM);
@@ -270,7 +224,9 @@ namespace Terraport
             NeedsFiles = false;
         }
 
-        /// <summary>Hide and free every segment, at once; the base stays the renderer's. Stream and decode queue are not closed.</summary>
+        /// <summary>
+        /// Hide and free every segment, at once; the base stays the renderer's. Stream and decode queue are not closed.
+        /// </summary>
         public void Dispose()
         {
             if (isDisposed)
@@ -281,32 +237,8 @@ namespace Terraport
             uploads.FreeUnseen();
             uint[] visible = residency.Visible;
             residency.ClearVisible();
-            var none = Array.Empty<uint>();
-            renderer.Swap(new SceneSwap { Shown = none, Hidden = visible, ChangedBlocks = Array.Empty<FaceRange>(), BaseHidden = baseFaces.Hidden });
+            renderer.Swap(new SceneSwap { Hidden = visible, BaseHidden = baseFaces.Hidden });
             uploads.FreeSeen(visible);
-        }
-
-        private LandingPhase Phase()
-        {
-            LandingRecord landing = residency.Newest;
-            if (landing == null)
-            {
-                return LandingPhase.Idle;
-            }
-            if (landing.Refusal != null)
-            {
-                return LandingPhase.Refused;
-            }
-            if (landing.Swapped == LandingRecord.Part.Full)
-            {
-                return LandingPhase.Shown;
-            }
-            LandingRecord.Part part = CanSwap ? residency.Presentable() : LandingRecord.Part.Nothing;
-            if (part != LandingRecord.Part.Nothing)
-            {
-                return part == LandingRecord.Part.Full ? LandingPhase.Presentable : LandingPhase.DegradedPresentable;
-            }
-            return landing.Plan == null ? LandingPhase.Planning : LandingPhase.Streaming;
         }
 
         private bool CanSwap
@@ -362,7 +294,7 @@ namespace Terraport
             uint[] before = residency.Visible;
             residency.ClearVisible();
             IsBaseDrawn = true;
-            Tell(new SceneSwap { IsNewBase = true, Shown = Array.Empty<uint>(), Hidden = before, ChangedBlocks = Array.Empty<FaceRange>() });
+            Tell(new SceneSwap { IsNewBase = true, Hidden = before });
             uploads.FreeSeen(before);
         }
 

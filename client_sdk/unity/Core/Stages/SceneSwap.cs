@@ -1,3 +1,4 @@
+using System;
 using System.Collections.Generic;
 
 namespace Terraport
@@ -17,13 +18,18 @@ namespace Terraport
         public bool IsNewBase { get; internal set; }
 
         /// <summary>Segments to be drawn from now on that were not, ascending. All were uploaded and drawable before.</summary>
-        public IReadOnlyList<uint> Shown { get; internal set; }
+        public IReadOnlyList<uint> Shown { get; internal set; } = Array.Empty<uint>();
 
-        /// <summary>Segments not to be drawn any more, ascending; of the version before where the base is new. They are freed later.</summary>
-        public IReadOnlyList<uint> Hidden { get; internal set; }
+        /// <summary>
+        /// Segments not to be drawn any more, ascending; of the version before where the base is new. They are freed
+        /// later.
+        /// </summary>
+        public IReadOnlyList<uint> Hidden { get; internal set; } = Array.Empty<uint>();
 
-        /// <summary>Blocks of the base whose prepared list of faces is drawn from now on; every other keeps the drawn one.</summary>
-        public IReadOnlyList<FaceRange> ChangedBlocks { get; internal set; }
+        /// <summary>
+        /// Blocks of the base whose prepared list of faces is drawn from now on; every other keeps the drawn one.
+        /// </summary>
+        public IReadOnlyList<FaceRange> ChangedBlocks { get; internal set; } = Array.Empty<FaceRange>();
 
         /// <summary>Faces of the base that are hidden after the swap.</summary>
         public HiddenFaces BaseHidden { get; internal set; }

@@ -6,10 +6,16 @@ namespace Terraport
     /// <summary>How much a <see cref="SceneStage"/> does at once, and keeps. Bounds of 0 or less are refused.</summary>
     public sealed class StageOptions
     {
-        /// <summary>A landing is shown as soon as it is presentable; else <see cref="SceneStage.Show"/> must be called. Default true.</summary>
+        /// <summary>
+        /// A landing is shown as soon as it is presentable; else <see cref="SceneStage.Show"/> must be called. Default
+        /// true.
+        /// </summary>
         public bool AutoShow { get; set; } = true;
 
-        /// <summary>GPU bytes of segments that are neither shown nor wanted by the newest landing (an aim brought them). Default 96 MiB.</summary>
+        /// <summary>
+        /// GPU bytes of segments that are neither shown nor wanted by the newest landing (an aim brought them). Default
+        /// 96 MiB.
+        /// </summary>
         public long SpareGpuBytes { get; set; } = 96L * 1024 * 1024;
 
         /// <summary>Segments that are being decoded, or decoded and not uploaded, at a time. Default 16.</summary>

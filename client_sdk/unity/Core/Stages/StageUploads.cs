@@ -143,7 +143,9 @@ namespace Terraport
             return decoders.Step() ? 1 : 0;
         }
 
-        /// <summary>Let go of all that waits, and of all that the renderer has but what is shown: of that <see cref="FreeSeen"/>.</summary>
+        /// <summary>
+        /// Let go of all that waits, and of all that the renderer has but what is shown: of that <see cref="FreeSeen"/>.
+        /// </summary>
         internal void FreeUnseen()
         {
             foreach (KeyValuePair<uint, SegmentMesh> pair in waiting)
