@@ -169,35 +169,51 @@ namespace Terraport
                 wide[1] = ((ulong*)data)[1];
                 return data + GroupRows;
             }
-            if (bits == 1)
+            return bits == 1 ? Quarters(data, deltas) : Halves(data, deltas);
+        }
+
+        /// <summary>Sixteen differences of 2 bits, the highest first; a 3 stands for a byte behind the 4 bytes.</summary>
+        private static byte* Quarters(byte* data, byte* deltas)
+        {
+            uint all = *(uint*)data;
+            uint full = all & (all >> 1) & 0x55555555;
+            byte* more = data + 4;
+            for (int at = 0; at < 4; at++)
             {
-                byte* more = data + 4;
-                for (int at = 0; at < 4; at++)
+                uint four = all & 0xFF;
+                *(uint*)deltas = (four >> 6) | ((four & 0x30) << 4) | ((four & 0x0C) << 14) | ((four & 3) << 24);
+                if ((full & 0xFF) != 0)
                 {
-                    uint four = data[at];
-                    uint one = four >> 6;
-                    deltas[0] = one == 3 ? *more++ : (byte)one;
-                    one = (four >> 4) & 3;
-                    deltas[1] = one == 3 ? *more++ : (byte)one;
-                    one = (four >> 2) & 3;
-                    deltas[2] = one == 3 ? *more++ : (byte)one;
-                    one = four & 3;
-                    deltas[3] = one == 3 ? *more++ : (byte)one;
-                    deltas += 4;
+                    deltas[0] = deltas[0] == 3 ? *more++ : deltas[0];
+                    deltas[1] = deltas[1] == 3 ? *more++ : deltas[1];
+                    deltas[2] = deltas[2] == 3 ? *more++ : deltas[2];
+                    deltas[3] = deltas[3] == 3 ? *more++ : deltas[3];
                 }
-                return more;
+                all >>= 8;
+                full >>= 8;
+                deltas += 4;
             }
-            byte* rest = data + 8;
-            for (int at = 0; at < 8; at++)
+            return more;
+        }
+
+        /// <summary>Sixteen differences of 4 bits, the higher half first; a 15 stands for a byte behind the 8 bytes.</summary>
+        private static byte* Halves(byte* data, byte* deltas)
+        {
+            byte* more = data + 8;
+            for (int at = 0; at < 8; at += 2)
             {
-                uint two = data[at];
-                uint one = two >> 4;
-                deltas[0] = one == 15 ? *rest++ : (byte)one;
-                one = two & 15;
-                deltas[1] = one == 15 ? *rest++ : (byte)one;
-                deltas += 2;
+                uint four = *(ushort*)(data + at);
+                *(uint*)deltas = ((four >> 4) & 15) | ((four & 15) << 8) | ((four & 0xF000) << 4) | ((four & 0x0F00) << 16);
+                if ((four & (four >> 1) & (four >> 2) & (four >> 3) & 0x1111) != 0)
+                {
+                    deltas[0] = deltas[0] == 15 ? *more++ : deltas[0];
+                    deltas[1] = deltas[1] == 15 ? *more++ : deltas[1];
+                    deltas[2] = deltas[2] == 15 ? *more++ : deltas[2];
+                    deltas[3] = deltas[3] == 15 ? *more++ : deltas[3];
+                }
+                deltas += 4;
             }
-            return rest;
+            return more;
         }
     }
 }

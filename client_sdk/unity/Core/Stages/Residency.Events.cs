@@ -48,6 +48,10 @@ namespace Terraport
             }
             if (landing == null && !wantedIds.Contains(facts.Segment))
             {
+                if (prefetched.Count == MostPrefetched)
+                {
+                    prefetched.RemoveAt(0); // Its payload stays held.
+                }
                 prefetched.Add(facts.Segment);
             }
         }

@@ -14,6 +14,8 @@ namespace Terraport
     /// </remarks>
     internal sealed partial class Residency
     {
+        /// <summary>Segments of aims that wait for spare room; the oldest goes.</summary>
+        private const int MostPrefetched = 4096;
         private static readonly uint[] None = Array.Empty<uint>();
         private readonly SegmentShelf shelf;
         private readonly HashSet<uint> visibleIds = new HashSet<uint>();
