@@ -1,5 +1,6 @@
 using System;
 using System.Collections.Generic;
+using UnityEditor;
 
 namespace Terraport.Unity.Editor
 {
@@ -11,6 +12,7 @@ namespace Terraport.Unity.Editor
         {
             List<string> findings = new List<string>();
             CheckUrl(scene.SceneUrl, findings);
+            CheckBuild(findings);
             TerraportSettings settings = scene.Settings;
             DeviceBudgets bounds = settings.ActualBudgets;
             if (bounds.creditMebibytes > bounds.maxMebibytes * 4)
@@ -26,6 +28,16 @@ namespace Terraport.Unity.Editor
                 findings.Add("The base's material has no _TerraportPushM: the base is not pushed back, and will poke through the detail.");
             }
             return findings;
+        }
+
+        private static void CheckBuild(List<string> findings)
+        {
+            if (EditorUserBuildSettings.activeBuildTarget == BuildTarget.Android
+                && (PlayerSettings.Android.targetArchitectures & AndroidArchitecture.ARMv7) != 0)
+            {
+                findings.Add("32-bit ARM is not supported: in Player > Other Settings > Target Architectures leave ARM64 alone "
+                    + "(it needs the scripting backend IL2CPP).");
+            }
         }
 
         private static void CheckUrl(string url, List<string> findings)

@@ -46,7 +46,7 @@ namespace Terraport.Unity
         /// Positions in Unity's axes, three floats per vertex, from codes of the grid, four per vertex (the fourth is padding):
         /// translation + step * code, exact in float32.
         /// </summary>
-        /// <param name="into">At least 3 * vertexCount long.</param>
+        /// <remarks><c>into</c>: at least 3 * vertexCount long.</remarks>
         public static void Positions(
             ushort[] codes, int vertexCount, float translationX, float translationY, float translationZ, float stepM, float[] into)
         {
@@ -59,7 +59,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>Positions in Unity's axes from positions in metres, three floats per vertex both.</summary>
-        /// <param name="into">At least 3 * vertexCount long; may be the same array.</param>
+        /// <remarks><c>into</c>: at least 3 * vertexCount long; may be the same array.</remarks>
         public static void Positions(float[] metres, int vertexCount, float[] into)
         {
             for (int at = 0; at < vertexCount * 3; at += 3)
@@ -71,7 +71,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>Normals, four signed bytes per vertex (the fourth is padding, written as 0).</summary>
-        /// <param name="into">At least 4 * vertexCount long; may be the same array.</param>
+        /// <remarks><c>into</c>: at least 4 * vertexCount long; may be the same array.</remarks>
         public static void Normals(sbyte[] normals, int vertexCount, sbyte[] into)
         {
             for (int at = 0; at < vertexCount * 4; at += 4)
@@ -84,7 +84,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>Corners of faces, clockwise seen from outside as Unity wants them: the second and third change places.</summary>
-        /// <param name="into">At least 3 * faceCount long; may be the same array.</param>
+        /// <remarks><c>into</c>: at least 3 * faceCount long; may be the same array.</remarks>
         public static void Indices(uint[] indices, int faceCount, uint[] into)
         {
             for (int at = 0; at < faceCount * 3; at += 3)
@@ -97,7 +97,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>Texture coordinates, two floats per vertex, from codes: (u, 1 - v) of scale * code.</summary>
-        /// <param name="into">At least 2 * vertexCount long.</param>
+        /// <remarks><c>into</c>: at least 2 * vertexCount long.</remarks>
         public static void Uvs(ushort[] codes, int vertexCount, float scaleU, float scaleV, float[] into)
         {
             for (int at = 0; at < vertexCount * 2; at += 2)
@@ -108,7 +108,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>Texture coordinates, two floats per vertex, from floats.</summary>
-        /// <param name="into">At least 2 * vertexCount long; may be the same array.</param>
+        /// <remarks><c>into</c>: at least 2 * vertexCount long; may be the same array.</remarks>
         public static void Uvs(float[] uvs, int vertexCount, float[] into)
         {
             for (int at = 0; at < vertexCount * 2; at += 2)

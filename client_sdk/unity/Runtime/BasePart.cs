@@ -58,6 +58,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>Write the list of faces that will be drawn after <see cref="Flip"/>.</summary>
+        /// <param name="hidden">One byte per face of the base, 1 where it is hidden.</param>
         /// <param name="scratch">At least as long as the part's indices.</param>
         public void Prepare(byte[] hidden, ushort[] scratch)
         {

@@ -6,13 +6,31 @@ namespace Terraport.Unity
     [StructLayout(LayoutKind.Sequential)]
     public struct PhotoVertex
     {
-        /// <summary>Metres, Unity's axes, about the scene's origin; so are Y and Z.</summary>
-        public float X, Y, Z;
+        /// <summary>East, metres about the scene's origin.</summary>
+        public float X;
 
-        /// <summary>Normal, 127 is 1; the fourth fills up to four bytes.</summary>
-        public sbyte NormalX, NormalY, NormalZ, Padding;
+        /// <summary>Up, metres.</summary>
+        public float Y;
 
-        /// <summary>Texture coordinate, (0, 0) the image's lower left corner.</summary>
-        public float U, V;
+        /// <summary>North, metres.</summary>
+        public float Z;
+
+        /// <summary>Normal's X, 127 is 1.</summary>
+        public sbyte NormalX;
+
+        /// <summary>Normal's Y.</summary>
+        public sbyte NormalY;
+
+        /// <summary>Normal's Z.</summary>
+        public sbyte NormalZ;
+
+        /// <summary>Fills up to four bytes.</summary>
+        public sbyte Padding;
+
+        /// <summary>Texture coordinate, 0 the image's left edge.</summary>
+        public float U;
+
+        /// <summary>Texture coordinate, 0 the image's lower edge.</summary>
+        public float V;
     }
 }

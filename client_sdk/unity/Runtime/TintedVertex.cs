@@ -6,13 +6,37 @@ namespace Terraport.Unity
     [StructLayout(LayoutKind.Sequential)]
     public struct TintedVertex
     {
-        /// <summary>Metres, Unity's axes, about the scene's origin; so are Y and Z.</summary>
-        public float X, Y, Z;
+        /// <summary>East, metres about the scene's origin.</summary>
+        public float X;
 
-        /// <summary>Normal, 127 is 1; the fourth fills up to four bytes.</summary>
-        public sbyte NormalX, NormalY, NormalZ, Padding;
+        /// <summary>Up, metres.</summary>
+        public float Y;
 
-        /// <summary>Linear light, 65535 is 1.</summary>
-        public ushort Red, Green, Blue, Alpha;
+        /// <summary>North, metres.</summary>
+        public float Z;
+
+        /// <summary>Normal's X, 127 is 1.</summary>
+        public sbyte NormalX;
+
+        /// <summary>Normal's Y.</summary>
+        public sbyte NormalY;
+
+        /// <summary>Normal's Z.</summary>
+        public sbyte NormalZ;
+
+        /// <summary>Fills up to four bytes.</summary>
+        public sbyte Padding;
+
+        /// <summary>Red, linear light, 65535 is 1.</summary>
+        public ushort Red;
+
+        /// <summary>Green, linear light.</summary>
+        public ushort Green;
+
+        /// <summary>Blue, linear light.</summary>
+        public ushort Blue;
+
+        /// <summary>65535.</summary>
+        public ushort Alpha;
     }
 }

@@ -75,6 +75,33 @@ namespace UnityEditor
         }
     }
 
+    public enum BuildTarget
+    {
+        Android = 13,
+    }
+
+    public class EditorUserBuildSettings
+    {
+        public static BuildTarget activeBuildTarget
+        {
+            get { return 0; }
+        }
+    }
+
+    [Flags]
+    public enum AndroidArchitecture : uint
+    {
+        ARMv7 = 1,
+    }
+
+    public sealed class PlayerSettings
+    {
+        public sealed class Android
+        {
+            public static AndroidArchitecture targetArchitectures { get; set; }
+        }
+    }
+
     public sealed class Selection
     {
         public static GameObject activeGameObject { get; set; }
