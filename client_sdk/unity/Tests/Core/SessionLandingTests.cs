@@ -253,6 +253,9 @@ namespace Terraport.Tests
                 Assert.AreEqual(want, ready.Segments);
                 Assert.AreEqual(want, pair.Received.OrderBy(one => one).ToArray());
                 Assert.AreEqual(0, pair.Client.Stats.RepeatedBytes);
+                // What an old connection brought is no credit for the new one.
+                long granted = pair.Server.HeardOf<CreditMessage>().Sum(credit => credit.Bytes);
+                Assert.LessOrEqual(granted, pair.Server.ChunkBytes);
             }
         }
 

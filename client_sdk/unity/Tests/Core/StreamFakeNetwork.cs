@@ -21,6 +21,8 @@ namespace Terraport.Tests
         internal ErrorMessage RefuseError;
         // Where set, nothing comes about: no answer to the handshake.
         internal bool IsDeaf;
+        // Called before a connection is made, on the thread that makes it.
+        internal Action Creating;
 
         internal StreamFakeTransport Last
         {
@@ -29,6 +31,7 @@ namespace Terraport.Tests
 
         public ITransport Create()
         {
+            if (Creating != null) Creating();
             Made.Add(new StreamFakeTransport(this));
             return Last;
         }

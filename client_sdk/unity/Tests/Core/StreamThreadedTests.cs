@@ -4,6 +4,7 @@ using System.Diagnostics;
 using System.Linq;
 using System.Threading;
 using NUnit.Framework;
+using Terraport.Wire;
 
 namespace Terraport.Tests
 {
@@ -74,6 +75,32 @@ namespace Terraport.Tests
                 Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Link && one.Link.Phase == LinkPhase.Waiting));
                 network.RefuseWith = 0;
                 Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == landing));
+            }
+        }
+
+        [Test]
+        public void ALandingEndsTheAimsBeforeIt()
+        {
+            var network = new StreamFakeNetwork();
+            var events = new List<StreamEvent>();
+            var isBusy = new ManualResetEvent(false);
+            var mayGoOn = new ManualResetEvent(false);
+            using (var stream = new ThreadedStream(network.StreamOptions(), network))
+            {
+                Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Opened));
+                network.Creating = () =>
+                {
+                    isBusy.Set();
+                    mayGoOn.WaitOne(20000);
+                };
+                stream.Reconnect("another");
+                Assert.IsTrue(isBusy.WaitOne(20000));
+                stream.Aim(new Vec3(0, 0, 0), 1);
+                int landing = stream.Land(Middle, 1);
+                mayGoOn.Set();
+                Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == landing));
+                Thread.Sleep(150);
+                Assert.AreEqual(0, network.Last.Server.HeardOf<WireMessage>().Count(message => message.Type == "aim"));
             }
         }
 
