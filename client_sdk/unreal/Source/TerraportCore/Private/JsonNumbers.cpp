@@ -17,21 +17,22 @@ constexpr std::uint64_t kMostExact = std::uint64_t{1} << 53;
 /// Exponents beyond give infinity or 0, whatever the digits.
 constexpr long kFarExponent = 100000;
 
-/// A natural number of any size.
+/// A natural number up to 2^8192: the largest that comes up here has 5100 bits (801 digits, 5^400 and 2^1475; or 5^1201 and
+/// 2^2171). In memory of its own: reading a number allocates nothing.
 class Natural {
  public:
   explicit Natural(std::uint64_t value) {
-    for (; value != 0; value >>= 32) words_.push_back(static_cast<std::uint32_t>(value));
+    for (; value != 0; value >>= 32) push(static_cast<std::uint32_t>(value));
   }
 
   void multiplyAdd(std::uint32_t factor, std::uint32_t addend) {
     std::uint64_t carry = addend;
-    for (std::uint32_t& word : words_) {
-      carry += static_cast<std::uint64_t>(word) * factor;
-      word = static_cast<std::uint32_t>(carry);
+    for (std::size_t at = 0; at < size_; ++at) {
+      carry += static_cast<std::uint64_t>(words_[at]) * factor;
+      words_[at] = static_cast<std::uint32_t>(carry);
       carry >>= 32;
     }
-    if (carry != 0) words_.push_back(static_cast<std::uint32_t>(carry));
+    if (carry != 0) push(static_cast<std::uint32_t>(carry));
   }
 
   void multiplyByPowerOf5(long power) {
@@ -41,39 +42,66 @@ class Natural {
   }
 
   void shiftLeft(long bits) {
-    if (words_.empty() || bits <= 0) return;
+    if (size_ == 0 || bits <= 0) return;
     const auto whole = static_cast<std::size_t>(bits / 32);
     const auto part = static_cast<unsigned>(bits % 32);
     if (part != 0) {
       std::uint32_t carry = 0;
-      for (std::uint32_t& word : words_) {
-        const std::uint32_t shifted = (word << part) | carry;
-        carry = word >> (32 - part);
-        word = shifted;
+      for (std::size_t at = 0; at < size_; ++at) {
+        const std::uint32_t shifted = (words_[at] << part) | carry;
+        carry = words_[at] >> (32 - part);
+        words_[at] = shifted;
       }
-      if (carry != 0) words_.push_back(carry);
+      if (carry != 0) push(carry);
     }
-    words_.insert(words_.begin(), whole, 0);
+    if (whole > kWords - size_) return;  // beyond the bound: it does not come up
+    std::memmove(words_ + whole, words_, size_ * sizeof words_[0]);
+    std::memset(words_, 0, whole * sizeof words_[0]);
+    size_ += whole;
   }
 
   /// Below 0, 0, or above it, as this is below, equal to, above the other.
   int compareTo(const Natural& other) const {
-    if (words_.size() != other.words_.size()) return words_.size() < other.words_.size() ? -1 : 1;
-    for (std::size_t at = words_.size(); at > 0; --at) {
+    if (size_ != other.size_) return size_ < other.size_ ? -1 : 1;
+    for (std::size_t at = size_; at > 0; --at) {
       if (words_[at - 1] != other.words_[at - 1]) return words_[at - 1] < other.words_[at - 1] ? -1 : 1;
     }
     return 0;
   }
 
  private:
+  static constexpr std::size_t kWords = 256;
+
+  void push(std::uint32_t word) {
+    if (size_ < kWords) words_[size_++] = word;
+  }
+
   /// Least significant first, the last not 0.
-  std::vector<std::uint32_t> words_;
+  std::uint32_t words_[kWords];
+  std::size_t size_ = 0;
+};
+
+/// Up to kMostDigits digits, and one more that says that some follow.
+class Digits {
+ public:
+  bool empty() const { return size_ == 0; }
+  std::size_t size() const { return size_; }
+  char back() const { return digits_[size_ - 1]; }
+  void push_back(char digit) { digits_[size_++] = digit; }
+  void pop_back() { --size_; }
+  char operator[](std::size_t at) const { return digits_[at]; }
+  const char* begin() const { return digits_; }
+  const char* end() const { return digits_ + size_; }
+
+ private:
+  char digits_[kMostDigits + 1];
+  std::size_t size_ = 0;
 };
 
 /// Significant digits, and the power of ten behind the last of them.
 struct Decimal {
   bool isNegative = false;
-  std::string digits;
+  Digits digits;
   long exponent = 0;
 };
 
