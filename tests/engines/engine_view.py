@@ -31,7 +31,7 @@ EYE: Final = (-7.0, 8.5, -11.0)
 LOOK_AT: Final = (0.0, 1.0, 2.5)
 SUN: Final = (0.35, 0.8, -0.5)
 """Towards it: high in the south-east, so that the sides that the eye sees differ."""
-FIELD_OF_VIEW_DEG: Final = 52.0
+FIELD_OF_VIEW_DEG: Final = 46.0
 
 
 @dataclass(frozen=True)

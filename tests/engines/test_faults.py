@@ -17,8 +17,9 @@ from terraport_store import Scene
 EVERYWHERE = "land:30,1,30,100"
 
 
-@pytest.mark.parametrize("threaded", [0, 1], ids=["pumped", "threaded"])
-@pytest.mark.parametrize("subprotocol", ["msgpack", "json"])
+@pytest.mark.parametrize(
+    ("subprotocol", "threaded"), [("msgpack", 0), ("json", 1)], ids=["pumped", "threaded"]
+)
 def test_a_cut_line_is_mended_and_no_segment_comes_twice(
     client: Client, server: Service, subprotocol: str, threaded: int
 ) -> None:
