@@ -19,10 +19,10 @@ namespace {
 constexpr std::size_t kMaxPicks = 64;
 
 /// Events that wait to be taken; beyond it nothing is received.
-constexpr std::size_t kMaxWaitingEvents = 4096;
+constexpr std::size_t kMaxWaitingEvents = 8192;
 
-/// Of messages in one pump: a third of a millisecond of hashing, and as much of copying.
-constexpr std::size_t kMaxPumpBytes = 2 * 1024 * 1024;
+/// Of messages in one pump: about a millisecond of copying and hashing.
+constexpr std::size_t kMaxPumpBytes = 4 * 1024 * 1024;
 
 SessionOptions sessionOptions(const StreamOptions& options) {
   SessionOptions session;

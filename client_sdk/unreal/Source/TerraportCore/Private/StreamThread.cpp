@@ -26,7 +26,7 @@ constexpr double kQuietMs = 1000;
 constexpr std::size_t kMaxPicks = 64;
 
 /// Events that wait for the owner; the thread keeps the rest, and receives nothing more when that is full.
-constexpr std::size_t kMaxWaitingEvents = 4096;
+constexpr std::size_t kMaxWaitingEvents = 8192;
 
 struct LandCommand {
   Vec3 position;

@@ -25,7 +25,7 @@ struct StreamOptions {
   /// Payload bytes kept in memory beside what is shown or on its way; the least recently used go first.
   std::uint64_t cacheBytes = 96ull * 1024 * 1024;
   /// Payload bytes under way at most: they bound what lies in buffers when a landing is superseded.
-  std::uint64_t creditBytes = 8ull * 1024 * 1024;
+  std::uint64_t creditBytes = 16ull * 1024 * 1024;
   /// Release radius / load radius, 1 to 4; absent takes the server's.
   std::optional<double> releaseFactor;
   Subprotocol subprotocol = Subprotocol::Msgpack;
