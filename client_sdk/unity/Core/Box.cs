@@ -40,7 +40,9 @@ namespace Terraport
             get { return new Vec3(((double)MinX + MaxX) / 2, ((double)MinY + MaxY) / 2, ((double)MinZ + MaxZ) / 2); }
         }
 
-        /// <summary>Euclidean distance from a place to the box in float64, 0 inside: the distance that landings are planned by.</summary>
+        /// <summary>
+        /// Euclidean distance from a place to the box in float64, 0 inside: the distance that landings are planned by.
+        /// </summary>
         public double DistanceM(Vec3 place)
         {
             double x = Outside(place.X, MinX, MaxX);

@@ -30,7 +30,10 @@ namespace Terraport
         /// <summary>An aim is whole.</summary>
         Prefetched,
 
-        /// <summary><see cref="StreamEvent.Segments"/> cannot be asked for any more: the cache let them go, or the version changed.</summary>
+        /// <summary>
+        /// <see cref="StreamEvent.Segments"/> cannot be asked for any more: the cache let them go, or the version
+        /// changed.
+        /// </summary>
         Dropped,
 
         /// <summary>The server said no: code, message, whether the session is over, perhaps the landing.</summary>

@@ -19,7 +19,10 @@ namespace Terraport
             CloseCode = closeCode;
         }
 
-        /// <summary>Error code of the wire protocol, or one of the client's: "damaged", "unsupported_version", "invalid_url", "unreachable", ...</summary>
+        /// <summary>
+        /// Error code of the wire protocol, or one of the client's: "damaged", "unsupported_version", "invalid_url",
+        /// "unreachable", ...
+        /// </summary>
         public string Code { get; private set; }
 
         /// <summary>WebSocket close code or HTTP status, where there is one.</summary>

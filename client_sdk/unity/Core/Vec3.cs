@@ -3,7 +3,9 @@ using System.Globalization;
 
 namespace Terraport
 {
-    /// <summary>A place or a direction in the scene frame: metres, right-handed, x east, y up, z south, about the scene's origin.</summary>
+    /// <summary>
+    /// A place or a direction in the scene frame: metres, right-handed, x east, y up, z south, about the scene's origin.
+    /// </summary>
     public readonly struct Vec3 : IEquatable<Vec3>
     {
         /// <summary>East, metres.</summary>
