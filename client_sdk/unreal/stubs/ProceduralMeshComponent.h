@@ -46,4 +46,11 @@ public:
 		StubSection.bSectionVisible = bVisible;
 	}
 	FProcMeshSection StubSection;
+
+	/// Every one that was ever made.
+	static inline std::vector<UProceduralMeshComponent*> StubAll;
+	UProceduralMeshComponent()
+	{
+		StubAll.push_back(this);
+	}
 };

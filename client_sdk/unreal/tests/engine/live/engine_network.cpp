@@ -1,0 +1,331 @@
+#include "engine_network.h"
+
+#include "lws_transport.h"
+
+#include <netdb.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+namespace EngineNetwork
+{
+namespace
+{
+constexpr std::size_t PieceBytes = 60000;
+
+std::string TextOf(const FString& Text)
+{
+	return std::string(TCHAR_TO_UTF8(*Text));
+}
+
+class FSocket final : public IWebSocket
+{
+public:
+	FSocket(const FString& InUrl, const TArray<FString>& InProtocols, const TMap<FString, FString>& Headers) : Url(TextOf(InUrl))
+	{
+		for (const FString& Protocol : InProtocols)
+		{
+			Protocols.push_back(TextOf(Protocol));
+		}
+		if (const FString* Header = Headers.Find(TEXT("Authorization")))
+		{
+			Token = TextOf(*Header).substr(std::string("Bearer ").size());
+		}
+	}
+	virtual void Connect() override
+	{
+		Transport = terraport::tools::makeLwsTransports()->make();
+		Transport->open(Url, Protocols, Token);
+	}
+	virtual void Close(int32 Code, const FString& Reason) override
+	{
+		if (Transport)
+		{
+			Transport->close(Code, TextOf(Reason));
+		}
+		Transport.reset();
+	}
+	virtual bool IsConnected() override
+	{
+		return Transport && Transport->state() == terraport::TransportState::Open;
+	}
+	virtual void Send(const FString& Text) override
+	{
+		const std::string Bytes = TextOf(Text);
+		Send(Bytes.data(), Bytes.size(), false);
+	}
+	virtual void Send(const void* Data, SIZE_T Size, bool bIsBinary) override
+	{
+		(void)Transport->trySend({static_cast<const std::uint8_t*>(Data), Size}, !bIsBinary);
+	}
+	virtual FWebSocketConnectedEvent& OnConnected() override
+	{
+		return Connected;
+	}
+	virtual FWebSocketConnectionErrorEvent& OnConnectionError() override
+	{
+		return Error;
+	}
+	virtual FWebSocketClosedEvent& OnClosed() override
+	{
+		return Closed;
+	}
+	virtual FWebSocketMessageEvent& OnMessage() override
+	{
+		return Message;
+	}
+	virtual FWebSocketRawMessageEvent& OnRawMessage() override
+	{
+		return Raw;
+	}
+	virtual FWebSocketBinaryMessageEvent& OnBinaryMessage() override
+	{
+		return Binary;
+	}
+	virtual void SetTextMessageMemoryLimit(uint64) override {}
+
+	void Pump()
+	{
+		terraport::TransportMessage Whole;
+		while (Transport && Transport->tryReceive(Whole))
+		{
+			Open();
+			if (Whole.isText)
+			{
+				Message.Broadcast(FString(UTF8_TO_TCHAR(std::string(Whole.bytes.begin(), Whole.bytes.end()).c_str())));
+				continue;
+			}
+			for (std::size_t At = 0; At == 0 || At < Whole.bytes.size(); At += PieceBytes)
+			{
+				const std::size_t Size = std::min(PieceBytes, Whole.bytes.size() - At);
+				Binary.Broadcast(Whole.bytes.data() + At, Size, At + Size == Whole.bytes.size());
+			}
+		}
+		if (Transport && Transport->state() == terraport::TransportState::Open)
+		{
+			Open();
+		}
+		if (Transport && Transport->state() == terraport::TransportState::Closed)
+		{
+			const int Code = Transport->closeCode();
+			const FString Reason(UTF8_TO_TCHAR(Transport->closeReason().c_str()));
+			Transport.reset();
+			bWasOpen ? Closed.Broadcast(Code, Reason, Code != 1006) : Error.Broadcast(Reason);
+		}
+	}
+
+private:
+	void Open()
+	{
+		if (!bWasOpen)
+		{
+			bWasOpen = true;
+			Connected.Broadcast();
+		}
+	}
+
+	std::string Url, Token;
+	std::vector<std::string> Protocols;
+	std::unique_ptr<terraport::Transport> Transport;
+	bool bWasOpen = false;
+	FWebSocketConnectedEvent Connected;
+	FWebSocketConnectionErrorEvent Error;
+	FWebSocketClosedEvent Closed;
+	FWebSocketMessageEvent Message;
+	FWebSocketRawMessageEvent Raw;
+	FWebSocketBinaryMessageEvent Binary;
+};
+
+class FResponse final : public IHttpResponse
+{
+public:
+	virtual int32 GetResponseCode() const override
+	{
+		return Code;
+	}
+	virtual const TArray<uint8>& GetContent() const override
+	{
+		return Content;
+	}
+	int32 Code = 0;
+	TArray<uint8> Content;
+};
+
+/// GET over one connection, which the server closes; blocks. Null where no answer came.
+std::shared_ptr<FResponse> Fetch(const std::string& Url, const std::string& Headers)
+{
+	const std::size_t Host = Url.find("://") + 3, Path = std::min(Url.find('/', Host), Url.size());
+	const std::size_t Colon = Url.find(':', Host);
+	const std::string Name = Url.substr(Host, std::min(Colon, Path) - Host);
+	const std::string Port = Colon < Path ? Url.substr(Colon + 1, Path - Colon - 1) : "80";
+	addrinfo Hints{}, *Found = nullptr;
+	Hints.ai_socktype = SOCK_STREAM;
+	if (getaddrinfo(Name.c_str(), Port.c_str(), &Hints, &Found) != 0)
+	{
+		return nullptr;
+	}
+	const int Handle = socket(Found->ai_family, Found->ai_socktype, Found->ai_protocol);
+	const bool bConnected = connect(Handle, Found->ai_addr, Found->ai_addrlen) == 0;
+	freeaddrinfo(Found);
+	std::string Answer;
+	const std::string Request = "GET " + (Path < Url.size() ? Url.substr(Path) : "/") + " HTTP/1.1\r\nHost: " + Name +
+		"\r\nConnection: close\r\n" + Headers + "\r\n";
+	if (bConnected && send(Handle, Request.data(), Request.size(), MSG_NOSIGNAL) == ssize_t(Request.size()))
+	{
+		char Piece[65536];
+		for (ssize_t Count = 0; (Count = recv(Handle, Piece, sizeof(Piece), 0)) > 0;)
+		{
+			Answer.append(Piece, std::size_t(Count));
+		}
+	}
+	close(Handle);
+	const std::size_t End = Answer.find("\r\n\r\n");
+	if (End == std::string::npos || Answer.compare(0, 5, "HTTP/") != 0)
+	{
+		return nullptr;
+	}
+	auto Response = std::make_shared<FResponse>();
+	Response->Code = std::atoi(Answer.c_str() + Answer.find(' '));
+	std::string Body = Answer.substr(End + 4);
+	if (Answer.substr(0, End).find("chunked") != std::string::npos)
+	{
+		std::string Whole;
+		for (std::size_t At = 0; At < Body.size();)
+		{
+			char* After = nullptr;
+			const std::size_t Size = std::strtoul(Body.c_str() + At, &After, 16);
+			At = std::size_t(After - Body.c_str()) + 2;
+			Whole += Body.substr(At, Size);
+			At = Size == 0 ? Body.size() : At + Size + 2;
+		}
+		Body = Whole;
+	}
+	Response->Content.SetNumUninitialized(int32(Body.size()));
+	std::copy(Body.begin(), Body.end(), Response->Content.begin());
+	return Response;
+}
+
+class FRequest final : public IHttpRequest
+{
+public:
+	struct FShared
+	{
+		std::mutex Mutex;
+		bool bIsOver = false;
+		std::shared_ptr<FResponse> Response;
+	};
+	virtual void SetURL(const FString& InUrl) override
+	{
+		Url = TextOf(InUrl);
+	}
+	virtual void SetVerb(const FString&) override {}
+	virtual void SetHeader(const FString& Name, const FString& Value) override
+	{
+		Headers += TextOf(Name) + ": " + TextOf(Value) + "\r\n";
+	}
+	virtual bool ProcessRequest() override
+	{
+		std::thread([Kept = Shared, Of = Url, With = Headers]() {
+			std::shared_ptr<FResponse> Response = Fetch(Of, With);
+			const std::lock_guard<std::mutex> Lock(Kept->Mutex);
+			Kept->Response = std::move(Response);
+			Kept->bIsOver = true;
+		}).detach();
+		return true;
+	}
+	virtual void CancelRequest() override
+	{
+		bTold = true;
+		Complete.ExecuteIfBound(FHttpRequestPtr(), FHttpResponsePtr(), false);
+	}
+	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override
+	{
+		return Complete;
+	}
+	virtual FHttpRequestProgressDelegate64& OnRequestProgress64() override
+	{
+		return Progress;
+	}
+	void Pump()
+	{
+		std::shared_ptr<FResponse> Response;
+		{
+			const std::lock_guard<std::mutex> Lock(Shared->Mutex);
+			if (bTold || !Shared->bIsOver)
+			{
+				return;
+			}
+			Response = Shared->Response;
+		}
+		bTold = true;
+		if (Response)
+		{
+			Progress.ExecuteIfBound(FHttpRequestPtr(), 0, uint64(Response->Content.Num()));
+		}
+		Complete.ExecuteIfBound(FHttpRequestPtr(), FHttpResponsePtr(TSharedPtr<FResponse>(Response)), Response != nullptr);
+	}
+
+private:
+	std::string Url, Headers;
+	std::shared_ptr<FShared> Shared = std::make_shared<FShared>();
+	bool bTold = false;
+	FHttpRequestCompleteDelegate Complete;
+	FHttpRequestProgressDelegate64 Progress;
+};
+
+std::vector<std::weak_ptr<FSocket>> Sockets;
+std::vector<std::weak_ptr<FRequest>> Requests;
+
+class FModule final : public FWebSocketsModule
+{
+public:
+	virtual TSharedRef<IWebSocket> CreateWebSocket(
+		const FString& Url, const TArray<FString>& Protocols, const TMap<FString, FString>& Headers) override
+	{
+		const TSharedRef<FSocket> Made = MakeShared<FSocket>(Url, Protocols, Headers);
+		Sockets.push_back(Made.Held);
+		return Made;
+	}
+};
+
+template <typename T>
+void PumpAll(std::vector<std::weak_ptr<T>>& All)
+{
+	// What is told may make new ones.
+	const std::vector<std::weak_ptr<T>> Now = All;
+	for (const std::weak_ptr<T>& One : Now)
+	{
+		if (const std::shared_ptr<T> Held = One.lock())
+		{
+			Held->Pump();
+		}
+	}
+	All.erase(std::remove_if(All.begin(), All.end(), [](const std::weak_ptr<T>& One) { return One.expired(); }), All.end());
+}
+} // namespace
+
+void Install()
+{
+	static FModule Module;
+	FWebSocketsModule::Stub = &Module;
+	FHttpModule::Get().StubMake = []() -> TSharedRef<IHttpRequest, ESPMode::ThreadSafe> {
+		const TSharedRef<FRequest> Made = MakeShared<FRequest>();
+		Requests.push_back(Made.Held);
+		return Made;
+	};
+}
+
+void Pump()
+{
+	PumpAll(Requests);
+	PumpAll(Sockets);
+}
+} // namespace EngineNetwork

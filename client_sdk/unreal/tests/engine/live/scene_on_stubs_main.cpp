@@ -1,0 +1,187 @@
+// The scene actor itself, on an engine of stubs, against a live service: lands, supersedes, teleports, closes, and looks at what
+// would be drawn after each.
+//
+//   terraport-scene-on-stubs URL RADIUS_M compact|arrays [TOKEN]
+//
+// Prints one line of JSON, and ends with 0 where everything was as it must be.
+#include "TerraportScene.h"
+#include "TerraportUserComponent.h"
+#include "engine_network.h"
+
+#include "Camera/CameraComponent.h"
+#include "Engine/World.h"
+#include "ProceduralMeshComponent.h"
+
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <string>
+#include <thread>
+
+namespace
+{
+int Faults = 0;
+
+void Expect(bool bHolds, const char* What)
+{
+	if (!bHolds)
+	{
+		std::printf("not as it must be: %s\n", What);
+		++Faults;
+	}
+}
+
+struct FDrawn
+{
+	int64 Triangles = 0;
+	int Components = 0;
+	int Alive = 0;
+};
+
+FDrawn Drawn()
+{
+	FDrawn All;
+	for (const UProceduralMeshComponent* Component : UProceduralMeshComponent::StubAll)
+	{
+		if (!IsValid(Component))
+		{
+			continue;
+		}
+		++All.Alive;
+		if (Component->bStubRegistered && Component->StubSection.bSectionVisible)
+		{
+			++All.Components;
+			All.Triangles += Component->StubSection.ProcIndexBuffer.Num() / 3;
+		}
+	}
+	return All;
+}
+
+class FVisit
+{
+public:
+	FVisit(const std::string& Url, const std::string& Encoding, const std::string& Token)
+	{
+		EngineNetwork::Install();
+		Scene.SceneUrl = FString(UTF8_TO_TCHAR(Url.c_str()));
+		Scene.Token = FString(UTF8_TO_TCHAR(Token.c_str()));
+		Scene.Encoding = Encoding == "arrays" ? ETerraportEncoding::Arrays : ETerraportEncoding::Compact;
+		Scene.OnShown.AddLambda([this](const FTerraportSwap& Swap) {
+			LastShown = Swap.Landing;
+			++Swaps;
+		});
+		Scene.OnFailed.AddLambda([](const FTerraportFailure& Failure) {
+			std::printf("failed: %s: %s\n", TCHAR_TO_UTF8(*Failure.Code), TCHAR_TO_UTF8(*Failure.Message));
+		});
+		World.StubActor = &Scene;
+		User.StubWorld = &World;
+		User.StubOwner = &Pawn;
+		Camera.SetRelativeLocation(FVector(30.0, 40.0, 170.0));
+		Pawn.StubFound = &Camera;
+		Scene.BeginPlay();
+	}
+
+	/// Frames until it holds; false after half a minute.
+	bool Until(const std::function<bool()>& Holds)
+	{
+		for (int Frame = 0; Frame < 6000; ++Frame)
+		{
+			if (Holds())
+			{
+				return true;
+			}
+			++GFrameCounter;
+			EngineNetwork::Pump();
+			Scene.Tick(0.005f);
+			User.TickComponent(0.005f, LEVELTICK_All, nullptr);
+			std::this_thread::sleep_for(std::chrono::milliseconds(5));
+		}
+		return false;
+	}
+
+	ATerraportScene Scene;
+	UTerraportUserComponent User;
+	AActor Pawn;
+	UCameraComponent Camera;
+	UWorld World;
+	int64 LastShown = -1;
+	int Swaps = 0;
+};
+
+/// What is drawn is what the stage says, to the triangle.
+void ExpectShown(FVisit& Visit, int64 Landing)
+{
+	Expect(Visit.LastShown == Landing, "the newest landing is the one that is shown");
+	Expect(Visit.Scene.GetStatus().Phase == ETerraportLandingPhase::Shown, "its phase is Shown");
+	const FTerraportStats Stats = Visit.Scene.TakeStats();
+	Expect(Stats.VisibleSegments > 0, "segments are shown");
+	Expect(Drawn().Triangles == Stats.VisibleTriangles, "the triangles that are drawn are those of the stage");
+}
+} // namespace
+
+int main(int Count, char** Arguments)
+{
+	if (Count < 4)
+	{
+		std::printf("usage: %s URL RADIUS_M compact|arrays [TOKEN]\n", Arguments[0]);
+		return 2;
+	}
+	const double RadiusM = std::atof(Arguments[2]);
+	FVisit Visit(Arguments[1], Arguments[3], Count > 4 ? Arguments[4] : "");
+	Visit.User.RadiusM = RadiusM;
+	Visit.User.FadeS = 0.01f;
+	if (!Visit.Until([&Visit] { return Visit.Scene.IsOpen(); }))
+	{
+		std::printf("the scene did not open\n");
+		return 1;
+	}
+	const FBox Bounds = Visit.Scene.GetSceneBounds();
+	const FVector Middle = (Bounds.Min + Bounds.Max) * 0.5;
+	const FVector Corner = Bounds.Min * 0.7 + Bounds.Max * 0.3;
+
+	int64 First = Visit.Scene.Land(Middle, RadiusM, FTerraportLandOptions());
+	Expect(Visit.Until([&] { return Visit.LastShown == First; }), "the first landing is shown");
+	ExpectShown(Visit, First);
+	const FDrawn AtFirst = Drawn();
+
+	// Two at once: the newer one counts, and the older one is never shown.
+	Visit.Scene.Land(Corner, RadiusM, FTerraportLandOptions());
+	const int64 Second = Visit.Scene.Land(Bounds.Min * 0.4 + Bounds.Max * 0.6, RadiusM, FTerraportLandOptions());
+	Expect(Visit.Until([&] { return Visit.LastShown == Second; }), "the newer of two landings is shown");
+	ExpectShown(Visit, Second);
+	Expect(Visit.Swaps == 2, "the landing that was superseded was not");
+
+	// Back; what lies just beyond the radius may stay now, so it need not be the very same set.
+	const int64 Third = Visit.Scene.Land(Middle, RadiusM, FTerraportLandOptions());
+	Expect(Visit.Until([&] { return Visit.LastShown == Third; }), "a landing where one was before is shown");
+	ExpectShown(Visit, Third);
+
+	FTerraportGroundHit Ground;
+	Expect(Visit.Scene.GroundAt(Middle + FVector(0.0, 0.0, 1.0e6), Ground), "there is ground in the middle");
+
+	Expect(Visit.User.TeleportTo(Corner), "a teleport begins");
+	Expect(!Visit.Scene.bAutoShow, "the swap waits for the dark");
+	Expect(Visit.Until([&Visit] { return !Visit.User.IsTeleporting(); }), "it ends");
+	Expect(Visit.Scene.bAutoShow, "the scene shows by itself again");
+	ExpectShown(Visit, Visit.Scene.GetStatus().Landing);
+	const FVector Head = Visit.Pawn.GetActorLocation() + FVector(30.0, 40.0, 0.0);
+	Expect(Head.Equals(FVector(Corner.X, Corner.Y, Head.Z), 0.5), "the head is above the place");
+	Expect(Visit.Scene.GroundAt(Head + FVector(0.0, 0.0, 100.0), Ground) && Ground.Location.Equals(Head, 1.0), "the feet are on the ground");
+
+	FVector Survey, Back;
+	Expect(Visit.Scene.WorldToSurvey(Head, Survey) && Visit.Scene.SurveyToWorld(Survey, Back) && Back.Equals(Head, 0.01),
+		"places go to the survey's frame and back");
+
+	const FDrawn Last = Drawn();
+	const FTerraportStats Stats = Visit.Scene.TakeStats();
+	Visit.Scene.EndPlay(EEndPlayReason::Destroyed);
+	Expect(Drawn().Alive == 0, "closing leaves no component");
+	// Decodes that were under way end by themselves.
+	std::this_thread::sleep_for(std::chrono::milliseconds(300));
+	std::printf("{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"components\": %d}, \"last\": {\"triangles\": %lld, "
+				"\"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld}\n",
+		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Components, Last.Triangles, Last.Components,
+		UProceduralMeshComponent::StubAll.size(), Stats.PayloadBytes);
+	return Faults == 0 ? 0 : 1;
+}
