@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <vector>
@@ -14,10 +15,11 @@ namespace {
 
 /// A stream of one block with rows of 4 bytes whose first channel has the given group, and the others none.
 std::vector<std::uint8_t> oneChannel(std::uint8_t header, const std::vector<std::uint8_t>& group) {
-  std::vector<std::uint8_t> stream = {kMeshoptVertexCodec, header};
-  stream.insert(stream.end(), group.begin(), group.end());
-  stream.insert(stream.end(), 3, 0);  // three channels of zeros
-  stream.insert(stream.end(), 32, 0);
+  // Behind the group: headers of three channels of zeros, and the tail.
+  std::vector<std::uint8_t> stream(2 + group.size() + 3 + 32, 0);
+  stream[0] = kMeshoptVertexCodec;
+  stream[1] = header;
+  std::copy(group.begin(), group.end(), stream.begin() + 2);
   return stream;
 }
 
