@@ -1,0 +1,299 @@
+#include "SceneStageImpl.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace terraport {
+namespace {
+
+ShelfLimits limitsOf(const StageOptions& options) {
+  ShelfLimits limits;
+  limits.maxInFlight = std::max<std::size_t>(options.maxInFlight, 1);
+  limits.maxInFlightBytes = options.maxInFlightBytes;
+  limits.spareBytes = options.spareGpuBytes;
+  return limits;
+}
+
+}  // namespace
+
+SceneStage::Impl::Impl(LandingStream& stream, SharedSceneFiles files, SceneRenderer& renderer, DecodeQueue& decoders,
+                       const StageOptions& options)
+    : stream_(stream),
+      autoShow_(options.autoShow),
+      renderer_(renderer),
+      decoders_(decoders),
+      options_(options),
+      files_(std::move(files)),
+      residency_(limitsOf(options)) {
+  beginBase();
+}
+
+SceneStage::Impl::~Impl() {
+  for (const auto& [segment, piece] : pieces_) {
+    if (piece.isBegun) {
+      renderer_.free(segment);
+    }
+  }
+}
+
+std::int64_t SceneStage::Impl::land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs) {
+  const std::int64_t landing = stream_.land(position, radiusM, options);
+  if (landing != kNoLanding) {
+    residency_.land(landing, position, radiusM, nowMs);
+  }
+  return landing;
+}
+
+void SceneStage::Impl::handle(const StreamEvent& event) {
+  switch (event.kind) {
+    case EventKind::Opened:
+      if (event.changed) {
+        leaveVersion();
+      }
+      break;
+    case EventKind::Planned:
+      residency_.planned(event.plan, event.landing);
+      break;
+    case EventKind::Arrived:
+      residency_.arrived(event.facts, event.landing);
+      break;
+    case EventKind::Degraded:
+      residency_.degraded(event.landing, event.segments);
+      break;
+    case EventKind::Ready:
+      residency_.ready(event.landing, event.segments, event.missing, event.elapsedMs, event.payloadBytes);
+      break;
+    case EventKind::Refused:
+      if (event.landing != kNoLanding) {
+        residency_.refused(event.landing, event.message);
+      }
+      break;
+    case EventKind::Dropped:
+      residency_.dropped(event.segments);
+      break;
+    default:
+      break;
+  }
+}
+
+void SceneStage::Impl::update(const std::function<double()>& clockMs, double budgetMs) {
+  const double startMs = clockMs();
+  endWarming();
+  isBaseReady_ = isBaseReady_ || renderer_.isBaseReady();
+  takeDecoded();
+  if (!isOldVersion_) {
+    askForDecodes();
+  }
+  freeSome();
+  prepareBase();
+  unfinished_.clear();
+  std::size_t bytes = 0;
+  bool isFirst = true;
+  // What is ready is handed on before anything more is decoded in this thread.
+  while (bytes < options_.maxFrameBytes && (isFirst || clockMs() - startMs < budgetMs)) {
+    isFirst = false;
+    if (base_.step(renderer_) || uploadStep(bytes)) {
+      continue;
+    }
+    if (!decoders_.step()) {
+      break;
+    }
+    takeDecoded();
+  }
+  if (!isOldVersion_ && base_.preparedRevision() == residency_.comingRevision()) {
+    residency_.basePrepared(base_.preparedRevision());
+  }
+  if (presentable() != PresentablePart::Nothing) {
+    residency_.settle(clockMs());
+    if (autoShow_) {
+      show();
+    }
+  }
+}
+
+bool SceneStage::Impl::show() {
+  ResidencySwap change;
+  if (presentable() == PresentablePart::Nothing || !residency_.swap(change)) {
+    return false;
+  }
+  SceneSwap swap;
+  swap.landing = change.landing;
+  swap.degraded = change.isDegraded;
+  swap.shown = std::move(change.shown);
+  swap.hidden = std::move(change.hidden);
+  base_.flip(swap);
+  segmentsHash_ = 0;
+  for (const std::uint32_t segment : residency_.visible()) {
+    segmentsHash_ ^= mix32(segment);
+  }
+  renderer_.swap(swap);
+  if (onSwap_) {
+    onSwap_(swap);
+  }
+  return true;
+}
+
+void SceneStage::Impl::beginBase() {
+  // Files that were loaded have a whole cover; one that is none hides nothing.
+  const Status status = base_.begin(*files_, options_.baseBlockFaces);
+  (void)status.isOk();
+  isBaseReady_ = false;
+  renderer_.beginBase(*files_);
+}
+
+void SceneStage::Impl::leaveVersion() {
+  // What is shown stays drawn until the new base is here; ids of the rest mean nothing any more.
+  for (auto piece = pieces_.begin(); piece != pieces_.end();) {
+    if (isOldVersion_ || residency_.isVisible(piece->first)) {
+      ++piece;
+      continue;
+    }
+    if (piece->second.isBegun) {
+      renderer_.free(piece->first);
+    }
+    if (piece->second.mesh) {
+      decoders_.release(std::move(piece->second.mesh));
+    }
+    piece = pieces_.erase(piece);
+  }
+  warming_.clear();
+  freeing_.clear();
+  residency_.versionChanged();
+  isOldVersion_ = true;
+}
+
+void SceneStage::Impl::replaceFiles(SharedSceneFiles files) {
+  if (!isOldVersion_) {
+    leaveVersion();
+  }
+  files_ = std::move(files);
+  isOldVersion_ = false;
+  for (auto& [segment, piece] : pieces_) {
+    if (piece.mesh) {
+      decoders_.release(std::move(piece.mesh));
+    }
+  }
+  // The renderer lets them go with the base that they belong to.
+  pieces_.clear();
+  residency_.clearVisible();
+  segmentsHash_ = 0;
+  beginBase();
+}
+
+void SceneStage::Impl::askForDecodes() {
+  requests_.clear();
+  residency_.takeDecodes(requests_);
+  for (const ResidencyRequest& request : requests_) {
+    SharedPayload payload = stream_.payload(request.segment);
+    if (!payload) {
+      ++decodeFailures_;
+      residency_.decodeFailed(request.segment, request.epoch);
+      continue;
+    }
+    decoders_.push({request.segment, request.epoch, stream_.encoding(), std::move(payload)});
+  }
+}
+
+void SceneStage::Impl::takeDecoded() {
+  DecodedSegment answer;
+  while (decoders_.tryPop(answer)) {
+    if (!answer.status.isOk() || !answer.mesh) {
+      decodeFailures_ += answer.epoch == residency_.epoch() ? 1 : 0;
+      residency_.decodeFailed(answer.segment, answer.epoch);
+    } else if (const std::size_t bytes = renderer_.gpuBytesOf(*answer.mesh);
+               residency_.decoded(answer.segment, answer.epoch, bytes)) {
+      letGo(answer.segment);  // what was to be freed of it, and still waited for that
+      Piece& piece = pieces_[answer.segment];
+      piece.gpuBytes = bytes;
+      piece.faces = answer.mesh->faceCount;
+      piece.mesh = std::move(answer.mesh);
+      piece.payload = std::move(answer.payload);
+    }
+    if (answer.mesh) {
+      decoders_.release(std::move(answer.mesh));
+    }
+    answer = DecodedSegment();
+  }
+}
+
+bool SceneStage::Impl::uploadStep(std::size_t& bytes) {
+  const std::optional<std::uint32_t> segment = isOldVersion_ ? std::nullopt : residency_.nextUpload(unfinished_);
+  if (!segment) {
+    return false;
+  }
+  Piece& piece = pieces_[*segment];
+  piece.isBegun = true;
+  const ByteSpan payload = piece.payload ? viewOf(*piece.payload) : ByteSpan();
+  const UploadState state = renderer_.upload(*segment, *piece.mesh, payload);
+  if (state == UploadState::More) {
+    // Its bytes count once, at the end.
+    unfinished_.push_back(*segment);
+    return true;
+  }
+  bytes += piece.gpuBytes;
+  decoders_.release(std::move(piece.mesh));
+  piece.payload.reset();
+  if (state == UploadState::Failed) {
+    ++decodeFailures_;
+    renderer_.free(*segment);
+    pieces_.erase(*segment);
+    residency_.uploadFailed(*segment);
+    return true;
+  }
+  residency_.uploaded(*segment);
+  warming_.push_back(*segment);
+  return true;
+}
+
+void SceneStage::Impl::endWarming() {
+  const auto isDone = [this](std::uint32_t segment) {
+    if (residency_.stepOf(segment) != ShelfStep::Uploaded) {
+      return true;  // freed meanwhile
+    }
+    if (!renderer_.isDrawable(segment)) {
+      return false;
+    }
+    residency_.drawable(segment);
+    return true;
+  };
+  warming_.erase(std::remove_if(warming_.begin(), warming_.end(), isDone), warming_.end());
+}
+
+void SceneStage::Impl::freeSome() {
+  const SegmentList freed = residency_.takeFreed();
+  freeing_.insert(freeing_.end(), freed.begin(), freed.end());
+  const std::size_t count = std::min(std::max<std::size_t>(options_.maxFrameFrees, 1), freeing_.size());
+  const SegmentList now(freeing_.begin(), freeing_.begin() + static_cast<std::ptrdiff_t>(count));
+  for (const std::uint32_t segment : now) {
+    letGo(segment);
+  }
+}
+
+void SceneStage::Impl::letGo(std::uint32_t segment) {
+  const auto place = std::find(freeing_.begin(), freeing_.end(), segment);
+  if (place == freeing_.end()) {
+    return;
+  }
+  freeing_.erase(place);
+  warming_.erase(std::remove(warming_.begin(), warming_.end(), segment), warming_.end());
+  const auto found = pieces_.find(segment);
+  if (found == pieces_.end()) {
+    return;
+  }
+  if (found->second.isBegun) {
+    renderer_.free(segment);
+  }
+  if (found->second.mesh) {
+    decoders_.release(std::move(found->second.mesh));
+  }
+  pieces_.erase(found);
+}
+
+void SceneStage::Impl::prepareBase() {
+  const SegmentList* coming = isOldVersion_ ? nullptr : residency_.coming();
+  if (coming != nullptr) {
+    base_.prepare(*coming, residency_.comingRevision());
+  }
+}
+
+}  // namespace terraport
