@@ -31,7 +31,13 @@ public:
 	{
 		return FString(TEXT("Stub"));
 	}
+	virtual void BeginDestroy() {}
+	bool IsUnreachable() const
+	{
+		return bStubUnreachable;
+	}
 	bool bStubDestroyed = false;
+	bool bStubUnreachable = false;
 };
 
 inline bool IsValid(const UObject* Object)

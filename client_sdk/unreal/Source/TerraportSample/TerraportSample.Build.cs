@@ -7,6 +7,8 @@ public class TerraportSample : ModuleRules
 	{
 		PCHUsage = PCHUsageMode.UseExplicitOrSharedPCHs;
 		PublicDependencyModuleNames.AddRange(new[] { "Core", "CoreUObject", "Engine", "InputCore", "Terraport" });
-		PrivateDependencyModuleNames.AddRange(new[] { "HeadMountedDisplay" });
+		// Motion controllers: UE 5.3 moved them from a module of the engine to a plugin.
+		bool bHasXrBase = Target.Version.MajorVersion > 5 || (Target.Version.MajorVersion == 5 && Target.Version.MinorVersion >= 3);
+		PrivateDependencyModuleNames.Add(bHasXrBase ? "XRBase" : "HeadMountedDisplay");
 	}
 }

@@ -30,6 +30,11 @@ public:
 	{
 		bStubUpdated = true;
 	}
+	virtual void ReleaseResource()
+	{
+		bStubReleased = true;
+	}
+	bool bStubReleased = false;
 	bool bStubUpdated = false;
 };
 

@@ -2,10 +2,13 @@
 
 #include "Materials/MaterialInterface.h"
 
-enum EMaterialDomain
-{
-	MD_Surface
-};
+// Its values are in MaterialDomain.h, which comes along up to 5.1 alone.
+#include "Misc/EngineVersionComparison.h"
+#if UE_VERSION_OLDER_THAN(5, 2, 0)
+#include "MaterialDomain.h"
+#else
+enum EMaterialDomain : int;
+#endif
 
 class UMaterial : public UMaterialInterface
 {

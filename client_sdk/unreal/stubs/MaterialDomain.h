@@ -1,0 +1,6 @@
+#pragma once
+
+enum EMaterialDomain : int
+{
+	MD_Surface
+};
