@@ -315,7 +315,25 @@ TEST_CASE("a texture is made in a step of its own, and a payload that was not bu
 		static_cast<UMaterialInstanceDynamic*>(Stand.Backend->Made.back()->StubMaterial);
 	REQUIRE(Instance != nullptr);
 	REQUIRE(Instance->StubTexture != nullptr);
-	CHECK(Instance->StubTexture->bStubUpdated);
+	UTexture* const Texture = Instance->StubTexture;
+	CHECK(Texture->bStubUpdated);
+	CHECK_FALSE(Texture->bStubReleased);
+	// Its memory goes with the segment, not with the next collection.
+	Stand.Renderer->free(1);
+	Stand.RunFrames(2);
+	CHECK(Texture->bStubReleased);
+	CHECK(Stand.Keeper.Held.count(Texture) == 0);
+}
+
+TEST_CASE("components that the collector has found are left to it")
+{
+	FStand Stand;
+	Stand.Upload(1);
+	FFakeComponent& Component = *Stand.Backend->Made.back();
+	Component.bStubUnreachable = true;
+	Stand.Renderer.reset();
+	CHECK_FALSE(Component.bStubDestroyed);
+	CHECK(Stand.Keeper.Held.empty());
 }
 
 TEST_CASE("everything that was kept from the collector is let go in the end")

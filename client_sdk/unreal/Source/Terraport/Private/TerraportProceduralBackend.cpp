@@ -12,8 +12,8 @@ public:
 	FProcMeshSection Section;
 };
 
-/** Position, normal and tangent, texture coordinates, colour: what the engine's vertex factory takes. */
-constexpr SIZE_T GpuVertexBytes = 12 + 8 + 8 + 4;
+/** Position, normal and tangent, four pairs of texture coordinates of 16 bits, colour: what the engine's vertex factory takes. */
+constexpr SIZE_T GpuVertexBytes = 12 + 8 + 16 + 4;
 } // namespace
 
 TUniquePtr<FTerraportPreparedMesh> FTerraportProceduralBackend::Prepare(const FTerraportMeshPart& Part) const

@@ -38,7 +38,7 @@ FTerraportRenderer::~FTerraportRenderer()
 	}
 	if (BaseTexture != nullptr)
 	{
-		Keeper.Release(BaseTexture);
+		ReleaseTexture(BaseTexture);
 	}
 	if (BaseMaterial != nullptr)
 	{
@@ -274,8 +274,8 @@ void FTerraportRenderer::Destroy(FDrawable& Drawable)
 {
 	if (Drawable.Component != nullptr)
 	{
-		// The level may have gone first, components and all.
-		if (IsValid(Drawable.Component))
+		// The level may have gone first, components and all; or the collector has found them together with the actor.
+		if (IsValid(Drawable.Component) && !Drawable.Component->IsUnreachable())
 		{
 			Drawable.Component->DestroyComponent();
 		}
@@ -283,9 +283,16 @@ void FTerraportRenderer::Destroy(FDrawable& Drawable)
 	}
 	if (Drawable.Texture != nullptr)
 	{
-		Keeper.Release(Drawable.Texture);
+		ReleaseTexture(Drawable.Texture);
 	}
 	Drawable = FDrawable();
+}
+
+void FTerraportRenderer::ReleaseTexture(UTexture2D* Texture)
+{
+	// Its memory on the GPU now, not when the collector comes by, which may be a minute and some landings later.
+	Texture->ReleaseResource();
+	Keeper.Release(Texture);
 }
 
 UMaterialInterface* FTerraportRenderer::Textured(UMaterialInterface* Material, UTexture2D* Texture)

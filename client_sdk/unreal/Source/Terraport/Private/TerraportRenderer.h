@@ -105,6 +105,7 @@ private:
 	/** Of an earlier version: drawn until the new base is, if it is drawn; else discarded. */
 	void Leave(FDrawable& Drawable);
 	void Destroy(FDrawable& Drawable);
+	void ReleaseTexture(UTexture2D* Texture);
 	void MakeBlock(uint32 Block, const terraport::HiddenFaces* Hidden, FDrawable& Drawable);
 	void MakeBaseMaterial(double PushBackM);
 	void ShowBase();

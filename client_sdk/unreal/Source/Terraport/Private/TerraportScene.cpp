@@ -119,6 +119,13 @@ void ATerraportScene::EndPlay(const EEndPlayReason::Type EndPlayReason)
 	Super::EndPlay(EndPlayReason);
 }
 
+void ATerraportScene::BeginDestroy()
+{
+	// One that never began to play, but was opened, ends no play either. Later its components' memory may be gone.
+	Close();
+	Super::BeginDestroy();
+}
+
 void ATerraportScene::Tick(float DeltaSeconds)
 {
 	Super::Tick(DeltaSeconds);

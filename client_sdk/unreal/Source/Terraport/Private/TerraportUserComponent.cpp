@@ -124,6 +124,11 @@ void UTerraportUserComponent::EndPlay(const EEndPlayReason::Type EndPlayReason)
 	{
 		Scene->bAutoShow = bSceneAutoShow;
 	}
+	if (Phase == EPhase::Darkening || Phase == EPhase::Waiting)
+	{
+		// The camera's darkness is held by the player, who may go on without this pawn.
+		Fade(1.0f, 0.0f, false);
+	}
 	Phase = EPhase::Idle;
 	Super::EndPlay(EndPlayReason);
 }
