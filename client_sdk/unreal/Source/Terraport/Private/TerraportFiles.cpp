@@ -20,6 +20,7 @@ terraport::SceneLoadOptions OptionsOf(const FTerraportFilesRequest& Request, con
 {
 	terraport::SceneLoadOptions Options;
 	Options.token = Request.Token;
+	Options.version = Request.Version;
 	Options.runElsewhere = [](std::function<void()> Work) {
 		UE::Tasks::Launch(TEXT("TerraportFiles"), std::move(Work), UE::Tasks::ETaskPriority::BackgroundNormal);
 	};

@@ -16,6 +16,8 @@ struct FTerraportFilesRequest
 	/** A scene's, or a server's that has one scene alone. */
 	std::string Url;
 	std::string Token;
+	/** Of the scene; empty for the newest. */
+	std::string Version;
 	uint32 BlockFaces = 2048;
 	ETerraportVertexColours Colours = ETerraportVertexColours::Srgb;
 };

@@ -2,6 +2,10 @@
 
 #include "HAL/PlatformTime.h"
 #include "Materials/Material.h"
+#include "Misc/EngineVersionComparison.h"
+#if !UE_VERSION_OLDER_THAN(5, 2, 0)
+#include "MaterialDomain.h"
+#endif
 #include "Modules/ModuleManager.h"
 #include "TerraportLog.h"
 #include "TerraportScene.h"
@@ -41,11 +45,17 @@ FTerraportSession::FTerraportSession(ATerraportScene& InOwner, TSharedRef<ITerra
 	// Worker threads may only look it up.
 	FModuleManager::Get().LoadModule(TEXT("ImageWrapper"));
 	const FTerraportMaterials Materials = MaterialsOf();
+	// The actor's properties may name others while this session draws with these.
+	for (UMaterialInterface* Material : {Materials.Colour, Materials.Texture, Materials.BaseColour, Materials.BaseTexture})
+	{
+		KeptMaterials.push_back(Material);
+		Keep(Material);
+	}
 	FTerraportMeshSettings Settings;
 	Settings.bCollision = Owner.bCollision;
 	Settings.bCastShadow = Owner.bCastShadows;
 	Renderer = std::make_unique<FTerraportRenderer>(Owner, *this, Backend, Materials, Settings);
-	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, Owner.DecodeTasks);
+	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, std::max(Owner.DecodeTasks, 1));
 	StartLoading();
 }
 
@@ -70,6 +80,11 @@ void FTerraportSession::End()
 	Stream.reset();
 	Decodes.reset();
 	Renderer.reset();
+	for (UMaterialInterface* Material : KeptMaterials)
+	{
+		Release(Material);
+	}
+	KeptMaterials.clear();
 	Swaps.clear();
 }
 
@@ -88,14 +103,17 @@ void FTerraportSession::Tick()
 		terraport::StreamEvent Event;
 		while (!bEnded && Stream->tryNextEvent(Event))
 		{
-			if (Event.kind == terraport::EventKind::Opened && Event.sceneVersion != Stage->files().manifest.version)
+			if (Event.kind == terraport::EventKind::Opened)
 			{
+				StreamVersion = Event.sceneVersion;
 				// Published anew between the files and the connection.
-				Event.changed = true;
+				Event.changed = Event.changed || StreamVersion != Stage->files().manifest.version;
 			}
 			Stage->handle(Event);
-			if (Stage->needsFiles() && !Loading && RetryAtMs == 0.0)
+			// Once for each connection that needs them: files that are damaged are not asked for again with every segment.
+			if (Event.kind == terraport::EventKind::Opened && Stage->needsFiles() && !Loading)
 			{
+				LoadAttempt = 0;
 				StartLoading();
 			}
 			Tell(Event);
@@ -216,6 +234,7 @@ void FTerraportSession::StartLoading()
 	FTerraportFilesRequest Request;
 	Request.Url = TerraportText::ToUtf8(Owner.SceneUrl);
 	Request.Token = Token;
+	Request.Version = StreamVersion;
 	Request.BlockFaces = BaseBlockFaces;
 	Request.Colours = Colours;
 	RetryAtMs = 0.0;
@@ -241,17 +260,31 @@ void FTerraportSession::PollLoading(double NowMs)
 	Loading.reset();
 	if (Result.Status.isOk())
 	{
+		if (Stage && Result.Files->manifest.version != StreamVersion)
+		{
+			// The connection went on to another version meanwhile. Ids in the cover belong to one: with another one's base there
+			// would be holes.
+			RetryLater(NowMs);
+			return;
+		}
 		LoadAttempt = 0;
 		TakeFiles(Result, NowMs);
 		return;
 	}
-	const bool bFinal = IsFinal(Result.Status.code());
+	// A version that the server has given up since: the next connection names a newer one, whose files are then asked for.
+	const bool bGone = !StreamVersion.empty() && Result.Status.code().compare(0, 7, "unknown") == 0;
+	const bool bFinal = IsFinal(Result.Status.code()) && !bGone;
 	if (!bFinal)
 	{
-		const double WaitS = std::min(FirstRetryS * double(1 << std::min(LoadAttempt - 1, 10)), MaxRetryS);
-		RetryAtMs = NowMs + 1000.0 * WaitS;
+		RetryLater(NowMs);
 	}
 	TellFailure(Result.Status.code(), Result.Status.text(), 0, bFinal);
+}
+
+void FTerraportSession::RetryLater(double NowMs)
+{
+	const double WaitS = std::min(FirstRetryS * double(1 << std::min(std::max(LoadAttempt - 1, 0), 10)), MaxRetryS);
+	RetryAtMs = NowMs + 1000.0 * WaitS;
 }
 
 void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)

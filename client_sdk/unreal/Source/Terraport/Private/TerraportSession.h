@@ -65,6 +65,7 @@ private:
 
 	void StartLoading();
 	void PollLoading(double NowMs);
+	void RetryLater(double NowMs);
 	void TakeFiles(FTerraportFilesResult& Result, double NowMs);
 	bool MakeStream(const std::string& SceneUrl);
 	void Draw(double NowMs, double EndMs);
@@ -79,6 +80,8 @@ private:
 	ATerraportScene& Owner;
 	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
 	std::string Token;
+	/** Of the scene, as the connection has it; empty before there was one. */
+	std::string StreamVersion;
 	const FTerraportBudgets Budgets;
 	ETerraportVertexColours Colours = ETerraportVertexColours::Srgb;
 	bool bEnded = false;
@@ -91,6 +94,8 @@ private:
 	std::unique_ptr<FTerraportDecodes> Decodes;
 	std::unique_ptr<terraport::SceneStream> Stream;
 	std::unique_ptr<terraport::SceneStage> Stage;
+	/** What the renderer draws with, held for as long as it does. */
+	std::vector<UMaterialInterface*> KeptMaterials;
 	TOptional<FPending> Pending;
 	std::vector<terraport::SceneSwap> Swaps;
 	int64 ToldPresentable = -1;
