@@ -82,7 +82,10 @@ def _rows(values: list[float] | None, columns: int) -> npt.NDArray[Any] | None:
 
 def main() -> int:
     """Write the picture."""
-    built = {"csharp": cores.csharp(), "cpp": cores.cpp()}
+    built: dict[str, cores.CsCore | cores.CppCore] = {
+        "csharp": cores.csharp(),
+        "cpp": cores.cpp(),
+    }
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder) / "scenes"
         root.mkdir()

@@ -117,11 +117,7 @@ def csharp() -> CsCore:
 
 def cpp(*options: str, name: str = "cpp") -> CppCore:
     """Compile core, tests and tools with CMake and the system's g++; `options` are CMake's."""
-    sources = [
-        path
-        for path in sorted(UNREAL.rglob("*"))
-        if path.suffix in {".h", ".cpp", ".txt"} and "stubs" not in path.parts
-    ]
+    sources = [path for path in sorted(UNREAL.rglob("*")) if path.suffix in {".h", ".cpp", ".txt"}]
 
     def build(folder: Path) -> None:
         configure = ["cmake", "-S", str(UNREAL), "-B", str(folder), "-DCMAKE_BUILD_TYPE=Release"]

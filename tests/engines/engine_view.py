@@ -52,7 +52,8 @@ class Convention:
     def place(self, east_up_north: Sequence[float]) -> Array:
         """Return a place or direction in the engine's coordinates."""
         axes = np.array([self.east, self.up, self.north])
-        return np.asarray(east_up_north, dtype=np.float64) @ axes
+        turned: Array = np.asarray(east_up_north, dtype=np.float64) @ axes
+        return turned
 
 
 CONVENTIONS: Final = {

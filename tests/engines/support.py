@@ -202,7 +202,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "emulated",
         ),
         Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs", "on stubs of the engine's API"),
-        Yes(LAYER, "test_the_unreal_layer_passes_its_tests", "on stubs of the engine's API"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs", "on stubs of the engine's API"),
     ),
 }
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -79,6 +80,34 @@ def test_the_unreal_layer_passes_its_tests_on_the_stubs(cpp: cores.CppCore) -> N
     passed, failed, said = run_doctest(cpp.folder / "bin" / "terraport-engine-tests")
     assert failed == 0, said[-6000:]
     assert passed > 10
+
+
+@pytest.mark.parametrize("form", ["compact", "arrays"])
+def test_the_unreal_scene_lands_on_the_stubs(
+    cpp: cores.CppCore, server: Service, form: str
+) -> None:
+    """The actor and the user's component themselves, on a fake engine."""
+    done = subprocess.run(
+        [
+            str(cpp.folder / "bin" / "terraport-scene-on-stubs"),
+            f"{server.url}/scenes/grid",
+            "25",
+            form,
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=180,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-4000:]
+    assert json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def test_the_shaders_of_unity_compile() -> None:
+    if shutil.which("glslangValidator") is None:
+        skip_or_fail("the shaders cannot be compiled (apt-get install glslang-tools)")
+    cores.run_logged([sys.executable, str(UNITY / "Stubs~" / "Shaders" / "check.py")])
 
 
 def test_every_file_that_unity_imports_has_its_meta() -> None:

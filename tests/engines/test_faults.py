@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from engines.programs import Client, ThreadedProxy
@@ -53,9 +54,10 @@ def test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again(
     url = f"{server.url}/scenes/big"
     _, meshes = land_with_sdk(url, [(30, 1, 30, 100)])
     with ThreadedProxy(server.url) as line:
-        line.proxy.flip_at = 3_000_000
+        proxy: Any = line.proxy
+        proxy.flip_at = 3_000_000
         landed = client.land(f"{line.url}/scenes/big", EVERYWHERE)
-        assert line.proxy.flip_at is None, "it was flipped"
+        assert proxy.flip_at is None, "it was flipped"
         assert line.proxy.connections == 1
     assert landed.exit_code == 0, landed.said[-3000:]
     (ready,) = landed.landings
