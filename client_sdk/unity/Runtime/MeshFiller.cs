@@ -11,8 +11,12 @@ namespace Terraport.Unity
     public static class MeshFiller
     {
         /// <summary>What Unity would look over anew, and need not: the decoder has checked every index, and the box is known.</summary>
+        /// <remarks>
+        /// Not DontNotifyMeshUsers: meshes are used again while their renderers live, and those would go on being culled by the box
+        /// of what the mesh held before.
+        /// </remarks>
         private const MeshUpdateFlags Unchecked = MeshUpdateFlags.DontValidateIndices | MeshUpdateFlags.DontRecalculateBounds
-            | MeshUpdateFlags.DontNotifyMeshUsers | MeshUpdateFlags.DontResetBoneBounds;
+            | MeshUpdateFlags.DontResetBoneBounds;
 
         // Kept, since a params array would be made anew at every call.
         private static readonly VertexAttributeDescriptor[] TintedLayout =
