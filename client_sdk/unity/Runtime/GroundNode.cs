@@ -46,17 +46,39 @@ namespace Terraport.Unity
         /// <summary>Triangles that are drawn when it is shown.</summary>
         public int FaceCount { get; set; }
 
+        /// <summary>Whether its object is there: a project may have destroyed what lies below the scene's object.</summary>
+        public bool IsAlive
+        {
+            get { return renderer != null; }
+        }
+
         /// <summary>Whether it is drawn.</summary>
         public bool IsShown
         {
-            get { return renderer.enabled; }
-            set { renderer.enabled = value; }
+            get
+            {
+                return renderer != null && renderer.enabled;
+            }
+
+            set
+            {
+                if (renderer != null)
+                {
+                    renderer.enabled = value;
+                }
+            }
         }
 
         /// <summary>How it is drawn.</summary>
         public Material Material
         {
-            set { renderer.sharedMaterial = value; }
+            set
+            {
+                if (renderer != null)
+                {
+                    renderer.sharedMaterial = value;
+                }
+            }
         }
 
         /// <summary>Destroy object and mesh.</summary>

@@ -24,9 +24,15 @@ namespace Terraport.Unity
         /// <summary>A hidden piece, its mesh to be filled.</summary>
         public GroundNode Take()
         {
-            if (spares.Count > 0)
+            while (spares.Count > 0)
             {
-                return spares.Pop();
+                GroundNode spare = spares.Pop();
+                if (spare.IsAlive)
+                {
+                    return spare;
+                }
+                Count--;
+                spare.Destroy();
             }
             Count++;
             return new GroundNode(parent);
@@ -38,7 +44,7 @@ namespace Terraport.Unity
             node.IsShown = false;
             node.Photo = null;
             node.PhotoMaterial = null;
-            if (spares.Count < MaxSpares)
+            if (node.IsAlive && spares.Count < MaxSpares)
             {
                 spares.Push(node);
                 return;

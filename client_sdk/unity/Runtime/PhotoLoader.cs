@@ -111,7 +111,7 @@ namespace Terraport.Unity
             load.File = null;
             if (load.MediaType == "image/ktx2")
             {
-                load.Task = KtxReader(file);
+                load.Task = BeginKtx(file);
                 running.Add(load);
                 return;
             }
@@ -126,6 +126,19 @@ namespace Terraport.Unity
             PhotoTexture result = default(PhotoTexture);
             result.Texture = texture;
             Accept(load, result);
+        }
+
+        /// <summary>What a project's own reader throws at once is a failure like any other; unseen, the landing would wait for ever.</summary>
+        private static Task<PhotoTexture> BeginKtx(byte[] file)
+        {
+            try
+            {
+                return KtxReader(file);
+            }
+            catch (Exception why)
+            {
+                return Task.FromException<PhotoTexture>(why);
+            }
         }
 
         private void Finish(PhotoLoad load)

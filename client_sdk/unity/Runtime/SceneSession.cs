@@ -81,9 +81,16 @@ namespace Terraport.Unity
             get { return loading != null; }
         }
 
+        /// <summary>Radius of a landing for which none is given, metres.</summary>
+        public float RadiusM
+        {
+            get { return budgets.radiusM; }
+        }
+
         /// <summary>Connect now, perhaps with another token; begin to load again where that failed.</summary>
         public void Reconnect(string newToken)
         {
+            newToken = string.IsNullOrEmpty(newToken) ? null : newToken;
             token = newToken ?? token;
             if (Stream != null)
             {
@@ -183,32 +190,63 @@ namespace Terraport.Unity
             }
             Task<SceneFiles> done = loading;
             loading = null;
-            if (done.IsCanceled)
+            if (done.IsFaulted || done.IsCanceled)
             {
-                return;
-            }
-            if (done.IsFaulted)
-            {
-                Exception why = done.Exception.GetBaseException();
+                // Cancelled, but not by us, who take nothing after that: a project's own IHttp tells a timeout so.
+                Exception why = done.IsFaulted ? done.Exception.GetBaseException() : new TimeoutException("loading was cancelled");
                 retryAtS = Time.realtimeSinceStartup + retryInS;
                 retryInS = Math.Min(retryInS * 2, MaxRetryS);
                 Fault(why as TerraportException ?? new TerraportException("load", why.Message, null, why));
                 return;
             }
             retryInS = MinRetryS;
-            Files = done.Result;
-            if (Stage == null)
+            if (Stage != null && Stage.NeededVersion != null && done.Result.Manifest.Version != Stage.NeededVersion)
             {
-                Begin();
+                return; // Published once more while these were loaded: Update asks for the newer ones.
             }
-            else
+            Files = done.Result;
+            if (Stage != null)
             {
                 Stage.ReplaceFiles(Files);
+            }
+            else if (!TryBegin())
+            {
+                return;
             }
             if (Loaded != null)
             {
                 Loaded(Files);
             }
+        }
+
+        /// <summary>False, and told, where a setting does not serve: trying again would not help, before somebody reconnects.</summary>
+        private bool TryBegin()
+        {
+            try
+            {
+                Begin();
+                return true;
+            }
+            catch (TerraportException why)
+            {
+                Fault(why);
+            }
+            catch (ArgumentException why)
+            {
+                Fault(new TerraportException("settings", why.Message, null, why));
+            }
+            if (Stream != null)
+            {
+                Stream.Dispose();
+                Stream = null;
+            }
+            if (decoders != null)
+            {
+                decoders.Dispose();
+                decoders = null;
+            }
+            Files = null;
+            return false;
         }
 
         private void Begin()
@@ -236,7 +274,7 @@ namespace Terraport.Unity
             SceneUrl address = SceneUrl.Parse(url);
             // A server's address stands for its only scene, which the files have named.
             options.SceneUrl = address.Scene != null ? url : address.ScenesUrl + "/" + Uri.EscapeDataString(Files.Manifest.Id);
-            options.Token = token;
+            options.Token = string.IsNullOrEmpty(token) ? null : token; // An empty field of a form is no token.
             options.Encoding = settings.encoding;
             Budgets bounds = new Budgets();
             bounds.MaxTriangles = budgets.maxTriangles;
@@ -245,7 +283,7 @@ namespace Terraport.Unity
             options.Budgets = bounds;
             options.CacheBytes = (long)budgets.cacheMebibytes << 20;
             options.CreditBytes = (long)budgets.creditMebibytes << 20;
-            options.Client = "terraport-unity/0.1.0 Unity/" + Application.unityVersion;
+            options.Client = ClientVersion.Text + " Unity/" + Application.unityVersion;
             return options;
         }
 

@@ -1,3 +1,4 @@
+using System;
 using UnityEngine;
 
 namespace Terraport.Unity
@@ -7,14 +8,22 @@ namespace Terraport.Unity
     {
         private void OnLoaded(SceneFiles files)
         {
+            // First, since what a listener asks for is newer.
+            if (hasPendingLanding)
+            {
+                hasPendingLanding = false;
+                try
+                {
+                    session.Stage.Land(pendingPosition, pendingRadiusM, pendingOptions);
+                }
+                catch (ArgumentException why)
+                {
+                    Fail(new TerraportException("bad_landing", why.Message, null, why)); // Whoever asked is gone.
+                }
+            }
             if (Loaded != null)
             {
                 Loaded(files);
-            }
-            if (hasPendingLanding && session != null)
-            {
-                hasPendingLanding = false;
-                session.Stage.Land(pendingPosition, pendingRadiusM, pendingOptions);
             }
         }
 

@@ -156,7 +156,7 @@ namespace Terraport.Unity
         /// <summary>Radius of a landing for which none is given, metres.</summary>
         public float DefaultRadiusM
         {
-            get { return settings.ActualBudgets.radiusM; }
+            get { return session != null ? session.RadiusM : settings.ActualBudgets.radiusM; }
         }
 
         /// <summary>Figures for a display.</summary>
@@ -324,6 +324,15 @@ namespace Terraport.Unity
         private void OnDisable()
         {
             Close();
+        }
+
+        private void OnApplicationPause(bool isPaused)
+        {
+            // A headset that is put on again: what broke meanwhile is not waited for, as after a failure.
+            if (!isPaused && session != null && link.Phase == LinkPhase.Waiting)
+            {
+                session.Reconnect(null);
+            }
         }
 
         private void Update()

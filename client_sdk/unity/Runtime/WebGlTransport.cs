@@ -58,7 +58,7 @@ namespace Terraport.Unity
             {
                 names.Append(at == 0 ? "" : ",").Append(subprotocols[at]);
             }
-            if (bearerToken != null)
+            if (!string.IsNullOrEmpty(bearerToken))
             {
                 names.Append(names.Length == 0 ? "" : ",").Append(WireCodec.TokenSubprotocol(bearerToken));
             }

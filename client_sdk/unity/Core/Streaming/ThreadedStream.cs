@@ -164,6 +164,19 @@ namespace Terraport
 
         private void Run()
         {
+            try
+            {
+                Work();
+            }
+            catch (Exception error)
+            {
+                // A mistake of ours, of a project's own transport, or no memory: a thread that dies in silence looks like a slow line.
+                Break(error);
+            }
+        }
+
+        private void Work()
+        {
             bool isLast;
             do
             {
@@ -174,6 +187,26 @@ namespace Terraport
                 else if (isFull) wake.WaitOne(LongestSleepMs);
             }
             while (!isLast);
+        }
+
+        /// <summary>Tell that the stream is over, for good: its state may be half of one and half of another.</summary>
+        private void Break(Exception error)
+        {
+            var state = new LinkState { Phase = LinkPhase.Closed, Code = "internal", Message = "the stream broke: " + error.Message };
+            lock (gate)
+            {
+                isOver = true;
+                commands.Clear();
+                events.Enqueue(new StreamEvent { Kind = StreamEventKind.Link, Link = state });
+            }
+            try
+            {
+                stream.Close(); // The connection at least.
+            }
+            catch (Exception)
+            {
+                // What is broken may break again.
+            }
         }
 
         /// <summary>Carry out what was asked for, in order, and the newest aim behind it; whether the stream is closed by now.</summary>

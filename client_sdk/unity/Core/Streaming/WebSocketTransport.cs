@@ -88,7 +88,7 @@ namespace Terraport
             try
             {
                 foreach (string subprotocol in subprotocols) socket.Options.AddSubProtocol(subprotocol);
-                if (bearerToken != null) socket.Options.SetRequestHeader("Authorization", "Bearer " + bearerToken);
+                if (!string.IsNullOrEmpty(bearerToken)) socket.Options.SetRequestHeader("Authorization", "Bearer " + bearerToken);
             }
             catch (ArgumentException error)
             {
