@@ -13,11 +13,15 @@ namespace Terraport
         private readonly string token;
         private readonly Action<long, long> onProgress;
         private readonly CancellationToken cancelled;
+        private readonly Func<Action, Task> aside;
         private long doneBytes;
         private long totalBytes;
 
-        internal SceneFetch(IHttp http, string token, Action<long, long> onProgress, CancellationToken cancelled)
+        /// <remarks>aside: Runs the hashing elsewhere; null for here.</remarks>
+        internal SceneFetch(
+            IHttp http, string token, Action<long, long> onProgress, CancellationToken cancelled, Func<Action, Task> aside = null)
         {
+            this.aside = aside;
             this.http = http;
             this.token = token;
             this.onProgress = onProgress;
@@ -49,7 +53,17 @@ namespace Terraport
                 string what = url + " has " + body.Count + " bytes, expected " + facts.Length + " by the manifest; load it again";
                 throw new TerraportException("damaged", what);
             }
-            if (Xxh3.Hash64(body.Array, body.Offset, body.Count) != facts.Xxh3)
+            ulong hash = 0;
+            Action sum = () => hash = Xxh3.Hash64(body.Array, body.Offset, body.Count);
+            if (aside == null)
+            {
+                sum();
+            }
+            else
+            {
+                await aside(sum); // Tens of MiB: on an engine's main thread that would be a frame lost.
+            }
+            if (hash != facts.Xxh3)
             {
                 throw new TerraportException("damaged", url + " has another hash than the manifest says; load it again");
             }

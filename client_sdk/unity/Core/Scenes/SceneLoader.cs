@@ -22,7 +22,7 @@ namespace Terraport
         /// <param name="onProgress">Told of bytes that came, and of all, on whatever thread; may be null.</param>
         /// <param name="cancelled">Ends it.</param>
         /// <param name="version">Scene version; null for the newest.</param>
-        /// <param name="aside">Runs the decoding elsewhere, for example on a pool's thread; null for here.</param>
+        /// <param name="aside">Runs hashing and decoding elsewhere, for example on a pool's thread; null for here.</param>
         /// <exception cref="TerraportException">
         /// The server's code where it refuses; "unreachable", "damaged", "unsupported_version", "invalid_url", "several_scenes".
         /// </exception>
@@ -36,7 +36,7 @@ namespace Terraport
             string version = null,
             Func<Action, Task> aside = null)
         {
-            var fetch = new SceneFetch(http ?? new SystemHttp(), token, onProgress, cancelled);
+            var fetch = new SceneFetch(http ?? new SystemHttp(), token, onProgress, cancelled, aside);
             string sceneUrl = await ResolveAsync(url, token, http, cancelled);
             SceneManifest manifest = await FetchManifestAsync(fetch, sceneUrl, version);
             for (int attempt = 0; ; attempt++)
