@@ -21,6 +21,9 @@ namespace Terraport.Unity
 
         private readonly List<Mesh> meshes = new List<Mesh>();
         private readonly List<MeshCollider> colliders = new List<MeshCollider>();
+        // Of the version before: solid until the new ground is, or whoever stands on it would fall through.
+        private readonly List<Mesh> leavingMeshes = new List<Mesh>();
+        private readonly List<MeshCollider> leavingColliders = new List<MeshCollider>();
         private TerraportScene scene;
         private SceneFiles files;
         private Task<BaseParts> packing;
@@ -30,7 +33,7 @@ namespace Terraport.Unity
         /// <summary>Whether all of the base is solid.</summary>
         public bool IsComplete
         {
-            get { return parts != null && colliders.Count == parts.Count; }
+            get { return parts != null && colliders.Count == parts.Count && leavingColliders.Count == 0; }
         }
 
         private void OnEnable()
@@ -51,8 +54,17 @@ namespace Terraport.Unity
 
         private void Update()
         {
+            if (files != null && scene.Files == null)
+            {
+                Clear(); // It was closed: what is not drawn is not solid either.
+                return;
+            }
             if (packing != null && packing.IsCompleted)
             {
+                if (packing.IsFaulted)
+                {
+                    Debug.LogWarning("terraport: no solid ground: " + packing.Exception.GetBaseException().Message, this);
+                }
                 parts = packing.IsFaulted ? null : packing.Result;
                 packing = null;
             }
@@ -69,11 +81,19 @@ namespace Terraport.Unity
             {
                 BeginCooking();
             }
+            if (parts != null && colliders.Count == parts.Count && leavingColliders.Count > 0)
+            {
+                DestroyAll(leavingColliders, leavingMeshes);
+            }
         }
 
         private void OnLoaded(SceneFiles loaded)
         {
-            Clear();
+            StopCooking();
+            leavingColliders.AddRange(colliders);
+            leavingMeshes.AddRange(meshes);
+            colliders.Clear();
+            meshes.Clear();
             files = loaded;
             BaseParts made = new BaseParts(files.Base, BlockFaces);
             if (!Platform.HasThreads)
@@ -117,7 +137,7 @@ namespace Terraport.Unity
             colliders.Add(solid);
         }
 
-        private void Clear()
+        private void StopCooking()
         {
             if (cooking != null)
             {
@@ -127,16 +147,28 @@ namespace Terraport.Unity
             }
             packing = null;
             parts = null;
-            foreach (MeshCollider solid in colliders)
+        }
+
+        private void Clear()
+        {
+            StopCooking();
+            files = null;
+            DestroyAll(colliders, meshes);
+            DestroyAll(leavingColliders, leavingMeshes);
+        }
+
+        private static void DestroyAll(List<MeshCollider> solids, List<Mesh> shapes)
+        {
+            foreach (MeshCollider solid in solids)
             {
                 Engine.Destroy(solid);
             }
-            colliders.Clear();
-            foreach (Mesh mesh in meshes)
+            solids.Clear();
+            foreach (Mesh shape in shapes)
             {
-                Engine.Destroy(mesh);
+                Engine.Destroy(shape);
             }
-            meshes.Clear();
+            shapes.Clear();
         }
     }
 }

@@ -29,7 +29,11 @@ namespace Terraport.Samples
 
         private void Update()
         {
-            if (!area.enabled && ground.IsComplete)
+            if (area.enabled && !ground.IsComplete)
+            {
+                area.enabled = false; // Another version of the scene: its ground has other colliders.
+            }
+            else if (!area.enabled && ground.IsComplete)
             {
                 area.colliders.Clear();
                 area.colliders.AddRange(GetComponents<MeshCollider>());
