@@ -12,6 +12,12 @@ float3 TerraportPushBack(float3 fromEye, float pushM)
     return fromEye + fromEye * (pushM / max(length(fromEye), 0.001));
 }
 
+// The deviation is in metres of the scene; a scene that is drawn smaller, as a model on a table, is pushed back by less of the world's.
+float TerraportWorldPush(float3x3 objectToWorld, float pushM)
+{
+    return pushM * length(mul(objectToWorld, float3(0.0, 1.0, 0.0)));
+}
+
 // What would be pushed beyond the far plane is drawn just before it, and so still before the sky.
 float4 TerraportKeepBeforeFar(float4 positionCS)
 {

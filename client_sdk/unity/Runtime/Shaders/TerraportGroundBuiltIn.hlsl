@@ -38,7 +38,7 @@ Varyings GroundVertex(Attributes input)
     UNITY_INITIALIZE_VERTEX_OUTPUT_STEREO(output);
     // From this eye: with single-pass stereo _WorldSpaceCameraPos is the eye's own.
     float3 fromEye = mul(unity_ObjectToWorld, float4(input.position.xyz, 1.0)).xyz - _WorldSpaceCameraPos;
-    fromEye = TerraportPushBack(fromEye, _TerraportPushM);
+    fromEye = TerraportPushBack(fromEye, TerraportWorldPush((float3x3)unity_ObjectToWorld, _TerraportPushM));
     output.positionCS = TerraportKeepBeforeFar(mul(UNITY_MATRIX_P, float4(mul((float3x3)UNITY_MATRIX_V, fromEye), 1.0)));
     output.normal = UnityObjectToWorldNormal(input.normal);
     output.tint = TerraportTint(input.colour.rgb);
@@ -73,7 +73,8 @@ DepthVaryings DepthVertex(Attributes input)
     // Without a bias of lights this is the camera's depth texture, where the base stands as far back as it is drawn.
     if (unity_LightShadowBias.z == 0.0)
     {
-        float3 fromEye = TerraportPushBack(world - _WorldSpaceCameraPos, _TerraportPushM);
+        float pushM = TerraportWorldPush((float3x3)unity_ObjectToWorld, _TerraportPushM);
+        float3 fromEye = TerraportPushBack(world - _WorldSpaceCameraPos, pushM);
         output.positionCS = TerraportKeepBeforeFar(mul(UNITY_MATRIX_P, float4(mul((float3x3)UNITY_MATRIX_V, fromEye), 1.0)));
         return output;
     }

@@ -40,7 +40,8 @@ Varyings GroundVertex(Attributes input)
     UNITY_SETUP_INSTANCE_ID(input);
     UNITY_INITIALIZE_VERTEX_OUTPUT_STEREO(output);
     float3 eye = GetPrimaryCameraPosition(); // 0 where positions are relative to the camera, as they are by default.
-    float3 place = eye + TerraportPushBack(TransformObjectToWorld(input.position.xyz) - eye, _TerraportPushM);
+    float pushM = TerraportWorldPush((float3x3)UNITY_MATRIX_M, _TerraportPushM);
+    float3 place = eye + TerraportPushBack(TransformObjectToWorld(input.position.xyz) - eye, pushM);
     output.positionCS = TerraportKeepBeforeFar(TransformWorldToHClip(place));
     output.normal = TransformObjectToWorldNormal(input.normal);
     output.tint = input.colour.rgb;

@@ -41,7 +41,8 @@ Varyings GroundVertex(Attributes input)
     UNITY_SETUP_INSTANCE_ID(input);
     UNITY_INITIALIZE_VERTEX_OUTPUT_STEREO(output);
     float3 eye = GetCameraPositionWS(); // This eye's, with single-pass stereo.
-    float3 fromEye = TerraportPushBack(TransformObjectToWorld(input.position.xyz) - eye, _TerraportPushM);
+    float pushM = TerraportWorldPush((float3x3)UNITY_MATRIX_M, _TerraportPushM);
+    float3 fromEye = TerraportPushBack(TransformObjectToWorld(input.position.xyz) - eye, pushM);
     output.positionCS = TerraportKeepBeforeFar(mul(UNITY_MATRIX_P, float4(mul((float3x3)UNITY_MATRIX_V, fromEye), 1.0)));
     output.normal = TransformObjectToWorldNormal(input.normal);
     output.tint = TerraportTint(input.colour.rgb);
