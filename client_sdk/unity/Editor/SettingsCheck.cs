@@ -42,21 +42,22 @@ namespace Terraport.Unity.Editor
 
         private static void CheckUrl(string url, List<string> findings)
         {
-            Uri address;
-            if (!Uri.TryCreate(url, UriKind.Absolute, out address) || (address.Scheme != "http" && address.Scheme != "https"))
+            if (string.IsNullOrEmpty(url))
             {
-                findings.Add("The address is not one of http or https.");
+                findings.Add("There is no address yet: nothing is opened before code sets SceneUrl and calls Open.");
                 return;
             }
-            string[] parts = address.AbsolutePath.Split(new[] { '/' }, StringSplitOptions.RemoveEmptyEntries);
-            if (parts.Length < 2 || parts[parts.Length - 2] != "scenes")
+            SceneUrl parts;
+            try
             {
-                findings.Add("The address does not end in /scenes/ID.");
+                parts = SceneUrl.Parse(url);
             }
-            if (!string.IsNullOrEmpty(address.UserInfo) || !string.IsNullOrEmpty(address.Query))
+            catch (TerraportException why)
             {
-                findings.Add("Tokens and passwords do not belong into the address: set TerraportScene.Token from code.");
+                findings.Add("The address is not one that can be opened: " + why.Message + ". Tokens are set from code: TerraportScene.Token.");
+                return;
             }
+            Uri address = new Uri(parts.Server);
             if (address.Scheme == "http" && !address.IsLoopback)
             {
                 findings.Add("Over http the token and the survey can be read by everybody on the way; Android and iOS refuse it "
