@@ -22,41 +22,26 @@ from pathlib import Path
 if __name__ == "__main__":  # run as a script: the package "engines" lies in tests/
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from engines import cores
+from engines import cores, fuzz_seeds
 
-CORPUS = cores.ROOT / "tests" / "conformance"
 MOST_BYTES = 1 << 16
 """Of one input: larger ones only take longer."""
 SLOWEST_S = 20
 """Of one input, on a busy machine: beyond it is a hang."""
 
 
-def seeds_for(target: str, folder: Path) -> None:
-    """Copy the corpus's files that a target can begin with."""
-    patterns = {
-        "glb": "scene/payload/*.glb",
-        "arrays": "scene/payload/*.arrays",
-        "flat": "scene/payload/*.arrays",
-        "cover": "scene/*/v-*/base.cover",
-        "manifest": "scene/*/scene.json",
-        "json": "scene/*/scene.json",
-        "wire": "wire/*/*.bin",
-        "frame": "wire/*/frame-*.bin",
-        "meshopt": "scene/payload/*.glb",
-    }
+def write_seeds(target: str, folder: Path) -> None:
+    """Write the seeds of a target that are short enough."""
     folder.mkdir()
-    for word, pattern in patterns.items():
-        if word not in target:
-            continue
-        for number, path in enumerate(sorted(CORPUS.glob(pattern))):
-            if path.stat().st_size <= MOST_BYTES:
-                shutil.copy(path, folder / f"{word}-{number}")
+    for number, seed in enumerate(fuzz_seeds.seeds_of(target)):
+        if len(seed) <= MOST_BYTES:
+            (folder / str(number)).write_bytes(seed)
 
 
 def run(program: Path, limit: str, work: Path) -> tuple[str, int, str]:
     """Run one target; returns its name, how many inputs it took, and why it failed, if it did."""
     seeds = work / program.name
-    seeds_for(program.name, seeds)
+    write_seeds(program.name, seeds)
     done = subprocess.run(
         [
             str(program),
