@@ -40,6 +40,8 @@ namespace Terraport.Unity
         private bool landAtStart = true;
 
         private int pick;
+        // Of the landing on its way; 0 where the scene keeps it until it is loaded.
+        private int landing;
         private bool isComing;
         private Vec3 target;
 
@@ -110,7 +112,7 @@ namespace Terraport.Unity
             target = scene.ToScene(point);
             isComing = true;
             pick = scene.Pick(point);
-            scene.Land(point, radiusM);
+            landing = scene.Land(point, radiusM);
         }
 
         /// <summary>Forget a landing that is on its way: it may still be shown, but the rig stays.</summary>
@@ -182,11 +184,17 @@ namespace Terraport.Unity
 
         private void OnShown(SceneSwap swap)
         {
-            if (isComing && swap.Landing > 0)
+            if (!isComing || swap.Landing == 0)
             {
-                isComing = false;
-                SetDown();
+                return;
             }
+            if (landing > 0 && swap.Landing != landing)
+            {
+                Stay(); // Somebody else has landed since: what is sharp now is not around the target.
+                return;
+            }
+            isComing = false;
+            SetDown();
         }
 
         private void OnFailed(TerraportException why)
