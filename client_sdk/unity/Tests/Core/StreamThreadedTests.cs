@@ -50,6 +50,23 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void TellsWhatBreaksItsThread()
+        {
+            var network = new StreamFakeNetwork();
+            var stream = new ThreadedStream(network.StreamOptions(), network);
+            network.Creating = () => throw new PlatformNotSupportedException("no sockets here");
+            stream.Reconnect("another token");
+            var events = new List<StreamEvent>();
+            Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Link && one.Link.Phase == LinkPhase.Closed));
+            LinkState end = events.FindLast(one => one.Kind == StreamEventKind.Link).Link;
+            Assert.AreEqual("internal", end.Code);
+            StringAssert.Contains("no sockets here", end.Message);
+            Assert.IsTrue(network.Last.IsDisposed);
+            stream.Land(Middle, 1); // Nobody hears it, and nothing breaks.
+            stream.Dispose();
+        }
+
+        [Test]
         public void RefusesNumbersThatCannotBeInTheCallersThread()
         {
             var network = new StreamFakeNetwork();
