@@ -283,7 +283,8 @@ namespace Terraport.Unity
             {
                 return 0;
             }
-            Vector3 direction = transform.InverseTransformDirection(ray.direction);
+            // As a vector, with the scale: a stretched scene bends directions. The protocol takes any length.
+            Vector3 direction = transform.InverseTransformVector(ray.direction);
             return session.Stream.Pick(ToScene(ray.origin), Axes.Turn(new Vec3(direction.x, direction.y, direction.z)));
         }
 

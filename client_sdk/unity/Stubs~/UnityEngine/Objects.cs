@@ -227,9 +227,9 @@ namespace UnityEngine
             return position - this.position;
         }
 
-        public Vector3 InverseTransformDirection(Vector3 direction)
+        public Vector3 InverseTransformVector(Vector3 vector)
         {
-            return direction;
+            return vector;
         }
     }
 
