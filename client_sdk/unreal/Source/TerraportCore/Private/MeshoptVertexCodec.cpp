@@ -12,6 +12,9 @@
 #if defined(__SSE2__) || defined(_M_X64)
 #define TERRAPORT_SSE2 1
 #include <emmintrin.h>
+#if defined(_MSC_VER) && !defined(__clang__)
+#include <intrin.h>
+#endif
 #else
 #define TERRAPORT_SSE2 0
 #endif
@@ -30,15 +33,23 @@ static_assert(kMaxGroupBytes <= kTailBytes, "groups are checked at their start a
 
 #if TERRAPORT_SSE2
 
+/// Number of the lowest bit that is set.
+inline unsigned lowestBit(unsigned mask) {
+#if defined(_MSC_VER) && !defined(__clang__)
+  unsigned long number = 0;
+  _BitScanForward(&number, mask);
+  return static_cast<unsigned>(number);
+#else
+  return static_cast<unsigned>(__builtin_ctz(mask));
+#endif
+}
+
 /// Codes of all ones stand for a byte of its own, stored behind the codes.
 const std::uint8_t* replaceSentinels(__m128i codes, int sentinel, const std::uint8_t* extra, std::uint8_t* out) {
   unsigned mask = static_cast<unsigned>(_mm_movemask_epi8(_mm_cmpeq_epi8(codes, _mm_set1_epi8(static_cast<char>(sentinel)))));
   _mm_storeu_si128(reinterpret_cast<__m128i*>(out), codes);
-  for (std::uint8_t* at = out; mask != 0; mask >>= 1, ++at) {
-    // Written whether it is one or not, and moved on only if it is: no branch that cannot be foreseen.
-    const bool isSentinel = (mask & 1) != 0;
-    *at = isSentinel ? *extra : *at;
-    extra += isSentinel ? 1 : 0;
+  for (; mask != 0; mask &= mask - 1) {
+    out[lowestBit(mask)] = *extra++;
   }
   return extra;
 }
