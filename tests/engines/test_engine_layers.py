@@ -163,8 +163,8 @@ def test_the_unreal_plugin_names_what_is_there() -> None:
 def test_the_unreal_core_knows_no_engine_and_throws_nothing() -> None:
     core = UNREAL / "Source" / "TerraportCore"
     for path in [*core.rglob("*.h"), *core.rglob("*.cpp")]:
-        if path.name.endswith("Module.cpp"):
-            continue
+        if path.name.endswith("Module.cpp") or path.name == "Api.h":
+            continue  # the module's one file for the engine, and the one macro at its border
         code = re.sub(r"//.*", "", path.read_text())
         for word in (r"\bthrow\b", r"\bcatch\b", r"\bdynamic_cast\b", r"\bFString\b", r"\babort\("):
             assert not re.search(word, code), f"{path.name} has {word}"
