@@ -2,6 +2,7 @@
 
 #include "Components/SceneComponent.h"
 
+class AController;
 struct FHitResult;
 
 enum class ETeleportType : uint8
@@ -59,6 +60,12 @@ public:
 	{
 		StubTransform.Place += Offset;
 	}
+	/// Of the pawn that this is, or that it was made by.
+	AController* GetInstigatorController() const
+	{
+		return StubController;
+	}
+	AController* StubController = nullptr;
 	virtual float GetSimpleCollisionHalfHeight() const
 	{
 		return 0.0f;

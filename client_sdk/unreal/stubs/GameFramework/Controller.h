@@ -2,6 +2,8 @@
 
 #include "GameFramework/Actor.h"
 
+class APawn;
+
 class AController : public AActor
 {
 public:
@@ -14,5 +16,10 @@ public:
 	{
 		StubView = View;
 	}
+	APawn* GetPawn() const
+	{
+		return StubPawn;
+	}
 	FRotator StubView;
+	APawn* StubPawn = nullptr;
 };

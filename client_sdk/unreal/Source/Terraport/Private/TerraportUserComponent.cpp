@@ -5,6 +5,7 @@
 #include "Engine/World.h"
 #include "EngineUtils.h"
 #include "GameFramework/Actor.h"
+#include "GameFramework/Pawn.h"
 #include "GameFramework/PlayerController.h"
 #include "TerraportScene.h"
 
@@ -189,6 +190,14 @@ void UTerraportUserComponent::MoveOwner(const FVector& Ground)
 	if (Actor == nullptr)
 	{
 		return;
+	}
+	AController* Controller = Actor->GetInstigatorController();
+	if (Controller != nullptr && Controller->GetPawn() == Actor)
+	{
+		// Where view or pawn follow the controller, the turn of the actor alone would be undone in the next frame.
+		FRotator View = Controller->GetControlRotation();
+		View.Yaw += double(TargetYaw);
+		Controller->SetControlRotation(View);
 	}
 	Actor->AddActorWorldRotation(FRotator(0.0, double(TargetYaw), 0.0));
 	// In a headset the head is somewhere in the room: it is the head that is to stand above the place, not the room's middle.

@@ -47,11 +47,15 @@ const char* adviceOn(std::string_view code) {
 
 /// The failure that an answer stands for; success where it is a body.
 Status statusOf(const std::string& url, const HttpAnswer& answer, std::size_t mostBytes) {
+  // An engine may give such an answer up before it is all there, and then have no status to tell.
+  if (answer.isTooLarge && (answer.status == 0 || answer.status == 200)) {
+    return Status::damaged(url + " has more than " + std::to_string(mostBytes) + " bytes; is this a terraport server?");
+  }
   if (answer.status == 0) {
     return Status::failed("unreachable", "no answer from " + url + " (" + answer.reason +
                                              "); is the server running, and reachable from here?");
   }
-  if (answer.status == 200 && !answer.isTooLarge && answer.body.size() <= mostBytes) {
+  if (answer.status == 200 && answer.body.size() <= mostBytes) {
     return {};
   }
   if (answer.status == 200) {
