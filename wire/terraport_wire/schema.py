@@ -3,8 +3,8 @@
 ``python -m terraport_wire.schema SPEC_DIR`` writes ``SPEC_DIR/schema/*.json`` and the tables
 between the ``generated`` marks of ``SPEC_DIR/wire-protocol.md``; with ``--typescript FILE`` also
 the viewer's tables (`terraport_wire.typescript`), with ``--csharp FILE`` the Unity client's
-(`terraport_wire.schema_csharp`), with ``--cpp FOLDER`` the Unreal client's
-(`terraport_wire.schema_cpp`); ``--check`` only compares.  The functions are pure; `main` alone
+(`terraport_wire.csharp`), with ``--cpp FOLDER`` the Unreal client's
+(`terraport_wire.cpp`); ``--check`` only compares.  The functions are pure; `main` alone
 touches files.
 """
 
@@ -18,11 +18,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from .cpp import cpp_files
+from .csharp import csharp_file
 from .errors import CLOSE_CODES, HTTP_STATUS
 from .message import Direction, Message, Part, fields_of, part_schema
 from .messages import MESSAGES, PARTS
-from .schema_cpp import cpp_files
-from .schema_csharp import csharp_file
 from .typescript import messages_module
 
 __all__ = ["error_table", "field_table", "main", "message_schema", "render_spec", "schema_files"]

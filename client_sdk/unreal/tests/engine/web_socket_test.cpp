@@ -1,6 +1,6 @@
 #include "TerraportWebSocket.h"
 
-#include "IWebSocket.h"
+#include "socket_events.h"
 #include "WebSocketsModule.h"
 
 #include <doctest/doctest.h>
@@ -9,7 +9,7 @@
 
 namespace
 {
-class FFakeSocket final : public IWebSocket
+class FFakeSocket final : public FSocketEvents
 {
 public:
 	virtual void Connect() override
@@ -30,38 +30,7 @@ public:
 		Sent.assign(static_cast<const char*>(Data), Size);
 		bSentBinary = bIsBinary;
 	}
-	virtual FWebSocketConnectedEvent& OnConnected() override
-	{
-		return Connected;
-	}
-	virtual FWebSocketConnectionErrorEvent& OnConnectionError() override
-	{
-		return Error;
-	}
-	virtual FWebSocketClosedEvent& OnClosed() override
-	{
-		return Closed;
-	}
-	virtual FWebSocketMessageEvent& OnMessage() override
-	{
-		return Message;
-	}
-	virtual FWebSocketRawMessageEvent& OnRawMessage() override
-	{
-		return Raw;
-	}
-	virtual FWebSocketBinaryMessageEvent& OnBinaryMessage() override
-	{
-		return Binary;
-	}
-	virtual void SetTextMessageMemoryLimit(uint64) override {}
 
-	FWebSocketConnectedEvent Connected;
-	FWebSocketConnectionErrorEvent Error;
-	FWebSocketClosedEvent Closed;
-	FWebSocketMessageEvent Message;
-	FWebSocketRawMessageEvent Raw;
-	FWebSocketBinaryMessageEvent Binary;
 	bool bConnecting = false;
 	int32 ClosedWith = 0;
 	std::string Sent;

@@ -1,5 +1,6 @@
 #include "engine_network.h"
 
+#include "../socket_events.h"
 #include "lws_transport.h"
 
 #include <netdb.h>
@@ -26,7 +27,7 @@ std::string TextOf(const FString& Text)
 	return std::string(TCHAR_TO_UTF8(*Text));
 }
 
-class FSocket final : public IWebSocket
+class FSocket final : public FSocketEvents
 {
 public:
 	FSocket(const FString& InUrl, const TArray<FString>& InProtocols, const TMap<FString, FString>& Headers) : Url(TextOf(InUrl))
@@ -66,31 +67,6 @@ public:
 	{
 		(void)Transport->trySend({static_cast<const std::uint8_t*>(Data), Size}, !bIsBinary);
 	}
-	virtual FWebSocketConnectedEvent& OnConnected() override
-	{
-		return Connected;
-	}
-	virtual FWebSocketConnectionErrorEvent& OnConnectionError() override
-	{
-		return Error;
-	}
-	virtual FWebSocketClosedEvent& OnClosed() override
-	{
-		return Closed;
-	}
-	virtual FWebSocketMessageEvent& OnMessage() override
-	{
-		return Message;
-	}
-	virtual FWebSocketRawMessageEvent& OnRawMessage() override
-	{
-		return Raw;
-	}
-	virtual FWebSocketBinaryMessageEvent& OnBinaryMessage() override
-	{
-		return Binary;
-	}
-	virtual void SetTextMessageMemoryLimit(uint64) override {}
 
 	void Pump()
 	{
@@ -136,12 +112,6 @@ private:
 	std::vector<std::string> Protocols;
 	std::unique_ptr<terraport::Transport> Transport;
 	bool bWasOpen = false;
-	FWebSocketConnectedEvent Connected;
-	FWebSocketConnectionErrorEvent Error;
-	FWebSocketClosedEvent Closed;
-	FWebSocketMessageEvent Message;
-	FWebSocketRawMessageEvent Raw;
-	FWebSocketBinaryMessageEvent Binary;
 };
 
 class FResponse final : public IHttpResponse
