@@ -297,6 +297,19 @@ describe("bounds", () => {
     expect(residency.takeFreed()).toEqual([]);
   });
 
+  it("remembers the newest 4096 of what aims brought, while there is no room for it", () => {
+    residency = new Residency({ maxInFlight: 4, maxInFlightBytes: 1e9, spareBytes: BYTES });
+    residency.arrived(facts(0), null);
+    expect(work()).toEqual([0]);
+    for (let segment = 1; segment <= 4096 + 2; segment += 1) {
+      residency.arrived(facts(segment), null);
+    }
+    expect(residency.takeDecodes()).toEqual([]);
+    residency.land(1, [0, 0, 0], 60, 0);
+    residency.planned(plan(1, [], [0])); // 0 is spare no longer.
+    expect(residency.takeDecodes().map((request) => request.segment)).toEqual([3, 4, 5, 6]);
+  });
+
   it("frees what earlier aims brought at the next swap, but not what came since that landing was asked for", () => {
     land(1, [1]);
     work();

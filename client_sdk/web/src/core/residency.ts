@@ -13,6 +13,9 @@ import { LandingRecord } from "./landing-record.ts";
 import { SegmentShelf, type ShelfLimits } from "./segment-shelf.ts";
 import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
 
+/** Segments that aims brought and that wait for spare room; beyond it the oldest goes. */
+const MOST_PREFETCHED = 4096;
+
 /** How much is done at once, and kept. */
 export type ResidencyOptions = ShelfLimits;
 
@@ -134,6 +137,9 @@ export class Residency {
     }
     this.#newest?.arrived(facts);
     if (landing === null && !this.#wantedIds.has(facts.segment)) {
+      if (this.#prefetched.length === MOST_PREFETCHED) {
+        this.#prefetched.shift(); // Its payload stays held.
+      }
       this.#prefetched.push(facts.segment);
     }
   }

@@ -6,6 +6,9 @@
 namespace terraport {
 namespace {
 
+/// Segments that aims brought and that wait for spare room; beyond it the oldest goes.
+constexpr std::size_t kMostPrefetched = 4096;
+
 SegmentList sorted(SegmentList segments) {
   std::sort(segments.begin(), segments.end());
   segments.erase(std::unique(segments.begin(), segments.end()), segments.end());
@@ -58,6 +61,9 @@ void Residency::arrived(const SegmentFacts& facts, std::int64_t landing) {
     newest_->arrived(facts);
   }
   if (isAimed && wantedPlaces_.count(facts.segment) == 0) {
+    if (prefetched_.size() == kMostPrefetched) {
+      prefetched_.erase(prefetched_.begin());  // Its payload stays held.
+    }
     prefetched_.push_back(facts.segment);
   }
 }
