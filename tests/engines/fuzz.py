@@ -78,6 +78,7 @@ def main() -> int:
         return 0
     built = cores.cpp(
         "-DCMAKE_CXX_COMPILER=clang++",
+        "-DCMAKE_CXX_FLAGS_RELEASE=-O1",  # compiles in half the time, and inputs are small
         "-DTERRAPORT_FUZZ=ON",
         "-DTERRAPORT_SANITIZE=ON",
         "-DTERRAPORT_TESTS=OFF",
