@@ -94,15 +94,15 @@ def test_what_does_not_pass_is_not_tried_again(
 def test_trouble_without_end_ends(proxy: FaultProxy, source: RemoteSource) -> None:
     """The first waits out the time allowed; the others are told at once; then it heals."""
     proxy.rule = lambda _: Fault(status=503)
-    began_s = time.monotonic()
     with pytest.raises(OriginError, match=r"503 Service Unavailable.*tries in"):
         source.read(*PLACES[0])
-    assert 1.0 < time.monotonic() - began_s < 3.0
-    began_s = time.monotonic()
+    # Pauses of 0.1 to 0.8 s, shortened by chance; the fifth would end beyond the 2 s allowed.
+    assert 1 <= counts(source)["retries"] <= 4
+    asked = len(proxy.asked)
     for piece in range(1, 8):
         with pytest.raises(OriginError, match="not asked for: nothing came from there"):
             source.read(*PLACES[piece])
-    assert time.monotonic() - began_s < 0.2
+    assert len(proxy.asked) == asked
     proxy.rule = lambda _: None
     time.sleep(0.55)  # cool_down_s is 0.5
     assert source.read(*PLACES[0]) == expected(0)

@@ -8,7 +8,6 @@ type information. PURE: text out, no files; `terraport_wire.schema` writes it.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 from . import limits
 from .codec import PROTOCOL
@@ -53,11 +52,11 @@ _PATTERNS = {
 }
 
 
-def cpp_files(folder: Path) -> dict[Path, str]:
-    """Return path -> text of the generated headers in `folder`; same classes, same text."""
+def cpp_files() -> dict[str, str]:
+    """Return file name -> text of the generated headers; same classes, same text."""
     return {
-        folder / "Messages.generated.h": _messages_header(),
-        folder / "MessageFields.generated.h": _fields_header(),
+        "Messages.generated.h": _messages_header(),
+        "MessageFields.generated.h": _fields_header(),
     }
 
 

@@ -35,7 +35,11 @@ _Files = dict[Path, str]
 _LANGUAGES: dict[str, tuple[str, str, Callable[[Path], _Files]]] = {
     "typescript": ("FILE", "the viewer's tables", lambda path: {path: messages_module()}),
     "csharp": ("FILE", "the Unity client's messages", lambda path: {path: csharp_file()}),
-    "cpp": ("FOLDER", "the Unreal client's messages", cpp_files),
+    "cpp": (
+        "FOLDER",
+        "the Unreal client's messages",
+        lambda folder: {folder / name: text for name, text in cpp_files().items()},
+    ),
 }
 _MARK = re.compile(r"(<!-- generated: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
