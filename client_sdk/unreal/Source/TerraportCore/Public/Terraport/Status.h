@@ -59,9 +59,9 @@ class [[nodiscard]] Status {
 template <typename T>
 class [[nodiscard]] Result {
  public:
-  Result(T value) : value_(std::move(value)) {}  // NOLINT: a value is a result
+  Result(T value) : value_(std::move(value)) {}  // Not explicit: a value is a result,
   /// `status` must be a failure.
-  Result(Status status) : status_(std::move(status)) {}  // NOLINT: so is a failure
+  Result(Status status) : status_(std::move(status)) {}  // and so is a failure.
 
   bool isOk() const { return value_.has_value(); }
   const Status& status() const { return status_; }
