@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,9 +21,9 @@ from terraport_payload import (
 from terraport_payload.glb_container import split_glb
 
 
-def encode(mesh: SegmentMesh, **options: object) -> bytes:
+def encode(mesh: SegmentMesh, **options: Any) -> bytes:
     options = {"step_m": STEP_M, "attribute_scales": SCALES, **options}
-    return encode_glb(mesh, **options)  # type: ignore[arg-type]
+    return encode_glb(mesh, **options)
 
 
 def corners(mesh: SegmentMesh) -> list[tuple[bytes, bytes, bytes]]:

@@ -19,21 +19,23 @@ from typing import Any
 
 import numpy as np
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parents[1]))
+if __name__ == "__main__":  # run as a script: the packages imported below lie in tests/
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from conformance.scene.axes_scene import write_axes_scene  # noqa: E402
-from payload.images import ktx2, pillow, png  # noqa: E402
-from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured, write_tiny_scene  # noqa: E402
+from conformance.scene.axes_scene import write_axes_scene
+from payload.images import ktx2, pillow, png
+from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured, write_tiny_scene
 
-from terraport_payload import (  # noqa: E402
+from terraport_payload import (
     SegmentMesh,
     decode_glb,
     encode_arrays,
     encode_glb,
 )
-from terraport_payload.flatfile import encode_flat  # noqa: E402
-from terraport_payload.glb_container import join_glb, split_glb  # noqa: E402
+from terraport_payload.flatfile import encode_flat
+from terraport_payload.glb_container import join_glb, split_glb
+
+HERE = Path(__file__).resolve().parent
 
 
 def main() -> None:

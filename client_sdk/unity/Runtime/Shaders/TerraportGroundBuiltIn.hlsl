@@ -4,21 +4,13 @@
 
 #include "UnityCG.cginc"
 #include "TerraportGround.hlsl"
+#include "TerraportGroundAttributes.hlsl"
 
 sampler2D _MainTex;
 float4 _MainTex_ST;
 float _TerraportPushM;
 float _TerraportRelief;
 float _TerraportHasPhoto;
-
-struct Attributes
-{
-    float4 position : POSITION;
-    float3 normal : NORMAL;
-    float4 colour : COLOR;
-    float2 uv : TEXCOORD0;
-    UNITY_VERTEX_INPUT_INSTANCE_ID
-};
 
 struct Varyings
 {

@@ -4,6 +4,7 @@
 
 #include "Packages/com.unity.render-pipelines.universal/ShaderLibrary/Core.hlsl"
 #include "TerraportGround.hlsl"
+#include "TerraportGroundAttributes.hlsl"
 
 TEXTURE2D(_MainTex);
 SAMPLER(sampler_MainTex);
@@ -15,15 +16,6 @@ float _TerraportPushM;
 float _TerraportRelief;
 float _TerraportHasPhoto;
 CBUFFER_END
-
-struct Attributes
-{
-    float4 position : POSITION;
-    float3 normal : NORMAL;
-    float4 colour : COLOR;
-    float2 uv : TEXCOORD0;
-    UNITY_VERTEX_INPUT_INSTANCE_ID
-};
 
 struct Varyings
 {
