@@ -21,7 +21,7 @@ namespace Terraport.Unity
         public DeviceBudgets custom = new DeviceBudgets();
 
         /// <summary>In which form payloads come.</summary>
-        [Tooltip("Glb: the smallest. Arrays: three times the bytes and next to no decoding, for slow processors on fast links; "
+        [Tooltip("Glb: the smallest. Arrays: four to five times the bytes and two fifths of the decoding, for slow processors on fast links; "
             + "the scene must have been built with it.")]
         public PayloadEncoding encoding = PayloadEncoding.Glb;
 

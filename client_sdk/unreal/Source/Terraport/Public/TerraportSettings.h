@@ -10,7 +10,7 @@ enum class ETerraportEncoding : uint8
 {
 	/** Quantised and compressed: the fewest bytes. */
 	Compact,
-	/** Plain arrays: three to four times the bytes, next to no work to decode. For slow processors on fast links; the scene must
+	/** Plain arrays: four to five times the bytes, a third of the work to decode. For slow processors on fast links; the scene must
 	 * have been built with it. */
 	Arrays,
 };
