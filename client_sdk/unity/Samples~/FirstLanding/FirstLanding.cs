@@ -13,7 +13,7 @@ namespace Terraport.Samples
 
         [SerializeField]
         [Tooltip("Address of the scene: http(s)://host/scenes/ID.")]
-        private string sceneUrl = "http://127.0.0.1:8080/scenes/sample";
+        private string sceneUrl = "http://127.0.0.1:8080/scenes/quarry";
 
         [SerializeField]
         [Tooltip("Degrees that the view turns for a pixel of dragging.")]

@@ -1,0 +1,23 @@
+"""The first landings that the how-to pages print are in the scene of ``terraport demo``."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from engines import cores
+
+from terraport_pipeline.demo import SCENE_ID
+
+PLACES = (
+    cores.ROOT / "docs" / "how-to" / "unity.md",
+    cores.ROOT / "docs" / "how-to" / "unreal.md",
+    cores.UNITY / "Samples~" / "FirstLanding" / "FirstLanding.cs",
+)
+
+
+@pytest.mark.parametrize("path", PLACES, ids=lambda path: path.name)
+def test_the_address_is_that_of_the_demo(path: Path) -> None:
+    found = re.findall(r'"http://127\.0\.0\.1:8080/scenes/(\w+)"', path.read_text())
+    assert found == [SCENE_ID]
