@@ -21,3 +21,8 @@ PLACES = (
 def test_the_address_is_that_of_the_demo(path: Path) -> None:
     found = re.findall(r'"http://127\.0\.0\.1:8080/scenes/(\w+)"', path.read_text())
     assert found == [SCENE_ID]
+
+
+def test_the_demo_is_told_that_port() -> None:
+    for path in PLACES[:2]:  # by itself it takes a free one
+        assert "`terraport demo --port 8080`" in path.read_text()
