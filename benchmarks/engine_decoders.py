@@ -2,12 +2,11 @@
 
     python benchmarks/engine_decoders.py [SCENE ...] [--segments 200] [--seconds 3] [--smoke]
 
-Each scene's payloads, evenly spread over it, as `glb` and as `arrays` (made from the GLBs), one
-thread, into buffers that are used again. Prints one row per decoder. Without SCENE the payloads are
-made from a formula. Allocations: of C++ by every call of `operator new`, of C# by
-`GC.GetAllocatedBytesForCurrentThread`; the first two rounds, in which buffers grow, do not count.
-Python's figures are of `decode_glb` and `decode_arrays`, which make new arrays each time (the
-latter mostly views of the payload).
+Each scene's payloads, evenly spread over it, one thread, into buffers that are used again. Prints
+one row per decoder. Without SCENE the payloads are made from a formula. Allocations: of C++ by
+every call of `operator new`, of C# by `GC.GetAllocatedBytesForCurrentThread`; the first two rounds,
+in which buffers grow, do not count. Python's figures are of `decode_glb`, which makes new arrays
+each time.
 
 Needs what tests/engines needs (mono-mcs, g++, cmake); says so where they are missing.
 """
@@ -21,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -33,12 +32,11 @@ from engines import cores
 from engines.programs import Client
 from server.grid_scene import SCALES, tile_mesh
 
-from terraport_payload import SegmentMesh, decode_arrays, decode_glb, encode_arrays, encode_glb
+from terraport_payload import decode_glb, encode_glb
 from terraport_store import Scene
 
 SEED: Final = 20261122
 LANGUAGES: Final = ("csharp", "cpp")
-Decode = Callable[[bytes], SegmentMesh]
 
 
 def main() -> int:
@@ -84,32 +82,21 @@ def formula_payloads(count: int) -> list[bytes]:
 
 def measure(name: str, glbs: Sequence[bytes], clients: Sequence[Client], seconds: float) -> None:
     """Print the rows of one source."""
-    arrays = [encode_arrays(decode_glb(glb)) for glb in glbs]
     faces = sum(len(decode_glb(glb).faces) for glb in glbs) / len(glbs)
     print(f"\n{name}: {len(glbs)} payloads, {faces:,.0f} triangles each on average")
     print(
         f"{'':22}{'KB':>8}{'segments/s':>12}{'MB/s':>9}{'Mtri/s':>8}{'bytes allocated/segment':>25}"
     )
-    for encoding, payloads, decode in (
-        ("glb", glbs, decode_glb),
-        ("arrays", arrays, decode_arrays),
-    ):
-        size_kb = sum(map(len, payloads)) / len(payloads) / 1000
-        for client in clients:
-            row(
-                f"{client.language} {encoding}",
-                size_kb,
-                by_tool(client, payloads, encoding, seconds),
-            )
-        row(f"python {encoding}", size_kb, by_python(payloads, decode, seconds))
+    size_kb = sum(map(len, glbs)) / len(glbs) / 1000
+    for client in clients:
+        row(client.language, size_kb, by_tool(client, glbs, seconds))
+    row("python", size_kb, by_python(glbs, seconds))
 
 
-def by_tool(
-    client: Client, payloads: Sequence[bytes], encoding: str, seconds: float
-) -> dict[str, Any]:
+def by_tool(client: Client, payloads: Sequence[bytes], seconds: float) -> dict[str, Any]:
     """Let a core's own program decode; returns what it printed."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"payloads.{encoding}"
+        path = Path(folder) / "payloads.glb"
         path.write_bytes(b"".join(struct.pack("<I", len(data)) + data for data in payloads))
         done = client.run("decode", path, "--seconds", seconds, timeout_s=60 + 4 * seconds)
     if done.returncode != 0:
@@ -118,13 +105,13 @@ def by_tool(
     return told
 
 
-def by_python(payloads: Sequence[bytes], decode: Decode, seconds: float) -> dict[str, Any]:
+def by_python(payloads: Sequence[bytes], seconds: float) -> dict[str, Any]:
     """Decode with the Python SDK's own functions."""
-    faces = sum(len(decode(payload).faces) for payload in payloads)
+    faces = sum(len(decode_glb(payload).faces) for payload in payloads)
     start, rounds = time.perf_counter(), 0
     while True:
         for payload in payloads:
-            decode(payload)
+            decode_glb(payload)
         rounds += 1
         elapsed = time.perf_counter() - start
         if elapsed >= seconds:

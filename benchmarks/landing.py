@@ -55,7 +55,6 @@ from terraport_wire import (
     Hello,
     Land,
     Plan,
-    Subprotocol,
     decode,
     encode,
 )
@@ -345,16 +344,16 @@ def measure_plan(size: Size) -> dict[str, Any]:
     for generation in range(size.landings + 10):
         x, z = rng.uniform(0.2, 0.8, 2) * side * TILE_M
         land = Land(generation=generation, position=(x, 0.5, z), radius_m=171.0)
-        data = encode(land, Subprotocol.MSGPACK)
+        data = encode(land)
         began_s = time.perf_counter()
-        message = decode(data, Subprotocol.MSGPACK, Direction.CLIENT_TO_SERVER, max_bytes=1 << 20)
+        message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=1 << 20)
         session.receive(message, 0.0)
         while True:
             action = session.next_action()
             assert isinstance(action, SendMessage)
             if isinstance(action.message, Plan):
                 break
-        encode(action.message, Subprotocol.MSGPACK)
+        encode(action.message)
         plan_ms.append(1e3 * (time.perf_counter() - began_s))
         loaded.append(len(action.message.load))
         query_ms.append(timed_ms(lambda x=x, z=z: tree.within((x, 0.5, z), 171.0)))

@@ -11,7 +11,7 @@ texels per point spacing; the image itself is left out of every figure):
 * quantised: as our GLB, uncompressed;
 * meshopt: codec 0 on positions of 14 bits of the segment's own box, octahedral normals of 8 bits,
   16-bit coordinates over the whole image, in the same order of vertices: what gltfpack -c does;
-* before: our GLB with the finest grid that fits, as of scene format 1.1;
+* before: our GLB with the finest grid that fits, as it first was;
 * ours: the GLB of today;
 * Draco: level 7, by DracoPy where it is installed (pip install DracoPy), with positions of 14 bits,
   and of as many bits as our grid has in that segment; normals of 8, coordinates of 12 bits. Region

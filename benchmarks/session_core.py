@@ -1,7 +1,7 @@
 """What one session costs without a socket: ``python benchmarks/session_core.py``.
 
 Memory of a session in a scene of a million segments, time per chunk, and the control messages of
-a large plan and a large offer in both subprotocols. No network, some 20 s of one core.
+a large plan and a large offer on the wire. No network, some 20 s of one core.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from terraport_wire import (
     Hello,
     Land,
     Plan,
-    Subprotocol,
     decode,
     encode,
 )
@@ -57,7 +56,7 @@ def opened(scene: SceneView) -> Session:
     limits = SessionLimits(max_messages_per_s=1e9, max_credit_bytes=PLENTY)
     session = Session(scene, limits, session_id="s", now_s=0.0)
     hello = Hello(
-        protocol=(1, 1), client="", encoding="glb", budgets=Budgets(), credit_bytes=PLENTY
+        protocol=(1, 0), client="", encoding="glb", budgets=Budgets(), credit_bytes=PLENTY
     )
     session.receive(hello, 0.0)
     while session.next_action() is not None:
@@ -117,14 +116,13 @@ def main() -> None:
         (Held(segments=offer), Direction.CLIENT_TO_SERVER),
     ):
         rows = len(message.load) if isinstance(message, Plan) else len(message.segments)
-        for subprotocol in Subprotocol:
-            data = encode(message, subprotocol)
-            encode_ms = best_ms(lambda m=message, s=subprotocol: encode(m, s))
-            decode_ms = best_ms(lambda d=data, s=subprotocol, w=direction: decode(d, s, w))
-            print(
-                f"{message.TYPE} of {rows} rows, {subprotocol.name.lower()}: {len(data)} B, "
-                f"encode {encode_ms:.2f} ms, decode {decode_ms:.2f} ms"
-            )
+        data = encode(message)
+        encode_ms = best_ms(lambda m=message: encode(m))
+        decode_ms = best_ms(lambda d=data, w=direction: decode(d, w))
+        print(
+            f"{message.TYPE} of {rows} rows: {len(data)} B, "
+            f"encode {encode_ms:.2f} ms, decode {decode_ms:.2f} ms"
+        )
 
 
 if __name__ == "__main__":

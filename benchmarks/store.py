@@ -5,7 +5,7 @@
 * spatial index: build and query at 10 k, 100 k and 1 M boxes, R-tree against brute force, same
   answers required;
 * index file: bytes per segment, encode and decode;
-* payload: bytes per triangle, encode and decode per second, by encoding and option, and what each
+* payload: bytes per triangle, encode and decode per second, by option of the encoder, and what each
   part takes;
 * reading: payloads per second from a published scene, by source, with and without the hash check.
 
@@ -31,9 +31,7 @@ from terraport_payload import (
     AttributeScale,
     Cover,
     SegmentMesh,
-    decode_arrays,
     decode_glb,
-    encode_arrays,
     encode_glb,
 )
 from terraport_payload.glb_container import split_glb
@@ -181,7 +179,7 @@ def terrain(cells: int, seed: int = 0) -> SegmentMesh:
 
 
 def payload(cells: int) -> dict[str, Any]:
-    """Size and speed of each encoding of one segment."""
+    """Size and speed of one segment, by option of the encoder."""
     mesh = terrain(cells)
     faces = len(mesh.faces)
     bare = SegmentMesh(mesh.positions, mesh.faces, mesh.normals)
@@ -202,8 +200,6 @@ def payload(cells: int) -> dict[str, Any]:
         rows[name] = figures(
             faces, data, lambda s=source, m=more: encode(s, **m), lambda d=data: decode_glb(d)
         )
-    flat = encode_arrays(mesh)
-    rows["arrays"] = figures(faces, flat, lambda: encode_arrays(mesh), lambda: decode_arrays(flat))
     document = split_glb(encode(mesh))[0]
     primitive = document["meshes"][0]["primitives"][0]
     parts = {**primitive["attributes"], "indices": primitive["indices"]}

@@ -1,6 +1,6 @@
 """Time and bytes of a 1,000-segment plan on the wire: ``python benchmarks/wire.py [--smoke]``.
 
-Fixed data.  Prints one JSON object: per subprotocol the bytes of the plan and the best of several
+Fixed data.  Prints one JSON object: the bytes of the plan and the best of several
 rounds of encoding and decoding; the same for a ``land`` and for payload frames.
 """
 
@@ -24,7 +24,6 @@ from terraport_wire import (
     Message,
     PayloadFrame,
     Plan,
-    Subprotocol,
     decode,
     decode_frame,
     encode,
@@ -76,18 +75,15 @@ def best_us(work: Callable[[], object], rounds: int) -> float:
     return min(times) / 1000
 
 
-def measure(message: Message, rounds: int) -> dict[str, dict[str, float]]:
-    """Return bytes and times of a message by subprotocol; the round trip must hold."""
-    results = {}
-    for form in Subprotocol:
-        wire = encode(message, form)
-        assert decode(wire, form, message.DIRECTION) == message
-        results[form.name.lower()] = {
-            "bytes": len(wire.encode() if isinstance(wire, str) else wire),
-            "encode_us": round(best_us(partial(encode, message, form), rounds), 1),
-            "decode_us": round(best_us(partial(decode, wire, form, message.DIRECTION), rounds), 1),
-        }
-    return results
+def measure(message: Message, rounds: int) -> dict[str, float]:
+    """Return bytes and times of a message; the round trip must hold."""
+    wire = encode(message)
+    assert decode(wire, message.DIRECTION) == message
+    return {
+        "bytes": len(wire),
+        "encode_us": round(best_us(partial(encode, message), rounds), 1),
+        "decode_us": round(best_us(partial(decode, wire, message.DIRECTION), rounds), 1),
+    }
 
 
 def measure_frames(rounds: int) -> dict[str, float]:

@@ -10,8 +10,8 @@ Five attacks, each from a fixed seed:
 
 * **core**: valid, edited and broken messages into the pure session core, driven as the sender
   drives it;
-* **truncated**: every proper prefix of every valid message of the conformance corpus, in both
-  subprotocols, into the core, and over real sockets, before and after hello;
+* **truncated**: every proper prefix of every valid message of the conformance corpus,
+  into the core, and over real sockets, before and after hello;
 * **messages**: the mix of the first over real sockets, several connections at once;
 * **frames**: WebSocket frames that are legal but odd, and every kind of illegal one;
 * **http**: requests with hostile paths, headers and bodies, and bytes that are no HTTP.
@@ -44,7 +44,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 from attacks.core import CoreRun, fuzz_core, make_view, take_alone
 from attacks.http_cases import CANARY, hostile_request, judge
-from attacks.messages import Corpus, Data, encoded, sensible, sensible_hello
+from attacks.messages import Corpus, sensible, sensible_hello
 from attacks.peers import Answers, HostilePeer
 from attacks.scene import EDGE_M, SEGMENTS, write_small_scene
 from attacks.websocket_cases import hostile_frames, random_frames
@@ -52,7 +52,7 @@ from parts.light_client import Findings, LightClient
 from parts.service_process import ServiceProcess
 
 from terraport_store import Scene
-from terraport_wire import Bye, Credit, Subprotocol
+from terraport_wire import Bye, Credit, encode
 
 THREADS: Final = 6
 SCENE: Final = "pit"
@@ -94,55 +94,53 @@ def attack_core(corpus: Corpus, budget: Budget, seed: int) -> CoreRun:
 def attack_core_truncated(corpus: Corpus, budget: Budget, seed: int) -> CoreRun:
     """Every truncation, or as many as there is time for."""
     run, view = CoreRun(), make_view(seed)
-    for form, data in _truncations(corpus, seed):
+    for data in _truncations(corpus, seed):
         if not budget.more():
             break
         try:
-            take_alone(data, form, view, run)
+            take_alone(data, view, run)
         except Exception:
-            print(f"core: truncated {form} {data!r}", file=sys.stderr)
+            print(f"core: truncated {data!r}", file=sys.stderr)
             raise
         budget.done = run.messages
     return run
 
 
-def socket_truncated(
-    port: int, form: Subprotocol, data: Data, draw: random.Random
-) -> tuple[int, list[str], str]:
+def socket_truncated(port: int, data: bytes, draw: random.Random) -> tuple[int, list[str], str]:
     """One truncation as the second message, or as the first, of a connection."""
     answers = Answers()
     with HostilePeer(port) as peer:
-        peer.handshake(SCENE, form, answers)
-        messages: list[Data] = [data, encoded(Bye(), form)]
+        peer.handshake(SCENE, answers)
+        messages: list[bytes] = [data, encode(Bye())]
         if draw.random() < 0.8:
-            messages.insert(0, encoded(sensible_hello(draw, SEGMENTS), form))
+            messages.insert(0, encode(sensible_hello(draw, SEGMENTS)))
         peer.send(*messages)
-        peer.until_closed(form, answers)
+        peer.until_closed(answers)
     return len(messages), answers.wrong, _name(answers)
 
 
 def socket_messages(corpus: Corpus, port: int, draw: random.Random) -> tuple[int, list[str], str]:
     """One connection's life: hello, a mix, bye."""
-    form, answers = draw.choice(list(Subprotocol)), Answers()
-    messages: list[Data] = [encoded(sensible_hello(draw, SEGMENTS), form)]
+    answers = Answers()
+    messages: list[bytes] = [encode(sensible_hello(draw, SEGMENTS))]
     if draw.random() < 0.05:
-        messages = [corpus.edited(form, draw)]
+        messages = [corpus.edited(draw)]
     hostility = draw.choice([0.0, 0.02, 0.02, 0.3])
     for generation in range(draw.randint(1, 60)):
         if draw.random() < hostility:
             edit = corpus.edited if draw.random() < 0.7 else corpus.broken
-            messages.append(edit(form, draw))
+            messages.append(edit(draw))
         else:
             message = sensible(draw, generation, segments=SEGMENTS, edge_m=EDGE_M)
-            messages.append(encoded(message, form))
-    messages.append(encoded(Bye(), form))
+            messages.append(encode(message))
+    messages.append(encode(Bye()))
     with HostilePeer(port) as peer:
-        peer.handshake(SCENE, form, answers)
+        peer.handshake(SCENE, answers)
         if draw.random() < 0.05:  # vanish in the middle
             peer.send(*messages)
             return len(messages), answers.wrong, "vanished"
         peer.send(*messages)
-        peer.until_closed(form, answers)
+        peer.until_closed(answers)
     return len(messages), answers.wrong, _name(answers)
 
 
@@ -150,10 +148,10 @@ def socket_frames(port: int, name: str, data: bytes) -> tuple[int, list[str], st
     """One connection that breaks the rules of WebSocket."""
     answers = Answers()
     with HostilePeer(port) as peer:
-        peer.handshake(SCENE, Subprotocol.MSGPACK, answers)
-        peer.send(encoded(sensible_hello(random.Random(1), SEGMENTS), Subprotocol.MSGPACK))
+        peer.handshake(SCENE, answers)
+        peer.send(encode(sensible_hello(random.Random(1), SEGMENTS)))
         peer.write(data)
-        peer.finish(Subprotocol.MSGPACK, answers, quiet_s=0.1)
+        peer.finish(answers, quiet_s=0.1)
     if answers.close_code is not None and answers.close_code.to_bytes(2, "big") in data:
         answers.wrong.clear()  # the service gives back the code of the client's own close
     return 2, [f"{name}: {what}" for what in answers.wrong], _name(answers)
@@ -163,7 +161,7 @@ def socket_http(port: int, request: bytes) -> tuple[int, list[str], str]:
     """One connection that speaks HTTP, or nearly."""
     with HostilePeer(port) as peer:
         peer.write(request)
-        peer.finish(None, Answers(), quiet_s=0.05)
+        peer.finish(Answers(), quiet_s=0.05)
         answer = peer.inbox
     wrong = [f"{what}; the request was {request[:2000]!r}" for what in judge(answer)]
     words = answer.split(None, 2)
@@ -199,9 +197,9 @@ def _safely(case: Case) -> tuple[int, list[str], str]:
         return 1, [f"{type(error).__name__}: {error}"], "wrong"
 
 
-def _truncations(corpus: Corpus, seed: int) -> list[tuple[Subprotocol, Data]]:
+def _truncations(corpus: Corpus, seed: int) -> list[bytes]:
     """All of them, in an order that shows a bit of everything first."""
-    found = [(form, data) for form in Subprotocol for data in corpus.truncations(form)]
+    found = list(corpus.truncations())
     random.Random(seed).shuffle(found)
     return found
 
@@ -244,16 +242,15 @@ def attack_service(
     def truncated() -> Iterator[Case]:
         every = _truncations(corpus, seed)[part[0] :: part[1]]
         pairs = zip(every, draws("truncated"), strict=False)
-        for (form, data), draw in pairs:
-            yield lambda f=form, d=data, r=draw: socket_truncated(port, f, d, r)
+        for data, draw in pairs:
+            yield lambda d=data, r=draw: socket_truncated(port, d, r)
 
     def messages() -> Iterator[Case]:
         for draw in draws("messages"):
             yield lambda r=draw: socket_messages(corpus, port, r)
 
     def frames() -> Iterator[Case]:
-        message = encoded(Credit(bytes=5), Subprotocol.MSGPACK)
-        assert isinstance(message, bytes)
+        message = encode(Credit(bytes=5))
         for name, data in hostile_frames(message):
             yield lambda n=name, d=data: socket_frames(port, n, d)
         for draw in draws("frames"):

@@ -7,6 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# Wall time is never asserted: a busy machine is no fault of an example's.
+settings.register_profile("terraport", deadline=None)
+settings.load_profile("terraport")
 
 # A script that runs in the background ignores SIGINT, and all its children inherit that; several
 # tests press Ctrl-C.

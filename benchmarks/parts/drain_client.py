@@ -9,17 +9,18 @@ from __future__ import annotations
 import socket
 import time
 from contextlib import suppress
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from websockets.client import ClientProtocol
 from websockets.frames import Opcode
 from websockets.http11 import Response
-from websockets.typing import Subprotocol as SubprotocolName
+from websockets.typing import Subprotocol
 from websockets.uri import parse_uri
 
 from terraport_wire import (
     HEADER_BYTES,
+    SUBPROTOCOL,
     Budgets,
     Credit,
     Direction,
@@ -29,7 +30,6 @@ from terraport_wire import (
     Message,
     Plan,
     Ready,
-    Subprotocol,
     Welcome,
     decode,
     encode,
@@ -50,19 +50,23 @@ class DrainClient:
     scene : str
     receive_buffer : int, optional
         SO_RCVBUF.
+    address : str, optional
+        Of this machine, to come from.
     """
 
-    def __init__(self, host: str, port: int, scene: str, *, receive_buffer: int = 0) -> None:
+    def __init__(
+        self, host: str, port: int, scene: str, *, receive_buffer: int = 0, address: str = ""
+    ) -> None:
         self.socket = socket.socket()
+        if address:
+            self.socket.bind((address, 0))
         if receive_buffer:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
         self.socket.settimeout(60)
         self.socket.connect((host, port))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         uri = parse_uri(f"ws://{host}:{port}/scenes/{scene}/stream")
-        self._protocol = ClientProtocol(
-            uri, subprotocols=[SubprotocolName(Subprotocol.MSGPACK)], max_size=None
-        )
+        self._protocol = ClientProtocol(uri, subprotocols=[Subprotocol(SUBPROTOCOL)], max_size=None)
         self._scratch = bytearray(1 << 18)
         self.generation = 0
         """Of the newest landing."""
@@ -76,8 +80,8 @@ class DrainClient:
         assert isinstance(response, Response), response
         assert response.status_code == 101, response
 
-    def hello(self, credit_bytes: int = PLENTY) -> Welcome:
-        """Open the session."""
+    def hello(self, credit_bytes: int = PLENTY, **fields: Any) -> Welcome:
+        """Open the session; `fields` are further ones of hello."""
         self.send(
             Hello(
                 protocol=(1, 0),
@@ -85,6 +89,7 @@ class DrainClient:
                 encoding="glb",
                 budgets=Budgets(),
                 credit_bytes=credit_bytes,
+                **fields,
             )
         )
         self.welcome = welcome = self.message()
@@ -94,7 +99,7 @@ class DrainClient:
     def send(self, *messages: Message) -> None:
         """Send messages in one write."""
         for message in messages:
-            data = encode(message, Subprotocol.MSGPACK)
+            data = encode(message)
             assert isinstance(data, bytes)
             self._protocol.send_binary(data)
         self._flush()
@@ -162,7 +167,7 @@ class DrainClient:
             self._skip(length - 1)
             return length - HEADER_BYTES
         data = first + self._exactly(length - 1)
-        found = decode(data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT)
+        found = decode(data, Direction.SERVER_TO_CLIENT)
         assert isinstance(found, Message)
         return found
 

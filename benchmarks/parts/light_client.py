@@ -21,12 +21,13 @@ from parts.expected_plan import differences, expect
 from websockets.client import ClientProtocol
 from websockets.frames import Frame, Opcode
 from websockets.http11 import Response
-from websockets.typing import Subprotocol as SubprotocolName
+from websockets.typing import Subprotocol
 from websockets.uri import parse_uri
 
 from terraport_store import SegmentIndex
 from terraport_wire import (
     HELD_DTYPE,
+    SUBPROTOCOL,
     Budgets,
     Credit,
     Direction,
@@ -38,7 +39,6 @@ from terraport_wire import (
     PayloadFrame,
     Plan,
     Ready,
-    Subprotocol,
     Superseded,
     Welcome,
     decode,
@@ -139,7 +139,7 @@ class LightClient:
         await loop.sock_connect(raw, (self._uri.host, self._uri.port))
         raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._protocol = ClientProtocol(
-            self._uri, subprotocols=[SubprotocolName(Subprotocol.MSGPACK)], max_size=None
+            self._uri, subprotocols=[Subprotocol(SUBPROTOCOL)], max_size=None
         )
         self._events: deque[Any] = deque()
         self._parts: dict[int, bytearray] = {}
@@ -220,7 +220,7 @@ class LightClient:
     async def send(self, *messages: Message) -> None:
         """Send messages in one write."""
         for message in messages:
-            data = encode(message, Subprotocol.MSGPACK)
+            data = encode(message)
             assert isinstance(data, bytes)
             self._protocol.send_binary(data)
         await self._flush()
@@ -245,7 +245,7 @@ class LightClient:
                 self._take_frame(frame)
                 await self._grant(len(frame.chunk))
                 return frame
-            message = decode(event.data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT)
+            message = decode(event.data, Direction.SERVER_TO_CLIENT)
             if not isinstance(message, Message) or isinstance(message, Notice):
                 continue
             self._take_message(message)

@@ -78,9 +78,7 @@ def write_sparse_scene(path: Path, *, pack_bytes: int, segment_bytes: int) -> Ma
         path="new/segments.pack", bytes=index.end, xxh3=_digest(header, index.end - len(header))
     )
     shape = MeshShape.of(decode_glb(base))
-    return swap_in(
-        path, staging, assemble_manifest(scene_info("sparse"), {"glb": index}, shape, infos)
-    )
+    return swap_in(path, staging, assemble_manifest(scene_info("sparse"), index, shape, infos))
 
 
 def _digest(header: bytes, zeros: int) -> str:

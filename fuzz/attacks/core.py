@@ -9,7 +9,7 @@ import random
 from dataclasses import dataclass
 
 import numpy as np
-from attacks.messages import Corpus, Data, encoded, sensible, sensible_hello
+from attacks.messages import Corpus, sensible, sensible_hello
 
 from terraport_server.actions import (
     Close,
@@ -29,7 +29,6 @@ from terraport_wire import (
     Direction,
     Error,
     ErrorCode,
-    Subprotocol,
     decode,
     encode,
 )
@@ -76,15 +75,14 @@ def make_view(seed: int) -> SceneView:
 
 def fuzz_core(corpus: Corpus, draw: random.Random, view: SceneView, run: CoreRun) -> None:
     """One session, from hello to close; raises AssertionError, or whatever escapes the core."""
-    form = draw.choice(list(Subprotocol))
     limits = SessionLimits(max_messages_per_s=1e9, max_plan_segments=draw.choice([16_384, 7]))
     session = Session(view, limits, session_id="f", now_s=0.0)
     now_s, closes = 0.0, 0
     run.sessions += 1
-    first = encoded(sensible_hello(draw, SEGMENTS), form)
+    first = encode(sensible_hello(draw, SEGMENTS))
     if draw.random() < 0.1:
-        first = corpus.edited(form, draw)
-    _take(session, first, form, now_s, run)
+        first = corpus.edited(draw)
+    _take(session, first, now_s, run)
     hostility = draw.choice([0.0, 0.03, 0.3, 1.0])
     for generation in range(draw.randint(1, 60)):
         if session.closing:
@@ -94,41 +92,41 @@ def fuzz_core(corpus: Corpus, draw: random.Random, view: SceneView, run: CoreRun
             session.heard(now_s)
             session.tick(now_s)
         if draw.random() < hostility:
-            data = (corpus.edited if draw.random() < 0.7 else corpus.broken)(form, draw)
+            data = (corpus.edited if draw.random() < 0.7 else corpus.broken)(draw)
         else:
             message = sensible(draw, generation, segments=SEGMENTS, edge_m=EDGE_M)
-            data = encoded(message, form)
+            data = encode(message)
         if session.pending < MOST_PENDING:
-            _take(session, data, form, now_s, run)
+            _take(session, data, now_s, run)
         if draw.random() < 0.02:
             session.scene_published("w")
         if draw.random() < 0.01:
             session.drain(now_s, 1.0)
-        closes += _act(session, draw, form, now_s, run, most=draw.choice([0, 3, 50]))
+        closes += _act(session, draw, now_s, run, most=draw.choice([0, 3, 50]))
     if not session.closing:
         session.tick(now_s + 1e6)
-    closes += _act(session, draw, form, now_s, run, most=10_000)
+    closes += _act(session, draw, now_s, run, most=10_000)
     assert session.closing
     assert closes == 1, f"{closes} closes at the end of a session, expected one"
     run.closed += 1
 
 
-def take_alone(data: Data, form: Subprotocol, view: SceneView, run: CoreRun) -> None:
+def take_alone(data: bytes, view: SceneView, run: CoreRun) -> None:
     """One message to a session that is open, and one to a session that waits for hello."""
     draw = random.Random(0)
     for greeted in (True, False):
         session = Session(view, SessionLimits(), session_id="f", now_s=0.0)
         if greeted:
             hello = sensible_hello(random.Random(1), SEGMENTS)
-            _take(session, encoded(hello, form), form, 0.0, run)
-        _take(session, data, form, 0.0, run)
-        _act(session, draw, form, 0.0, run, most=1000)
+            _take(session, encode(hello), 0.0, run)
+        _take(session, data, 0.0, run)
+        _act(session, draw, 0.0, run, most=1000)
 
 
-def _take(session: Session, data: Data, form: Subprotocol, now_s: float, run: CoreRun) -> None:
+def _take(session: Session, data: bytes, now_s: float, run: CoreRun) -> None:
     run.messages += 1
     try:
-        message = decode(data, form, Direction.CLIENT_TO_SERVER)
+        message = decode(data, Direction.CLIENT_TO_SERVER)
     except DecodeError as error:
         session.refuse(error, now_s)
     else:
@@ -139,7 +137,6 @@ def _take(session: Session, data: Data, form: Subprotocol, now_s: float, run: Co
 def _act(
     session: Session,
     draw: random.Random,
-    form: Subprotocol,
     now_s: float,
     run: CoreRun,
     *,
@@ -164,7 +161,7 @@ def _act(
             assert deliveries.credit_bytes >= 0
             run.chunks += 1
         elif isinstance(action, SendMessage):
-            _check_answer(action, form)
+            _check_answer(action)
             run.answers += 1
         elif isinstance(action, RunPick):
             if draw.random() < 0.5:
@@ -177,9 +174,9 @@ def _act(
     return closes
 
 
-def _check_answer(action: SendMessage, form: Subprotocol) -> None:
+def _check_answer(action: SendMessage) -> None:
     message = action.message
-    assert decode(encode(message, form), form, Direction.SERVER_TO_CLIENT) == message
+    assert decode(encode(message), Direction.SERVER_TO_CLIENT) == message
     if isinstance(message, Error):
         assert message.code in set(ErrorCode), message
         assert message.code != ErrorCode.INTERNAL or not message.fatal, message

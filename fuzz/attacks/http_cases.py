@@ -79,7 +79,7 @@ _HEADERS: Final = (
     "Upgrade: h2c", "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==", "Sec-WebSocket-Key: short",
     "Sec-WebSocket-Version: 13", "Sec-WebSocket-Version: 99",
     "Sec-WebSocket-Protocol: terraport.v1.msgpack", "Sec-WebSocket-Protocol: , ,",
-    "Sec-WebSocket-Protocol: terraport.token.!!!, terraport.v1.json",
+    "Sec-WebSocket-Protocol: terraport.token.!!!, terraport.v1.msgpack",
     "Sec-WebSocket-Extensions: permessage-deflate", "X-Forwarded-For: 1.2.3.4, \u00e9, ::1",
     "X-Forwarded-Proto: \0", "X: " + "y" * 20_000, "Accept: " + "*/*," * 100, " folded: x",
     "no colon",

@@ -5,7 +5,6 @@ New messages of the protocol come in by themselves, with their conformance files
 
 from __future__ import annotations
 
-import json
 import math
 import random
 from collections.abc import Iterator
@@ -28,14 +27,9 @@ from terraport_wire import (
     Message,
     Pick,
     Reject,
-    Subprotocol,
-    encode,
 )
 
-__all__ = ["Corpus", "Data", "sensible"]
-
-Data = bytes | str
-"""One message as the WebSocket carries it."""
+__all__ = ["Corpus", "sensible", "sensible_hello"]
 
 CORPUS: Final = Path(__file__).resolve().parents[2] / "tests" / "conformance" / "wire"
 LONGEST_SEED: Final = 8192
@@ -52,55 +46,52 @@ class Corpus:
     """The conformance files, as bytes and as plain values."""
 
     def __init__(self) -> None:
-        self.raw: dict[Subprotocol, list[bytes]] = {form: [] for form in Subprotocol}
-        self.plain: dict[Subprotocol, list[dict[str, Any]]] = {form: [] for form in Subprotocol}
-        self.good: dict[Subprotocol, list[bytes]] = {form: [] for form in Subprotocol}
+        self.raw: list[bytes] = []
+        self.plain: list[dict[str, Any]] = []
+        self.good: list[bytes] = []
         """Of these: what is valid, in both directions; every truncation of each is tried."""
-        forms = {"msgpack": Subprotocol.MSGPACK, "json": Subprotocol.JSON}
         for path in sorted(CORPUS.rglob("*.bin")):
             data = path.read_bytes()
-            form = forms.get(path.name.partition("-")[0])
             if len(data) > LONGEST_SEED:
                 continue
-            for one in [form] if form is not None else list(Subprotocol):
-                self.raw[one].append(data)
-            if form is None or path.parent.name != "good":
+            self.raw.append(data)
+            if path.name.startswith("frame-") or path.parent.name != "good":
                 continue
-            self.good[form].append(data)
-            plain = _loads(data, form)
+            self.good.append(data)
+            plain = msgpack.unpackb(data, strict_map_key=False)
             if isinstance(plain, dict):
-                self.plain[form].append(plain)
+                self.plain.append(plain)
 
-    def truncations(self, form: Subprotocol) -> Iterator[Data]:
+    def truncations(self) -> Iterator[bytes]:
         """Every proper prefix of every valid message."""
-        for data in self.good[form]:
+        for data in self.good:
             for length in range(len(data)):
-                yield _as_data(data[:length], form)
+                yield data[:length]
 
-    def edited(self, form: Subprotocol, draw: random.Random) -> Data:
+    def edited(self, draw: random.Random) -> bytes:
         """Return a message with one to three fields changed, dropped, added or of another type."""
-        plain = dict(draw.choice(self.plain[form]))
+        plain = dict(draw.choice(self.plain))
         for _ in range(draw.randint(1, 3)):
             names = list(plain) or ["type"]
             name, way = draw.choice(names), draw.randrange(6)
             if way == 0:
                 plain.pop(name, None)
             elif way == 1:
-                plain[draw.choice(["", "x", "type", "Type", "generation", "\0"])] = _edge(
-                    draw, form
+                plain[draw.choice(["", "x", "type", "Type", "generation", "\0"])] = draw.choice(
+                    EDGES
                 )
             elif way == 2:
-                other = draw.choice(self.plain[form])
+                other = draw.choice(self.plain)
                 plain[name] = other.get(name, draw.choice(list(other.values())))
             elif way == 3:
-                plain[name] = _nested(_edge(draw, form), draw.randint(1, 40))
+                plain[name] = _nested(draw.choice(EDGES), draw.randint(1, 40))
             else:
-                plain[name] = _edge(draw, form)
-        return _dumps(plain, form)
+                plain[name] = draw.choice(EDGES)
+        return _dumps(plain)
 
-    def broken(self, form: Subprotocol, draw: random.Random) -> Data:
+    def broken(self, draw: random.Random) -> bytes:
         """Return a message with random edits of its bytes."""
-        return _as_data(mutate(draw.choice(self.raw[form]), self.raw[form], draw), form)
+        return mutate(draw.choice(self.raw), self.raw, draw)
 
 
 def sensible(draw: random.Random, generation: int, *, segments: int, edge_m: float) -> Message:
@@ -146,7 +137,7 @@ def sensible_hello(draw: random.Random, segments: int) -> Hello:
     return Hello(
         protocol=draw.choice([(1, 0), (1, 7), (1, 0), (2, 0)]) if draw.random() < 0.1 else (1, 0),
         client="fuzz",
-        encoding="glb" if draw.random() < 0.95 else "arrays",
+        encoding="glb",
         budgets=Budgets(
             max_segments=draw.choice([None, 0, 5]), max_bytes=draw.choice([None, 9999])
         ),
@@ -155,42 +146,16 @@ def sensible_hello(draw: random.Random, segments: int) -> Hello:
     )
 
 
-def encoded(message: Message, form: Subprotocol) -> Data:
-    """Encode a message."""
-    return encode(message, form)
-
-
-def _edge(draw: random.Random, form: Subprotocol) -> Any:
-    value = draw.choice(EDGES)
-    if form is Subprotocol.JSON and isinstance(value, bytes):
-        return list(value)
-    return value
-
-
 def _nested(value: Any, depth: int) -> Any:
     for _ in range(depth):
         value = [value]
     return value
 
 
-def _loads(data: bytes, form: Subprotocol) -> Any:
-    if form is Subprotocol.JSON:
-        return json.loads(data)
-    return msgpack.unpackb(data, strict_map_key=False)
-
-
-def _dumps(plain: dict[str, Any], form: Subprotocol) -> Data:
-    if form is Subprotocol.JSON:
-        return json.dumps(plain)  # NaN and Infinity among it: no JSON, as wanted
+def _dumps(plain: dict[str, Any]) -> bytes:
     try:
         packed = msgpack.packb(plain)
     except OverflowError:
         packed = msgpack.packb({"type": "credit", "bytes": 2**64 - 1})
     assert isinstance(packed, bytes)
     return packed
-
-
-def _as_data(data: bytes, form: Subprotocol) -> Data:
-    if form is Subprotocol.JSON:
-        return data.decode("utf-8", "replace")
-    return data

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import json
 import random
 import socket
 import struct
@@ -17,7 +16,7 @@ from typing import Any, Final, Self
 
 import msgpack
 
-from terraport_wire import CloseCode, ErrorCode, Subprotocol, is_payload
+from terraport_wire import SUBPROTOCOL, CloseCode, ErrorCode, is_payload
 
 __all__ = ["ANSWER_S", "Answers", "HangError", "HostilePeer", "frame"]
 
@@ -89,13 +88,23 @@ def frame(
 
 
 class HostilePeer:
-    """One TCP connection to the service."""
+    """One TCP connection to the service.
 
-    def __init__(self, port: int) -> None:
-        self.socket = socket.create_connection(("127.0.0.1", port), ANSWER_S)
+    Parameters
+    ----------
+    port : int
+    address : str, optional
+        Of this machine, to come from: Linux has all of 127.0.0.0/8.
+    """
+
+    def __init__(self, port: int, *, address: str = "127.0.0.1") -> None:
+        self.socket = socket.create_connection(
+            ("127.0.0.1", port), ANSWER_S, source_address=(address, 0)
+        )
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.inbox = b""
-        """What came and was not parsed."""
+        """What came and was not parsed: of a connection that is no WebSocket, everything."""
+        self._is_websocket = False
 
     def __enter__(self) -> Self:
         return self
@@ -103,19 +112,20 @@ class HostilePeer:
     def __exit__(self, *_: object) -> None:
         self.socket.close()
 
-    def handshake(self, scene: str, form: Subprotocol, answers: Answers) -> None:
+    def handshake(self, scene: str, answers: Answers) -> None:
         """Become a WebSocket."""
         key = base64.b64encode(random.Random(1).randbytes(16)).decode()
         self.write(
             f"GET /scenes/{scene}/stream HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
             f"Connection: Upgrade\r\nSec-WebSocket-Key: {key}\r\nSec-WebSocket-Version: 13\r\n"
-            f"Sec-WebSocket-Protocol: {form.value}\r\n\r\n".encode()
+            f"Sec-WebSocket-Protocol: {SUBPROTOCOL}\r\n\r\n".encode()
         )
         while b"\r\n\r\n" not in self.inbox:
             if not self._fill(time.monotonic() + ANSWER_S):
                 raise HangError("closed in the handshake")
         head, _, self.inbox = self.inbox.partition(b"\r\n\r\n")
         answers.status = int(head.split()[1])
+        self._is_websocket = True
 
     def write(self, data: bytes) -> bool:
         """Write everything; False where the service does not want it any more."""
@@ -137,15 +147,8 @@ class HostilePeer:
                 data += frame(BINARY, message)
         return self.write(data)
 
-    def until_closed(self, form: Subprotocol | None, answers: Answers) -> Answers:
-        """Read until the service closes.
-
-        Parameters
-        ----------
-        form : Subprotocol or None
-            None: HTTP, nothing is parsed; see :attr:`inbox`.
-        answers : Answers
-            What came is added to it.
+    def until_closed(self, answers: Answers) -> Answers:
+        """Read until the service closes; what came is added to the answers.
 
         Raises
         ------
@@ -154,17 +157,17 @@ class HostilePeer:
         """
         until_s = time.monotonic() + ANSWER_S
         while self._fill(until_s):
-            self._parse(form, answers)
+            self._parse(answers)
         return answers
 
-    def finish(self, form: Subprotocol | None, answers: Answers, *, quiet_s: float) -> Answers:
+    def finish(self, answers: Answers, *, quiet_s: float) -> Answers:
         """Read until nothing comes for a while, half-close, and read until the service closes."""
         with contextlib.suppress(HangError):
             while self._fill(time.monotonic() + quiet_s):
-                self._parse(form, answers)
+                self._parse(answers)
         with contextlib.suppress(OSError):
             self.socket.shutdown(socket.SHUT_WR)
-        return self.until_closed(form, answers)
+        return self.until_closed(answers)
 
     def _fill(self, until_s: float) -> bool:
         """Receive something; False at the end of the stream."""
@@ -183,9 +186,9 @@ class HostilePeer:
         self.inbox += data
         return bool(data)
 
-    def _parse(self, form: Subprotocol | None, answers: Answers) -> None:
+    def _parse(self, answers: Answers) -> None:
         """Take whole frames from the inbox."""
-        if form is None:
+        if not self._is_websocket:
             return
         while len(self.inbox) >= 2:
             first, second = self.inbox[0], self.inbox[1]
@@ -197,11 +200,9 @@ class HostilePeer:
             if len(self.inbox) < start + length:
                 return
             data, self.inbox = self.inbox[start : start + length], self.inbox[start + length :]
-            self._judge(first, second, data, form, answers)
+            self._judge(first, second, data, answers)
 
-    def _judge(
-        self, first: int, second: int, data: bytes, form: Subprotocol, answers: Answers
-    ) -> None:
+    def _judge(self, first: int, second: int, data: bytes, answers: Answers) -> None:
         opcode = first & 0x0F
         if first & 0x70 or not first & 0x80 or second & 0x80:
             answers.wrong.append(f"a frame of ours begins {first:02x} {second:02x}")
@@ -214,17 +215,14 @@ class HostilePeer:
             self.write(frame(CLOSE, data[:2]))
         elif opcode == BINARY and is_payload(data):
             answers.chunks += 1
-        elif opcode in {BINARY, TEXT}:
-            self._judge_message(data, opcode, form, answers)
+        elif opcode == BINARY:
+            self._judge_message(data, answers)
         elif opcode not in {PING, PONG}:
             answers.wrong.append(f"opcode {opcode}")
 
-    def _judge_message(self, data: bytes, opcode: int, form: Subprotocol, answers: Answers) -> None:
+    def _judge_message(self, data: bytes, answers: Answers) -> None:
         answers.messages += 1
-        loads: Any = json.loads if form is Subprotocol.JSON else msgpack.unpackb
-        message: dict[str, Any] = loads(data)
-        if (opcode == TEXT) is not (form is Subprotocol.JSON):
-            answers.wrong.append("a message in the other subprotocol's form")
+        message: dict[str, Any] = msgpack.unpackb(data)
         if message["type"] == "error":
             answers.errors.append(message["code"])
             if message["code"] not in set(ErrorCode):

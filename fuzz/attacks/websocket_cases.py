@@ -57,7 +57,7 @@ def hostile_frames(message: bytes) -> Iterator[tuple[str, bytes]]:
     yield "text of bad UTF-8", frame(TEXT, b"\xff\xfe{}")
     yield "text of half a character", frame(TEXT, b'{"type":"\xc3"}')
     yield "text of a lone surrogate", frame(TEXT, b'{"type":"\xed\xa0\x80"}')
-    yield "text in the binary subprotocol", frame(TEXT, b'{"type":"bye"}')
+    yield "a message as text", frame(TEXT, b'{"type":"bye"}')
     yield "empty binary", frame(BINARY, b"")
     yield "empty text", frame(TEXT, b"")
     yield "close, one byte", frame(CLOSE, b"\x03")

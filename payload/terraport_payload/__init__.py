@@ -1,18 +1,13 @@
-"""Payload codecs: one segment (or the base mesh) between arrays and bytes.
+"""Payload codec: one segment (or the base mesh) between arrays and bytes.
 
-Two encodings, both described in ``spec/scene-format.md``:
-
-* ``glb`` (:func:`encode_glb`, :func:`decode_glb`): a self-contained glTF 2.0 binary, quantised and
-  meshopt-compressed;
-* ``arrays`` (:func:`encode_arrays`, :func:`decode_arrays`): flat little-endian arrays for engines
-  without a glTF loader.
+A payload is a self-contained glTF 2.0 binary, quantised and meshopt-compressed
+(:func:`encode_glb`, :func:`decode_glb`); described in ``spec/scene-format.md``.
 
 PURE: no I/O, no clock; depends on NumPy, meshopt and xxhash alone. Every function is thread-safe.
 """
 
 from __future__ import annotations
 
-from terraport_payload.arrays import decode_arrays, encode_arrays
 from terraport_payload.cover import Cover
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb import decode_glb, encode_glb, gltf_attribute_name
@@ -30,9 +25,7 @@ __all__ = [
     "Texture",
     "choose_attribute_scale",
     "choose_step_m",
-    "decode_arrays",
     "decode_glb",
-    "encode_arrays",
     "encode_glb",
     "gltf_attribute_name",
     "order_for_cache",

@@ -1,6 +1,4 @@
-"""A file of named arrays, which three kinds of file are made of.
-
-``segments.idx``, ``base.cover`` and the ``arrays`` payload.
+"""A file of named arrays: ``segments.idx`` and ``base.cover`` are such.
 
 Layout (little-endian; byte diagram in ``spec/scene-format.md``, section "Flat file")::
 

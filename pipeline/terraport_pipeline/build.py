@@ -19,7 +19,7 @@ from terraport_pipeline.build_report import BuildReport, write_build_report
 from terraport_pipeline.build_tiled import TiledSurface, check_tiled, segment_and_pack
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.survey_stream import survey_size
-from terraport_pipeline.errors import OptionError, SurveyError
+from terraport_pipeline.errors import OptionError, PipelineError, SurveyError
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.model import Survey
 from terraport_pipeline.photo_input import FoundPhotos, Texturing
@@ -34,7 +34,9 @@ from terraport_pipeline.stages.region_engine import check_segment_by
 from terraport_pipeline.texture_step import texture_step, tiled_texturing
 from terraport_pipeline.tile_memory import MemoryPlan, plan_memory
 from terraport_pipeline.tiled_reconstruct import TileOptions
+from terraport_pipeline.unforeseen import build_failed
 from terraport_pipeline.workdir import WorkDirectory, file_digest
+from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
 from terraport_store.manifest import CrsInfo, InputInfo
 
@@ -59,7 +61,6 @@ class BuildOptions:
     clean: clean.Options = field(default_factory=clean.Options)
     reconstruct: reconstruct.Options = field(default_factory=reconstruct.Options)
     segment: segment.Options = field(default_factory=segment.Options)
-    encodings: tuple[pack.Encoding, ...] = ("glb",)
     texture: Texturing | None = None
     """Textures instead of vertex colours, from photos or for comparison from the colours."""
     work: Path | None = None
@@ -79,7 +80,7 @@ class BuildOptions:
     def pack_options(self) -> pack.Options:
         """Options of the last stage."""
         name = self.scene.absolute().name if self.name is None else self.name
-        return pack.Options(name, self.encodings)
+        return pack.Options(name)
 
     def recorded(self) -> dict[str, Any]:
         """Options that change the published bytes, as the manifest records them."""
@@ -88,7 +89,6 @@ class BuildOptions:
             "clean": asdict(self.clean),
             "reconstruct": asdict(self.reconstruct),
             "segment": asdict(self.segment),
-            "encodings": list(self.encodings),
         }
 
 
@@ -135,6 +135,8 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
         Another build of the same scene is running.
     WorkDirectoryError
         The work directory is damaged or not ours.
+    StageFailedError
+        Anything else: a fault of ours. Finished stages are kept, the scene is as it was.
     StoreError
         Publishing failed; the scene that was published before stands.
     """
@@ -152,11 +154,17 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
             max_memory_bytes=options.max_memory_bytes
             or int(_MEMORY_SHARE * available_memory_bytes()),
         )
-        version_of, published = _run_stages(runner, survey, scene, options)
-        report = BuildReport(
-            scene, version_of, published, tuple(runner.reports), time.monotonic() - started
-        )
-        write_build_report(report)
+        try:
+            version_of, published = _run_stages(runner, survey, scene, options)
+            report = BuildReport(
+                scene, version_of, published, tuple(runner.reports), time.monotonic() - started
+            )
+            write_build_report(report)
+        except (PipelineError, StoreError, OSError):
+            raise
+        except Exception as error:
+            finished = [stage.name for stage in runner.reports]
+            raise build_failed(error, runner.stage, finished, runner.work.path) from error
     return report
 
 
@@ -177,6 +185,8 @@ def _run_stages(
     if plan.tiled:
         return _run_tiled(runner, survey, scene, options, input_info, plan, photos)
     read = _read(runner, survey, input_info, options)
+    if photos is not None and not runner.reports[-1].taken_up:
+        photos.try_on(read.value(), runner.progress)
     cleaned = runner.step(
         clean.NAME,
         key_of(clean.NAME, asdict(options.clean), {"survey": read.record.digest}),
@@ -312,8 +322,9 @@ def _run_tiled(
     texturing = None
     if options.texture is not None:
         texturing = tiled_texturing(
-            options.texture, photos, made.samples, made.origin, made.crs, runner.max_memory_bytes
-        )
+            options.texture, photos, made.samples, made.sample_colours, made.origin, made.crs,
+            runner.max_memory_bytes,
+        )  # fmt: skip
     return segment_and_pack(
         runner, scene, surface, options.segment, options.pack_options(), about, texturing
     )

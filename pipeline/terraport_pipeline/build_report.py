@@ -24,7 +24,18 @@ _SHOWN: Final = {
     "clean": ("points", "duplicates", "outliers", "spacing_m"),
     "reconstruct": ("base_from", "detail_depth", "base_faces", "detail_faces", "deviation_p99_m"),
     "segment": ("regions", "segments", "max_extent_m", "base_faces_beyond"),
-    "texture": ("image_bytes", "texel_m", "gsd_m", "longest_side", "charts", "unseen_share"),
+    "texture": (
+        "image_bytes",
+        "texel_m",
+        "gsd_m",
+        "longest_side",
+        "charts",
+        "faces_per_chart",
+        "unseen_share",
+        "borrowed_share",
+        "crowded_share",
+        "photos_left_out",
+    ),
     "pack": ("payload_bytes", "bytes_per_face", "base_bytes", "step_m"),
 }
 """Counts of each stage that the table shows."""

@@ -102,7 +102,7 @@ def segment_and_pack(
     """
     check_tiled(options)
     known, segmented, labels, cuts = _Work(runner, surface, options).segmented()
-    scales = tiled_pack.scales_of(known, segmented, surface.base, pack_options, surface.spacing_m)
+    scales = tiled_pack.scales_of(known, segmented, surface.base, surface.spacing_m)
     made: TiledTextures | None = None
     if texturing is not None:
         made = texture_tiles(

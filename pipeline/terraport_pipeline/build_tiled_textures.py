@@ -7,9 +7,9 @@ The steps: ``texture-base`` (exposures, the base's atlas), ``texture-views-0007`
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +25,9 @@ from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.texture_set import TextureSet
 from terraport_pipeline.stages.texture_sums import TextureTally
 from terraport_pipeline.stages.tiled_segment import TiledScene
-from terraport_pipeline.stages.tiled_texture import STEP_BINS, Levels
+from terraport_pipeline.stages.tiled_texture import Levels
 from terraport_pipeline.stages.tiled_views import TextureScale
+from terraport_pipeline.texture_counts import choice_counts, step_counts
 from terraport_pipeline.tile_runner import PassResult, TilePass, run_pass
 from terraport_pipeline.tiles import DetailTiles
 from terraport_pipeline.workdir import Cost, StageRecord, WorkDirectory, stage_key
@@ -107,6 +108,8 @@ class _Passes:
             warnings = () if opened is None else opened.warnings
             gains = np.zeros((0, 0), np.float32) if made.gains is None else made.gains
             counts = {f"base_{name}": value for name, value in made.made.facts.items()}
+            if opened is not None:
+                counts |= {"photos": len(opened.views), "photos_left_out": opened.left_out}
             return _Base(made.made.textures, gains, Facts(counts, warnings))
 
         return self._runner.step(
@@ -306,9 +309,10 @@ def texture_tiles(
     parts = [runner.work.looked_up(record) for record in drawn.records]
     counts, info = _summary(parts, found, asked.options)
     if chosen is not None:
-        counts |= _choice_counts(chosen)
-    counts |= _step_counts(parts)
-    warnings = (*found.facts.warnings, *texture.unseen_warnings(counts)) if chosen else ()
+        counts |= choice_counts(chosen.records)
+        counts["borrowed_share"] = round(counts["choice_faces_borrowed"] / sum(scene.faces), 4)
+    counts |= step_counts(parts)
+    warnings = (*found.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
     alone, runner.reports[before:] = runner.reports[before:], []
     costs = [*(report.cost for report in alone), *(result.cost for result in passes)]
     runner.reports.append(
@@ -351,41 +355,6 @@ def _summary(
         gsd_m=measured["gsd_m"],
     )
     return counts, info
-
-
-def _choice_counts(chosen: PassResult) -> dict[str, Any]:
-    names: Final = ("faces_seen", "faces_unseen", "rays", "faces_rated", "outliers")
-    return {
-        f"choice_{name}": sum(int(record.values[name]) for record in chosen.records)
-        for name in names
-    }
-
-
-def _step_counts(parts: Iterable[Stored]) -> dict[str, Any]:
-    """Tell how far colours step across seams, within tiles and across their borders.
-
-    ``choice_seam_share`` is the share of the edges that part two photos.
-    """
-    listed = [part.arrays for part in parts if "steps_edges" in part.arrays]
-    counts: dict[str, Any] = {}
-    if not listed:
-        return counts
-    edges = sum(np.asarray(arrays["steps_edges"], np.float64) for arrays in listed)
-    middles = (np.arange(STEP_BINS) + 0.5) * 48.0 / STEP_BINS
-    for row, where in ((0, ""), (1, "_across_tiles")):
-        all_edges, seam_edges = (float(value) for value in np.asarray(edges)[row])
-        if not all_edges:
-            continue
-        counts[f"choice_seam_share{where}"] = round(seam_edges / all_edges, 5)
-        for name in ("photos", "gains", "smooth", "local"):
-            weights = np.sum([arrays[f"steps_{name}"][row] for arrays in listed], axis=0)
-            total = float(weights.sum())
-            if total:
-                mean = float((weights * middles).sum() / total)
-                place = int(np.searchsorted(np.cumsum(weights), 0.95 * total))
-                counts[f"choice_seam_step_{name}{where}"] = round(mean, 3)
-                counts[f"choice_seam_step_p95_{name}{where}"] = float(middles[place])
-    return counts
 
 
 def _arrays(textures: TextureSet) -> dict[str, npt.NDArray[Any]]:

@@ -10,6 +10,7 @@
     ├── OptionError          an option is out of range or contradicts another
     ├── ResourceError        not enough memory or disk
     ├── EngineError          a child process (Poisson) failed
+    ├── StageFailedError     a stage failed in a way that nobody foresaw; carries stage and trace
     ├── BuildLockedError     another build works on the same scene
     └── WorkDirectoryError   the work directory holds something that is not ours or is damaged
 
@@ -30,6 +31,7 @@ __all__ = [
     "PipelineError",
     "ReadError",
     "ResourceError",
+    "StageFailedError",
     "SurveyError",
     "WorkDirectoryError",
 ]
@@ -110,6 +112,36 @@ class ResourceError(PipelineError, RuntimeError):
 
 class EngineError(PipelineError, RuntimeError):
     """An external engine failed; the message carries the end of what it printed."""
+
+
+class StageFailedError(PipelineError, RuntimeError):
+    """A stage failed in a way that nobody foresaw: a fault of ours, told without its trace.
+
+    Attributes
+    ----------
+    stage : str
+        What was being done.
+    reason : str
+        Kind and text of the exception.
+    advice : str
+        What is kept, and how to go on.
+    trace : pathlib.Path or None
+        File with the whole trace; None where it could not be written.
+    """
+
+    def __init__(self, stage: str, reason: str, advice: str, trace: Path | None) -> None:
+        super().__init__(stage, reason, advice, trace)
+        self.stage = stage
+        self.reason = reason
+        self.advice = advice
+        self.trace = trace
+
+    def __str__(self) -> str:
+        told = "" if self.trace is None else f" with {self.trace}, which has the whole trace"
+        return (
+            f"{self.stage} failed in a way that nobody foresaw ({self.reason}); {self.advice}; "
+            f"please report it{told}"
+        )
 
 
 class BuildLockedError(PipelineError, RuntimeError):

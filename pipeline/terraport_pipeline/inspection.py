@@ -5,6 +5,7 @@ No payload is read, so a scene of any size answers at once.
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_pipeline.region_table import region_rows
+from terraport_pipeline.scene_colour import SceneColour
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
 
 __all__ = ["inspect_scene"]
@@ -57,7 +59,7 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
             "format": f"{manifest.format} {manifest.format_version}",
             "place": _place(manifest),
             "counts": manifest.counts.model_dump(),
-            "has_colour": manifest.has_colour,
+            "colour": asdict(SceneColour.of(manifest)),
             "segments": {
                 "faces": _spread(faces),
                 "bytes": _spread(lengths),

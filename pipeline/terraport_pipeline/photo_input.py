@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import asdict, astuple, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import xxhash
 
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras, read_raw_cameras
 from terraport_pipeline.engines.camera_files.raw_cameras import RawCameras
-from terraport_pipeline.engines.photos import OpenPhotos, find_photos, open_photos, photo_size
+from terraport_pipeline.engines.photo_store import photo_size
+from terraport_pipeline.engines.photos import (
+    OpenPhotos,
+    find_photos,
+    fit_lens,
+    none_usable,
+    open_photos,
+)
 from terraport_pipeline.errors import OptionError, PhotoError
-from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Crs, Float32, Float64
+from terraport_pipeline.model import Crs, Float32, Float64, Survey, UInt8, to_scene
+from terraport_pipeline.photo_check import checked_photos
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import texture
 from terraport_pipeline.workdir import file_digest
@@ -58,7 +64,7 @@ class Texturing:
         ReadError
             The cameras cannot be read.
         PhotoError
-            No photo of the cameras is there.
+            No photo of the cameras is there, or none can be used.
         """
         if self.photos is None:
             return None
@@ -66,14 +72,24 @@ class Texturing:
             raise PhotoError(f"{self.photos} is no folder; give the folder of the original photos")
         cameras = self.cameras or _beside(self.photos)
         raw = read_raw_cameras(cameras, partial(_size_of, self.photos))
-        # Names are all that is looked at; poses in the scene need the cloud.
-        found = find_photos(self.photos, cast("Iterable[View]", raw.cameras))
+        # Names and sizes are all that is looked at; poses in the scene need the cloud.
+        found = find_photos(self.photos, raw.cameras)
+        refused: dict[str, PhotoError] = {}
+        for camera in raw.cameras:
+            if camera.name in found:
+                try:
+                    fit_lens(camera.lens, found[camera.name])
+                except PhotoError as error:
+                    refused[camera.name] = error
+        if len(refused) == len(found):
+            raise none_usable(refused)
         progress.start("texture: checksum of the photos", float(len(found)), "photos")
         digest = xxhash.xxh3_64()
         for name in sorted(found):
             digest.update(f"{name}\0{file_digest(found[name])}\0".encode())
             progress.advance(1)
-        progress.done({"photos": len(found)})
+        left_out = len(raw.cameras) - len(found) + len(refused)
+        progress.done({"photos": len(found) - len(refused), "left out": left_out})
         return FoundPhotos(
             self, cameras, len(found), digest.hexdigest(), _digest_of_cameras(raw), raw.format
         )
@@ -100,14 +116,22 @@ class FoundPhotos:
     format: str
 
     def open(
-        self, points: Float32, origin: Float64, crs: Crs | None, *, max_bytes: int
+        self,
+        points: Float32,
+        colours: UInt8 | None,
+        origin: Float64,
+        crs: Crs | None,
+        *,
+        max_bytes: int,
     ) -> OpenPhotos:
-        """Place the cameras in the scene and open their photos.
+        """Place the cameras in the scene and open the photos that show it.
 
         Parameters
         ----------
         points : ndarray of shape (N, 3), float32
             Of the survey, scene frame: the cameras must look at them.
+        colours : ndarray of shape (N, 3), uint8, or None
+            Theirs; None where the survey has none.
         origin : ndarray of shape (3,), float64
             The scene's.
         crs : Crs or None
@@ -123,21 +147,45 @@ class FoundPhotos:
         """
         folder = self.asked.photos
         assert folder is not None
+        samples = camera_samples(points)
         known = read_cameras(
             self.cameras,
             origin=origin,
             crs=crs,
             offset=self.asked.camera_offset,
-            samples=camera_samples(points).astype(np.float64),
+            samples=samples.astype(np.float64),
             photo_size=partial(_size_of, folder),
         )
         opened = open_photos(known.views, folder, max_bytes=max_bytes)
-        return OpenPhotos(opened.views, opened.photos, (*known.warnings, *opened.warnings))
+        checked = checked_photos(
+            opened, samples, None if colours is None else camera_samples(colours)
+        )
+        return replace(checked, warnings=(*known.warnings, *checked.warnings))
+
+    def try_on(self, survey: Survey, progress: Progress) -> None:
+        """Say at once, before hours of work, whether cameras and photos show the survey.
+
+        Raises
+        ------
+        ReadError, PhotoError
+            As :meth:`open`: the cameras look elsewhere.
+        """
+        progress.start("texture: do the photos show the survey", None, "photos")
+        points = camera_samples(survey.points)
+        origin = np.floor(points.mean(axis=0))
+        colours = None if survey.colours is None else camera_samples(survey.colours)
+        opened = self.open(
+            to_scene(points, origin).astype(np.float32), colours, origin, survey.crs, max_bytes=0
+        )
+        progress.done({"photos": len(opened.views), "left out": opened.left_out})
 
 
-def camera_samples(points: Float32) -> Float32:
-    """Thin points to what the cameras are tried on."""
-    return points[:: max(1, len(points) // _MAX_SAMPLES)]
+_Rows = TypeVar("_Rows", Float32, Float64, UInt8)
+
+
+def camera_samples(rows: _Rows) -> _Rows:
+    """Thin points, or what belongs to them, to what cameras and photos are tried on."""
+    return rows[:: max(1, len(rows) // _MAX_SAMPLES)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +197,7 @@ class _Named:
 
 def _size_of(photos: Path, name: str) -> tuple[int, int]:
     """Width and height of a photo whose camera does not say them (Bundler's)."""
-    named = cast("Iterable[View]", [_Named(name)])
-    return photo_size(find_photos(photos, named)[name])
+    return photo_size(find_photos(photos, [_Named(name)])[name])
 
 
 def _beside(photos: Path) -> Path:

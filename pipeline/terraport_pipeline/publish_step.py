@@ -48,7 +48,7 @@ def pack_once(
         runner.reports.append(StageReport(pack.NAME, True, record.cost, record.facts))
         return str(record.values["version"]), False
     clock = StepClock(runner.progress)
-    with Measure() as measure, runner.work.scratch() as scratch:
+    with runner.at(pack.NAME), Measure() as measure, runner.work.scratch() as scratch:
         packed = publish(replace(runner.context(scratch), progress=clock))
     cost = Cost(measure.seconds, measure.peak_bytes, tuple(clock.steps))
     values = {"version": packed.manifest.version}

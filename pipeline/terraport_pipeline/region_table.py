@@ -45,7 +45,7 @@ def region_rows(
     Returns
     -------
     list of dict
-        One row per region with ``stable_id`` (None for scenes of format 1.0), ``label`` ("" for
+        One row per region with ``stable_id`` (None where regions have none), ``label`` ("" for
         none), ``region``, and, None where the file does not say: ``area_m2``, ``faces``,
         ``east_m``, ``north_m``, ``height_m`` (of the centre, in the survey's coordinates),
         ``lowest_m``, ``highest_m``, ``mean_colour`` (``#rrggbb``), ``slope_deg``, ``roughness_m``.

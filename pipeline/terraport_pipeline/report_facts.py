@@ -13,6 +13,7 @@ import numpy as np
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.histogram import Histogram, histogram
 from terraport_pipeline.region_table import region_rows
+from terraport_pipeline.scene_colour import SceneColour
 from terraport_store import DamagedSceneError, RegionNames, Scene, read_labels
 
 __all__ = ["ReportFacts", "collect_facts", "format_bytes", "read_build_record"]
@@ -67,7 +68,8 @@ def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
     assert faces is not None  # a scene has at least one segment
     assert lengths is not None
     columns, regions, note = _regions(scene)
-    stages, stages_note = _stages(read_build_record(scene.path))
+    record = read_build_record(scene.path)
+    stages, stages_note = _stages(record)
     total = sum(info.bytes for info in manifest.files.values())
     size = np.array(manifest.bounds.max) - np.array(manifest.bounds.min)
     crs = manifest.crs.name if manifest.crs else "no coordinate reference system stated"
@@ -98,7 +100,7 @@ def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
         ),
         stages=stages,
         stages_note=stages_note,
-        details=_details(scene),
+        details=_details(scene, record),
         options=json.dumps(manifest.build.options, indent=1) if manifest.build.options else "",
         terraport=manifest.build.terraport,
     )
@@ -270,16 +272,17 @@ def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]
     return tuple(rows), f"{total:,.1f} seconds in all." if rows else ""
 
 
-def _details(scene: Scene) -> tuple[dict[str, str], ...]:
+def _details(scene: Scene, record: Mapping[str, Any]) -> tuple[dict[str, str], ...]:
     manifest = scene.manifest
     source, limits = manifest.build.input, manifest.limits
     origin = ", ".join(f"{value:,.3f}" for value in manifest.origin)
     rows = [
         ("version", manifest.version),
         ("input", f"{source.name}, {format_bytes(source.bytes)}" if source else "not stated"),
-        ("colour", "yes" if manifest.has_colour else "none in the survey: everything is grey"),
+        ("colour", str(SceneColour.of(manifest))),
         ("coordinate reference system", _crs(scene)),
         ("origin (east, north, height)", f"{origin} m"),
+        *_reconstruction(record),
         ("grid step", f"{manifest.step_m * 1000:.4g} mm"),
         (
             "base to detail",
@@ -295,6 +298,20 @@ def _details(scene: Scene) -> tuple[dict[str, str], ...]:
         ("format", f"{manifest.format} {manifest.format_version}"),
     ]
     return tuple({"label": label, "value": value} for label, value in rows)
+
+
+def _reconstruction(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How fine the surface was solved beside how dense the survey is, where the build says so."""
+    counts: dict[str, Any] = {}
+    for row in record.get("stages", []):
+        if isinstance(row, Mapping) and isinstance(row.get("counts"), Mapping):
+            counts.update(row["counts"])
+    cell_m, spacing_m = (_number(counts.get(name), 0.0) for name in ("cell_m", "spacing_m"))
+    depth = _number(counts.get("detail_depth"), 0.0)
+    if not cell_m or not spacing_m:
+        return []
+    of = f" (octree depth {depth:.0f})" if depth else ""
+    return [("reconstruction", f"cells of {cell_m:.3g} m{of}; a sample every {spacing_m:.3g} m")]
 
 
 def _crs(scene: Scene) -> str:

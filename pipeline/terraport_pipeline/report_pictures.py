@@ -141,8 +141,8 @@ class PictureTaker:
             "detail",
             "Full detail",
             "The full detail of the scene, seen obliquely from above",
-            f"{counts.detail_faces:,} triangles in {counts.segments:,} segments; a client never "
-            f"holds all of them.{self._thinned()}",
+            f"{counts.detail_faces:,} triangles in {counts.segments:,} segments; a client shows "
+            f"those around its landing.{self._thinned()}",
             colours=detail.colours,
             texturing=None if textures is None else textures.detail,
             relief=PHOTO_RELIEF,
@@ -281,6 +281,12 @@ class PictureTaker:
         drawn, total = len(self._model.detail.faces), self._model.manifest.counts.detail_faces
         return "" if drawn >= total else f" Drawn here, and below, with {drawn:,} triangles."
 
+    def _likeness(self) -> str:
+        """Name what the build cut the surface by, where it says so."""
+        options = self._model.manifest.build.options.get("segment")
+        by = options.get("segment_by") if isinstance(options, dict) else None
+        return by if isinstance(by, str) else "material"
+
     def _labels(self) -> Iterator[Picture]:
         model, counts = self._model, self._model.manifest.counts
         region = model.region_of_face
@@ -289,7 +295,7 @@ class PictureTaker:
                 "regions",
                 "Regions",
                 "The detail with each region in a colour of its own",
-                f"{counts.regions:,} regions: pieces of like colour; a pick names one.",
+                f"{counts.regions:,} regions: pieces of like {self._likeness()}; a pick names one.",
                 face_colours=distinct_colours(int(region.max()) + 1)[np.maximum(region, 0)],
                 relief=FLAT_RELIEF,
             )

@@ -287,8 +287,15 @@ def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[st
 
 _COUNTS: Final = (
     ("unseen_share", "surface that no photo sees", "{:.2%}, filled from vertex colours"),
+    ("borrowed_share", "faces with a neighbour's photo", "{:.2%}, in small charts that joined it"),
+    ("base_borrowed_share", "the same of the base", "{:.2%}"),
+    ("crowded_share", "surface for which images have no room", "{:.2%}, one colour a face"),
+    ("base_crowded_share", "the same of the base", "{:.2%}, one colour a face"),
     ("cells_share", "atlas used by charts", "{:.0%}"),
     ("charts", "charts", "{:,.0f}"),
+    ("faces_per_chart", "faces a chart, mean", "{:,.1f}"),
+    ("base_texel_m", "texel of the base", "{:.3g} m"),
+    ("photos_left_out", "photos left out", "{:,.0f}"),
     ("choice_views_used", "photos used", "{:,.0f}"),
     ("choice_outliers", "photos dropped as outliers, face by face", "{:,.0f}"),
     ("choice_seam_edges", "edges between two photos", "{:,.0f}"),

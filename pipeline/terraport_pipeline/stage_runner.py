@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -56,6 +57,15 @@ class StageRunner:
     threads: int
     max_memory_bytes: int
     reports: list[StageReport] = field(default_factory=list)
+    stage: str = "the build's start"
+    """What is being done, or failed."""
+
+    @contextlib.contextmanager
+    def at(self, name: str) -> Iterator[None]:
+        """Say what is done in the block; after an exception it is still said."""
+        self.stage = f"stage {name}"
+        yield
+        self.stage = f"what follows stage {name}"
 
     def context(self, scratch: Path) -> Context:
         """Make what a stage may use while it runs."""
@@ -76,11 +86,12 @@ class StageRunner:
         taken_up = record is not None
         if record is None:
             clock = StepClock(self.progress)
-            with Measure() as measure, self.work.scratch() as scratch:
-                result = compute(replace(self.context(scratch), progress=clock))
-                stored = store(result)
-            cost = Cost(measure.seconds, measure.peak_bytes, tuple(clock.steps))
-            record = self.work.save(name, key, stored, facts_of(result), cost)
+            with self.at(name):
+                with Measure() as measure, self.work.scratch() as scratch:
+                    result = compute(replace(self.context(scratch), progress=clock))
+                    stored = store(result)
+                cost = Cost(measure.seconds, measure.peak_bytes, tuple(clock.steps))
+                record = self.work.save(name, key, stored, facts_of(result), cost)
         self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
         found = record
         return Step(found, result, lambda: restore(self.work.load(found), found.facts))
@@ -103,7 +114,7 @@ class StageRunner:
         record = self.work.find(name, key) if self.resume else None
         taken_up = record is not None
         if record is None:
-            with self.work.beside(name) as folder:
+            with self.at(name), self.work.beside(name) as folder:
                 with Measure() as measure, self.work.scratch() as scratch:
                     values, facts = fill(folder, self.context(scratch))
                 cost = Cost(measure.seconds, measure.peak_bytes)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from terraport_pipeline import photo_input
 from terraport_pipeline.build_tiled_textures import TiledTexturing
-from terraport_pipeline.model import Crs, Float32, Float64
+from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.model import Crs, Float32, Float64, UInt8
 from terraport_pipeline.photo_input import FoundPhotos, Texturing
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import texture
@@ -51,6 +53,7 @@ def texture_step(
             cloud = cleaned.value().cloud
             opened = found.open(
                 cloud.points,
+                cloud.colours if cloud.has_colour else None,
                 cloud.origin,
                 Crs(**crs) if crs else None,
                 max_bytes=texture.photo_bytes(context.max_memory_bytes),
@@ -60,7 +63,7 @@ def texture_step(
 
     inputs = {"meshes": reconstructed.record.digest, "labels": segmented.record.digest}
     if found is not None:
-        inputs |= {"photos": found.photos_xxh3, "cameras": found.cameras_xxh3}
+        inputs |= {"photos": found.photos_xxh3, "cameras": found.cameras_xxh3, "code": _code()}
     return runner.step(
         texture.NAME,
         key_of(
@@ -79,6 +82,7 @@ def tiled_texturing(
     asked: Texturing,
     found: FoundPhotos | None,
     samples: Float32,
+    colours: UInt8 | None,
     origin: Float64,
     crs: Crs | None,
     max_memory_bytes: int,
@@ -92,6 +96,8 @@ def tiled_texturing(
         From ``asked.find``.
     samples : ndarray of shape (N, 3), float32
         Points of the survey, scene frame.
+    colours : ndarray of shape (N, 3), uint8, or None
+        Theirs; None where the survey has none.
     origin : ndarray of shape (3,), float64
     crs : Crs or None
     max_memory_bytes : int
@@ -110,6 +116,14 @@ def tiled_texturing(
             "crs": told,
             "photos": found.photos_xxh3,
             "cameras": found.cameras_xxh3,
+            "code": _code(),
         },
-        lambda: found.open(samples, origin, crs, max_bytes=texture.photo_bytes(max_memory_bytes)),
+        lambda: found.open(
+            samples, colours, origin, crs, max_bytes=texture.photo_bytes(max_memory_bytes)
+        ),
     )
+
+
+def _code() -> str:
+    """Digest of what decides on the photos before the stages see them."""
+    return code_digest(photo_input.__name__)

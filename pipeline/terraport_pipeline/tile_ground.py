@@ -132,13 +132,9 @@ def prepare(
         lambda stored, _facts: stored,
     ).value()
     values = dict(measured.values)
-    depth = poisson.depth_for(options.detail_depth, values["extent_m"], values["spacing_m"])
-    warnings = []
-    if depth < options.detail_depth:
-        warnings.append(
-            f"detail depth {depth} instead of {options.detail_depth}: there a cell is one sample "
-            f"spacing ({values['spacing_m']:.3g} m); finer cells would only add noise"
-        )
+    depth, warnings = reconstruct.choose_detail_depth(
+        options, values["extent_m"], values["spacing_m"]
+    )
     lattice = _lattice(values, depth)
     origin = cloud.origin
     plan, forecast = _plan(runner, source, lattice, origin, values, tiles)

@@ -87,7 +87,7 @@ def plan_memory(
     allowed_bytes: int,
     *,
     force: bool = False,
-    detail_depth: int = 13,
+    detail_depth: int | None = None,
     extent_m: float | None = None,
     area_m2: float | None = None,
 ) -> MemoryPlan:
@@ -101,7 +101,7 @@ def plan_memory(
         For the whole process tree.
     force : bool
         Tiles in any case.
-    detail_depth : int
+    detail_depth : int, optional
         As asked.
     extent_m, area_m2 : float, optional
         Longest side and plan area of the survey's box, where the header says them; they tell how

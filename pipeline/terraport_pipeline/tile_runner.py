@@ -105,7 +105,7 @@ def run_pass(
         )
     progress = runner.progress
     progress.start(chosen.title, float(sum(chosen.faces[tile] for tile in left)), "faces")
-    with Measure() as measure, runner.work.scratch() as scratch:
+    with runner.at(chosen.name), Measure() as measure, runner.work.scratch() as scratch:
         context = replace(runner.context(scratch), progress=NullProgress())
         largest = max(chosen.faces[tile] for tile in left)
         workers = tiles_at_once(largest, chosen.bytes_per_face, context, chosen.shared_bytes)

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.tile_pool import TilePool
-from terraport_pipeline.model import Crs, Float32, Float64, Mesh
+from terraport_pipeline.model import Crs, Float32, Float64, Mesh, UInt8
 from terraport_pipeline.photo_input import camera_samples
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import clean, reconstruct, tiled_base
@@ -49,6 +49,8 @@ class TiledReconstructed:
     """Samples that the detail rests on: without copies and outliers."""
     samples: Float32
     """(N, 3) some of them, scene frame: what cameras are tried on."""
+    sample_colours: UInt8 | None
+    """(N, 3) theirs; None where the survey has none."""
     has_colour: bool
     codes: tuple[str, ...]
     spacing_m: float
@@ -101,7 +103,10 @@ def run(
     ground = prepare(runner, survey, file_key, max_points, clean_options, options, tiles)
     check(tuple(ground.cleaned.record.values["attributes"]))
     tasks = tile_tasks(ground, clean_options, options)
-    with TilePool(ground.forecast.workers, tiles.cluster) as pool:
+    with (
+        runner.at(reconstruct.NAME),
+        TilePool(ground.forecast.workers, tiles.cluster) as pool,
+    ):
         solved = solve_all(runner, ground, tasks, pool)
         stored, joined = join_all(runner, ground, tasks, solved, options, pool)
     cleaned = ground.cleaned.value()
@@ -148,6 +153,7 @@ def run(
         Crs(**crs) if crs else None,
         points,
         camera_samples(cleaned.cloud.points).copy(),
+        camera_samples(cleaned.cloud.colours).copy() if cleaned.cloud.has_colour else None,
         cleaned.cloud.has_colour,
         cleaned.codes,
         float(ground.measured["spacing_m"]),

@@ -115,9 +115,11 @@ def serve(
     options = {name: value for name, value in given.items() if value is not None}
     try:
         settings = _settings(options)
-        settings.check()
-        _announce(settings)
-        run(settings, reread=lambda: _settings(options))
+
+        def announce(port: int) -> None:
+            _announce(settings.model_copy(update={"port": port}))
+
+        run(settings, lambda: _settings(options), announce)
     except (ServerError, StoreError) as error:
         typer.echo(f"error: {error}", err=True)
         raise typer.Exit(1) from None
@@ -139,7 +141,7 @@ def _settings(given: dict[str, Any]) -> Settings:
 
 
 def _announce(settings: Settings) -> None:
-    """Print where, what and for whom, before the log begins."""
+    """Print where, what and for whom: the port is had, and the log has not begun."""
     scheme = "https" if settings.tls_certificate else "http"
     address = f"{scheme}://{settings.host}:{settings.port}"
     access = "open to everyone who can connect" if settings.is_open else "with a token"

@@ -18,7 +18,7 @@ from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimi
 from terraport_server.aim_ledger import AimLedger
 from terraport_server.id_set import IdSet
 from terraport_server.plans import budgets_of, make_plan, make_prefetch
-from terraport_server.selection import Selection, select
+from terraport_server.selection import Selection, find_candidates, select
 from terraport_server.transfer import Landing, Transfer
 from terraport_wire import (
     ID_DTYPE,
@@ -375,7 +375,10 @@ class Deliveries:
     def _select(self, wanted: Land | Aim, inner_radius_m: float | None) -> Selection:
         self._may_offer = False
         release_radius_m = wanted.radius_m * self.release_factor
-        candidates = self._scene.within(wanted.position, release_radius_m)
+        near = self._scene.within(wanted.position, wanted.radius_m)
+        candidates, is_held = find_candidates(
+            self._table, near, self.held, wanted.position, release_radius_m
+        )
         return select(
             self._table,
             candidates,
@@ -383,7 +386,7 @@ class Deliveries:
             wanted.radius_m,
             release_radius_m=release_radius_m,
             inner_radius_m=inner_radius_m,
-            held=self.held.contains(candidates),
+            held=is_held,
             shown=self.shown.array(),
             budgets=self._budgets,
         )

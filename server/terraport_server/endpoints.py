@@ -25,7 +25,7 @@ from terraport_server.http_answers import (
 )
 from terraport_server.logs import log
 from terraport_server.metrics import CONTENT_TYPE
-from terraport_server.scene_links import REPORT, links_of, service_links, summary_of
+from terraport_server.scene_links import REPORT, links_of, report_of, service_links, summary_of
 from terraport_server.scenes import ServedScene
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT
@@ -165,8 +165,8 @@ async def get_segment(
 async def get_report(served: _Scene) -> Response:
     """Return report.html."""
     headers = {"Cache-Control": CHECK}
-    path = served.scene.path / REPORT
-    if path.is_file():
+    path = report_of(served)
+    if path is not None:
         return FileResponse(path, media_type="text/html", headers=headers)
     try:
         data = await served.read(REPORT, _MAX_REPORT_BYTES)
@@ -174,7 +174,7 @@ async def get_report(served: _Scene) -> Response:
         log("report not read", level=logging.ERROR, scene=served.id, reason=str(error))
         text = "the report cannot be had now; try again later"
         raise RequestError(503, "report_unavailable", text) from None
-    except FileNotFoundError:
+    except OSError:  # there is none, or a link that leads out of the scene
         text = "this scene has no report, expected report.html from terraport report"
         raise RequestError(404, "unknown_report", text) from None
     return Response(data, media_type="text/html", headers=headers)
@@ -227,7 +227,11 @@ def _file(
     headers = _caching(service, version, served.scene.manifest.files[key].xxh3)
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    path = served.scene.file_path(key)
+    try:
+        path = served.scene.file_path(key)
+    except PermissionError as error:
+        log("file not served", level=logging.ERROR, scene=served.id, reason=str(error))
+        raise UnknownSceneError(served.id, served.version) from None
     if not path.is_file():  # an old version whose files are gone
         raise UnknownSceneError(served.id, served.version)
     return FileResponse(path, media_type=media_type, headers=headers)

@@ -12,9 +12,7 @@ answered yet, and the connection is closed.
 from __future__ import annotations
 
 import asyncio
-import ipaddress
 import json
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -22,9 +20,11 @@ from typing import Any, Final
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from terraport_server.client_addresses import ARRIVALS_S, ClientAddresses, too_many_of_address
+from terraport_server.peer_limits import BoundedPeer
 from terraport_server.settings import Settings
 
-__all__ = ["ClientAddresses", "HttpConnection", "HttpLimits", "http_protocol_class"]
+__all__ = ["HttpConnection", "HttpLimits", "http_protocol_class"]
 
 MAX_PIPELINED: Final = 16
 """Requests sent ahead of their answers. Browsers send none."""
@@ -32,6 +32,10 @@ MAX_PIPELINED: Final = 16
 _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
+
+
+_ARRIVALS: Final = 10
+"""An address may connect anew so many times the bound in `ARRIVALS_S`: each second all of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,47 +62,6 @@ class HttpLimits:
             max_connections=settings.max_connections,
             max_connections_per_ip=settings.max_connections_per_ip,
         )
-
-
-class ClientAddresses:
-    """Counts the open HTTP connections of each address, trusted proxies left out.
-
-    Parameters
-    ----------
-    trusted
-        Addresses and networks, comma-separated, as uvicorn's ``forwarded_allow_ips``; "*" = all.
-    """
-
-    def __init__(self, trusted: str) -> None:
-        self._open: Counter[str] = Counter()
-        self._all = "*" in trusted
-        self._networks = []
-        for word in trusted.split(","):
-            try:
-                self._networks.append(ipaddress.ip_network(word.strip(), strict=False))
-            except ValueError:
-                continue  # a name, or a path of a Unix socket: uvicorn compares those itself
-
-    def counted(self, host: str | None) -> str | None:
-        """Return what to count a peer under; ``None`` for a proxy, which speaks for many."""
-        if host is None or self._all:
-            return None
-        try:
-            address = ipaddress.ip_address(host)
-        except ValueError:
-            return None
-        return None if any(address in network for network in self._networks) else host
-
-    def enter(self, key: str) -> int:
-        """Count one in; return how many there are now."""
-        self._open[key] += 1
-        return self._open[key]
-
-    def leave(self, key: str) -> None:
-        """Count one out."""
-        self._open[key] -= 1
-        if self._open[key] <= 0:
-            del self._open[key]
 
 
 class HttpConnection(HttpToolsProtocol):
@@ -137,9 +100,13 @@ class HttpConnection(HttpToolsProtocol):
             self._counted = key
             of_address, most = self.addresses.enter(key), limits.max_connections_per_ip
             if of_address > most:
-                self._full = f"got connection {of_address} of one address, expected at most {most}"
+                self._full = too_many_of_address(of_address, most)
             if of_address > _FLOOD * most:
                 self._drop("connections", self._full or "")
+            arrived, most = self.addresses.arrive(key, self.loop.time()), _ARRIVALS * most
+            if arrived > most:
+                text = f"got connection {arrived} of one address in {ARRIVALS_S:g} s"
+                self._drop("connections", f"{text}, expected at most {most}")
         if open_now > _FLOOD * limits.max_connections:
             self._drop("connections", self._full or "")
         self._header_timer = self.loop.call_later(limits.header_timeout_s, self._on_slow)
@@ -216,11 +183,15 @@ class HttpConnection(HttpToolsProtocol):
         self._abort_soon()
 
     def handle_websocket_upgrade(self) -> None:
-        """Hand over; from here on the session's bounds hold."""
+        """Hand over, with what it counts for; from here on the session's bounds hold."""
         self._stop_header_timer()
-        self._uncount()
-        if not self._over:
-            super().handle_websocket_upgrade()
+        if self._over:
+            return
+        super().handle_websocket_upgrade()
+        heir = self.transport.get_protocol()
+        if isinstance(heir, BoundedPeer):
+            heir.count_by(self.addresses, self._counted, self.limits.max_connections_per_ip)
+            self._counted = None
 
     def send_400_response(self, msg: str) -> None:
         """Answer what is no HTTP in the form of every other refusal."""

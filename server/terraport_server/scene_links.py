@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Final
 
 from terraport_server.scenes import ServedScene
 from terraport_server.settings import Settings
+from terraport_store import path_inside
 
-__all__ = ["REPORT", "links_of", "service_links", "summary_of"]
+__all__ = ["REPORT", "links_of", "report_of", "service_links", "summary_of"]
 
 REPORT: Final = "report.html"
 """What ``terraport report`` writes beside ``scene.json``."""
@@ -29,9 +31,18 @@ def links_of(served: ServedScene) -> dict[str, str]:
         "labels": f"{root}/labels.json",
         "segment": f"{root}/segments/{{segment}}.glb{query}",
     }
-    if served.fetchers is not None or (served.scene.path / REPORT).is_file():
+    if served.fetchers is not None or report_of(served) is not None:
         links["report"] = f"{root}/report"
     return links
+
+
+def report_of(served: ServedScene) -> Path | None:
+    """Return the path of the report where it is a file of the scene, and local."""
+    try:
+        path = path_inside(served.scene.path, REPORT)
+    except OSError:
+        return None
+    return path if path.is_file() else None
 
 
 def summary_of(served: ServedScene) -> dict[str, Any]:

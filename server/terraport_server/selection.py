@@ -8,6 +8,7 @@ a *prefix*: what is left out is never nearer than what is in.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,15 @@ import numpy.typing as npt
 
 from terraport_server.id_set import IdSet
 
-__all__ = ["NO_BUDGETS", "Budgets", "SegmentTable", "Selection", "box_distances", "select"]
+__all__ = [
+    "NO_BUDGETS",
+    "Budgets",
+    "SegmentTable",
+    "Selection",
+    "box_distances",
+    "find_candidates",
+    "select",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +118,55 @@ def box_distances(
     return distances
 
 
+def find_candidates(
+    table: SegmentTable,
+    near: npt.NDArray[np.int64],
+    held: IdSet,
+    centre: Sequence[float],
+    release_radius_m: float,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Find what a landing may want: all that is near, and of what is held what is not far.
+
+    Beyond the load radius only held segments are looked at, never the scene: its ball of four times
+    the radius has sixteen times as many.
+
+    Parameters
+    ----------
+    table
+        The scene's S segments.
+    near
+        Every id within the load radius, ascending.
+    held
+        What the client holds.
+    centre
+        Landing, metres, scene frame.
+    release_radius_m
+        Keep within it; at least the load radius.
+
+    Returns
+    -------
+    candidates : ndarray of int64
+        Ids, each once; every one that :func:`select` could want is among them.
+    is_held : ndarray of bool
+        For each of them whether it is held.
+    """
+    ids = held.array()
+    # One axis after the other: of a large cache nearly all is far away. The margin keeps every box
+    # that the exact distance takes in, rounding included; select looks at those.
+    for axis in (0, 2):
+        at_m = np.float64(centre[axis])  # not a float, which would be rounded to float32
+        reach_m = release_radius_m + 1e-12 * (release_radius_m + abs(at_m)) + 1e-30
+        low_m, high_m = table.bounds[ids, axis], table.bounds[ids, axis + 3]
+        ids = ids[(low_m <= at_m + reach_m) & (high_m >= at_m - reach_m)]
+    places = np.searchsorted(near, ids)
+    places[places == len(near)] = 0
+    further = ids[near[places] != ids] if len(near) else ids
+    candidates = np.concatenate((near, further))
+    is_held = np.ones(len(candidates), dtype=np.bool_)
+    is_held[: len(near)] = held.contains(near)
+    return candidates, is_held
+
+
 def select(
     table: SegmentTable,
     candidates: npt.NDArray[np.integer],
@@ -132,7 +190,8 @@ def select(
     table
         The scene's S segments.
     candidates
-        Unique ids that include every segment within ``release_radius_m`` (a superset is fine).
+        Unique ids that include every segment within ``radius_m``, and every held one within
+        ``release_radius_m`` (a superset is fine).
     centre
         Landing, metres, scene frame.
     radius_m
@@ -155,12 +214,23 @@ def select(
 
     Notes
     -----
-    O(C log C) in the number of candidates and of what is shown; never of the whole scene.
+    O(C log C) in the number of candidates and of what is shown; never of the whole scene. Where a
+    budget of segments cuts most of it off, O(C) and the sorting of what it leaves.
     """
     ids = np.asarray(candidates, dtype=np.int64)
     distances = box_distances(table.bounds[ids], centre)
     in_radius = distances <= radius_m
     wanted = np.flatnonzero(in_radius | (held & (distances <= release_radius_m)))
+    beyond_m, beyond = math.inf, 0
+    most = budgets.max_segments
+    if most is not None and len(wanted) > 2 * (most + 1):
+        # A plan is a prefix of the order: what comes behind it need not be sorted.
+        last_m = np.partition(distances[wanted], most)[most]
+        head = distances[wanted] <= last_m
+        rest = wanted[~head]
+        beyond = len(rest)
+        beyond_m = float(distances[rest[in_radius[rest]]].min(initial=math.inf))
+        wanted = wanted[head]
     order = wanted[np.lexsort((ids[wanted], distances[wanted]))]
     ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
 
@@ -169,6 +239,8 @@ def select(
     effective_radius_m = float(radius_m)
     if left_out_in_radius.size:
         effective_radius_m = float(distances[count + left_out_in_radius[0]])
+    elif beyond_m < math.inf:
+        effective_radius_m = beyond_m
 
     plan, plan_distances = ids[:count], distances[:count]
     load, keep = plan[~held[:count]], plan[held[:count]]
@@ -187,7 +259,7 @@ def select(
         load_triangles=_total(table.faces, load),
         total_bytes=_total(table.lengths, plan),
         total_triangles=_total(table.faces, plan),
-        omitted_segments=len(ids) - count,
+        omitted_segments=len(ids) + beyond - count,
         omitted_by=omitted_by,
     )
 

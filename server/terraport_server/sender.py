@@ -23,6 +23,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from terraport_server.actions import Close, RunPick, SendChunk, SendMessage
 from terraport_server.logs import log
 from terraport_server.metrics import Metrics
+from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.scenes import ServedScene
 from terraport_server.session import Session
 from terraport_server.transport import connection_of
@@ -34,7 +35,6 @@ from terraport_wire import (
     Hit,
     Message,
     Plan,
-    Subprotocol,
     decode,
     encode,
     frame_header,
@@ -73,8 +73,6 @@ class Sender:
     ----------
     websocket
         Accepted.
-    subprotocol
-        As negotiated.
     session
         The state machine.
     served
@@ -92,7 +90,6 @@ class Sender:
     def __init__(
         self,
         websocket: WebSocket,
-        subprotocol: Subprotocol,
         session: Session,
         served: ServedScene,
         *,
@@ -103,7 +100,6 @@ class Sender:
     ) -> None:
         self.session = session
         self._websocket = websocket
-        self._subprotocol = subprotocol
         self._served = served
         self._limits = limits
         self._metrics = metrics
@@ -158,6 +154,8 @@ class Sender:
             event = await self._websocket.receive()
             if event["type"] == "websocket.disconnect":
                 return
+            if self.session.closing:
+                continue  # it was answered for good: nothing more of it is looked at
             text = event.get("text")
             self._take(event["bytes"] if text is None else text)
             while self.session.pending >= self._limits.max_pending_actions:
@@ -169,7 +167,6 @@ class Sender:
         try:
             message = decode(
                 data,
-                self._subprotocol,
                 Direction.CLIENT_TO_SERVER,
                 max_bytes=self._limits.max_message_bytes,
             )
@@ -364,15 +361,13 @@ class Sender:
         self._metrics.corrupt_segments.labels(self._metrics.scene_label(self._served.id)).inc()
 
     async def _send_message(self, message: Message) -> None:
-        data = encode(message, self._subprotocol)
-        if isinstance(data, str):
-            await self._websocket.send_text(data)
-        else:
-            await self._websocket.send_bytes(data)
+        await self._websocket.send_bytes(encode(message))
         if isinstance(message, Plan):
             self.session.plan_sent(message.generation, self._loop.time())
 
     async def _close(self, action: Close) -> None:
+        if self._connection is not None and self.session.deliveries is None:  # was never let in
+            self._connection.leave_within(REFUSED_CLOSE_S)
         await self._websocket.close(int(action.code), str(action.reason))
 
     def _start_pick(self, action: RunPick) -> None:

@@ -157,7 +157,11 @@ def make_server(settings: Settings) -> TerraportServer:
     return TerraportServer(config, service)
 
 
-def run(settings: Settings, reread: Callable[[], Settings] | None = None) -> None:
+def run(
+    settings: Settings,
+    reread: Callable[[], Settings] | None = None,
+    announce: Callable[[int], None] | None = None,
+) -> None:
     """Serve until SIGTERM or SIGINT, then drain and return.
 
     Parameters
@@ -166,44 +170,49 @@ def run(settings: Settings, reread: Callable[[], Settings] | None = None) -> Non
         Checked here.
     reread
         Reads the settings again, for a rolling restart of several workers.
+    announce
+        Called once with the port when it is had, before the log begins.
 
     Raises
     ------
     SettingsError
         When the settings cannot be served with, or not safely.
     ServerError
-        When the service could not start (the log says why: port in use, unreadable certificate).
+        When the address cannot be had (which, why, and a port that is free), or the service could
+        not start (the log says why).
     """
     settings = settings.model_copy(update={"workers": settings.workers or _core_count()})
-    if settings.workers > 1:
-        _run_workers(settings, reread)
-        return
-    server = make_server(settings)
+    if settings.workers > 1 and os.name == "nt":
+        raise SettingsError("workers", f"got {settings.workers} on Windows, expected 1")
+    settings.check()
+    make_room(settings.max_connections)  # workers inherit it
+    listeners = Listeners(settings.host, settings.port, settings.workers)
+    try:
+        server = make_server(settings) if settings.workers == 1 else None
+        if announce is not None:
+            announce(listeners.port)
+        configure_logging(settings.log_level, settings.log_format)
+        if server is None:
+            asyncio.run(Supervisor(settings, listeners, reread).run())
+        else:
+            _run_alone(server, listeners)
+    finally:
+        listeners.close()
+
+
+def _run_alone(server: TerraportServer, listeners: Listeners) -> None:
+    """Serve in this process."""
     server.owns_process = True
-    configure_logging(settings.log_level, settings.log_format)
-    make_room(settings.max_connections)
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, lambda *_: server.reread_access())
     try:
-        server.run()
+        server.run(sockets=listeners.of(0))
     except KeyboardInterrupt:
         return  # uvicorn raises it again after a graceful end; the end was what was asked for
     except SystemExit:
         pass  # uvicorn's way to say that it could not start; its log line says why
     if not server.started:
-        address = f"{settings.host}:{settings.port}"
-        raise ServerError(f"could not listen on {address}, expected a free address and port")
-
-
-def _run_workers(settings: Settings, reread: Callable[[], Settings] | None) -> None:
-    if os.name == "nt":
-        raise SettingsError("workers", f"got {settings.workers} on Windows, expected 1")
-    settings.check()
-    configure_logging(settings.log_level, settings.log_format)
-    make_room(settings.max_connections)  # the workers inherit it
-    listeners = Listeners(settings.host, settings.port, settings.workers)
-    supervisor = Supervisor(settings, listeners, reread)
-    asyncio.run(supervisor.run())
+        raise ServerError("the service could not start, expected it to serve; its log says why")
 
 
 def _core_count() -> int:
@@ -224,6 +233,9 @@ class BackgroundServer:
     ----------
     scenes_dir
         A folder of scenes, or one scene; or the address of such in object storage, as a str.
+    listeners
+        Where it listens, of one slot, opened before; closed at the end. By default on `host` and
+        `port`.
     **overrides
         Any other fields of :class:`Settings`.
 
@@ -231,9 +243,13 @@ class BackgroundServer:
     ------
     SettingsError
         When the settings cannot be served with.
+    ServerError
+        When the address cannot be had.
     """
 
-    def __init__(self, scenes_dir: Path | str, **overrides: Any) -> None:
+    def __init__(
+        self, scenes_dir: Path | str, *, listeners: Listeners | None = None, **overrides: Any
+    ) -> None:
         overrides.setdefault("host", "127.0.0.1")
         overrides.setdefault("port", 0)
         overrides["workers"] = 1  # a thread of this process is all there is
@@ -243,7 +259,7 @@ class BackgroundServer:
             overrides["scenes_dir"] = Path(scenes_dir)
         settings = Settings(**overrides)
         self._server = make_server(settings)
-        self._socket = socket.create_server((settings.host, settings.port))
+        self._listeners = listeners or Listeners(settings.host, settings.port, 1)
         self._thread = threading.Thread(target=self._run, name="terraport-server", daemon=True)
         self._failure: BaseException | None = None
 
@@ -255,8 +271,7 @@ class BackgroundServer:
     @property
     def port(self) -> int:
         """The port that it listens on."""
-        port: int = self._socket.getsockname()[1]
-        return port
+        return self._listeners.port
 
     @property
     def url(self) -> str:
@@ -298,7 +313,7 @@ class BackgroundServer:
         self._server.should_exit = True
         if self._thread.is_alive():
             self._thread.join()
-        self._socket.close()
+        self._listeners.close()
 
     def __enter__(self) -> Self:
         self.start()
@@ -314,6 +329,6 @@ class BackgroundServer:
 
     def _run(self) -> None:
         try:
-            self._server.run(sockets=[self._socket])
+            self._server.run(sockets=self._listeners.of(0))
         except BaseException as error:  # noqa: BLE001 - handed to the thread that asked
             self._failure = error

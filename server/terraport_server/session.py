@@ -171,13 +171,14 @@ class Session:
 
     def receive(self, message: Message | Unknown, now_s: float) -> None:
         """Take one decoded message."""
-        if not self._admit(now_s) or isinstance(message, Unknown):
+        if not self._admit(now_s):
             return
         deliveries = self._deliveries
         if isinstance(message, Hello):
             self._on_hello(message)
         elif deliveries is None:
-            self._out.fatal(ErrorCode.OUT_OF_ORDER, f"got {message.TYPE} first, expected hello")
+            what = "an unknown type" if isinstance(message, Unknown) else message.TYPE
+            self._out.fatal(ErrorCode.OUT_OF_ORDER, f"got {what} first, expected hello")
         elif isinstance(message, Land | Aim):
             if self._take_generation(message.generation) and self._may_go(message):
                 if isinstance(message, Land):

@@ -126,7 +126,7 @@ class Settings(BaseSettings):
     max_connections: Annotated[int, Field(ge=1)] = 1024
     """Open connections of any kind; more are answered 503."""
     max_connections_per_ip: Annotated[int, Field(ge=1)] = 64
-    """Open HTTP connections of one address; WebSockets count as sessions."""
+    """Open connections of one address, WebSockets among them as long as they live."""
     max_sessions: Annotated[int, Field(ge=1)] = 256
     max_sessions_per_ip: Annotated[int, Field(ge=1)] = 32
     max_message_bytes: Annotated[int, Field(ge=1024, le=MAX_CLIENT_MESSAGE_BYTES)] = 1 << 20

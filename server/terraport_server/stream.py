@@ -8,6 +8,7 @@ import logging
 import secrets
 from dataclasses import dataclass
 
+from starlette.responses import JSONResponse
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from terraport_server.access_watch import Visitor
@@ -19,11 +20,14 @@ from terraport_server.errors import AccessError, UnknownSceneError
 from terraport_server.greeting import UNOPENED_TEXT, no_hello_text
 from terraport_server.group_desk import GroupDoor
 from terraport_server.logs import log
+from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.sender import Sender
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT, Session
+from terraport_server.transport import connection_of
 from terraport_wire import (
     CLOSE_CODES,
+    SUBPROTOCOL,
     CloseCode,
     DecodeError,
     Direction,
@@ -31,8 +35,6 @@ from terraport_wire import (
     ErrorCode,
     Hello,
     Message,
-    Subprotocol,
-    choose_subprotocol,
     decode,
     encode,
     token_from_subprotocols,
@@ -54,14 +56,22 @@ class _Refusal:
 async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
     """Serve one client from handshake to close."""
     offered = list(websocket.scope["subprotocols"])
-    subprotocol = choose_subprotocol(offered)
-    await websocket.accept(subprotocol.value if subprotocol is not None else None)
+    speaks = SUBPROTOCOL in offered
     client_ip = websocket.client.host if websocket.client is not None else "unknown"
-    if subprotocol is None:
+    connection = connection_of(websocket.scope)
+    full = None if connection is None else connection.count_client(client_ip)
+    if full is not None:
+        service.note_refusal("connections", full, client_ip)
+        error = {"error": {"code": "connections", "message": full}}
+        await websocket.send_denial_response(JSONResponse(error, 503))
+        return
+    await websocket.accept(SUBPROTOCOL if speaks else None)
+    if not speaks:
         service.metrics.errors.labels(ErrorCode.UNSUPPORTED_VERSION).inc()
         service.metrics.refused.labels("version").inc()
-        names = ", ".join(protocol.value for protocol in Subprotocol)
-        await websocket.close(int(CloseCode.VERSION), f"offered: {names}")
+        if connection is not None:
+            connection.leave_within(REFUSED_CLOSE_S)
+        await websocket.close(int(CloseCode.VERSION), f"offered: {SUBPROTOCOL}")
         return
     with contextlib.suppress(WebSocketDisconnect):
         came = _let_in(websocket, scene_id, offered, service)
@@ -69,7 +79,7 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
             full = service.admit(client_ip)
             if full is None:
                 try:
-                    await _serve(websocket, subprotocol, scene_id, came, client_ip, service)
+                    await _serve(websocket, scene_id, came, client_ip, service)
                 finally:
                     service.dismiss(client_ip)
                 return
@@ -77,12 +87,11 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
             came = _Refusal(ErrorCode.TOO_MANY, full, kind)
         service.metrics.refused.labels(came.reason).inc()
         note_error(service.metrics, service.once, came.code, came.text, client_ip=client_ip)
-        await _refuse(websocket, subprotocol, came.code, came.text)
+        await _refuse(websocket, came.code, came.text)
 
 
 async def _serve(
     websocket: WebSocket,
-    subprotocol: Subprotocol,
     scene_id: str,
     token_pass: TokenPass | None,
     client_ip: str,
@@ -91,10 +100,10 @@ async def _serve(
     try:
         served = service.registry.get(scene_id)
     except UnknownSceneError:  # hello's token decides who is told so
-        code, text = await _judge_hello(websocket, subprotocol, scene_id, service)
+        code, text = await _judge_hello(websocket, scene_id, service)
         service.metrics.refused.labels(str(code)).inc()
         note_error(service.metrics, service.once, code, text, client_ip=client_ip)
-        await _refuse(websocket, subprotocol, code, text)
+        await _refuse(websocket, code, text)
         return
     session_id = secrets.token_hex(6)
     authorise: Authorise | None = None
@@ -135,7 +144,6 @@ async def _serve(
     )
     sender = Sender(
         websocket,
-        subprotocol,
         session,
         served,
         limits=service.sender_limits,
@@ -159,7 +167,7 @@ async def _serve(
         chronicle.ending(ErrorCode.INTERNAL)
         log("session failed", level=logging.ERROR, session=session_id, scene=scene_id)
         logging.getLogger("terraport.server").exception("session failed")
-        await _refuse(websocket, subprotocol, ErrorCode.INTERNAL, INTERNAL_TEXT)
+        await _refuse(websocket, ErrorCode.INTERNAL, INTERNAL_TEXT)
     finally:
         session.ended()
         if door is not None:
@@ -201,7 +209,7 @@ def _let_in(
 
 
 async def _judge_hello(
-    websocket: WebSocket, subprotocol: Subprotocol, scene_id: str, service: Service
+    websocket: WebSocket, scene_id: str, service: Service
 ) -> tuple[ErrorCode, str]:
     """Refuse a client that wants an unknown scene exactly as it would be at a known one."""
     settings = service.settings
@@ -215,9 +223,8 @@ async def _judge_hello(
     text = event.get("text")
     data: bytes | str = event["bytes"] if text is None else text
     try:
-        message = decode(
-            data, subprotocol, Direction.CLIENT_TO_SERVER, max_bytes=settings.max_message_bytes
-        )
+        most_bytes = service.settings.max_message_bytes
+        message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
     except DecodeError as error:
         return error.code, str(error)
     token = message.token if isinstance(message, Hello) else None
@@ -237,13 +244,11 @@ def _given_token(websocket: WebSocket, offered: list[str]) -> str | None:
     return None
 
 
-async def _refuse(
-    websocket: WebSocket, subprotocol: Subprotocol, code: ErrorCode, text: str
-) -> None:
-    error = encode(Error(code=code, message=text[:1024], fatal=True), subprotocol)
+async def _refuse(websocket: WebSocket, code: ErrorCode, text: str) -> None:
+    error = encode(Error(code=code, message=text[:1024], fatal=True))
+    connection = connection_of(websocket.scope)
+    if connection is not None:
+        connection.leave_within(REFUSED_CLOSE_S)
     with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # gone, or closed already
-        if isinstance(error, str):
-            await websocket.send_text(error)
-        else:
-            await websocket.send_bytes(error)
+        await websocket.send_bytes(error)
         await websocket.close(int(CLOSE_CODES[code]), code)

@@ -31,7 +31,7 @@ from terraport_store.errors import (
     SceneNotFoundError,
     StoreError,
 )
-from terraport_store.files import FolderFiles, SceneFiles, is_url, scene_files
+from terraport_store.files import FolderFiles, SceneFiles, is_url, path_inside, scene_files
 from terraport_store.index import SegmentIndex
 from terraport_store.labelling import change_labels, read_labels, read_names
 from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
@@ -107,6 +107,7 @@ __all__ = [
     "label_fault",
     "list_scenes",
     "manifest_digest",
+    "path_inside",
     "read_labels",
     "read_manifest",
     "read_names",

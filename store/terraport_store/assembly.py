@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from terraport_payload import SegmentMesh
 from terraport_store.index import SegmentIndex
-from terraport_store.layout import ENCODINGS, index_name, pack_name
+from terraport_store.layout import ENCODING, INDEX, MEDIA_TYPE, PACK
 from terraport_store.manifest import (
     AttributeInfo,
     Bounds,
@@ -72,7 +72,7 @@ class MeshShape:
 
 def assemble_manifest(
     info: SceneInfo,
-    indexes: Mapping[str, SegmentIndex],
+    index: SegmentIndex,
     base: MeshShape,
     files: Mapping[str, FileInfo],
 ) -> Manifest:
@@ -82,8 +82,8 @@ def assemble_manifest(
     ----------
     info : SceneInfo
         What the files do not say.
-    indexes : mapping of str to SegmentIndex
-        By encoding, "glb" among them; at least one segment.
+    index : SegmentIndex
+        Of the payloads; at least one segment.
     base : MeshShape
         Of the base mesh.
     files : mapping of str to FileInfo
@@ -99,7 +99,6 @@ def assemble_manifest(
     pydantic.ValidationError
         When a field of *info* is out of range.
     """
-    index = indexes["glb"]
     boxes = np.vstack([index.bounds, np.array([base.bounds], dtype="<f4")]).astype(float)
     sides = index.bounds[:, 3:].astype(float) - index.bounds[:, :3]
     unnamed = Manifest(
@@ -110,13 +109,9 @@ def assemble_manifest(
         step_m=info.step_m,
         bounds=Bounds(min=_vector(boxes[:, :3].min(axis=0)), max=_vector(boxes[:, 3:].max(axis=0))),
         encodings={
-            encoding: EncodingInfo(
-                pack=pack_name(encoding),
-                index=index_name(encoding),
-                media_type=ENCODINGS[encoding],
-                payload_bytes=one.payload_bytes,
+            ENCODING: EncodingInfo(
+                pack=PACK, index=INDEX, media_type=MEDIA_TYPE, payload_bytes=index.payload_bytes
             )
-            for encoding, one in indexes.items()
         },
         attributes=info.attributes,
         counts=Counts(
@@ -132,7 +127,7 @@ def assemble_manifest(
         textures=info.textures,
         hand_off=info.hand_off,
         limits=Limits(
-            max_segment_bytes=max(int(one.length.max()) for one in indexes.values()),
+            max_segment_bytes=int(index.length.max()),
             max_segment_faces=int(index.face_count.max()),
             max_extent_m=float(sides.max()),
         ),

@@ -6,6 +6,8 @@ there is one way to read a scene. Paths are those of the manifest, relative to t
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
@@ -21,7 +23,15 @@ from terraport_store.source import FileSource, MmapSource, PayloadSource
 if TYPE_CHECKING:
     from terraport_store.object_files import ObjectFiles
 
-__all__ = ["FolderFiles", "LocalCopy", "SceneFiles", "SourceKind", "is_url", "scene_files"]
+__all__ = [
+    "FolderFiles",
+    "LocalCopy",
+    "SceneFiles",
+    "SourceKind",
+    "is_url",
+    "path_inside",
+    "scene_files",
+]
 
 SourceKind = Literal["file", "mmap"]
 """How packs in a folder are read."""
@@ -111,8 +121,36 @@ def scene_files(place: str | Path | SceneFiles) -> SceneFiles:
     return place
 
 
+def path_inside(folder: Path, path: str) -> Path:
+    """Return the path of a file of a scene with links followed, which may not lead out of it.
+
+    Scenes are published over the network: a link in one must not publish what lies elsewhere. The
+    folder itself may be a link.
+
+    Parameters
+    ----------
+    folder : Path
+        The scene directory.
+    path : str
+        Relative to it; need not exist.
+
+    Raises
+    ------
+    PermissionError
+        When it leads out of the folder.
+    """
+    real = Path(os.path.realpath(folder / path))  # Path.resolve raises where links go in a circle
+    if not real.is_relative_to(os.path.realpath(folder)):
+        what = "a link leads out of the scene, expected a file inside of it"
+        raise PermissionError(errno.EACCES, what, path)
+    return real
+
+
 class FolderFiles:
-    """The files of a scene directory; see :class:`SceneFiles`."""
+    """The files of a scene directory; see :class:`SceneFiles`.
+
+    Links out of the directory are not followed: PermissionError.
+    """
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
@@ -124,7 +162,7 @@ class FolderFiles:
 
     def read(self, path: str, limit: int) -> bytes:
         """Read a whole file; see :class:`SceneFiles`."""
-        with _named(path), (self.directory / path).open("rb") as file:
+        with _named(path), path_inside(self.directory, path).open("rb") as file:
             return file.read(limit + 1)
 
     def fetch(self, file: FileInfo) -> bytes:
@@ -134,18 +172,18 @@ class FolderFiles:
     def size(self, path: str) -> int:
         """Bytes of a file; see :class:`SceneFiles`."""
         with _named(path):
-            return (self.directory / path).stat().st_size
+            return path_inside(self.directory, path).stat().st_size
 
     def blocks(self, file: FileInfo) -> Iterator[bytes]:
         """Read a file from end to end; see :class:`SceneFiles`."""
-        with _named(file.path), (self.directory / file.path).open("rb") as opened:
+        with _named(file.path), path_inside(self.directory, file.path).open("rb") as opened:
             while block := opened.read(_BLOCK_BYTES):
                 yield block
 
     def stamp(self, path: str) -> Hashable | None:
         """Time, size and inode; see :class:`SceneFiles`."""
         try:
-            status = (self.directory / path).stat()
+            status = path_inside(self.directory, path).stat()
         except OSError:
             return None
         return (status.st_mtime_ns, status.st_size, status.st_ino)
@@ -158,7 +196,8 @@ class FolderFiles:
     ) -> PayloadSource:
         """Open a pack; see :class:`SceneFiles`."""
         with _named(file.path):
-            return (MmapSource if kind == "mmap" else FileSource)(self.directory / file.path)
+            path = path_inside(self.directory, file.path)
+            return (MmapSource if kind == "mmap" else FileSource)(path)
 
     def local_copy(self, manifest: Manifest) -> LocalCopy:  # noqa: ARG002 - all of it is local
         """Return the directory itself."""

@@ -152,9 +152,7 @@ def change_labels(scene_dir: str | Path, changes: Mapping[int, str | None]) -> R
 
 def _check(names: RegionNames, changes: Mapping[int, str | None]) -> None:
     if names.stable_ids is None:
-        raise LabelError(
-            "the scene was built before regions had stable ids; build it again, then label it"
-        )
+        raise LabelError("regions.json gives no stable ids; build the scene again, then label it")
     known = set(names.stable_ids.tolist())
     for number, label in changes.items():
         if number not in known:

@@ -12,8 +12,9 @@ __all__ = [
     "ALIGNMENT",
     "BASE",
     "COVER",
-    "ENCODINGS",
+    "ENCODING",
     "FORMAT_VERSION",
+    "INDEX",
     "LABELS",
     "MANIFEST_NAME",
     "MAX_INDEX_BYTES",
@@ -22,14 +23,14 @@ __all__ = [
     "MAX_PAYLOAD_BYTES",
     "MAX_REGIONS_BYTES",
     "MAX_SEGMENT_SIDE",
+    "MEDIA_TYPE",
+    "PACK",
     "PACK_HEADER_BYTES",
     "REGIONS",
     "STAGING",
     "VERSION_FOLDER",
     "check_pack_header",
-    "index_name",
     "pack_header",
-    "pack_name",
 ]
 
 MANIFEST_NAME: Final = "scene.json"
@@ -38,15 +39,21 @@ MANIFEST_NAME: Final = "scene.json"
 LABELS: Final = "labels.json"
 """What people call the regions; beside the manifest, part of no version."""
 
-FORMAT_VERSION: Final = "1.2"
+FORMAT_VERSION: Final = "1.0"
 """What is written; every 1.x is read."""
 
 BASE: Final = "base.glb"
 COVER: Final = "base.cover"
 REGIONS: Final = "regions.json"
 
-ENCODINGS: Final = {"glb": "model/gltf-binary", "arrays": "application/vnd.terraport.arrays"}
-"""Payload encodings and their media types."""
+ENCODING: Final = "glb"
+"""How payloads are encoded that are written."""
+
+MEDIA_TYPE: Final = "model/gltf-binary"
+"""Of a payload."""
+
+PACK: Final = "segments.pack"
+INDEX: Final = "segments.idx"
 
 VERSION_FOLDER: Final = re.compile(r"v-[0-9a-f]{12}(-[0-9]{1,6})?")
 """Folder of one published version."""
@@ -80,28 +87,6 @@ MAX_SEGMENT_SIDE: Final = 2048
 
 _PACK: Final = struct.Struct("<8sHHII16s28x")
 _PACK_MAGIC: Final = b"TPSEGPK1"
-
-
-def pack_name(encoding: str) -> str:
-    """Name of the pack of one encoding.
-
-    Examples
-    --------
-    >>> pack_name("glb"), pack_name("arrays")
-    ('segments.pack', 'segments.arrays.pack')
-    """
-    return "segments.pack" if encoding == "glb" else f"segments.{encoding}.pack"
-
-
-def index_name(encoding: str) -> str:
-    """Name of the index of one encoding.
-
-    Examples
-    --------
-    >>> index_name("glb"), index_name("arrays")
-    ('segments.idx', 'segments.arrays.idx')
-    """
-    return "segments.idx" if encoding == "glb" else f"segments.{encoding}.idx"
 
 
 def pack_header(encoding: str) -> bytes:

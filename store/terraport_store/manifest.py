@@ -181,7 +181,7 @@ class Manifest(_Frozen):
     attributes: tuple[AttributeInfo, ...] = ()
     counts: Counts
     has_colour: bool
-    """Whether every payload has vertex colours."""
+    """Whether every payload has vertex colours; false, too, where textures stand in their place."""
     textures: TextureInfo | None = None
     hand_off: HandOff
     limits: Limits

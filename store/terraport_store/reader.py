@@ -25,7 +25,7 @@ from terraport_store.errors import (
     DamagedSceneError,
     RangeError,
 )
-from terraport_store.files import LocalCopy, SceneFiles, SourceKind, scene_files
+from terraport_store.files import LocalCopy, SceneFiles, SourceKind, path_inside, scene_files
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     BASE,
@@ -212,8 +212,10 @@ class Scene:
         ------
         KeyError
             When the manifest has no such file.
+        PermissionError
+            When a link leads out of the scene.
         """
-        return self.path / self.manifest.files[key].path
+        return path_inside(self.path, self.manifest.files[key].path)
 
     def index_for(self, encoding: str) -> SegmentIndex:
         """Index of one encoding; lengths, offsets and hashes differ between encodings.

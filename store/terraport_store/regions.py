@@ -28,7 +28,7 @@ class RegionNames:
     """Stable ids and labels of the regions of one version, and the labels that users set."""
 
     stable_ids: npt.NDArray[np.uint32] | None = None
-    """(R,) by region; None for scenes of format 1.0, whose regions have none."""
+    """(R,) by region; None where regions.json gives none."""
     next_stable_id: int = 0
     """Lowest number that no region of the scene ever had; 0 without stable ids."""
     given: Mapping[int, str] = field(default_factory=dict)

@@ -15,13 +15,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 from rtree import index as rtree_index
 
 __all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "box_distances_m", "validate_query"]
+
+
+_QUERY_SLACK: Final = 2.0**-50
+"""By what share of its own size a query cube is widened. A box may lie beyond ``point + radius`` by
+the rounding of the subtraction in :func:`box_distances_m`, half a step of the *distance*: where
+point and radius cancel that is more than any step of their sum."""
+
+_LEAST_SLACK_M: Final = 1e-150
+"""By how much at least: a gap whose square underflows to 0 (below 2e-162 m) is no distance."""
 
 
 class SpatialIndex(Protocol):
@@ -103,10 +112,9 @@ class RTreeIndex:
         point = validate_query(centre, radius_m)
         if self._tree is None:
             return np.zeros(0, dtype=np.int64)
-        # The tree finds the boxes that meet the cube about the sphere, one rounding step wider than
-        # asked so that its own rounding loses none; the exact test then decides.
-        low = np.nextafter(point - radius_m, -np.inf)
-        high = np.nextafter(point + radius_m, np.inf)
+        # The tree finds the boxes that meet the cube about the sphere; the exact test then decides.
+        slack_m = (np.abs(point) + radius_m) * _QUERY_SLACK + _LEAST_SLACK_M
+        low, high = point - radius_m - slack_m, point + radius_m + slack_m
         found = np.fromiter(self._tree.intersection((*low, *high)), dtype=np.int64)
         found = found[box_distances_m(self._bounds[found], point) <= radius_m]
         found.sort()

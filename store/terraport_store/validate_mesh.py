@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from terraport_payload import PayloadError, SegmentMesh, decode_arrays, decode_glb
+from terraport_payload import PayloadError, SegmentMesh, decode_glb
 from terraport_payload.grid import grid_codes
 from terraport_store.errors import CorruptPayloadError, RangeError
 from terraport_store.findings import Findings
@@ -20,7 +17,7 @@ __all__ = ["box_of", "check_mesh_fits", "check_segment"]
 
 
 def check_segment(out: Findings, scene: Scene, segment: int) -> None:
-    """Check one segment in every encoding: hash, decoding, counts, box, regions, grid, attributes.
+    """Check one segment: hash, decoding, counts, box, regions, grid, attributes.
 
     Parameters
     ----------
@@ -33,7 +30,7 @@ def check_segment(out: Findings, scene: Scene, segment: int) -> None:
     """
     manifest, index = scene.manifest, scene.index
     file = manifest.files[manifest.encodings["glb"].pack].path
-    mesh = _decoded(out, scene, segment, "glb", decode_glb)
+    mesh = _decoded(out, scene, segment)
     if mesh is None:
         return
     found = (len(mesh.positions), len(mesh.faces))
@@ -64,11 +61,6 @@ def check_segment(out: Findings, scene: Scene, segment: int) -> None:
                 segment=segment,
             )
     check_mesh_fits(out, manifest, mesh, file, segment)
-    if "arrays" in manifest.encodings:
-        other = _decoded(out, scene, segment, "arrays", decode_arrays)
-        if other is not None and not _equal(mesh, other):
-            pack = manifest.files[manifest.encodings["arrays"].pack].path
-            out.error("encodings-differ", pack, "not the mesh of the glb payload", segment=segment)
 
 
 def check_mesh_fits(
@@ -154,12 +146,10 @@ def _check_texture(
         )
 
 
-def _decoded(
-    out: Findings, scene: Scene, segment: int, encoding: str, decode: Callable[[Any], SegmentMesh]
-) -> SegmentMesh | None:
-    file = scene.manifest.files[scene.manifest.encodings[encoding].pack].path
+def _decoded(out: Findings, scene: Scene, segment: int) -> SegmentMesh | None:
+    file = scene.manifest.files[scene.manifest.encodings["glb"].pack].path
     try:
-        return decode(scene.payload(segment, encoding))
+        return decode_glb(scene.payload(segment))
     except CorruptPayloadError as error:
         out.error("payload-hash", file, error.what, segment=segment, offset=error.offset)
     except PayloadError as error:
@@ -193,21 +183,3 @@ def _check_range(
             f"expected within {info.min} to {info.max} by scene.json",
             segment=segment,
         )
-
-
-def _equal(one: SegmentMesh, other: SegmentMesh) -> bool:
-    """Whether two meshes are the same to the bit."""
-    pairs = [
-        (one.positions, other.positions),
-        (one.faces, other.faces),
-        (one.normals, other.normals),
-        (one.colours, other.colours),
-        (one.region_ids, other.region_ids),
-        (one.uvs, other.uvs),
-        *((values, other.attributes.get(name)) for name, values in one.attributes.items()),
-    ]
-    alike = set(one.attributes) == set(other.attributes) and one.texture == other.texture
-    return alike and all(
-        (a is None) == (b is None) and (a is None or b is None or a.tobytes() == b.tobytes())
-        for a, b in pairs
-    )

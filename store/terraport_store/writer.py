@@ -34,11 +34,11 @@ from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     BASE,
     COVER,
-    ENCODINGS,
+    ENCODING,
+    INDEX,
+    PACK,
     REGIONS,
-    index_name,
     pack_header,
-    pack_name,
 )
 from terraport_store.manifest import FileInfo, Manifest
 from terraport_store.pack_writer import PackWriter
@@ -68,8 +68,6 @@ class SceneWriter:
     ----------
     scene_dir : Path
         Created if it is not there; its parent must be.
-    with_arrays : bool, optional
-        Also write the ``arrays`` encoding; every segment must then be given in both.
     expected_bytes : int, optional
         What the whole version will take, as far as known; checked against the free space at once.
 
@@ -83,9 +81,7 @@ class SceneWriter:
         When the parent directory is not there.
     """
 
-    def __init__(
-        self, scene_dir: str | Path, *, with_arrays: bool = False, expected_bytes: int = 0
-    ) -> None:
+    def __init__(self, scene_dir: str | Path, *, expected_bytes: int = 0) -> None:
         self._scene_dir = Path(scene_dir)
         parent = self._scene_dir.absolute().parent
         if not parent.is_dir():
@@ -99,16 +95,14 @@ class SceneWriter:
         self._base: MeshShape | None = None
         self._last_covering = 0
         self._files: dict[str, FileInfo] = {}
-        self._packs: dict[str, PackWriter] = {}
+        self._pack: PackWriter | None = None
         self._open = True
         self._staging: Path | None = None
         try:
             with out_of_space_named(self._scene_dir):
                 self._staging = new_staging_folder(self._scene_dir)
-                for encoding in ENCODINGS if with_arrays else ("glb",):
-                    file = (self._staging / pack_name(encoding)).open("xb")
-                    self._packs[encoding] = PackWriter(file)
-                    self._packs[encoding].write(pack_header(encoding))
+                self._pack = PackWriter((self._staging / PACK).open("xb"))
+                self._pack.write(pack_header(ENCODING))
         except BaseException:
             self.abort()
             raise
@@ -122,7 +116,6 @@ class SceneWriter:
         bounds: Sequence[float] | None = None,
         vertices: int | None = None,
         faces: int | None = None,
-        arrays: bytes | None = None,
     ) -> int:
         """Append one segment to the pack.
 
@@ -140,9 +133,6 @@ class SceneWriter:
         vertices, faces : int, optional
             Counts. When any of bounds, vertices and faces is left out, all are read from the GLB (2
             ms per 10 k faces).
-        arrays : bytes, optional
-            From ``encode_arrays(decode_glb(glb))``; needed if and only if the writer was made
-            with_arrays.
 
         Returns
         -------
@@ -156,23 +146,16 @@ class SceneWriter:
         PayloadError
             When the GLB has to be decoded and cannot be.
         PublishError
-            When a payload is empty, an encoding is missing, or the writer is closed.
+            When a payload is empty, or the writer is closed.
         """
         self._require_open()
-        if (arrays is not None) != ("arrays" in self._packs):
-            with_or_without = ("without", "with")
-            raise PublishError(
-                f"segment {len(self._shapes)} {with_or_without[arrays is not None]} arrays, "
-                f"expected {with_or_without['arrays' in self._packs]} as the writer was made"
-            )
         if bounds is None or vertices is None or faces is None:
             shape = MeshShape.of(decode_glb(glb))
         else:
             shape = MeshShape(tuple(float(value) for value in bounds), vertices, faces)
-        payloads = {"glb": glb} if arrays is None else {"glb": glb, "arrays": arrays}
         with self._aborting():
-            for encoding, payload in payloads.items():
-                self._packs[encoding].append(payload)
+            assert self._pack is not None
+            self._pack.append(glb)
         self._shapes.append(shape)
         self._regions.append((region, region_count))
         return len(self._shapes) - 1
@@ -265,15 +248,14 @@ class SceneWriter:
             )
         if REGIONS not in self._files:
             self.set_regions({"regions": []})
-        indexes = {encoding: self._index(encoding) for encoding in self._packs}
+        index = self._index()
         with self._aborting():
             assert self._staging is not None
-            require_space(self._scene_dir, sum(len(index) * 64 for index in indexes.values()))
-            for encoding, index in indexes.items():
-                self._finish_pack(encoding)
-                self._write(index_name(encoding), index.to_bytes())
+            require_space(self._scene_dir, len(index) * 64)
+            self._finish_pack()
+            self._write(INDEX, index.to_bytes())
             sync_folder(self._staging)
-            unnamed = assemble_manifest(info, indexes, self._base, self._files)
+            unnamed = assemble_manifest(info, index, self._base, self._files)
             manifest = swap_in(self._scene_dir, self._staging, unnamed)
         self._open = False
         self._lock.release()
@@ -284,8 +266,8 @@ class SceneWriter:
         if not self._open:
             return
         self._open = False
-        for pack in self._packs.values():
-            pack.discard()
+        if self._pack is not None:
+            self._pack.discard()
         if self._staging is not None:
             shutil.rmtree(self._staging, ignore_errors=True)
         if self._created:
@@ -329,13 +311,14 @@ class SceneWriter:
     def _register(self, key: str, size: int, xxh3: str) -> None:
         self._files[key] = FileInfo(path=f"{_UNNAMED}/{key}", bytes=size, xxh3=xxh3)
 
-    def _finish_pack(self, encoding: str) -> None:
-        pack = self._packs[encoding]
-        pack.finish()
-        self._register(pack_name(encoding), pack.size, pack.digest.hexdigest())
+    def _finish_pack(self) -> None:
+        assert self._pack is not None
+        self._pack.finish()
+        self._register(PACK, self._pack.size, self._pack.digest.hexdigest())
 
-    def _index(self, encoding: str) -> SegmentIndex:
-        rows = self._packs[encoding].rows
+    def _index(self) -> SegmentIndex:
+        assert self._pack is not None
+        rows = self._pack.rows
         return SegmentIndex(
             bounds=np.array([shape.bounds for shape in self._shapes], dtype="<f4"),
             vertex_count=np.array([shape.vertices for shape in self._shapes], dtype="<u4"),

@@ -215,7 +215,14 @@ def test_past_the_deadline_the_inner_part_is_shown_first(open_page: OpenPage, sc
 
 
 def test_the_picture_comes_back_after_a_lost_context(open_page: OpenPage, server: Service) -> None:
-    viewer = opened(open_page, server.url, r"WebGL: CONTEXT_LOST_WEBGL|Context Lost|context lost")
+    # What the lost context held is let go by three.js when its segment is, perhaps within this
+    # test: deleting it does nothing, and Chromium says so.
+    viewer = opened(
+        open_page,
+        server.url,
+        r"WebGL: CONTEXT_LOST_WEBGL|Context Lost|context lost"
+        r"|delete\w*: object does not belong to this context",
+    )
     shown = viewer.land(PLACE, RADIUS_M)
     before = sorted(count for _, count in viewer.look((0.0, 700.0, 0.0), 0.0, -90.0))
     viewer.run(

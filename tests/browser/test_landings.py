@@ -160,3 +160,62 @@ def test_a_kept_place_comes_back(viewer: DrivenViewer) -> None:
     page.get_by_role("button", name="The floor", exact=True).click()
     viewer.until("terraport.status.landing === 2 && terraport.status.phase === 'shown'")
     assert set(viewer.visible) >= set(first["visible"])
+
+
+FIND_WALL = """(eye) => {
+  for (let azimuth = 0; azimuth < 360; azimuth += 3) {
+    const [dx, dz] = [Math.sin(azimuth * Math.PI / 180), -Math.cos(azimuth * Math.PI / 180)];
+    const hit = terraport.cast(eye, [dx, 0, dz]);
+    if (hit === null || Math.abs(hit.normal[1]) > 0.45 || hit.distanceM < 12) continue;
+    const [x, y, z] = hit.position;
+    return {position: hit.position, azimuth, before: [x - 8 * dx, y, z - 8 * dz]};
+  }
+  return null;
+}"""
+"""A wall at the height of an eye, its azimuth, and a place 8 m before it."""
+
+SLOPE_AT = """([x, y, z]) => {
+  const heights = [[0.4, 0], [-0.4, 0], [0, 0.4], [0, -0.4]].map(
+    ([dx, dz]) => terraport.cast([x + dx, y + 1, z + dz], [0, -1, 0])?.position[1] ?? NaN);
+  const rise = Math.hypot(heights[0] - heights[1], heights[2] - heights[3]) / 0.8;
+  const above = terraport.cast([x, y + 0.5, z], [0, 1, 0]);
+  return {degrees: Math.atan(rise) * 180 / Math.PI, inRock: above !== null && !above.isOuter};
+}"""
+"""How steep it is under two feet, and whether rock is all around."""
+
+
+def test_a_click_on_a_wall_leads_to_where_one_can_stand(viewer: DrivenViewer) -> None:
+    viewer.land(PLACE, RADIUS_M)
+    viewer.page.get_by_role("button", name="Walk").click()
+    wall = viewer.run(FIND_WALL, [0.0, 4.0, 0.0])
+    assert viewer.run(SLOPE_AT, wall["position"])["degrees"] > 50
+    viewer.look(tuple(wall["before"]), wall["azimuth"], 0.0)
+    canvas = viewer.page.locator("canvas#view")
+    box = canvas.bounding_box()
+    assert box is not None
+    middle = {"x": box["width"] / 2, "y": box["height"] / 2}
+    canvas.click(position=middle)
+    viewer.until("terraport.state.aim !== null")
+    target = viewer.run("terraport.state.aim.place")
+    stand = viewer.run(SLOPE_AT, target)
+    assert stand["degrees"] <= 50
+    assert not stand["inRock"]
+    expect(viewer.page.locator("#live")).to_contain_text("Nobody could stand there")
+    canvas.click(position=middle)  # on the wall again: the target beside it is meant
+    viewer.until("terraport.status.landing === 2 && terraport.status.phase === 'shown'")
+    assert viewer.run("terraport.state.landed.place") == target
+    assert viewer.run("terraport.state.view") == "walk"
+
+
+def test_a_link_that_leads_out_of_the_scene_says_so(viewer: DrivenViewer) -> None:
+    viewer.land(PLACE, RADIUS_M)
+    before = viewer.digest
+    viewer.run("location.hash = '#scene=small&at=900,2,0&radius=60&view=walk'")
+    told = viewer.notice("landing")
+    assert "outside the scene" in told
+    assert "more than the radius of 60 m" in told
+    assert viewer.digest == before
+    assert viewer.run("terraport.status.landing") == 1
+    assert viewer.run("terraport.state.view") == "orbit"
+    viewer.land(NEXT, RADIUS_M)
+    expect(viewer.page.locator("[data-notice='landing']")).to_have_count(0)

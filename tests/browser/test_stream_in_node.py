@@ -18,7 +18,7 @@ TOKEN = "sixteen-characters"
 
 
 def test_it_lands_and_agrees_with_the_python_sdk(server: Service, scenes: Path) -> None:
-    """Both subprotocols, cut links, tokens; visible sets beside the Python SDK's."""
+    """Landings, cut links, tokens; visible sets beside the Python SDK's."""
     node, vitest = shutil.which("node"), WEB / "node_modules" / "vitest" / "vitest.mjs"
     if node is None or not vitest.is_file():
         pytest.skip("no Node on the PATH, or no node_modules (npm ci in client_sdk/web)")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from typing import Any
 
 import msgpack
@@ -14,7 +13,6 @@ from terraport_wire import (
     FieldError,
     Message,
     PayloadFrame,
-    Subprotocol,
     Unknown,
     decode,
     decode_frame,
@@ -22,11 +20,10 @@ from terraport_wire import (
 )
 from terraport_wire.frames import UnknownFrame
 
-from .wire_samples import plain
+from .wire_samples import readable
 
 C2S = Direction.CLIENT_TO_SERVER
 S2C = Direction.SERVER_TO_CLIENT
-FORMS = {"msgpack": Subprotocol.MSGPACK, "json": Subprotocol.JSON}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,36 +35,34 @@ class Case:
     facts: dict[str, Any]
 
 
-def pack(form: str, value: Any) -> bytes:
-    """Return a plain value as msgpack or JSON bytes, whatever it is."""
-    if form == "msgpack":
-        return msgpack.packb(value, use_bin_type=True)
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode("utf-8")
+def pack(value: Any) -> bytes:
+    """Return a plain value as msgpack, whatever it is."""
+    return msgpack.packb(value, use_bin_type=True)
 
 
-def good(form: str, message: Message, feature: str, data: bytes | None = None) -> Case:
+def good(message: Message, feature: str, data: bytes | None = None) -> Case:
     """Return a good case; without `data` the canonical bytes of the message."""
-    canonical = _bytes(encode(message, FORMS[form]))
+    canonical = encode(message)
     facts = {
-        "subprotocol": form,
+        "subprotocol": "msgpack",
         "direction": message.DIRECTION.value,
         "features": [feature],
-        "message": plain(message, packed=False),
+        "message": readable(message),
     }
     if data is None or data == canonical:
         facts["canonical"] = True
-    return Case(f"{form}-{message.TYPE}-{feature}", data or canonical, facts)
+    return Case(f"msgpack-{message.TYPE}-{feature}", data or canonical, facts)
 
 
-def unknown(form: str, direction: Direction, feature: str, type_name: str, data: bytes) -> Case:
+def unknown(direction: Direction, feature: str, type_name: str, data: bytes) -> Case:
     """Return a good case that is to be skipped."""
     facts = {
-        "subprotocol": form,
+        "subprotocol": "msgpack",
         "direction": direction.value,
         "features": [feature],
         "unknown": type_name,
     }
-    return Case(f"{form}-unknown-{feature}", data, facts)
+    return Case(f"msgpack-unknown-{feature}", data, facts)
 
 
 def frame(feature: str, data: bytes, facts: dict[str, Any]) -> Case:
@@ -77,17 +72,17 @@ def frame(feature: str, data: bytes, facts: dict[str, Any]) -> Case:
 
 
 def bad(
-    form: str, direction: Direction, feature: str, data: bytes, error: dict[str, Any], **more: int
+    direction: Direction, feature: str, data: bytes, error: dict[str, Any], **more: int
 ) -> Case:
     """Return a case that is to be refused with `error`."""
     facts = {
-        "subprotocol": form,
+        "subprotocol": "msgpack",
         "direction": direction.value,
         "features": [feature],
         "error": error,
         **more,
     }
-    return Case(f"{form}-{feature}", data, facts)
+    return Case(f"msgpack-{feature}", data, facts)
 
 
 def observe(data: bytes, facts: dict[str, Any]) -> dict[str, Any]:
@@ -96,15 +91,13 @@ def observe(data: bytes, facts: dict[str, Any]) -> dict[str, Any]:
     try:
         if facts["subprotocol"] == "frame":
             return {"frame": _frame_facts(decode_frame(data))}
-        form = FORMS[facts["subprotocol"]]
-        received: bytes | str = data if form is Subprotocol.MSGPACK else data.decode("utf-8")
-        message = decode(received, form, Direction(facts["direction"]))
+        message = decode(data, Direction(facts["direction"]))
     except DecodeError as error:
         return {"error": _error_facts(error)}
     if isinstance(message, Unknown):
         return {"unknown": message.type}
-    observed: dict[str, Any] = {"message": plain(message, packed=False)}
-    if _bytes(encode(message, form)) == data:
+    observed: dict[str, Any] = {"message": readable(message)}
+    if encode(message) == data:
         observed["canonical"] = True
     return observed
 
@@ -130,7 +123,3 @@ def _error_facts(error: DecodeError) -> dict[str, Any]:
             if getattr(error, name) is not None:
                 facts[name] = getattr(error, name)
     return facts
-
-
-def _bytes(data: bytes | str) -> bytes:
-    return data.encode("utf-8") if isinstance(data, str) else data

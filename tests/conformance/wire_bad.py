@@ -11,6 +11,7 @@ import msgpack
 
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,
+    MAX_CLIENT_VALUES,
     MAX_FRAME_BYTES,
     MAX_SEGMENT_BYTES,
     MAX_SERVER_MESSAGE_BYTES,
@@ -30,15 +31,13 @@ TOO_LARGE = {"code": "too_large", "fatal": True}
 
 def bad_cases() -> Iterator[Case]:
     """Yield all bad cases."""
-    for form in ("msgpack", "json"):
-        for message in FULL:
-            yield from _truncated(form, message)
-            yield from _fields(form, message)
-        yield from _values(form)
-        yield from _structure(form)
-        yield from _oversized(form)
+    for message in FULL:
+        yield from _truncated(message)
+        yield from _fields(message)
+    yield from _values()
+    yield from _structure()
+    yield from _oversized()
     yield from _msgpack_bytes()
-    yield from _json_texts()
     yield from _frames()
 
 
@@ -56,77 +55,50 @@ def _refused(message: m.Message, fields: dict[str, Any], field: str) -> dict[str
     return error
 
 
-def _truncated(form: str, message: m.Message) -> Iterator[Case]:
+def _truncated(message: m.Message) -> Iterator[Case]:
     """Cut in the first key, in the middle, and before the last byte."""
-    whole = pack(form, plain(message, packed=form == "msgpack"))
+    whole = pack(plain(message))
     for feature, length in (("start", 3), ("middle", len(whole) // 2), ("end", len(whole) - 1)):
         name = f"{message.TYPE}-truncated_{feature}"
-        data = whole[:length]
-        if form == "json":  # a text message is whole UTF-8, cut or not
-            data = data.decode("utf-8", "ignore").encode("utf-8")
-        yield bad(form, message.DIRECTION, name, data, MALFORMED)
+        yield bad(message.DIRECTION, name, whole[:length], MALFORMED)
 
 
-def _fields(form: str, message: m.Message) -> Iterator[Case]:
+def _fields(message: m.Message) -> Iterator[Case]:
     """Leave out each required field; give each field a value of a wrong type."""
-    whole = plain(message, packed=form == "msgpack")
+    whole = plain(message)
     for field in fields_of(type(message)):
         if field.required:
             fields = {name: value for name, value in whole.items() if name != field.name}
             error = _refused(message, fields, field.name)
             name = f"{message.TYPE}-missing_{field.name}"
-            yield bad(form, message.DIRECTION, name, pack(form, fields), error)
+            yield bad(message.DIRECTION, name, pack(fields), error)
         fields = {**whole, field.name: 1 if isinstance(field.kind, Flag) else True}
         error = _refused(message, fields, field.name)
         name = f"{message.TYPE}-mistyped_{field.name}"
-        yield bad(form, message.DIRECTION, name, pack(form, fields), error)
+        yield bad(message.DIRECTION, name, pack(fields), error)
 
 
-def _values(form: str) -> Iterator[Case]:
+def _values() -> Iterator[Case]:
     """Values out of range, and fields that contradict each other."""
-    packed = form == "msgpack"
     messages = by_type(FULL) | {
         "small": by_type(MINIMAL)["land"],
         "plan0": by_type(MINIMAL)["plan"],
     }
-    changes = _CHANGES + (_PACKED if packed else _LISTED)
-    for type_name, feature, field, change in changes:
+    for type_name, feature, field, change in _CHANGES + _PACKED + _NOT_FINITE:
         message = messages[type_name]
-        fields = {**plain(message, packed=packed), **change}
+        fields = {**plain(message), **change}
         error = _refused(message, fields, field)
         name = f"{message.TYPE}-{feature}"
-        yield bad(form, message.DIRECTION, name, pack(form, fields), error)
-    for type_name, feature, field, change in _NOT_FINITE if packed else ():
-        message = messages[type_name]
-        fields = {**plain(message, packed=True), **change}
-        yield bad(
-            form,
-            message.DIRECTION,
-            f"{message.TYPE}-{feature}",
-            pack(form, fields),
-            _refused(message, fields, field),
-        )
-
-
-def _row(**change: Any) -> dict[str, Any]:
-    row = {
-        "id": 1,
-        "length": 5,
-        "xxh3": "0" * 16,
-        "faces": 3,
-        "vertices": 4,
-        "bounds": [0, 0, 0, 1, 1, 1],
-    }
-    return {**row, **change}
+        yield bad(message.DIRECTION, name, pack(fields), error)
 
 
 def _packed_row(segment: int = 1, length: int = 5, *bounds: float) -> bytes:
     return struct.pack("<IIQII6f", segment, length, 0, 3, 4, *(bounds or (0, 0, 0, 1, 1, 1)))
 
 
-_SCENE = plain(by_type(FULL)["welcome"], packed=False)["scene"]
-_HIT = plain(by_type(FULL)["picked"], packed=False)["hit"]
-_LIMITS = plain(by_type(FULL)["welcome"], packed=False)["limits"]
+_SCENE = plain(by_type(FULL)["welcome"])["scene"]
+_HIT = plain(by_type(FULL)["picked"])["hit"]
+_LIMITS = plain(by_type(FULL)["welcome"])["limits"]
 _MEMBER = {"member": 1, "role": "guide", "present": True}
 _SUMS = {"load_bytes": 5, "load_triangles": 3, "total_bytes": 5, "total_triangles": 3}
 
@@ -255,43 +227,14 @@ _PACKED: list[tuple[str, str, str, dict[str, Any]]] = [
         "load.bounds",
         {**_SUMS, "load": _packed_row(1, 5, 0, 0, 0, 1, math.inf, 1)},
     ),
-    ("plan0", "load_and_keep", "load", {**_SUMS, "load": _packed_row(), "keep": _ID(1)}),
-    ("plan0", "keep_and_release", "release", {"keep": _ID(2), "release": _ID(2)}),
-]
-_LISTED: list[tuple[str, str, str, dict[str, Any]]] = [
-    ("evict", "ids_twice", "segments", {"segments": [3, 1, 3]}),
-    ("evict", "id_negative", "segments.1", {"segments": [3, -1]}),
-    ("evict", "id_too_large", "segments.0", {"segments": [2**32]}),
-    ("evict", "id_fraction", "segments.0", {"segments": [1.5]}),
-    ("evict", "id_text", "segments.0", {"segments": ["1"]}),
-    ("evict", "too_many_ids", "segments", {"segments": list(range(32_769))}),
-    ("hello", "held_short_hash", "held.0", {"held": [[1, "123"]]}),
-    ("hello", "held_capital_hash", "held.0", {"held": [[1, "0123456789ABCDEF"]]}),
-    ("hello", "held_number_hash", "held.0", {"held": [[1, 5]]}),
-    ("hello", "held_of_three", "held.1", {"held": [[1, "0" * 16], [2, "0" * 16, 3]]}),
-    ("hello", "held_twice", "held", {"held": [[1, "0" * 16], [1, "1" * 16]]}),
-    ("held", "held_of_three", "segments.1", {"segments": [[1, "0" * 16], [2, "0" * 16, 3]]}),
-    ("held", "held_twice", "segments", {"segments": [[1, "0" * 16], [1, "1" * 16]]}),
-    ("gathered", "member_twice", "ready", {"ready": [3, 3]}),
-    ("plan0", "load_incomplete", "load.0.length", {**_SUMS, "load": [_row(length=None)]}),
-    ("plan0", "load_twice", "load", {**_SUMS, "load": [_row(), _row()]}),
-    ("plan0", "load_length_zero", "load.length", {**_SUMS, "load": [_row(length=0)]}),
-    (
-        "plan0",
-        "load_length_too_large",
-        "load.length",
-        {**_SUMS, "load": [_row(length=MAX_SEGMENT_BYTES + 1)]},
-    ),
-    ("plan0", "box_inverted", "load.bounds", {**_SUMS, "load": [_row(bounds=[0, 2, 0, 1, 1, 1])]}),
-    ("plan0", "box_of_five", "load.0.bounds", {**_SUMS, "load": [_row(bounds=[0, 0, 0, 1, 1])]}),
     (
         "plan0",
         "box_too_far",
-        "load.0.bounds",
-        {**_SUMS, "load": [_row(bounds=[0, 0, 0, 1, 1e8, 1])]},
+        "load.bounds",
+        {**_SUMS, "load": _packed_row(1, 5, 0, 0, 0, 1, 1e8, 1)},
     ),
-    ("plan0", "load_and_keep", "load", {**_SUMS, "load": [_row()], "keep": [1]}),
-    ("plan0", "keep_and_release", "release", {"keep": [2], "release": [2]}),
+    ("plan0", "load_and_keep", "load", {**_SUMS, "load": _packed_row(), "keep": _ID(1)}),
+    ("plan0", "keep_and_release", "release", {"keep": _ID(2), "release": _ID(2)}),
 ]
 _NOT_FINITE: list[tuple[str, str, str, dict[str, Any]]] = [
     ("small", "radius_nan", "radius_m", {"radius_m": math.nan}),
@@ -303,7 +246,7 @@ _NOT_FINITE: list[tuple[str, str, str, dict[str, Any]]] = [
 ]
 
 
-def _structure(form: str) -> Iterator[Case]:
+def _structure() -> Iterator[Case]:
     for feature, value in (
         ("top_level_array", [1, 2]),
         ("top_level_number", 5),
@@ -313,27 +256,29 @@ def _structure(form: str) -> Iterator[Case]:
         ("type_number", {"type": 5}),
         ("type_nil", {"type": None}),
     ):
-        yield bad(form, C2S, feature, pack(form, value), MALFORMED)
-    bye = pack(form, {"type": "bye"})
-    yield bad(form, C2S, "empty", b"", MALFORMED)
-    yield bad(form, C2S, "two_messages", bye + bye, MALFORMED)
+        yield bad(C2S, feature, pack(value), MALFORMED)
+    bye = pack({"type": "bye"})
+    yield bad(C2S, "empty", b"", MALFORMED)
+    yield bad(C2S, "two_messages", bye + bye, MALFORMED)
     deep: Any = 1
     for _ in range(16):
         deep = [deep]
-    yield bad(form, C2S, "too_deep", pack(form, {"type": "bye", "later": deep}), MALFORMED)
-    inner = b"\x91" * 100_000 + b"\xc0" if form == "msgpack" else b"[" * 100_000 + b"]" * 100_000
-    head = b"\x82" + bye[1:] + b"\xa5later" if form == "msgpack" else b'{"type":"bye","later":'
-    tail = b"" if form == "msgpack" else b"}"
-    yield bad(form, C2S, "far_too_deep", head + inner + tail, MALFORMED)
+    yield bad(C2S, "too_deep", pack({"type": "bye", "later": deep}), MALFORMED)
+    inner = b"\x91" * 100_000 + b"\xc0"
+    yield bad(C2S, "far_too_deep", b"\x82" + bye[1:] + b"\xa5later" + inner, MALFORMED)
 
 
-def _oversized(form: str) -> Iterator[Case]:
+def _oversized() -> Iterator[Case]:
     for direction, limit, data in (
-        (C2S, MAX_CLIENT_MESSAGE_BYTES, pack(form, {"type": "bye"})),
-        (S2C, MAX_SERVER_MESSAGE_BYTES, pack(form, {"type": "wave"})),
+        (C2S, MAX_CLIENT_MESSAGE_BYTES, pack({"type": "bye"})),
+        (S2C, MAX_SERVER_MESSAGE_BYTES, pack({"type": "wave"})),
     ):
         name = f"oversized_{direction.value}"
-        yield bad(form, direction, name, data, TOO_LARGE, pad_to=limit + 1, pad_byte=32)
+        yield bad(direction, name, data, TOO_LARGE, pad_to=limit + 1, pad_byte=32)
+
+
+# Beside them: the map, the key and text of its type, the key and array around them.
+_NILS = MAX_CLIENT_VALUES + 1 - 5
 
 
 def _msgpack_bytes() -> Iterator[Case]:
@@ -347,6 +292,7 @@ def _msgpack_bytes() -> Iterator[Case]:
         ("bomb_top_level_map", b"\xdf\xff\xff\xff\xff\xa4type"),
         ("bomb_nested_arrays", start + b"\xdd\x00\x00\x40\x00" * 15),
         ("too_many_items", start + b"\xdc\x40\x01" + b"\xc0" * 16_385),
+        ("too_many_values", start + b"\xdc" + struct.pack(">H", _NILS) + b"\xc0" * _NILS),
         ("extension", start + b"\xd4\x01\x00"),
         ("extension8", start + b"\xc7\x01\x05\x00"),
         ("timestamp", start + b"\xd6\xff\x00\x00\x00\x00"),
@@ -361,29 +307,7 @@ def _msgpack_bytes() -> Iterator[Case]:
         ("length_cut", start + b"\xda\x00"),
         ("integer_cut", start + b"\xcf\x00\x00"),
     ):
-        yield bad("msgpack", C2S, feature, data, MALFORMED)
-
-
-def _json_texts() -> Iterator[Case]:
-    land = '{"type":"land","generation":1,"position":[0,0,0],"radius_m":%s}'
-    for feature, text in (
-        ("nan", land % "NaN"),
-        ("infinity", land % "Infinity"),
-        ("minus_infinity", land % "-Infinity"),
-        ("leading_zero", land % "060"),
-        ("hexadecimal", land % "0x3c"),
-        ("trailing_comma", '{"type":"bye",}'),
-        ("comment", '{"type":"bye"} // done'),
-        ("single_quotes", "{'type':'bye'}"),
-        ("byte_order_mark", '\ufeff{"type":"bye"}'),
-        ("control_character", '{"type":"by\x01e"}'),
-        ("blank", "  \n"),
-        ("key_without_quotes", '{type:"bye"}'),
-    ):
-        yield bad("json", C2S, feature, text.encode("utf-8"), MALFORMED)
-    small = by_type(MINIMAL)["land"]
-    beyond = _refused(small, {"generation": 1}, "radius_m")
-    yield bad("json", C2S, "land-radius_beyond_double", (land % "1e999").encode(), beyond)
+        yield bad(C2S, feature, data, MALFORMED)
 
 
 def _frames() -> Iterator[Case]:

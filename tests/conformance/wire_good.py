@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import struct
 from collections.abc import Iterator
 from typing import Any
 
 import msgpack
 
-from terraport_wire import HEADER_BYTES, PayloadFrame, encode_frame
+from terraport_wire import HEADER_BYTES, MAX_CLIENT_VALUES, PayloadFrame, encode_frame
 from terraport_wire import messages as m
 
 from .cases import C2S, S2C, Case, frame, good, pack, unknown
@@ -22,47 +21,44 @@ STRANGE = {"a": [1, -1, 2.5, None, True, "ü", {"b": [[]]}], "": {}}
 
 def good_cases() -> Iterator[Case]:
     """Yield all good cases."""
-    for form in ("msgpack", "json"):
-        packed = form == "msgpack"
-        for message in MINIMAL:
-            yield good(form, message, "minimal")
-        for message in FULL:
-            yield good(form, message, "full")
-            yield from _rearranged(form, message, plain(message, packed=packed))
-        yield from _nested(form)
-        yield from _unknown_types(form)
+    for message in MINIMAL:
+        yield good(message, "minimal")
+    for message in FULL:
+        yield good(message, "full")
+        yield from _rearranged(message, plain(message))
+    yield from _nested()
+    yield from _unknown_types()
     yield from _msgpack_formats()
-    yield from _json_texts()
     yield from _frames()
 
 
-def _rearranged(form: str, message: m.Message, fields: dict[str, Any]) -> Iterator[Case]:
-    yield good(form, message, "unknown_field", pack(form, {"later": STRANGE, **fields, "x": 1}))
+def _rearranged(message: m.Message, fields: dict[str, Any]) -> Iterator[Case]:
+    yield good(message, "unknown_field", pack({"later": STRANGE, **fields, "x": 1}))
     backwards = dict(reversed(fields.items()))
     if backwards != fields or len(fields) > 1:
-        yield good(form, message, "reordered", pack(form, backwards))
+        yield good(message, "reordered", pack(backwards))
     smallest = by_type(MINIMAL)[message.TYPE]
-    absent = set(fields) - set(plain(smallest, packed=False))
+    absent = set(fields) - set(plain(smallest))
     if absent:
-        nulls = plain(smallest, packed=form == "msgpack") | dict.fromkeys(sorted(absent))
-        yield good(form, smallest, "null_is_absent", pack(form, nulls))
+        nulls = plain(smallest) | dict.fromkeys(sorted(absent))
+        yield good(smallest, "null_is_absent", pack(nulls))
 
 
-def _nested(form: str) -> Iterator[Case]:
+def _nested() -> Iterator[Case]:
     full = by_type(FULL)
     for type_name, field in (("hello", "budgets"), ("welcome", "scene"), ("picked", "hit")):
-        fields = plain(full[type_name], packed=form == "msgpack")
+        fields = plain(full[type_name])
         fields[field] = {"later": STRANGE, **fields[field]}
-        yield good(form, full[type_name], "unknown_nested_field", pack(form, fields))
-    picked = plain(full["picked"], packed=False)
+        yield good(full[type_name], "unknown_nested_field", pack(fields))
+    picked = plain(full["picked"])
     unnamed = {**picked["hit"], "stable_id": None, "label": None}
     met = full["picked"]
     assert isinstance(met, m.Picked)
     assert met.hit is not None
     nameless = dataclasses.replace(met.hit, stable_id=None, label=None)
     without = m.Picked(request=met.request, hit=nameless)
-    yield good(form, without, "null_name_is_absent", pack(form, {**picked, "hit": unnamed}))
-    land = plain(full["land"], packed=False)
+    yield good(without, "null_name_is_absent", pack({**picked, "hit": unnamed}))
+    land = plain(full["land"])
     whole = {**land, "radius_m": 60, "inner_radius_m": 20, "position": [12, -3, 0]}
     numbers = m.Land(
         generation=77,
@@ -72,20 +68,20 @@ def _nested(form: str) -> Iterator[Case]:
         deadline_ms=1500,
         stall_ms=400,
     )
-    yield good(form, numbers, "integers_as_numbers", pack(form, whole))
+    yield good(numbers, "integers_as_numbers", pack(whole))
     deepest: Any = 1
     for _ in range(15):
         deepest = [deepest]
-    yield good(form, m.Bye(), "deepest", pack(form, {"type": "bye", "later": deepest}))
+    yield good(m.Bye(), "deepest", pack({"type": "bye", "later": deepest}))
 
 
-def _unknown_types(form: str) -> Iterator[Case]:
-    yield unknown(form, C2S, "type", "wave", pack(form, {"type": "wave", "later": STRANGE}))
-    yield unknown(form, S2C, "type_server", "wave", pack(form, {"type": "wave"}))
-    yield unknown(form, C2S, "empty_type", "", pack(form, {"type": ""}))
-    yield unknown(form, C2S, "other_direction", "plan", pack(form, {"type": "plan"}))
+def _unknown_types() -> Iterator[Case]:
+    yield unknown(C2S, "type", "wave", pack({"type": "wave", "later": STRANGE}))
+    yield unknown(S2C, "type_server", "wave", pack({"type": "wave"}))
+    yield unknown(C2S, "empty_type", "", pack({"type": ""}))
+    yield unknown(C2S, "other_direction", "plan", pack({"type": "plan"}))
     long_name = "x" * 100
-    yield unknown(form, C2S, "long_type", "x" * 64, pack(form, {"type": long_name}))
+    yield unknown(C2S, "long_type", "x" * 64, pack({"type": long_name}))
 
 
 def _msgpack_formats() -> Iterator[Case]:
@@ -93,6 +89,13 @@ def _msgpack_formats() -> Iterator[Case]:
     full = by_type(FULL)
     credit, aim, evict = m.Credit(bytes=5), by_type(MINIMAL)["aim"], m.Evict(segments=[3, 9])
     key = msgpack.packb
+    for message, count in (
+        (full["bye"], MAX_CLIENT_VALUES),
+        (full["superseded"], 2 * MAX_CLIENT_VALUES),  # a server's are bounded by bytes alone
+    ):
+        fields = plain(message)
+        nils = [None] * (count - 2 * len(fields) - 3)
+        yield good(message, "most_values", pack({**fields, "later": nils}))
     start = b"\x82" + key("type") + key("credit") + key("bytes")
     for feature, token in (
         ("uint8", b"\xcc\x05"),
@@ -102,22 +105,21 @@ def _msgpack_formats() -> Iterator[Case]:
         ("int8", b"\xd0\x05"),
         ("int64", b"\xd3" + bytes(7) + b"\x05"),
     ):
-        yield good("msgpack", credit, feature, start + token)
+        yield good(credit, feature, start + token)
     text = b"\x82" + b"\xd9\x04type" + b"\xda\x00\x06credit" + b"\xdb\x00\x00\x00\x05bytes\x05"
-    yield good("msgpack", credit, "str_formats", text)
+    yield good(credit, "str_formats", text)
     for feature, head in (("map16", b"\xde\x00\x02"), ("map32", b"\xdf\x00\x00\x00\x02")):
-        yield good("msgpack", credit, feature, head + start[1:] + b"\x05")
+        yield good(credit, feature, head + start[1:] + b"\x05")
     ids = struct.pack("<2I", 3, 9)
     start = b"\x82" + key("type") + key("evict") + key("segments")
     for feature, head in (("bin16", b"\xc5\x00\x08"), ("bin32", b"\xc6\x00\x00\x00\x08")):
-        yield good("msgpack", evict, feature, start + head + ids)
+        yield good(evict, feature, start + head + ids)
     fields = b"\x84" + key("type") + key("aim") + key("generation") + b"\x00" + key("radius_m")
     float32 = (
         fields + b"\xca" + struct.pack(">f", 0.5) + key("position") + b"\xdc\x00\x03\x00\x00\x00"
     )
-    yield good("msgpack", aim, "float32_array16", float32)
+    yield good(aim, "float32_array16", float32)
     yield good(
-        "msgpack",
         full["bye"],
         "array32",
         key({"type": "bye"})[:0]
@@ -127,16 +129,6 @@ def _msgpack_formats() -> Iterator[Case]:
         + key("later")
         + b"\xdd\x00\x00\x00\x01\xc0",
     )
-
-
-def _json_texts() -> Iterator[Case]:
-    minimal, full = by_type(MINIMAL), by_type(FULL)
-    indented = json.dumps(plain(full["plan"], packed=False), indent=2).encode()
-    yield good("json", full["plan"], "indented_ascii", indented)
-    escaped = json.dumps(plain(full["hello"], packed=False)).encode()
-    yield good("json", full["hello"], "escaped", escaped)
-    exponents = b' {"type":"land","generation":1,"position":[0e0,-0,0.0E+1],"radius_m":6e1}\n'
-    yield good("json", minimal["land"], "exponents", exponents)
 
 
 def _frames() -> Iterator[Case]:

@@ -5,7 +5,11 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+from terraport_wire import LOAD_DTYPE
 from terraport_wire import messages as m
+from terraport_wire.kinds import Kind
+from terraport_wire.message import Part, PartKind, PartList, fields_of, to_map
+from terraport_wire.tables import HeldTable, Ids, LoadTable
 
 _BUDGETS = m.Budgets(max_triangles=2_000_000, max_bytes=40_000_000, max_segments=500)
 _SCENE = m.SceneInfo(id="quarry", version="00c0ffee1234", name="Steinbruch Süd 石", segment_count=9)
@@ -83,7 +87,7 @@ FULL: tuple[m.Message, ...] = (
         protocol=(1, 3),
         client="terraport-python/0.1.0 (Größe ✓ 𝄞)",
         token="eyJhbGciOiJIUzI1NiJ9.e30.abc-_",
-        encoding="arrays",
+        encoding="glb",
         budgets=_BUDGETS,
         credit_bytes=8_388_608,
         release_factor=1.25,
@@ -123,7 +127,7 @@ FULL: tuple[m.Message, ...] = (
     ),
     m.Arrived(gathering=4_294_967_295, state="degraded"),
     m.Welcome(
-        protocol=(1, 1),
+        protocol=(1, 0),
         server="terraport/0.1.0",
         session="9f3a",
         scene=_SCENE,
@@ -181,11 +185,11 @@ FULL: tuple[m.Message, ...] = (
     m.Notice(kind="scene_published", version="beef", reconnect_after_ms=250),
     m.Error(
         code="unsupported_version",
-        message="got protocol 2.0, expected one of 1.0",
+        message="got protocol 3.0, expected one of 1.0, 2.4",
         fatal=True,
         generation=3,
         request=4,
-        protocols=((1, 0), (1, 1)),
+        protocols=((1, 0), (2, 4)),
     ),
     m.HeldChecked(dropped=[3, 1], held_count=4_294_967_295),
     m.Joined(
@@ -219,8 +223,44 @@ def by_type(messages: tuple[m.Message, ...]) -> dict[str, m.Message]:
     return {message.TYPE: message for message in messages}
 
 
-def plain(message: m.Message, *, packed: bool) -> dict[str, Any]:
-    """Return the map that msgpack (`packed`) or JSON gets for a message, `type` first."""
-    from terraport_wire.message import to_map
+def plain(message: m.Message) -> dict[str, Any]:
+    """Return the map that msgpack gets for a message, `type` first."""
+    return {"type": message.TYPE, **to_map(message)}
 
-    return {"type": message.TYPE, **to_map(message, packed=packed)}
+
+def readable(message: m.Message) -> dict[str, Any]:
+    """Return a message as the corpus states it: tables as lists of rows, hashes as text."""
+    return {"type": message.TYPE, **_readable_part(message)}
+
+
+def readable_value(kind: Kind, value: Any) -> Any:
+    """Return one field's value as the corpus states it."""
+    match kind:
+        case PartKind():
+            return _readable_part(value)
+        case PartList():
+            return [_readable_part(item) for item in value]
+        case Ids():
+            return value.tolist()
+        case HeldTable():
+            return [[int(row["id"]), f"{row['xxh3']:016x}"] for row in value]
+        case LoadTable():
+            return [
+                {
+                    name: f"{row[name]:016x}" if name == "xxh3" else row[name].tolist()
+                    for name in LOAD_DTYPE.names or ()
+                }
+                for row in value
+            ]
+    return kind.to_wire(value)
+
+
+def _readable_part(part: Part) -> dict[str, Any]:
+    values = {
+        field.name: (field.kind, getattr(part, field.name)) for field in fields_of(type(part))
+    }
+    return {
+        name: readable_value(kind, value)
+        for name, (kind, value) in values.items()
+        if value is not None
+    }

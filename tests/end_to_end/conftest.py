@@ -14,6 +14,6 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     made = run_terraport("synth", "-o", survey, "--points", "60k", "--seed", "3")
     assert made.returncode == 0, made.stderr
     result = Built(survey, root / "scenes")
-    done = run_terraport("build", survey, "-o", result.scene, "--encodings", "glb,arrays")
+    done = run_terraport("build", survey, "-o", result.scene)
     assert done.returncode == 0, done.stderr
     return result

@@ -35,9 +35,9 @@ ENGINES: Final = {"csharp": "unity", "cpp": "unreal"}
 LANDING: Final = (0.0, 1.0, -3.0, 60.0)
 
 
-def drawn_by_sdk(url: str, encoding: str = "glb") -> list[Drawn]:
+def drawn_by_sdk(url: str) -> list[Drawn]:
     """Return the landed meshes in the scene frame."""
-    _, meshes = land_with_sdk(url, [LANDING], encoding=encoding)
+    _, meshes = land_with_sdk(url, [LANDING])
     return [
         Drawn(
             mesh.positions,
@@ -51,13 +51,13 @@ def drawn_by_sdk(url: str, encoding: str = "glb") -> list[Drawn]:
     ]
 
 
-def drawn_by_client(client: Client, url: str, encoding: str = "glb") -> list[Drawn]:
+def drawn_by_client(client: Client, url: str) -> list[Drawn]:
     """Return the landed meshes as the client's engine is given them."""
     with tempfile.TemporaryDirectory() as folder:
         step = "land:" + ",".join(map(str, LANDING))
-        landed = client.land(url, step, encoding=encoding, dump=folder)
+        landed = client.land(url, step, dump=folder)
         assert landed.exit_code == 0, landed.said
-        payloads = [Path(folder) / f"{segment}.{encoding}" for segment in landed.segments]
+        payloads = [Path(folder) / f"{segment}.glb" for segment in landed.segments]
         assert len(payloads) == len(NAMES)
         done = client.run("axes", *payloads)
     return [_mesh(told) for told in json.loads(done.stdout.strip().splitlines()[-1])]

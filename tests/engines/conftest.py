@@ -63,12 +63,12 @@ def client(request: pytest.FixtureRequest) -> Client:
 
 @pytest.fixture(scope="session")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with `grid` and `tiny` (small), `big` (10 MB), `axes`, all in both encodings."""
+    """A folder with `grid` and `tiny` (small), `big` (10 MB), `axes`."""
     root = tmp_path_factory.mktemp("scenes")
-    write_grid_scene(root / "grid", with_arrays=True)
-    write_grid_scene(root / "big", cells=80, compress=False, with_arrays=True, name="big")
+    write_grid_scene(root / "grid")
+    write_grid_scene(root / "big", cells=80, compress=False, name="big")
     write_axes_scene(root / "axes")
-    write_tiny_scene(root / "tiny", with_arrays=True)
+    write_tiny_scene(root / "tiny")
     return root
 
 

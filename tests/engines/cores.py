@@ -17,7 +17,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-__all__ = ["UNITY", "UNREAL", "BuildError", "CppCore", "CsCore", "missing_for", "run_logged"]
+__all__ = [
+    "NUNIT",
+    "UNITY",
+    "UNREAL",
+    "BuildError",
+    "CppCore",
+    "CsCore",
+    "built",
+    "compile_cs",
+    "missing_for",
+    "run_logged",
+]
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 UNITY: Final = ROOT / "client_sdk" / "unity"
@@ -32,8 +43,6 @@ NUNIT: Final = "/usr/lib/cli/nunit.framework-2.6.3/nunit.framework.dll"
 
 WITHOUT_UNITY: Final = ("Axes.cs", "PackedMesh.cs", "TintedVertex.cs", "PhotoVertex.cs")
 """Files of the Runtime that the axes' tool runs: plain arithmetic."""
-
-UNITY_FOLDERS: Final = ("Core", "Runtime", "Editor", "Samples~", "Stubs~", "Tests/Runtime")
 
 
 class BuildError(Exception):
@@ -53,11 +62,6 @@ class CsCore:
     @property
     def tests(self) -> Path:
         return self.folder / "Terraport.Core.Tests.dll"
-
-    @property
-    def layer_tests(self) -> Path:
-        """Of the Runtime, on the stubs; only of what `unity_layer` returns."""
-        return self.folder / "Terraport.Runtime.Tests.dll"
 
     def tool(self, name: str) -> list[str]:
         """Command of one tool: ``corpus``, ``land``, ``decode``, ``axes``."""
@@ -102,6 +106,7 @@ def csharp() -> CsCore:
     tools = [
         *sorted((UNITY / "Tools~").glob("*.cs")),
         *(UNITY / "Runtime" / name for name in WITHOUT_UNITY),
+        UNITY / "Tests" / "Core" / "ReadableForm.cs",
     ]
 
     def build(folder: Path) -> None:
@@ -112,7 +117,7 @@ def csharp() -> CsCore:
         compile_cs(tools, folder / "terraport-tools.exe", [own], target="exe")
         shutil.copy(NUNIT, folder)
 
-    return CsCore(_built("csharp", [*core, *tests, *tools], build))
+    return CsCore(built("csharp", [*core, *tests, *tools], build))
 
 
 def cpp(*options: str, name: str = "cpp") -> CppCore:
@@ -124,41 +129,7 @@ def cpp(*options: str, name: str = "cpp") -> CppCore:
         run_logged([*configure, *options])
         run_logged(["cmake", "--build", str(folder), "-j", str(os.cpu_count() or 1)])
 
-    return CppCore(_built(name, sources, build))
-
-
-def unity_layer() -> CsCore:
-    """Compile Runtime, Editor, samples and their tests against the stubs, in every variant."""
-    files = {name: sorted((UNITY / name).rglob("*.cs")) for name in UNITY_FOLDERS}
-    ktx = UNITY / "Runtime" / "Ktx"
-    runtime = [path for path in files["Runtime"] if ktx not in path.parents]
-    stubs = [path for path in files["Stubs~"] if path.parent.name in ("UnityEngine", "UnityEditor")]
-    packages = [path for path in files["Stubs~"] if path.parent.name == "Packages"]
-    visit = [path for path in files["Stubs~"] if path.parent.name == "Tests"]
-
-    def build(folder: Path) -> None:
-        def compiled(name: str, sources: Sequence[Path], *extra: str) -> str:
-            # Fields that Unity fills from the scene look unassigned to a compiler (0649).
-            compile_cs(sources, folder / name, ["-nowarn:0649", *extra])
-            return f"-r:{folder / name}"
-
-        known = [compiled("Terraport.Core.dll", files["Core"])]
-        known.append(compiled("UnityStubs.dll", stubs, *known))
-        browser = [*known, "-d:UNITY_WEBGL"]
-        compiled("Terraport.Runtime.WebGl.dll", runtime, *browser)
-        known.append(compiled("Terraport.Runtime.dll", runtime, *known))
-        compiled("Terraport.Editor.dll", files["Editor"], *known)
-        for variant in ("", "-d:TERRAPORT_XRI_3"):
-            also = [*known, *filter(None, [variant])]
-            name = variant.rpartition(":")[2] or "plain"
-            also.append(compiled(f"Packages.{name}.dll", packages, *also))
-            compiled(f"Terraport.Ktx.{name}.dll", sorted(ktx.rglob("*.cs")), *also)
-            compiled(f"Samples.{name}.dll", files["Samples~"], *also)
-        compiled("Terraport.Runtime.Tests.dll", files["Tests/Runtime"], *known, f"-r:{NUNIT}")
-        compile_cs(visit, folder / "SceneOnStubs.exe", known, target="exe")
-        shutil.copy(NUNIT, folder)
-
-    return CsCore(_built("unity", [path for some in files.values() for path in some], build))
+    return CppCore(built(name, sources, build))
 
 
 def compile_cs(
@@ -188,9 +159,10 @@ def run_logged(command: Sequence[str], *, timeout_s: float = BUILD_TIMEOUT_S) ->
     return done.stdout
 
 
-def _built(name: str, sources: Sequence[Path], build: Callable[[Path], None]) -> Path:
+def built(name: str, sources: Sequence[Path], build: Callable[[Path], None]) -> Path:
     """Return the folder of a build of exactly these sources; builds where nobody has."""
-    digest = hashlib.sha256()
+    # The checkout too: compiled tests name the data beside them by its path.
+    digest = hashlib.sha256(str(ROOT).encode())
     for path in [*sources, Path(__file__)]:
         digest.update(str(path.relative_to(ROOT)).encode() + b"\0" + path.read_bytes())
     places = Path(

@@ -30,8 +30,6 @@ def seeds_of(target: str) -> Iterator[bytes]:
         case "meshopt":
             for path in filter(_is_good, _glbs()):
                 yield from _streams(path.read_bytes())
-        case "arrays":
-            yield from _files("scene/payload/*.arrays")
         case "cover":
             yield from _files("scene/*/v-*/base.cover")
         case "manifest":
@@ -39,7 +37,7 @@ def seeds_of(target: str) -> Iterator[bytes]:
                 "scene/*/scene.json", "scene/*/v-*/regions.json", "scene/*/labels.json"
             )
         case "json":
-            for seed in _files("scene/*/scene.json", "wire/*/*json*.bin"):
+            for seed in _files("scene/*/scene.json", "wire/*/*.json"):
                 yield b"\x00" + seed
         case "frame":
             yield from _files("wire/*/frame-*.bin")
@@ -47,9 +45,7 @@ def seeds_of(target: str) -> Iterator[bytes]:
             for path in sorted(CORPUS.glob("wire/*/*.json")):
                 case = json.loads(path.read_bytes())
                 if case["subprotocol"] != "frame":
-                    choice = (case["subprotocol"] == "json") + 2 * (
-                        case["direction"] == "client_to_server"
-                    )
+                    choice = case["direction"] == "client_to_server"
                     yield bytes([choice]) + path.with_suffix(".bin").read_bytes()
 
 

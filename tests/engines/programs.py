@@ -16,7 +16,7 @@ from typing import Any, Final, Self
 from engines.cores import CppCore, CsCore
 from sdk.proxy import Proxy
 
-__all__ = ["Client", "Landed", "ThreadedProxy", "Totals", "totals"]
+__all__ = ["Client", "Landed", "ThreadedProxy", "Totals", "socket_pace", "totals"]
 
 TIMEOUT_S: Final = 120
 
@@ -100,6 +100,42 @@ class Client:
             told["failure"],
             done.stdout,
         )
+
+
+def socket_pace(
+    cpp: CppCore, scene_url: str, radius_m: float, *, late: bool = False
+) -> dict[str, Any]:
+    """Land in Unreal's scene on the stubs; return what its first landing took of the socket.
+
+    Parameters
+    ----------
+    late
+        Something has loaded the engine's WebSockets module before the plugin starts.
+
+    Returns
+    -------
+    dict
+        ``frame_time_s`` (between two rounds of the socket's thread), ``frames`` of 5 ms, ``rounds``
+        (each takes 32 KiB at most), ``payload_bytes``, ``ms``, ``warnings`` of the plugin's start.
+
+    Raises
+    ------
+    RuntimeError
+        The visit failed, or found something that is not as it must be.
+    """
+    program = [str(cpp.folder / "bin" / "terraport-scene-on-stubs")]
+    done = subprocess.run(
+        [*program, scene_url, str(radius_m), "", *(["late"] * late)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    if done.returncode != 0:
+        raise RuntimeError(done.stdout[-4000:])
+    pace: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])["socket"]
+    return pace
 
 
 def totals(said: str) -> Totals:

@@ -52,7 +52,7 @@ def both(file: str, test: str) -> tuple[Claim, Claim]:
     return Yes(file, test), Yes(file, test)
 
 
-SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return, over %s")
+SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return")
 SDK_LAND = "tests/socket/test_sdk_sessions.py"
 NO_GROUPS = No("skips what it is told of groups")
 NO_DISK = No("memory alone")
@@ -60,28 +60,13 @@ NO_DISK = No("memory alone")
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
         Yes("tests/conformance/test_wire_corpus.py", "test_bad"),
-        Yes(
-            f"{WEB}/wire-corpus.test.ts", "runs the whole corpus, with every message in both forms"
-        ),
+        Yes(f"{WEB}/wire-corpus.test.ts", "runs the whole corpus, with every message"),
         *both(CORPUS, "test_the_whole_corpus_passes"),
     ),
-    "payload corpus, `glb`": (
+    "payload corpus": (
         Yes("tests/conformance/scene/test_scene_corpus.py", "test_payload"),
-        Yes(f"{WEB}/payload-corpus.test.ts", "runs every GLB of the corpus"),
+        Yes(f"{WEB}/payload-corpus.test.ts", "runs every file of the corpus"),
         *both(CORPUS, "test_the_whole_corpus_passes"),
-    ),
-    "payload corpus, `arrays`": (
-        Yes("tests/conformance/scene/test_scene_corpus.py", "test_payload"),
-        No("asks for `glb` alone"),
-        *both(CORPUS, "test_the_whole_corpus_passes"),
-    ),
-    "msgpack and JSON": (
-        Yes(
-            "tests/sdk/test_session_landings.py",
-            "test_a_landing_shows_exactly_what_brute_force_finds",
-        ),
-        SERVER,
-        *both(LAND, "test_assembled_segments_are_those_of_the_python_sdk"),
     ),
     "segments array for array as the Python SDK": (
         Yes(SDK_LAND, "test_a_landing_brings_every_segment_within_the_radius"),

@@ -25,19 +25,14 @@ def differing(one: Any, other: Any) -> float:
     return float((apart > 6).mean())
 
 
-@pytest.fixture(scope="module", params=["glb", "arrays"])
-def encoding(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
+@pytest.fixture(scope="module")
+def reference(server: Service) -> Any:
+    return draw(drawn_by_sdk(f"{server.url}/scenes/axes"), CONVENTIONS["scene"])
 
 
 @pytest.fixture(scope="module")
-def reference(server: Service, encoding: str) -> Any:
-    return draw(drawn_by_sdk(f"{server.url}/scenes/axes", encoding), CONVENTIONS["scene"])
-
-
-@pytest.fixture(scope="module")
-def meshes(client: Client, server: Service, encoding: str) -> list[Drawn]:
-    return drawn_by_client(client, f"{server.url}/scenes/axes", encoding)
+def meshes(client: Client, server: Service) -> list[Drawn]:
+    return drawn_by_client(client, f"{server.url}/scenes/axes")
 
 
 def test_the_engine_draws_what_the_python_sdk_draws(
@@ -89,7 +84,7 @@ def test_normals_point_out_of_their_faces(client: Client, meshes: list[Drawn]) -
 
 
 def test_the_picture_in_the_docs_is_what_is_drawn(
-    client: Client, encoding: str, meshes: list[Drawn], reference: Any
+    client: Client, meshes: list[Drawn], reference: Any
 ) -> None:
     sheet = np.asarray(PIL.Image.open(PICTURE).convert("RGB"))
     height, width, _ = reference.shape

@@ -25,22 +25,15 @@ def same_arrays(landed: dict[int, dict[str, Any]], meshes: dict[int, SegmentMesh
         assert landed[segment] == digests(mesh), f"segment {segment}"
 
 
-@pytest.mark.parametrize("encoding", ["glb", "arrays"])
-@pytest.mark.parametrize(
-    ("subprotocol", "threaded"),
-    [("msgpack", 0), ("json", 0), ("msgpack", 1)],
-    ids=["msgpack", "json", "threaded"],
-)
+@pytest.mark.parametrize("threaded", [0, 1], ids=["pumped", "threaded"])
 def test_assembled_segments_are_those_of_the_python_sdk(
-    client: Client, server: Service, encoding: str, subprotocol: str, threaded: int, tmp_path: Path
+    client: Client, server: Service, threaded: int, tmp_path: Path
 ) -> None:
     url = f"{server.url}/scenes/grid"
-    (visible,), meshes = land_with_sdk(url, [(30, 1, 30, 22)], encoding=encoding)
+    (visible,), meshes = land_with_sdk(url, [(30, 1, 30, 22)])
     landed = client.land(
         url,
         f"land:{HERE},22",
-        encoding=encoding,
-        subprotocol=subprotocol,
         threaded=threaded,
         dump=tmp_path,
     )
@@ -50,8 +43,7 @@ def test_assembled_segments_are_those_of_the_python_sdk(
     assert 4 < len(visible) < 36
     assert ready["missing"] == []
     same_arrays(landed.segments, meshes)
-    exact = encoding == "arrays"
-    assert normals_apart(meshes, tmp_path) <= (0.0 if exact else NORMAL_STEP)
+    assert normals_apart(meshes, tmp_path) <= NORMAL_STEP
     (plan,) = landed.of("planned")
     assert plan["load_bytes"] == sum(one["length"] for one in plan["load"])
     assert ready["payload_bytes"] == plan["load_bytes"] == landed.stats["payload_bytes"]
@@ -60,13 +52,12 @@ def test_assembled_segments_are_those_of_the_python_sdk(
 
 
 @pytest.mark.parametrize("scene", ["axes", "tiny"])
-@pytest.mark.parametrize("encoding", ["glb", "arrays"])
 def test_textures_colours_and_attributes_are_those_of_the_python_sdk(
-    client: Client, server: Service, scene: str, encoding: str, tmp_path: Path
+    client: Client, server: Service, scene: str, tmp_path: Path
 ) -> None:
     url = f"{server.url}/scenes/{scene}"
-    _, meshes = land_with_sdk(url, [(0, 1, 0, 50)], encoding=encoding)
-    landed = client.land(url, "land:0,1,0,50", encoding=encoding, dump=tmp_path)
+    _, meshes = land_with_sdk(url, [(0, 1, 0, 50)])
+    landed = client.land(url, "land:0,1,0,50", dump=tmp_path)
     assert landed.exit_code == 0, landed.said
     same_arrays(landed.segments, meshes)
     normals_apart(meshes, tmp_path)
@@ -200,19 +191,18 @@ def test_an_unknown_scene_is_told_and_not_asked_for_again(client: Client, server
     assert [link["state"] for link in landed.of("link")] == ["connecting", "closed"]
 
 
-@pytest.mark.parametrize("encoding", ["glb", "arrays"])
 def test_what_an_engine_would_draw_is_what_the_python_sdk_shows(
-    client: Client, server: Service, encoding: str
+    client: Client, server: Service
 ) -> None:
     """Through the stage: decoded, uploaded in slices, and swapped in one frame; base faces too."""
     url = f"{server.url}/scenes/grid"
     places = [(30.0, 1.0, 30.0, 22.0), (12.0, 1.0, 44.0, 15.0), (30.0, 1.0, 30.0, 8.0)]
-    with terraport.sync.connect(url, encoding=encoding) as session:
+    with terraport.sync.connect(url) as session:
         base = session.base()
         for number, (x, y, z, radius_m) in enumerate(places, 1):
             session.land((x, y, z), radius_m).ready()
             steps = [f"land:{a},{b},{c},{d}" for a, b, c, d in places[:number]]
-            landed = client.land(url, *steps, staged=1, encoding=encoding)
+            landed = client.land(url, *steps, staged=1)
             assert landed.exit_code == 0, landed.said
             assert landed.stage["faults"] == []
             assert landed.stage["swaps"] == number

@@ -15,7 +15,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, make_hello
 from websockets.exceptions import ConnectionClosed
 
-from terraport_wire import Direction, Land, Ready, Subprotocol, Welcome, decode, encode
+from terraport_wire import SUBPROTOCOL, Direction, Land, Ready, Welcome, decode, encode
 
 CLIENTS = 1000
 
@@ -24,7 +24,7 @@ def request(port: int) -> bytes:
     return (
         f"GET /scenes/grid/stream HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\n"
         "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
-        f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: {Subprotocol.MSGPACK.value}\r\n\r\n"
+        f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: {SUBPROTOCOL}\r\n\r\n"
     ).encode()
 
 
@@ -40,8 +40,7 @@ async def knock(
         if status != "101":
             answered.release()
             return status
-        hello = encode(make_hello(), Subprotocol.MSGPACK)
-        assert isinstance(hello, bytes)
+        hello = encode(make_hello())
         size = len(hello).to_bytes(2, "big")
         head = bytes([0x82, 0x80 | len(hello)]) if len(hello) < 126 else b"\x82\xfe" + size
         writer.write(head + bytes(4) + hello)
@@ -53,7 +52,7 @@ async def knock(
         answered.release()
         if first == 0x88:
             return str(int.from_bytes(data[:2], "big"))
-        message = decode(data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT)
+        message = decode(data, Direction.SERVER_TO_CLIENT)
         if isinstance(message, Welcome):
             await go_home.wait()
             return "welcome"

@@ -200,7 +200,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 @given(st.sampled_from(places(DOCUMENT)), json_values)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_json_anywhere_decodes_or_is_named(place: tuple[Any, ...], value: Any) -> None:
     try:
         data = with_change(set_at(*place, value))
@@ -217,7 +217,7 @@ def test_any_bytes_are_refused(data: bytes) -> None:
 
 
 @given(st.integers(BINARY_AT, len(GOOD) - 1), st.binary(min_size=1, max_size=40))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_bytes_in_the_streams_decode_or_are_named(at: int, noise: bytes) -> None:
     data = (GOOD[:at] + noise + GOOD[at + len(noise) :])[: len(GOOD)]
     try:

@@ -62,7 +62,7 @@ def test_keep_face_order_keeps_it(patch: SegmentMesh) -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(-12, -4), st.booleans())
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_errors_are_within_their_bounds(seed: int, exponent: int, compress: bool) -> None:
     """Position and attribute within half a step, normals within 2.2 degrees, colours exact."""
     rng = np.random.default_rng(seed)

@@ -16,9 +16,7 @@ from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured
 from terraport_payload import (
     PayloadError,
     SegmentMesh,
-    decode_arrays,
     decode_glb,
-    encode_arrays,
     encode_glb,
     snap_uvs,
 )
@@ -100,15 +98,6 @@ def test_image_lies_at_a_multiple_of_four_as_it_is() -> None:
     assert set(view) == {"buffer", "byteOffset", "byteLength"}
     start = view["byteOffset"]
     assert bytes(BINARY[start : start + view["byteLength"]]) == pillow("JPEG")
-
-
-def test_both_encodings_hold_the_same() -> None:
-    mesh = decode_glb(GOOD)
-    found = decode_arrays(encode_arrays(mesh))
-    assert found.texture == mesh.texture
-    assert found.uvs is not None
-    assert mesh.uvs is not None
-    assert found.uvs.tobytes() == mesh.uvs.tobytes()
 
 
 @pytest.mark.parametrize(
@@ -210,7 +199,7 @@ def test_colour_beside_a_texture_is_refused() -> None:
 
 
 @given(st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_noise_gives_our_error_or_a_mesh(data: st.DataObject) -> None:
     raw = bytearray(GOOD)
     for _ in range(data.draw(st.integers(1, 4))):

@@ -128,7 +128,6 @@ def test_no_resume_does_all_again_and_publishes_the_same(copy: Path) -> None:
         ({"segment": replace(SEGMENT, max_faces=500)}, "segment"),
         ({"reconstruct": replace(RECONSTRUCT, base_faces=500)}, "reconstruct"),
         ({"name": "Another"}, "pack"),
-        ({"encodings": ("glb", "arrays")}, "pack"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
@@ -265,8 +264,6 @@ def test_options_out_of_range(hill_file: Path, tmp_path: Path, more: dict[str, i
 
 
 def test_options_of_the_last_stage_are_refused_before_the_first() -> None:
-    with pytest.raises(OptionError, match="expected glb"):
-        BuildOptions(Path("a.laz"), Path("b"), encodings=("arrays",))
     with pytest.raises(OptionError, match="1 to 200"):
         BuildOptions(Path("a.laz"), Path("b"), name="")
 

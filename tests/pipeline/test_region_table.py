@@ -142,7 +142,7 @@ good_labels = st.text(min_size=1, max_size=MAX_LABEL_LENGTH).filter(lambda t: no
 
 
 @given(st.dictionaries(st.sampled_from([4, 2, 9]), good_labels))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_any_label_survives_the_round_trip(
     tmp_path_factory: pytest.TempPathFactory, labels: dict[int, str]
 ) -> None:
@@ -157,7 +157,7 @@ def test_any_label_survives_the_round_trip(
 
 
 @given(st.binary(max_size=60))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_any_bytes_are_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, data: bytes
 ) -> None:

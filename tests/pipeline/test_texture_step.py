@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import PIL.Image
 import pytest
 from pipeline.flat_photos import ORIGIN, field_colour, write_field
 
@@ -17,6 +18,7 @@ from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.errors import OptionError, PhotoError
 from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.stages import reconstruct, segment, texture
+from terraport_pipeline.tiled_reconstruct import TileOptions
 from terraport_store import Scene, validate_scene
 
 
@@ -152,12 +154,96 @@ def test_what_is_missing_is_told_before_any_work(field: Path, tmp_path: Path) ->
     assert not (tmp_path / ".scene.work" / "read").exists()
 
 
-def test_cameras_that_look_elsewhere_are_told_of(field: Path, tmp_path: Path) -> None:
+def test_cameras_that_look_elsewhere_are_told_of_before_the_long_work(
+    field: Path, tmp_path: Path
+) -> None:
     work = tmp_path / "work"
-    shutil.copytree(field / ".scene.work", work)
     texturing = Texturing(photos=field / "photos", camera_offset=(5000.0, 0.0, 0.0))
     with pytest.raises(PhotoError):
         build(options_for(field, tmp_path / "scene", work=work, texture=texturing))
+    assert (work / "read").exists()
+    assert not (work / "clean").exists()
+
+
+def damaged(field: Path, folder: Path, change: Callable[[Path], object], *numbers: int) -> Path:
+    """The field's photos, some of them changed."""
+    shutil.copytree(field / "photos", folder / "photos")
+    shutil.copytree(field / "colmap", folder / "colmap")
+    for number in numbers:
+        change(folder / "photos" / f"p{number}.png")
+    return folder / "photos"
+
+
+def elsewhere(path: Path) -> None:
+    """Another place's photo: spots of any colour."""
+    rng = np.random.default_rng(int(path.stem[1:]))
+    levels = rng.integers(0, 256, (12, 16, 3)).astype(np.uint8)
+    PIL.Image.fromarray(levels).resize((320, 240)).save(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "left_out", "word"),
+    [
+        (Path.unlink, 2, "2 of 5 photos are not below"),
+        (lambda path: path.write_bytes(b"no picture"), 2, "2 of 5 photos cannot be used"),
+        (lambda path: path.write_bytes(path.read_bytes()[:9000]), 2, "is truncated"),
+        (lambda path: PIL.Image.new("RGB", (240, 240)).save(path), 2, "has 240 x 240 pixels"),
+        (lambda path: PIL.Image.open(path).resize((160, 120)).save(path), 0, "lenses were scaled"),
+        (elsewhere, 2, "2 of 5 photos show neither what the cloud nor"),
+    ],
+    ids=["missing", "no picture", "cut off", "other sides", "smaller", "elsewhere"],
+)
+@pytest.mark.parametrize("tiled", [False, True], ids=["whole", "tiles"])
+def test_a_set_with_something_wrong_ends_in_a_scene_and_a_word(
+    field: Path,
+    tmp_path: Path,
+    change: Callable[[Path], object],
+    left_out: int,
+    word: str,
+    tiled: bool,
+) -> None:
+    photos = damaged(field, tmp_path, change, 1, 3)
+    work = tmp_path / "work"
+    if not tiled:
+        shutil.copytree(field / ".scene.work", work)
+    made = build(
+        options_for(
+            field, tmp_path / "scene", work=work, texture=Texturing(photos=photos),
+            tiles=TileOptions(force=tiled),
+        )
+    )  # fmt: skip
+    assert validate_scene(tmp_path / "scene") == []
+    counts = next(stage.facts.counts for stage in made.stages if stage.name == "texture")
+    assert (counts["photos"], counts["photos_left_out"]) == (5 - left_out, left_out)
+    assert any(word in text for text in made.warnings), made.warnings
+
+
+@pytest.mark.parametrize("tiled", [False, True], ids=["whole", "tiles"])
+def test_where_no_photo_shows_the_survey_its_own_colours_are_drawn(
+    field: Path, tmp_path: Path, tiled: bool
+) -> None:
+    photos = damaged(field, tmp_path, elsewhere, 0, 1, 2, 3, 4)
+    made = build(
+        options_for(
+            field, tmp_path / "scene", texture=Texturing(photos=photos),
+            tiles=TileOptions(force=tiled),
+        )
+    )  # fmt: skip
+    assert validate_scene(tmp_path / "scene") == []
+    assert any("no photo is left" in text for text in made.warnings), made.warnings
+    with Scene.open(tmp_path / "scene") as scene:
+        mesh = next(payloads(scene))
+    assert mesh.texture is not None
+    assert np.ptp(decode_image(mesh.texture.data).astype(int)) <= 1  # a survey without colour
+
+
+def test_where_no_photo_can_be_used_nothing_is_begun(field: Path, tmp_path: Path) -> None:
+    photos = damaged(field, tmp_path, lambda path: path.write_bytes(b"no"), 0, 1, 2, 3, 4)
+    with pytest.raises(
+        PhotoError, match=r"none of the 5 photos can be used: photo .*p0.png cannot"
+    ):
+        build(options_for(field, tmp_path / "scene", texture=Texturing(photos=photos)))
+    assert not (tmp_path / ".scene.work" / "read").exists()
 
 
 def test_options_are_checked() -> None:

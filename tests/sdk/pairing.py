@@ -30,7 +30,6 @@ from terraport_wire import (
     Direction,
     Hit,
     PayloadFrame,
-    Subprotocol,
     decode,
     encode,
     encode_frame,
@@ -101,7 +100,6 @@ class Pair:
         cache_bytes: int = 1 << 20,
         credit_bytes: int = 4096,
         release_factor: float = 1.0,
-        subprotocol: Subprotocol = Subprotocol.MSGPACK,
         max_bytes: int | None = None,
         disk: FakeDisk | None = None,
         limits: SessionLimits | None = None,
@@ -115,14 +113,12 @@ class Pair:
         self.scene = scene
         self.disk = disk
         self.limits = limits or SessionLimits(max_messages_per_s=1e6)
-        self.subprotocol = subprotocol
         on_disk = {s: e.facts.xxh3 for s, e in disk.entries.items()} if disk else {}
         self.client = ClientSession(
             SessionOptions(
                 client="pair",
                 credit_bytes=credit_bytes,
                 release_factor=release_factor,
-                subprotocol=subprotocol,
                 max_bytes=max_bytes,
             ),
             SegmentCache(cache_bytes),
@@ -160,7 +156,7 @@ class Pair:
         data = self.client.data_to_send()
         for one in data:
             try:
-                message = decode(one, self.subprotocol, Direction.CLIENT_TO_SERVER)
+                message = decode(one, Direction.CLIENT_TO_SERVER)
                 self.server.receive(message, self.now_s)
             except DecodeError as error:
                 self.server.refuse(error, self.now_s)
@@ -198,7 +194,7 @@ class Pair:
     def _carry_out(self, action: object) -> None:
         assert self.server is not None
         if isinstance(action, SendMessage):
-            self.down.append(encode(action.message, self.subprotocol))
+            self.down.append(encode(action.message))
         elif isinstance(action, SendChunk):
             payload = self.scene.payloads[action.segment]
             frame = PayloadFrame(

@@ -16,9 +16,6 @@ from command_line import run_terraport
 from terraport.cli.lazy import VERBS
 from terraport.version import __version__
 
-CORE = ("httpx", "meshopt", "msgpack", "numpy", "pydantic", "rich", "typer", "websockets", "xxhash")
-"""What the core install brings, by import name; see pyproject.toml."""
-
 _WITHOUT = """
 import importlib.util, sys
 
@@ -170,7 +167,7 @@ ERRORS = [
     (["land", "http://127.0.0.1:9", "0", "0"], 2, "z"),
     (["land", "http://127.0.0.1:9", "0", "0", "up"], 2, "z"),
     (["land", "http://h/scenes/x", "0", "0", "0", "--radus", "3"], 2, "--radus"),
-    (["land", "http://h/scenes/x", "0", "0", "0", "--encoding", "obj"], 2, "'obj'"),
+    (["land", "http://h/scenes/x", "0", "0", "0", "--encoding", "glb"], 2, "--encoding"),
     (["land", "http://h/scenes/x", "0", "0", "0", "--glb", "/no/where.glb"], 2, "/no"),
     (["land", "http://h/scenes/x", "0", "0", "0", "--timeout", "-1"], 2, "plan_s is -1"),
 ]

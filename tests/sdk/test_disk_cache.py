@@ -33,22 +33,21 @@ def age(folder: Path, seconds: float) -> None:
 
 def test_what_is_put_comes_back_in_another_run(tmp_path: Path) -> None:
     one = entry(3)
-    assert DiskCache(tmp_path, KEY, "glb").put(one) == []
-    again = DiskCache(tmp_path, KEY, "glb")
+    assert DiskCache(tmp_path, KEY).put(one) == []
+    again = DiskCache(tmp_path, KEY)
     assert again.catalogue() == {3: one.facts.xxh3}
     assert again.get(3, one.facts.xxh3) == one
     assert again.get(4, one.facts.xxh3) is None
 
 
-def test_scenes_and_encodings_do_not_mix(tmp_path: Path) -> None:
-    DiskCache(tmp_path, KEY, "glb").put(entry(3))
-    assert DiskCache(tmp_path, KEY, "arrays").catalogue() == {}
-    assert DiskCache(tmp_path, KEY[::-1], "glb").catalogue() == {}
+def test_scenes_do_not_mix(tmp_path: Path) -> None:
+    DiskCache(tmp_path, KEY).put(entry(3))
+    assert DiskCache(tmp_path, KEY[::-1]).catalogue() == {}
 
 
 @pytest.mark.parametrize("where", [0, 8, 20, 60, 64, 500, -1])
 def test_any_flipped_byte_is_found_and_the_file_deleted(tmp_path: Path, where: int) -> None:
-    disk, one = DiskCache(tmp_path, KEY, "glb"), entry(3)
+    disk, one = DiskCache(tmp_path, KEY), entry(3)
     disk.put(one)
     (path,) = tmp_path.rglob("*.glb")
     data = bytearray(path.read_bytes())
@@ -62,7 +61,7 @@ def test_any_flipped_byte_is_found_and_the_file_deleted(tmp_path: Path, where: i
 
 @pytest.mark.parametrize("length", [0, 10, 64, 1000])
 def test_any_truncation_is_found(tmp_path: Path, length: int) -> None:
-    disk, one = DiskCache(tmp_path, KEY, "glb"), entry(3)
+    disk, one = DiskCache(tmp_path, KEY), entry(3)
     disk.put(one)
     (path,) = tmp_path.rglob("*.glb")
     path.write_bytes(path.read_bytes()[:length])
@@ -71,7 +70,7 @@ def test_any_truncation_is_found(tmp_path: Path, length: int) -> None:
 
 
 def test_the_bound_holds_and_the_longest_unused_goes_first(tmp_path: Path) -> None:
-    disk = DiskCache(tmp_path, KEY, "glb", max_bytes=5 * 1064)
+    disk = DiskCache(tmp_path, KEY, max_bytes=5 * 1064)
     for segment in range(4):
         disk.put(entry(segment, fill=segment))
         age(tmp_path, 100)
@@ -80,14 +79,14 @@ def test_the_bound_holds_and_the_longest_unused_goes_first(tmp_path: Path) -> No
     removed = disk.put(entry(5, fill=5))
     assert removed == [1, 2]
     assert sum(path.stat().st_size for path in tmp_path.rglob("*.glb")) <= 5 * 1064
-    assert set(DiskCache(tmp_path, KEY, "glb").catalogue()) == {0, 3, 4, 5}
+    assert set(DiskCache(tmp_path, KEY).catalogue()) == {0, 3, 4, 5}
 
 
 def test_the_bound_counts_other_scenes_and_earlier_runs(tmp_path: Path) -> None:
-    other = DiskCache(tmp_path, KEY[::-1], "glb")
+    other = DiskCache(tmp_path, KEY[::-1])
     other.put(entry(9))
     age(tmp_path, 100)
-    disk = DiskCache(tmp_path, KEY, "glb", max_bytes=2 * 1064)
+    disk = DiskCache(tmp_path, KEY, max_bytes=2 * 1064)
     disk.catalogue()
     assert disk.put(entry(1)) == []
     assert disk.put(entry(2)) == [1]  # the other scene's file went first, and is not ours to tell
@@ -95,13 +94,13 @@ def test_the_bound_counts_other_scenes_and_earlier_runs(tmp_path: Path) -> None:
 
 
 def test_larger_than_the_bound_is_not_written(tmp_path: Path) -> None:
-    disk = DiskCache(tmp_path, KEY, "glb", max_bytes=500)
+    disk = DiskCache(tmp_path, KEY, max_bytes=500)
     assert disk.put(entry(1)) is None
     assert disk.catalogue() == {}
 
 
 def test_the_newer_of_two_versions_of_a_segment_counts(tmp_path: Path) -> None:
-    disk = DiskCache(tmp_path, KEY, "glb")
+    disk = DiskCache(tmp_path, KEY)
     disk.put(entry(1, fill=1))
     age(tmp_path, 50)
     disk.put(entry(1, fill=2))
@@ -110,7 +109,7 @@ def test_the_newer_of_two_versions_of_a_segment_counts(tmp_path: Path) -> None:
 
 
 def test_blobs_are_checked_too(tmp_path: Path) -> None:
-    disk = DiskCache(tmp_path, KEY, "glb")
+    disk = DiskCache(tmp_path, KEY)
     disk.put_blob("base-glb-v1", b"mesh")
     assert disk.get_blob("base-glb-v1") == b"mesh"
     assert disk.get_blob("base-glb-v2") is None
@@ -121,7 +120,7 @@ def test_blobs_are_checked_too(tmp_path: Path) -> None:
 
 
 def test_what_a_dead_process_left_is_cleared(tmp_path: Path) -> None:
-    disk = DiskCache(tmp_path, KEY, "glb")
+    disk = DiskCache(tmp_path, KEY)
     stale, fresh = tmp_path / KEY / ".a.tmp", tmp_path / KEY / ".b.tmp"
     stale.write_bytes(b"half")
     fresh.write_bytes(b"half")
@@ -136,7 +135,7 @@ def test_a_disk_that_cannot_be_written_is_no_error(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Said once, then silent; nothing half-written stays."""
-    disk = DiskCache(tmp_path, KEY, "glb")
+    disk = DiskCache(tmp_path, KEY)
     (tmp_path / KEY).rmdir()
     with caplog.at_level(logging.WARNING, logger="terraport"):
         assert disk.put(entry(1)) is None
@@ -148,4 +147,4 @@ def test_a_disk_that_cannot_be_written_is_no_error(
 def test_a_directory_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match=r"cache_dir .*file"):
-        DiskCache(tmp_path / "file", KEY, "glb")
+        DiskCache(tmp_path / "file", KEY)

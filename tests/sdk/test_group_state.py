@@ -25,13 +25,10 @@ from terraport_wire import (
     Join,
     Leave,
     Message,
-    Subprotocol,
     Welcome,
     decode,
     encode,
 )
-
-MSGPACK = Subprotocol.MSGPACK
 
 
 class Client:
@@ -50,20 +47,20 @@ class Client:
         self.connections += 1
         self.state.connected()
         self.state.data_to_send()
-        self.state.receive(encode(self.welcome, MSGPACK))
+        self.state.receive(encode(self.welcome))
 
     def cut(self) -> None:
         self.groups.lost((self.key, self.connections), 0.0)
         self.state.connection_lost()
 
     def hear(self, message: Message) -> None:
-        self.state.receive(encode(message, MSGPACK))
+        self.state.receive(encode(message))
         self.events += [e for e in self.state.events() if type(e).__name__.startswith("Group")]
 
     def speak(self) -> None:
         key = (self.key, self.connections)
         for data in self.state.data_to_send():
-            message = decode(data, MSGPACK, Direction.CLIENT_TO_SERVER)
+            message = decode(data, Direction.CLIENT_TO_SERVER)
             assert isinstance(message, Message)
             self.said.append(message)
             refusal = None
@@ -225,4 +222,4 @@ def test_names_are_checked_before_anything_is_sent(two: tuple[Client, Client]) -
 
 
 def _c2s(data: bytes | str) -> Any:
-    return decode(data, MSGPACK, Direction.CLIENT_TO_SERVER)
+    return decode(data, Direction.CLIENT_TO_SERVER)

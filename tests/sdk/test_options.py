@@ -15,7 +15,6 @@ from terraport.options import SessionOptions
         ({"credit_bytes": 0}, "credit_bytes is 0, expected 1 or more"),
         ({"max_bytes": -1}, "max_bytes"),
         ({"release_factor": 0.5}, "release_factor"),
-        ({"encoding": "obj"}, "encoding"),
     ],
 )
 def test_options_that_cannot_be_are_refused(options, text: str) -> None:
@@ -26,8 +25,6 @@ def test_options_that_cannot_be_are_refused(options, text: str) -> None:
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"encoding": "obj"}, "encoding is 'obj', expected one of: glb, arrays"),
-        ({"subprotocol": "xml"}, "subprotocol is 'xml', expected one of: msgpack, json"),
         ({"url": "pit"}, "expected http"),
     ],
 )

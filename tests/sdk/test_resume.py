@@ -6,10 +6,7 @@ Pure pairs of the two state machines; the same over real sockets is in
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sdk.pairing import GRID, MIDDLE, Pair, ToyScene, expected
@@ -25,7 +22,6 @@ from terraport_wire import (
     Held,
     HeldChecked,
     Hello,
-    Subprotocol,
     decode,
     encode,
 )
@@ -49,21 +45,20 @@ def flush(pair: Pair) -> None:
         pair.client.flush_aim()
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     steps=STEPS,
     credit_bytes=st.sampled_from([300, 3000, 1 << 20]),
     lag=st.sampled_from([0, 3, 20]),
     rows=st.sampled_from([1, 5, 1000]),
-    subprotocol=st.sampled_from(list(Subprotocol)),
 )
 def test_any_cuts_at_all_and_no_whole_segment_comes_twice(
-    steps: list[tuple], credit_bytes: int, lag: int, rows: int, subprotocol: Subprotocol
+    steps: list[tuple], credit_bytes: int, lag: int, rows: int
 ) -> None:
     """The offer goes in messages of so many rows: most of it behind the welcome."""
     toy = ToyScene()
     limits = SessionLimits(max_messages_per_s=1e6, max_held_segments=rows)
-    pair = Pair(toy, credit_bytes=credit_bytes, lag=lag, limits=limits, subprotocol=subprotocol)
+    pair = Pair(toy, credit_bytes=credit_bytes, lag=lag, limits=limits)
     pair.offer_held = False
     pair.connect()
     for step in [*steps, ("cut",), ("land", MIDDLE, 3.3)]:
@@ -90,8 +85,7 @@ def test_any_cuts_at_all_and_no_whole_segment_comes_twice(
     assert sorted([*plan.load["id"].tolist(), *plan.keep.tolist()]) == list(want)
 
 
-@pytest.mark.parametrize("subprotocol", list(Subprotocol))
-def test_more_than_one_table_takes(subprotocol: Subprotocol) -> None:
+def test_more_than_one_table_takes() -> None:
     """50,000 segments on disk: hello takes 32,768 rows, held the rest, and a landing is free."""
     count = 50_000
     scene = make_scene(count)
@@ -99,9 +93,7 @@ def test_more_than_one_table_takes(subprotocol: Subprotocol) -> None:
     on_disk = dict(enumerate(hashes))
     on_disk[7] += 1  # one that is not of this version
     on_disk[49_999] += 1
-    client = ClientSession(
-        SessionOptions(client="t", subprotocol=subprotocol), SegmentCache(1 << 20), on_disk
-    )
+    client = ClientSession(SessionOptions(client="t"), SegmentCache(1 << 20), on_disk)
     server = ServerSession(scene, SessionLimits(), session_id="s", now_s=0.0)
     client.connected()
     client.land((10.0 * 49_000, 0.0, 0.0), 95.0)
@@ -109,17 +101,17 @@ def test_more_than_one_table_takes(subprotocol: Subprotocol) -> None:
     heard: list[object] = []
     for _ in range(4):
         for data in client.data_to_send():
-            said.append(message := decode(data, subprotocol, Direction.CLIENT_TO_SERVER))
+            said.append(message := decode(data, Direction.CLIENT_TO_SERVER))
             server.receive(message, 0.0)
         while (action := server.next_action()) is not None:
             assert isinstance(action, SendMessage)
             heard.append(action.message)
-            client.receive(encode(action.message, subprotocol))
+            client.receive(encode(action.message))
     assert [len(m.held) for m in said if isinstance(m, Hello)] == [32_768]
     offers = [m for m in said if isinstance(m, Held)]
     assert sum(len(m.segments) for m in offers) == count - 32_768
     for message in offers:
-        assert len(encode(message, subprotocol)) <= SessionLimits().max_message_bytes
+        assert len(encode(message)) <= SessionLimits().max_message_bytes
     checked = [m for m in heard if isinstance(m, HeldChecked)]
     assert checked[-1].held_count == count - 2
     events = client.events()
@@ -128,19 +120,18 @@ def test_more_than_one_table_takes(subprotocol: Subprotocol) -> None:
     assert (len(planned.plan.load), len(planned.plan.keep)) == (0, 23), "two radii"
 
 
-def test_a_server_of_1_0_gets_no_held() -> None:
+def test_a_server_that_takes_no_table_gets_no_held() -> None:
     client = ClientSession(
         SessionOptions(client="t"), SegmentCache(1 << 20), dict.fromkeys(range(40_000), 5)
     )
     client.connected()
     client.data_to_send()
-    scene = make_scene(4)
-    server = ServerSession(scene, SessionLimits(), session_id="s", now_s=0.0)
+    limits = SessionLimits(max_held_segments=0)
+    server = ServerSession(make_scene(4), limits, session_id="s", now_s=0.0)
     server.receive(client.options.hello(np.zeros(0, dtype=[("id", "<u4"), ("xxh3", "<u8")])), 0.0)
     action = server.next_action()
     assert isinstance(action, SendMessage)
-    old = dataclasses.replace(action.message, protocol=(1, 0))  # type: ignore[type-var]
-    client.receive(encode(old, Subprotocol.MSGPACK))
+    client.receive(encode(action.message))
     assert [type(event) for event in client.events()] == [Opened]
     assert client.data_to_send() == []
 

@@ -43,10 +43,7 @@ def test_evictions_are_told_before_the_next_landing(toy: ToyScene) -> None:
     held = pair.server.deliveries.held
     # What the server counts as held beyond the visible is what the next evict will name.
     pair.client.land((0, 0, 0), 2.0)
-    messages = [
-        decode(data, pair.subprotocol, Direction.CLIENT_TO_SERVER)
-        for data in pair.client.data_to_send()
-    ]
+    messages = [decode(data, Direction.CLIENT_TO_SERVER) for data in pair.client.data_to_send()]
     assert [type(message) for message in messages] == [Evict, Land]
     assert set(messages[0].segments.tolist()) == set(held.array().tolist()) - set(
         pair.client.visible

@@ -18,16 +18,14 @@ from terraport.events import (
     Superseded,
 )
 from terraport_wire import (
-    Subprotocol,
     encode_frame,
 )
 
 
-@pytest.mark.parametrize("subprotocol", list(Subprotocol))
-def test_a_landing_shows_exactly_what_brute_force_finds(subprotocol: Subprotocol) -> None:
-    """Both subprotocols give the same visible set, and exactly its bytes."""
+def test_a_landing_shows_exactly_what_brute_force_finds() -> None:
+    """And exactly its bytes."""
     toy = ToyScene()
-    pair = Pair(toy, subprotocol=subprotocol)
+    pair = Pair(toy)
     pair.connect()
     number = pair.client.land(MIDDLE, 4.0)
     pair.settle()

@@ -16,7 +16,6 @@ from terraport_payload import (
     Cover,
     SegmentMesh,
     decode_glb,
-    encode_arrays,
     encode_glb,
     gltf_attribute_name,
 )
@@ -71,7 +70,6 @@ def write_grid_scene(
     seed: int = 0,
     cells: int = 12,
     compress: bool = True,
-    with_arrays: bool = False,
     name: str = "grid",
     stable_ids: tuple[int, ...] | None = None,
 ) -> GridScene:
@@ -88,10 +86,9 @@ def write_grid_scene(
         for mesh in meshes
     ]
     base = tile_mesh(0, 0, SIDE, seed=seed, tiles=SIDE)
-    with SceneWriter(path, with_arrays=with_arrays) as writer:
+    with SceneWriter(path) as writer:
         for number, glb in enumerate(payloads):
-            arrays = encode_arrays(decode_glb(glb)) if with_arrays else None
-            writer.add_segment(glb, region=number // SIDE % 3, arrays=arrays)
+            writer.add_segment(glb, region=number // SIDE % 3)
         writer.set_base(
             encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
             _cover(),

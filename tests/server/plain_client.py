@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import websockets.sync.client
 from websockets.exceptions import ConnectionClosed
-from websockets.typing import Subprotocol as SubprotocolName
+from websockets.typing import Subprotocol
 
 from terraport_wire import (
+    SUBPROTOCOL,
     Budgets,
     Direction,
     Error,
     Hello,
     Message,
     PayloadFrame,
-    Subprotocol,
     Welcome,
     decode,
     decode_frame,
@@ -37,17 +38,12 @@ class PlainClient:
         self,
         url: str,
         *,
-        subprotocol: Subprotocol | None = Subprotocol.MSGPACK,
-        offered: list[str] | None = None,
+        offered: Sequence[str] | None = (SUBPROTOCOL,),
         **options: Any,
     ) -> None:
-        names = offered
-        if names is None and subprotocol is not None:
-            names = [subprotocol.value]
-        self.subprotocol = subprotocol or Subprotocol.MSGPACK
         self._context = websockets.sync.client.connect(
             url.replace("http", "ws", 1) + "/stream",
-            subprotocols=None if names is None else [SubprotocolName(name) for name in names],
+            subprotocols=None if offered is None else list(map(Subprotocol, offered)),
             compression=None,
             max_size=None,
             open_timeout=TIMEOUT_S,
@@ -68,7 +64,7 @@ class PlainClient:
         self._context.__exit__(kind, error, trace)
 
     def send(self, message: Message) -> None:
-        self.socket.send(encode(message, self.subprotocol))
+        self.socket.send(encode(message))
 
     def hello(self, **fields: Any) -> Welcome:
         """Say hello, expect to be welcome."""
@@ -85,7 +81,7 @@ class PlainClient:
             frame = decode_frame(data)
             assert isinstance(frame, PayloadFrame)
             return frame
-        message = decode(data, self.subprotocol, Direction.SERVER_TO_CLIENT)
+        message = decode(data, Direction.SERVER_TO_CLIENT)
         assert isinstance(message, Message)
         return message
 

@@ -39,26 +39,24 @@ from terraport_wire import (
 )
 
 
-def make_scene(count: int = 12, *, length: int = 1000, encodings: int = 1) -> SceneView:
+def make_scene(count: int = 12, *, length: int = 1000, encoding: str = "glb") -> SceneView:
     """Unit boxes at x = 0, 10, 20, ...; segment s has length + s bytes and 10 faces."""
     bounds = np.zeros((count, 6), dtype=np.float32)
     bounds[:, 0] = 10.0 * np.arange(count)
     bounds[:, 3] = bounds[:, 0] + 1.0
     bounds[:, 4:] = 1.0
-    tables = {}
-    for number, name in enumerate(("glb", "arrays")[:encodings]):
-        tables[name] = SegmentTable(
-            bounds=bounds,
-            lengths=np.arange(length, length + count, dtype=np.uint32),
-            hashes=np.arange(7000, 7000 + count, dtype=np.uint64) + 1000 * number,
-            faces=np.full(count, 10, dtype=np.uint32),
-            vertices=np.full(count, 8, dtype=np.uint32),
-        )
+    table = SegmentTable(
+        bounds=bounds,
+        lengths=np.arange(length, length + count, dtype=np.uint32),
+        hashes=np.arange(7000, 7000 + count, dtype=np.uint64),
+        faces=np.full(count, 10, dtype=np.uint32),
+        vertices=np.full(count, 8, dtype=np.uint32),
+    )
 
     def within(centre: Any, radius_m: float) -> Any:
         return np.flatnonzero(box_distances(bounds, centre) <= radius_m)
 
-    return SceneView(id="row", version="v1", name="Row", encodings=tables, within=within)
+    return SceneView(id="row", version="v1", name="Row", encodings={encoding: table}, within=within)
 
 
 class Client:
@@ -71,7 +69,7 @@ class Client:
     def __init__(self, session: Session, scene: SceneView) -> None:
         self.session = session
         self.scene = scene
-        self.table = scene.encodings["glb"]
+        (self.table,) = scene.encodings.values()
         self.now_s = 0.0
         self.credit = 0
         self.corrupt: set[int] = set()

@@ -157,6 +157,54 @@ def test_the_report(http: httpx.Client, grid: GridScene) -> None:
         report.unlink()
 
 
+@pytest.mark.parametrize("way", ["the file", "its folder", "in a circle"])
+def test_a_report_that_is_a_link_out_of_the_scene_is_not_served(
+    http: httpx.Client, grid: GridScene, tmp_path: Path, way: str
+) -> None:
+    (tmp_path / "report.html").write_text("not of this scene")
+    report, folder = grid.path / "report.html", grid.path / "elsewhere"
+    if way == "the file":
+        report.symlink_to(tmp_path / "report.html")
+    elif way == "its folder":
+        folder.symlink_to(tmp_path)
+        report.symlink_to(folder / "report.html")
+    else:
+        report.symlink_to(report)
+    try:
+        answer = http.get("/scenes/grid/report")
+        assert (answer.status_code, answer.json()["error"]["code"]) == (404, "unknown_report")
+        assert "report" not in http.get("/scenes/grid").json()["links"]
+    finally:
+        report.unlink()
+        folder.unlink(missing_ok=True)
+
+
+def test_a_report_that_is_a_link_within_the_scene_is_served(
+    http: httpx.Client, grid: GridScene
+) -> None:
+    report, older = grid.path / "report.html", grid.path / "report-1.html"
+    older.write_text("of this scene")
+    report.symlink_to(older.name)
+    try:
+        assert http.get("/scenes/grid/report").text == "of this scene"
+    finally:
+        report.unlink()
+        older.unlink()
+
+
+@pytest.mark.parametrize("key", ["base.glb", "base.cover", "regions.json"])
+def test_a_file_that_became_a_link_out_of_the_scene_is_not_served(tmp_path: Path, key: str) -> None:
+    grid = write_grid_scene(tmp_path / "scenes" / "grid", cells=2)
+    with (
+        BackgroundServer(grid.path.parent) as server,
+        httpx.Client(base_url=server.url) as http,
+    ):
+        path = grid.path / grid.manifest.files[key].path
+        path.rename(tmp_path / "elsewhere")
+        path.symlink_to(tmp_path / "elsewhere")
+        assert http.get(f"/scenes/grid/{key}").status_code == 404
+
+
 def test_health_readiness_metrics_and_documentation(http: httpx.Client) -> None:
     assert http.get("/healthz").text == "ok\n"
     assert http.get("/readyz").text == "ok\n"

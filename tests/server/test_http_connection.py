@@ -17,7 +17,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
-from terraport_server.http_connection import MAX_PIPELINED, ClientAddresses
+from terraport_server.http_connection import MAX_PIPELINED
 
 HOST = b"Host: localhost\r\n"
 BIG = 24 << 20
@@ -236,15 +236,12 @@ def test_descriptors_are_given_back(server: BackgroundServer) -> None:
     eventually(lambda: len(list(Path("/proc/self/fd").iterdir())) <= before)
 
 
-def test_addresses_that_are_counted() -> None:
-    addresses = ClientAddresses("127.0.0.1, 10.0.0.0/8, localhost")
-    assert addresses.counted("127.0.0.1") is None
-    assert addresses.counted("10.1.2.3") is None
-    assert addresses.counted("192.0.2.1") == "192.0.2.1"
-    assert addresses.counted("not an address") is None
-    assert addresses.counted(None) is None
-    assert ClientAddresses("*").counted("192.0.2.1") is None
-    assert addresses.enter("192.0.2.1") == 1
-    assert addresses.enter("192.0.2.1") == 2
-    addresses.leave("192.0.2.1")
-    assert addresses.enter("192.0.2.1") == 2
+def test_an_address_that_connects_and_leaves_again_and_again(folder: Path) -> None:
+    """None of them is there for long, and each would cost a handshake."""
+    with BackgroundServer(folder, max_connections_per_ip=2, forwarded_allow_ips="") as running:
+        answered = 0
+        for _ in range(40):
+            with connect(running) as raw, contextlib.suppress(OSError):
+                raw.sendall(b"GET /healthz HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n")
+                answered += answer(raw).startswith(b"HTTP/1.1 200")
+        assert 10 <= answered <= 20

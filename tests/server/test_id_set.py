@@ -17,7 +17,7 @@ changes = st.lists(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(first=some_ids, script=changes, asked=some_ids)
 def test_any_history_is_that_of_a_set(
     first: list[int], script: list[tuple[str, list[int]]], asked: list[int]

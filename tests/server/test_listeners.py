@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import sys
 from contextlib import ExitStack
@@ -62,16 +63,44 @@ def test_where_the_kernel_does_not_deal_all_share_one(monkeypatch: pytest.Monkey
     listeners.close()
 
 
-def test_a_port_in_use_is_refused() -> None:
+@pytest.mark.parametrize("slots", [1, 2])
+def test_a_port_in_use_is_refused_and_a_free_one_is_named(slots: int) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(ServerError, match=f"could not listen on 127.0.0.1:{port}, expected"):
-            Listeners("127.0.0.1", port, 2)
+        with pytest.raises(ServerError, match=rf"127\.0\.0\.1:{port}: another program") as raised:
+            Listeners("127.0.0.1", port, slots)
+        named = re.search(r"--port (\d+), which is free", str(raised.value))
+        assert named
+        assert int(named[1]) != port
+        Listeners("127.0.0.1", int(named[1]), slots).close()
+
+
+def test_an_address_of_another_machine_is_refused() -> None:
+    with pytest.raises(ServerError, match=r"192\.0\.2\.1:8080: .*expected an address or a name"):
+        Listeners("192.0.2.1", 8080, 1)
+
+
+def test_a_name_that_is_none_is_refused() -> None:
+    with pytest.raises(ServerError, match="expected an address or a name of this machine"):
+        Listeners("no.such.name.invalid", 8080, 1)
+
+
+def test_a_machine_without_ipv6_listens_on_the_address_it_has(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    both = [
+        (family, socket.SOCK_STREAM, 6, "", (address, 0))
+        for family, address in ((socket.AF_INET6, "2001:db8::1"), (socket.AF_INET, "127.0.0.1"))
+    ]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_arguments, **_options: both)
+    listeners = Listeners("pit.example", 0, 1)
+    assert [one.getsockname()[0] for one in listeners.of(0)] == ["127.0.0.1"]
+    listeners.close()
 
 
 def test_a_second_service_does_not_take_half_of_the_connections() -> None:
     first = Listeners("127.0.0.1", 0, 2)
-    with pytest.raises(ServerError, match="expected a free address and port"):
+    with pytest.raises(ServerError, match="another program does"):
         Listeners("127.0.0.1", first.port, 2)
     first.close()
 

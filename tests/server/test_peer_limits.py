@@ -3,21 +3,29 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 import struct
 import time
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
+import httpx
+import msgpack
 import pytest
+from eventually import eventually
 from server.grid_scene import write_grid_scene
-from server.plain_client import PlainClient
+from server.plain_client import PlainClient, make_hello
 from uvicorn.protocols.utils import ClientDisconnected
 
-from terraport_server import BackgroundServer
+from terraport_server import BackgroundServer, sender
 from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
+from terraport_wire import SUBPROTOCOL, decode, encode
 
-PING, CLOSE, TEXT, CONT = 9, 8, 1, 0
+PING, CLOSE, BINARY, TEXT, CONT = 9, 8, 2, 1, 0
+TOKEN = "a-token-of-enough-characters"
 
 
 @pytest.fixture
@@ -28,25 +36,29 @@ def scenes(tmp_path: Path) -> Path:
 
 def frame(opcode: int, data: bytes, *, fin: bool = True) -> bytes:
     """A frame with a mask of zeros."""
-    return bytes([(0x80 if fin else 0) | opcode, 0x80 | len(data)]) + bytes(4) + data
+    size = len(data)
+    length = bytes([0x80 | size]) if size < 126 else b"\xff" + size.to_bytes(8, "big")
+    return bytes([(0x80 if fin else 0) | opcode]) + length + bytes(4) + data
 
 
 def raw(client: PlainClient) -> socket.socket:
     return client.socket.socket
 
 
-def raw_connect(port: int) -> socket.socket:
+def raw_connect(port: int, *lines: str, status: int = 101) -> socket.socket:
     """A WebSocket without anybody who reads it."""
     found = socket.create_connection(("127.0.0.1", port), 5)
+    more = "".join(f"{line}\r\n" for line in lines)
     found.sendall(
         b"GET /scenes/grid/stream HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
         b"Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
-        b"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: terraport.v1.json\r\n\r\n"
+        b"Sec-WebSocket-Version: 13\r\n"
+        + f"Sec-WebSocket-Protocol: {SUBPROTOCOL}\r\n{more}\r\n".encode()
     )
     head = b""
     while not head.endswith(b"\r\n\r\n"):
         head += found.recv(1)
-    assert b" 101 " in head
+    assert f" {status} ".encode() in head
     return found
 
 
@@ -107,7 +119,7 @@ def test_text_that_is_no_utf8_is_closed_without_a_trace(
                 assert close_code(drained(found)) == 1007
             with raw_connect(server.port) as found:  # and says goodbye in the same piece
                 found.sendall(frame(TEXT, bad) + frame(CLOSE, b"\x03\xe8"))
-                assert close_code(drained(found)) == 1000
+                assert close_code(drained(found)) == 1007
         assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
 
 
@@ -147,3 +159,151 @@ def test_an_answer_to_who_broke_the_rules_is_lost_not_misused(scenes: Path) -> N
 
         asyncio.run_coroutine_threadsafe(break_and_answer(), connection.loop).result(5)
         assert close_code(drained(found)) == 1002
+
+
+@pytest.fixture
+def decoded(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Lengths of the messages that sessions decode."""
+    lengths: list[int] = []
+
+    def counting(data: Any, *arguments: Any, **options: Any) -> Any:
+        lengths.append(len(data))
+        return decode(data, *arguments, **options)
+
+    monkeypatch.setattr(sender, "decode", counting)
+    return lengths
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        msgpack.packb({"type": "wave", "later": [None] * 200}),
+        msgpack.packb({"type": "wave", "later": [[0] * 16_000] * 60}),
+        msgpack.packb({"later": [[0] * 16_000] * 60, "type": "wave"}),
+        msgpack.packb({"type": "bye"}),
+        b"",
+    ],
+    ids=["unknown", "unknown and large", "type last", "known", "empty"],
+)
+@pytest.mark.parametrize("token", [None, TOKEN])
+def test_of_a_stranger_one_message_is_decoded(
+    scenes: Path, decoded: list[int], message: bytes, token: str | None
+) -> None:
+    """Whatever comes behind it, in the same piece or later."""
+    with BackgroundServer(scenes, token=token) as server, raw_connect(server.port) as at:
+        with contextlib.suppress(OSError):
+            for _ in range(20):
+                at.sendall(frame(BINARY, message))
+        assert close_code(drained(at)) == 4400
+    assert decoded == [len(message)]
+
+
+def test_a_stranger_that_keeps_on_sending_is_not_read(scenes: Path, decoded: list[int]) -> None:
+    """Nor does what it sent behind the close keep it from being closed."""
+    sent, blob = 0, frame(BINARY, bytes(1 << 20))
+    with BackgroundServer(scenes, token=TOKEN) as server, raw_connect(server.port) as at:
+        with contextlib.suppress(OSError):
+            while sent < 64 * len(blob):
+                at.sendall(blob)
+                sent += len(blob)
+        eventually(lambda: not server._server.server_state.connections)
+    assert decoded == [1 << 20]
+    assert sent < 64 * len(blob)
+
+
+def test_messages_that_come_in_one_piece_are_taken_one_by_one(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two of them is everybody else's turn, and none is lost or out of order."""
+    waiting: list[int] = []
+    receive = BoundedPeer.receive
+
+    async def watched(self: BoundedPeer) -> Any:
+        waiting.append(self.queue.qsize())
+        return await receive(self)
+
+    monkeypatch.setattr(BoundedPeer, "receive", watched)
+    with (
+        BackgroundServer(scenes, close_timeout_s=0.5) as server,
+        raw_connect(server.port) as at,
+    ):
+        hello = encode(make_hello())
+        pick = {"type": "pick", "origin": [0.0, 0.0, 0.0]}
+        picks = [msgpack.packb({**pick, "request": number}) for number in range(7)]
+        at.sendall(
+            b"".join(frame(BINARY, data) for data in [hello, *picks, b"\x81\xa4type\xa3bye"])
+        )
+        data = drained(at)
+        assert close_code(data) == 1000
+    assert len(waiting) > 8
+    assert max(waiting) <= 1
+
+
+def test_a_frame_may_come_by_the_byte(scenes: Path) -> None:
+    with BackgroundServer(scenes) as server, raw_connect(server.port) as at:
+        for number in frame(BINARY, b"\x81\xa4type\xa3bye"):
+            at.sendall(bytes([number]))
+        assert close_code(drained(at)) == 4400
+
+
+def test_a_websocket_counts_for_its_address_until_it_is_closed(scenes: Path) -> None:
+    with (
+        BackgroundServer(scenes, max_connections_per_ip=3, forwarded_allow_ips="") as server,
+        ExitStack() as held,
+    ):
+        for _ in range(3):
+            held.enter_context(raw_connect(server.port))
+        answered = httpx.get(f"{server.url}/healthz")
+        assert (answered.status_code, answered.json()["error"]["code"]) == (503, "connections")
+        raw_connect(server.port, status=503).close()
+        held.close()
+        eventually(lambda: not server._server.server_state.connections)
+        assert httpx.get(f"{server.url}/healthz").status_code == 200
+
+
+def test_behind_a_proxy_it_counts_for_the_clients_address(scenes: Path) -> None:
+    one, other = "X-Forwarded-For: 192.0.2.1", "X-Forwarded-For: 192.0.2.2"
+    with BackgroundServer(scenes, max_connections_per_ip=3) as server, ExitStack() as held:
+        for _ in range(3):
+            held.enter_context(raw_connect(server.port, one))
+            held.enter_context(raw_connect(server.port, other))
+        for full in (one, other):
+            with raw_connect(server.port, full, status=503) as at:
+                assert b'"code":"connections"' in drained(at)
+        for _ in range(4):  # the proxy itself speaks for many
+            held.enter_context(raw_connect(server.port))
+        held.close()
+        eventually(lambda: not server._server.server_state.connections)
+        raw_connect(server.port, one).close()
+
+
+@pytest.mark.parametrize(
+    ("settings", "code"),
+    [({"token": TOKEN}, 4401), ({"max_sessions": 1}, 4429), ({"max_sessions_per_ip": 1}, 4429)],
+)
+def test_who_is_not_let_in_leaves_without_closing(
+    scenes: Path, settings: dict[str, Any], code: int
+) -> None:
+    """It never answers the close; a known client would have `close_timeout_s`."""
+    wrong = "Authorization: Bearer another-token-of-some-length"
+    with (
+        BackgroundServer(scenes, close_timeout_s=600.0, **settings) as server,
+        ExitStack() as held,
+    ):
+        connections = server._server.server_state.connections
+        if code == 4429:
+            held.enter_context(PlainClient(server.scene_url("grid"))).hello()
+        before = len(connections)
+        refused = [held.enter_context(raw_connect(server.port, wrong)) for _ in range(5)]
+        eventually(lambda: len(connections) == before, 5)
+        assert {close_code(drained(at)) for at in refused} == {code}
+
+
+def test_whose_hello_is_refused_leaves_without_closing(scenes: Path) -> None:
+    with (
+        BackgroundServer(scenes, close_timeout_s=600.0, token=TOKEN) as server,
+        raw_connect(server.port) as at,
+    ):
+        at.sendall(frame(BINARY, encode(make_hello())))
+        eventually(lambda: not server._server.server_state.connections, 5)
+        assert close_code(drained(at)) == 4401

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,7 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terraport_server.selection import Budgets, SegmentTable, Selection, box_distances, select
+from terraport_server.id_set import IdSet
+from terraport_server.selection import (
+    Budgets,
+    SegmentTable,
+    Selection,
+    box_distances,
+    find_candidates,
+    select,
+)
 from terraport_store.spatial import box_distances_m
 
 
@@ -131,14 +140,14 @@ def scenes(draw: st.DrawFn) -> SegmentTable:
     return make_table(boxes, draw(sizes), draw(sizes))
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=250)
 @given(
     data=st.data(),
     table=scenes(),
     centre=st.tuples(coordinate, coordinate, coordinate),
     radius_m=st.integers(0, 60).map(lambda v: v / 2),
     factor=st.sampled_from([1.0, 1.25, 2.0]),
-    budgets=st.builds(Budgets, limit, limit, limit),
+    budgets=st.builds(Budgets, limit, limit, limit | st.integers(0, 6)),
 )
 def test_plan_equals_brute_force(
     data: st.DataObject,
@@ -188,7 +197,7 @@ def test_plan_equals_brute_force(
     assert chosen.effective_radius_m == min([radius_m, *outside])
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(data=st.data(), table=scenes(), centre=st.tuples(coordinate, coordinate, coordinate))
 def test_superset_and_order_of_candidates_do_not_matter(
     data: st.DataObject, table: SegmentTable, centre: tuple[float, float, float]
@@ -210,6 +219,76 @@ def test_superset_and_order_of_candidates_do_not_matter(
         for candidates in (near, shuffled)
     ]
     assert plans[0] == plans[1]
+
+
+few = st.none() | st.integers(0, 6)
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    data=st.data(),
+    table=scenes(),
+    centre=st.tuples(coordinate, coordinate, coordinate),
+    radius_m=st.integers(0, 30).map(lambda v: v / 2),
+    factor=st.sampled_from([1.0, 1.25, 2.0, 4.0]),
+    nudge=st.sampled_from([0.0, 1e-9, -1e-9, 1e-12]),
+    budgets=st.builds(Budgets, limit, limit, few),
+)
+def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_radii(
+    data: st.DataObject,
+    table: SegmentTable,
+    centre: tuple[float, float, float],
+    radius_m: float,
+    factor: float,
+    nudge: float,
+    budgets: Budgets,
+) -> None:
+    held = IdSet(data.draw(st.lists(st.integers(0, len(table) - 1)), "held"))
+    shown = held.array()[::2]
+    centre = (centre[0] + nudge, centre[1], centre[2] - nudge)
+    distances = box_distances(table.bounds, centre)
+    if data.draw(st.booleans(), "to the border"):
+        radius_m = float(data.draw(st.sampled_from(distances.tolist()))) / factor
+    release_radius_m = radius_m * factor
+    everything = np.flatnonzero(distances <= release_radius_m)
+    near = np.flatnonzero(distances <= radius_m)
+
+    found, is_held = find_candidates(table, near, held, centre, release_radius_m)
+
+    assert len(set(found.tolist())) == len(found)
+    assert set(found.tolist()) <= set(near.tolist()) | set(held.array().tolist())
+    assert is_held.tolist() == held.contains(found).tolist()
+    plans = [
+        select(
+            table,
+            ids,
+            centre,
+            radius_m,
+            release_radius_m=release_radius_m,
+            inner_radius_m=radius_m / 2,
+            held=held.contains(ids),
+            shown=shown,
+            budgets=budgets,
+        )
+        for ids in (everything, found)
+    ]
+    assert _facts(plans[0]) == _facts(plans[1])
+    in_full, omitted = brute_plan(
+        table, centre, radius_m, release_radius_m, set(held.array().tolist()), budgets
+    )
+    assert plans[1].order.tolist() == in_full
+    assert plans[1].omitted_segments == omitted
+
+
+def _facts(plan: Selection) -> dict[str, object]:
+    return {
+        field.name: value.tolist()
+        if isinstance(value := getattr(plan, field.name), np.ndarray)
+        else value.array().tolist()
+        if isinstance(value, IdSet)
+        else value
+        for field in dataclasses.fields(plan)
+    }
 
 
 def test_nearest_first_and_ties_by_id() -> None:
@@ -265,7 +344,7 @@ def test_inner_is_what_of_the_plan_lies_within_the_inner_radius() -> None:
     assert run(row_of_boxes(5), 45.0).inner.tolist() == []
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(table=scenes(), centre=st.tuples(coordinate, coordinate, coordinate))
 def test_distances_are_those_of_the_store(
     table: SegmentTable, centre: tuple[float, float, float]

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import httpx
 import pytest
 import typer
 from server.grid_scene import write_grid_scene
@@ -49,9 +50,10 @@ def serving(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
         until_s = time.monotonic() + 30
         while True:
             try:
-                socket.create_connection(("127.0.0.1", port), timeout=1).close()
+                # Answered, not only connected: who connects earlier waits in the socket's queue.
+                httpx.get(f"http://127.0.0.1:{port}/healthz", timeout=30).raise_for_status()
                 break
-            except OSError:
+            except httpx.ConnectError:
                 assert process.poll() is None, process.communicate()
                 assert time.monotonic() < until_s
                 time.sleep(0.05)
@@ -131,18 +133,47 @@ def test_bad_options_are_said_and_exit_1(tmp_path: Path, arguments: list[str], t
     assert "Traceback" not in output
 
 
-def test_a_port_in_use_is_an_error_not_a_trace(tmp_path: Path) -> None:
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_a_port_in_use_is_an_error_and_nothing_else_is_said(tmp_path: Path, workers: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
         process = subprocess.run(
-            [sys.executable, "-c", PROGRAM, str(tmp_path), "--port", str(taken.getsockname()[1])],
+            [sys.executable, "-c", PROGRAM, str(tmp_path), "--port", port, "--workers", workers],
             capture_output=True,
             text=True,
             timeout=60,
             check=False,
         )
     assert process.returncode == 1
-    assert "error: could not listen on 127.0.0.1:" in process.stderr
-    assert "Traceback" not in process.stderr
+    assert process.stdout == ""  # no address that somebody else answers at
+    (line,) = process.stderr.splitlines()
+    assert line.startswith(f"error: could not listen on 127.0.0.1:{port}: another program does")
+    assert re.search(r"choose another port: --port \d+, which is free$", line)
+
+
+def test_a_free_port_is_said_as_it_is(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(tmp_path), "--port", "0"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )
+    try:
+        assert process.stdout is not None
+        said = re.search(r" at http://127\.0\.0\.1:(\d+) ", process.stdout.readline())
+        assert said
+        socket.create_connection(("127.0.0.1", int(said[1])), timeout=5).close()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_background_server_on_a_port_in_use_says_so(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ServerError, match=f"could not listen on 127.0.0.1:{port}: another"):
+            BackgroundServer(tmp_path, port=port)
 
 
 def test_background_server_refuses_what_serve_refuses(tmp_path: Path) -> None:

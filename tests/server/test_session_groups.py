@@ -292,5 +292,5 @@ class AnyHistory(RuleBasedStateMachine):
         assert self.hall.groups.wake_at_s() is None, "no barrier and no lost seat is left"
 
 
-AnyHistory.TestCase.settings = settings(max_examples=40, stateful_step_count=25, deadline=None)
+AnyHistory.TestCase.settings = settings(max_examples=40, stateful_step_count=25)
 TestAnyHistory = AnyHistory.TestCase

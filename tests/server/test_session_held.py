@@ -6,6 +6,9 @@ that keeps the rules, and short words for messages.
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 from server.session_model import (
     aim,
@@ -48,12 +51,6 @@ def test_offered_segments_are_accepted_by_hash() -> None:
     plan = client.run()[0]
     assert plan.keep.tolist() == [1]
     assert plan.load["id"].tolist() == [0, 2]
-
-
-def test_hashes_are_those_of_the_encoding() -> None:
-    client = make_client(make_scene(encodings=2), greet=False)
-    offered = np.array([(1, 7001), (2, 8002)], dtype=HELD_DTYPE)
-    assert client.greet(held=offered, encoding="arrays").dropped.tolist() == [1]
 
 
 def test_evicted_segments_are_loaded_again() -> None:
@@ -297,3 +294,20 @@ def test_held_before_hello_and_too_much_of_it_are_fatal() -> None:
     client = make_client(max_held_segments=1)
     client.tell(Held(segments=rows))
     assert_fatal(client, ErrorCode.TOO_LARGE, CloseCode.TOO_LARGE)
+
+
+def test_beyond_the_radius_only_what_is_held_is_looked_at() -> None:
+    """A release factor of 4 must not make the service look at sixteen times the ground."""
+    scene, asked = make_scene(), []
+
+    def within(centre: Any, radius_m: float) -> Any:
+        asked.append(radius_m)
+        return scene.within(centre, radius_m)
+
+    client = make_client(dataclasses.replace(scene, within=within), greet=False)
+    client.greet(release_factor=4.0, held=np.array([(7, 7007), (10, 7010)], dtype=HELD_DTYPE))
+    client.tell(land(1, radius_m=20.0))
+    plan = client.run()[0]
+    assert (plan.load["id"].tolist(), plan.keep.tolist()) == ([0, 1, 2], [7])
+    assert plan.release_radius_m == 80.0
+    assert asked == [20.0]

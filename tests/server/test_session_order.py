@@ -31,7 +31,7 @@ steps = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(script=st.lists(steps, max_size=25), credit=st.integers(0, 500_000))
 def test_no_chunk_of_an_older_generation_and_never_beyond_the_credit(
     script: list[tuple[str, int, int]], credit: int
@@ -92,7 +92,7 @@ def _evict(client: Client, segment: int) -> None:
         client.tell(Evict(segments=ids(segment)))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     x=st.integers(-10, 120),
     radius=st.integers(5, 80),

@@ -185,9 +185,11 @@ def test_a_worker_that_dies_is_replaced_and_its_clients_resume(
 ) -> None:
     victims = service.worker_pids()[-2:]
     killed = []
+    all_in = asyncio.Barrier(6)
 
     async def client(number: int) -> int:
         async with terraport.connect(f"{service.url}/scenes/big", credit_bytes=300_000) as session:
+            await all_in.wait()  # a handshake with a worker that is killed fails, rightly
             landing = await session.land(CENTRE, radius_m=EVERYWHERE_M)
             seen = 0
             async for _ in landing:

@@ -13,7 +13,7 @@ from server.plain_client import PlainClient, assemble, make_hello
 from websockets.client import ClientProtocol
 from websockets.frames import Frame, Opcode
 from websockets.protocol import State
-from websockets.typing import Subprotocol as SubprotocolName
+from websockets.typing import Subprotocol
 from websockets.uri import parse_uri
 
 from terraport_server import BackgroundServer
@@ -27,12 +27,12 @@ from terraport_server.transport import (
 )
 from terraport_store import PayloadRange
 from terraport_wire import (
+    SUBPROTOCOL,
     Direction,
     Land,
     Message,
     PayloadFrame,
     Ready,
-    Subprotocol,
     decode,
     decode_frame,
     encode,
@@ -87,7 +87,7 @@ def test_each_service_has_its_own_options() -> None:
 def is_ready(frame: Frame) -> bool:
     if frame.opcode is not Opcode.BINARY or is_payload(frame.data):
         return False
-    message = decode(frame.data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT)
+    message = decode(frame.data, Direction.SERVER_TO_CLIENT)
     return isinstance(message, Ready)
 
 
@@ -105,7 +105,7 @@ class SlowClient:
         self.socket.settimeout(20)
         self.socket.connect(("127.0.0.1", port))
         uri = parse_uri(f"ws://127.0.0.1:{port}/scenes/pit/stream")
-        names = [SubprotocolName(Subprotocol.MSGPACK)]
+        names = [Subprotocol(SUBPROTOCOL)]
         self.protocol = ClientProtocol(uri, subprotocols=names, max_size=None)
         self.protocol.send_request(self.protocol.connect())
         self.flush()
@@ -115,7 +115,7 @@ class SlowClient:
         self.frames: list[Frame] = []
 
     def send(self, message: Message) -> None:
-        data = encode(message, Subprotocol.MSGPACK)
+        data = encode(message)
         assert isinstance(data, bytes)
         self.protocol.send_binary(data)
         self.flush()
@@ -133,9 +133,7 @@ class SlowClient:
         while not any(
             frame.opcode is Opcode.BINARY
             and not is_payload(frame.data)
-            and isinstance(
-                decode(frame.data, Subprotocol.MSGPACK, Direction.SERVER_TO_CLIENT), Ready
-            )
+            and isinstance(decode(frame.data, Direction.SERVER_TO_CLIENT), Ready)
             for frame in self.frames[-3:]
         ):
             self.read()

@@ -17,7 +17,7 @@ TOKEN = "a-token-that-is-long-enough"
 def scenes_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the scenes `grid` (36 small segments) and `big` (36 of about 300 KB)."""
     root = tmp_path_factory.mktemp("scenes")
-    write_grid_scene(root / "grid", with_arrays=True)
+    write_grid_scene(root / "grid")
     write_grid_scene(root / "big", cells=80, compress=False, name="big")
     return root
 

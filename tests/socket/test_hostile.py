@@ -19,7 +19,6 @@ from terraport_wire import (
     Pick,
     Ready,
     Reject,
-    Subprotocol,
     encode,
 )
 
@@ -52,37 +51,32 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
     return bytes(out)
 
 
-@pytest.mark.parametrize("subprotocol", list(Subprotocol))
-def test_mutated_messages(
-    server: BackgroundServer, subprotocol: Subprotocol, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_mutated_messages(server: BackgroundServer, caplog: pytest.LogCaptureFixture) -> None:
     rng = random.Random(11)
     refused = 0
     with caplog.at_level(logging.ERROR, logger="terraport.server"):
         for _ in range(60):
-            with PlainClient(server.scene_url("grid"), subprotocol=subprotocol) as client:
+            with PlainClient(server.scene_url("grid")) as client:
                 client.hello(credit_bytes=100_000)
                 with contextlib.suppress(ConnectionClosed):
                     for _ in range(6):
-                        data = encode(rng.choice(MESSAGES), subprotocol)
-                        if isinstance(data, str):
-                            text = mutated(data.encode(), rng).decode("utf-8", "replace")
-                            client.socket.send(text)
-                        else:
-                            client.socket.send(mutated(data, rng))
+                        data = encode(rng.choice(MESSAGES))
+                        client.socket.send(mutated(data, rng))
                     client.send(LAST)  # its answer says that everything before it was answered
                     while True:
                         got = client.receive()
                         if getattr(got, "request", None) == LAST.request:
                             break
-                        refused += isinstance(got, Error)
                         if isinstance(got, Error) and got.fatal:
                             assert client.closed() in ALLOWED
                             break
+                        refused += isinstance(got, Error)
                         assert not isinstance(got, Error) or got.code != "internal"
                 if client.socket.close_code is not None:
+                    # By the close, not by its error: that is lost where more was sent meanwhile.
+                    refused += 1
                     assert client.socket.close_code in ALLOWED | {1006}
-    assert refused > 40
+    assert refused > 40, "most of what was mutated is refused"
     assert caplog.records == [], "nothing failed on our side"
     with PlainClient(server.scene_url("grid")) as client:
         client.hello()

@@ -6,12 +6,12 @@ import random
 from contextlib import ExitStack
 from pathlib import Path
 
+import msgpack
 import numpy as np
 import pytest
 from server.grid_scene import SIDE, TILE_M, GridScene
 from server.plain_client import PlainClient, assemble
 
-from terraport_payload import decode_arrays, decode_glb
 from terraport_server import BackgroundServer
 from terraport_store import Scene, box_distances_m
 from terraport_wire import (
@@ -31,7 +31,6 @@ from terraport_wire import (
     Prefetch,
     Ready,
     Reject,
-    Subprotocol,
     Superseded,
     encode,
 )
@@ -49,11 +48,8 @@ def land(
     return Land(generation=generation, position=position, radius_m=radius_m, **fields)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("subprotocol", list(Subprotocol))
-def test_the_bytes_are_those_of_the_pack(
-    server: BackgroundServer, grid: GridScene, subprotocol: Subprotocol
-) -> None:
-    with PlainClient(server.scene_url("grid"), subprotocol=subprotocol) as client:
+def test_the_bytes_are_those_of_the_pack(server: BackgroundServer, grid: GridScene) -> None:
+    with PlainClient(server.scene_url("grid")) as client:
         welcome = client.hello()
         assert welcome.scene.version == grid.manifest.version
         client.send(land(7, radius_m=12.0))
@@ -121,18 +117,6 @@ def test_frames_are_bounded_and_a_large_segment_takes_several(
     assert received == {segment: big.payloads[segment] for segment in received}
 
 
-def test_the_arrays_encoding(server: BackgroundServer, grid: GridScene) -> None:
-    with PlainClient(server.scene_url("grid")) as client:
-        client.hello(encoding="arrays")
-        client.send(land(1, radius_m=1.0))
-        plan = client.expect(Plan)
-        _, frames, _ = client.until(Ready)
-    for segment, data in assemble(frames).items():
-        ours, theirs = decode_arrays(data), decode_glb(grid.payloads[segment])
-        assert np.array_equal(ours.positions, theirs.positions)
-    assert plan.load_bytes == sum(len(frame.chunk) for frame in frames)
-
-
 def test_a_second_visit_costs_nothing(server: BackgroundServer) -> None:
     with PlainClient(server.scene_url("grid")) as client:
         client.hello()
@@ -152,7 +136,7 @@ def test_resume_with_what_is_held(server: BackgroundServer, grid: GridScene) -> 
         hashes = scene.index.xxh3
     rows = [(segment, int(hashes[segment])) for segment in range(10)]
     rows[3] = (3, rows[3][1] ^ 1)
-    with PlainClient(server.scene_url("grid"), subprotocol=Subprotocol.JSON) as client:
+    with PlainClient(server.scene_url("grid")) as client:
         welcome = client.hello(held=np.array(rows, dtype=HELD_DTYPE))
         assert (welcome.held_count, welcome.dropped.tolist()) == (9, [3])
         client.send(land(1))
@@ -307,12 +291,11 @@ def test_a_pick_that_meets_nothing(server: BackgroundServer) -> None:
 
 
 def test_unknown_messages_and_fields_are_skipped(server: BackgroundServer) -> None:
-    with PlainClient(server.scene_url("grid"), subprotocol=Subprotocol.JSON) as client:
+    with PlainClient(server.scene_url("grid")) as client:
         client.hello()
-        client.socket.send('{"type":"dance","steps":[1,2]}')
-        text = encode(land(1, radius_m=1.0), Subprotocol.JSON)
-        assert isinstance(text, str)
-        client.socket.send(text[:-1] + ',"shoes":"red"}')
+        client.socket.send(msgpack.packb({"type": "dance", "steps": [1, 2]}))
+        plain = msgpack.unpackb(encode(land(1, radius_m=1.0)))
+        client.socket.send(msgpack.packb({**plain, "shoes": "red"}))
         client.expect(Plan)
 
 

@@ -42,7 +42,7 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> tuple[GridScene, GridSce
     """Two scenes of different bytes."""
     root = tmp_path_factory.mktemp("local")
     return (
-        write_grid_scene(root / "pit", with_arrays=True, stable_ids=(4, 2, 9)),
+        write_grid_scene(root / "pit", stable_ids=(4, 2, 9)),
         write_grid_scene(root / "well", seed=3),
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from terraport_server import BackgroundServer
 from terraport_wire import (
+    SUBPROTOCOL,
     Credit,
     Error,
     Evict,
@@ -25,7 +25,6 @@ from terraport_wire import (
     Pick,
     Plan,
     Ready,
-    Subprotocol,
     encode,
     encode_frame,
     token_subprotocol,
@@ -33,15 +32,21 @@ from terraport_wire import (
 
 HERE = (30.0, 1.0, 30.0)
 
-# What is sent raw after the welcome -> code, close code. msgpack unless said otherwise.
+# What is sent raw after the welcome -> code, close code.
 FATAL: dict[str, tuple[Callable[[], Any], str, int]] = {
     "no msgpack": (lambda: b"\xc1\xff", "malformed", 4400),
     "cut off": (lambda: packed({"type": "bye"})[:-1], "malformed", 4400),
     "bytes after it": (lambda: packed({"type": "bye"}) + b"\x00", "malformed", 4400),
     "no map": (lambda: packed([1, 2]), "malformed", 4400),
+    "a key twice": (
+        lambda: b"\x82\xa4type\xa3bye\xa4type\xa3bye",
+        "malformed",
+        4400,
+    ),
+    "far too deep": (lambda: b"\x91" * 5000 + b"\xc0", "malformed", 4400),
     "no type": (lambda: packed({"kind": "land"}), "malformed", 4400),
     "empty": (lambda: b"", "malformed", 4400),
-    "text on msgpack": (lambda: '{"type":"bye"}', "malformed", 4400),
+    "text": (lambda: '{"type":"bye"}', "malformed", 4400),
     "a payload frame": (
         lambda: encode_frame(PayloadFrame(1, 1, 0, 4, memoryview(b"abcd"))),
         "malformed",
@@ -81,8 +86,8 @@ def packed(plain: Any) -> bytes:
     return data
 
 
-def message(one: Any) -> bytes | str:
-    return encode(one, Subprotocol.MSGPACK)
+def message(one: Any) -> bytes:
+    return encode(one)
 
 
 def land_map(generation: int, **changed: Any) -> dict[str, Any]:
@@ -158,63 +163,28 @@ def test_something_before_hello(server: BackgroundServer) -> None:
     [
         ({"protocol": [2, 0]}, "unsupported_version", 4409),
         ({"encoding": "obj"}, "invalid_field", 4400),
+        ({"encoding": "arrays"}, "invalid_field", 4400),
         ({"credit_bytes": -1}, "invalid_field", 4400),
         ({"budgets": {"max_bytes": -1}}, "invalid_field", 4400),
-        ({"held": [[1, "nothex"]]}, "invalid_field", 4400),
+        ({"held": b"half a row"}, "invalid_field", 4400),
     ],
 )
 def test_a_bad_hello(
     server: BackgroundServer, changed: dict[str, Any], code: str, close: int
 ) -> None:
-    text = encode(make_hello(), Subprotocol.JSON)
-    plain = json.loads(text) | changed
-    with PlainClient(server.scene_url("grid"), subprotocol=Subprotocol.JSON) as client:
-        client.socket.send(json.dumps(plain))
+    plain = msgpack.unpackb(encode(make_hello())) | changed
+    with PlainClient(server.scene_url("grid")) as client:
+        client.socket.send(packed(plain))
         error, closed = client.refused()
     assert (error.code, closed) == (code, close)
 
 
-def test_an_encoding_that_the_scene_lacks(server: BackgroundServer) -> None:
-    with PlainClient(server.scene_url("big")) as client:
-        client.send(make_hello(encoding="arrays"))
-        error, closed = client.refused()
-    assert (error.code, closed) == ("unsupported_encoding", 4409)
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "{", "[]", '{"type":7}', '{"type":"bye","type":"bye"}', "[" * 5000, '{"type":"land"'],
-)
-def test_malformed_json(server: BackgroundServer, text: str) -> None:
-    with PlainClient(server.scene_url("grid"), subprotocol=Subprotocol.JSON) as client:
-        client.hello()
-        client.socket.send(text)
-        error, closed = client.refused()
-    assert (error.code, closed) == ("malformed", 4400)
-
-
-def test_nan_in_json_is_no_number(server: BackgroundServer) -> None:
-    with PlainClient(server.scene_url("grid"), subprotocol=Subprotocol.JSON) as client:
-        client.hello()
-        client.socket.send(json.dumps(land_map(1, radius_m=float("nan"))))
-        error, closed = client.refused()
-    assert (error.code, closed) == ("malformed", 4400)
-
-
-def test_binary_on_json(server: BackgroundServer) -> None:
-    with PlainClient(server.scene_url("grid"), subprotocol=Subprotocol.JSON) as client:
-        client.hello()
-        client.socket.send(b'{"type":"bye"}')
-        error, closed = client.refused()
-    assert (error.code, closed) == ("malformed", 4400)
-
-
 def test_no_common_subprotocol(server: BackgroundServer) -> None:
-    for offered in (None, ["terraport.v9.msgpack"]):
-        with PlainClient(server.scene_url("grid"), subprotocol=None, offered=offered) as client:
+    for offered in (None, ["terraport.v9.msgpack"], ["terraport.v1.json"]):
+        with PlainClient(server.scene_url("grid"), offered=offered) as client:
             assert client.socket.subprotocol is None
             assert client.closed() == 4409
-            assert client.socket.close_reason == "offered: terraport.v1.msgpack, terraport.v1.json"
+            assert client.socket.close_reason == "offered: terraport.v1.msgpack"
 
 
 def test_an_unknown_scene(server: BackgroundServer) -> None:
@@ -246,7 +216,7 @@ def bearer(token: str) -> dict[str, Any]:
 
 
 def offering(token: str) -> dict[str, Any]:
-    return {"offered": [Subprotocol.MSGPACK.value, token_subprotocol(token)]}
+    return {"offered": [SUBPROTOCOL, token_subprotocol(token)]}
 
 
 @pytest.mark.parametrize("way", [bearer, offering])
@@ -254,7 +224,7 @@ def test_a_token_in_the_handshake(guarded: BackgroundServer, way: Any) -> None:
     url = guarded.scene_url("grid")
     for token in ("everything-opens-here", "only-the-grid-scene"):
         with PlainClient(url, **way(token)) as client:
-            assert client.socket.subprotocol == Subprotocol.MSGPACK.value
+            assert client.socket.subprotocol == SUBPROTOCOL
             client.hello()
     with PlainClient(url, **way("a-token-that-nobody-has")) as client:
         error, closed = client.refused()

@@ -35,7 +35,6 @@ from terraport_wire import (
     PayloadFrame,
     SceneInfo,
     ServerLimits,
-    Subprotocol,
     Welcome,
     encode,
     encode_frame,
@@ -60,7 +59,6 @@ WELCOME = encode(
         dropped=[],
         held_count=0,
     ),
-    Subprotocol.MSGPACK,
 )
 FRAME = encode_frame(PayloadFrame(77, 3, 0, 4, memoryview(b"mesh")))
 
@@ -190,7 +188,7 @@ def test_an_offer_that_is_too_large_is_made_once(tmp_path) -> None:
         offers.append(len(hello))
         if len(offers) == 1:
             error = Error(code="too_large", message="too many held", fatal=True)
-            await connection.send(encode(error, Subprotocol.MSGPACK))
+            await connection.send(encode(error))
             await connection.close(CloseCode.TOO_LARGE, "too_large")
         else:
             await connection.send(WELCOME)

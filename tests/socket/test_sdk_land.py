@@ -91,7 +91,7 @@ def test_ground_puts_the_landing_onto_the_surface(land, server: BackgroundServer
     assert 0.4 <= y <= 1.6
     beside = land(server.scene_url("grid"), -100, 0, 0, "--ground")
     assert beside.returncode == 2
-    assert "no surface above or below (-100.0, 0.0, 0.0)" in beside.stderr
+    assert "(-100, 0, 0) lies 100 m outside the scene" in beside.stderr
 
 
 def test_glb_and_png_show_base_and_detail(

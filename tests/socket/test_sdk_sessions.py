@@ -39,17 +39,13 @@ def brute_force(grid: GridScene, position: tuple[float, ...], radius_m: float) -
         return np.flatnonzero(box_distances_m(scene.index.bounds, position) <= radius_m).tolist()
 
 
-@pytest.mark.parametrize("subprotocol", ["msgpack", "json"])
-@pytest.mark.parametrize("encoding", ["glb", "arrays"])
 def test_a_landing_brings_every_segment_within_the_radius(
-    server: BackgroundServer, grid: GridScene, subprotocol: str, encoding: str
+    server: BackgroundServer, grid: GridScene
 ) -> None:
     """Ids by brute force, bytes by the index, vertices to half a grid step, attributes too."""
 
     async def work() -> None:
-        async with terraport.connect(
-            server.scene_url("grid"), subprotocol=subprotocol, encoding=encoding
-        ) as session:
+        async with terraport.connect(server.scene_url("grid")) as session:
             assert session.scene.version == grid.manifest.version
             landing = await session.land(CENTRE, radius_m=12.0)
             segments = await landing.ready(10)
@@ -59,8 +55,7 @@ def test_a_landing_brings_every_segment_within_the_radius(
             assert landing.stats.streamed_bytes == landing.plan.load_bytes
             assert session.stats.payload_bytes == landing.plan.load_bytes
             for segment in segments:
-                if encoding == "glb":
-                    assert segment.payload == grid.payloads[segment.id]
+                assert segment.payload == grid.payloads[segment.id]
                 mesh, truth = segment.arrays(), tile_mesh(*divmod(segment.id, SIDE), 12)
                 assert (segment.faces, segment.vertices) == (len(truth.faces), len(truth.positions))
                 np.testing.assert_allclose(
@@ -262,10 +257,6 @@ def test_refusals_have_their_own_errors(server: BackgroundServer) -> None:
         with pytest.raises(HttpError, match="did not answer"):
             async with terraport.connect("http://127.0.0.1:9"):
                 pass
-        with pytest.raises(ServerError) as caught:
-            async with terraport.connect(server.scene_url("big"), encoding="arrays"):
-                pass
-        assert caught.value.code == "unsupported_encoding"
 
     run(work())
 

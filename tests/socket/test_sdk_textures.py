@@ -21,7 +21,7 @@ from terraport_server import BackgroundServer
 def tiny(tmp_path_factory: pytest.TempPathFactory) -> TinyScene:
     """Four segments, two with texture."""
     folder = tmp_path_factory.mktemp("textures")
-    return write_tiny_scene(folder / "tiny", with_arrays=True, image=pillow("JPEG", 64, 32))
+    return write_tiny_scene(folder / "tiny", image=pillow("JPEG", 64, 32))
 
 
 @pytest.fixture(scope="module")
@@ -31,11 +31,8 @@ def server(tiny: TinyScene) -> Iterator[BackgroundServer]:
         yield running
 
 
-@pytest.mark.parametrize("encoding", ["glb", "arrays"])
-def test_segments_arrive_with_their_images(
-    server: BackgroundServer, tiny: TinyScene, encoding: str
-) -> None:
-    with terraport.sync.connect(server.scene_url("tiny"), encoding=encoding) as session:
+def test_segments_arrive_with_their_images(server: BackgroundServer, tiny: TinyScene) -> None:
+    with terraport.sync.connect(server.scene_url("tiny")) as session:
         landing = session.land((1.0, 1.0, -1.0), radius_m=50.0)
         segments = {segment.id: segment.arrays() for segment in landing.ready()}
         base = session.base()

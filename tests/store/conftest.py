@@ -12,9 +12,3 @@ from store.tiny_scene import TinyScene, write_tiny_scene
 def tiny(tmp_path: Path) -> TinyScene:
     """A fresh scene of four segments that a test may damage."""
     return write_tiny_scene(tmp_path / "tiny")
-
-
-@pytest.fixture
-def tiny_arrays(tmp_path: Path) -> TinyScene:
-    """The same with the second encoding."""
-    return write_tiny_scene(tmp_path / "tiny", with_arrays=True)

@@ -79,7 +79,7 @@ def test_one_bad_row_and_none_is_set(
 
 def test_a_scene_without_stable_ids_is_to_be_built_again(tmp_path: Path) -> None:
     old = write_tiny_scene(tmp_path / "old").path
-    with pytest.raises(LabelError, match="before regions had stable ids; build it again"):
+    with pytest.raises(LabelError, match="gives no stable ids; build the scene again"):
         change_labels(old, {0: "x"})
     with pytest.raises(SceneNotFoundError):
         change_labels(tmp_path, {0: "x"})

@@ -24,7 +24,7 @@ def test_literal_header_both_ways() -> None:
         (GLB_HEADER[:8] + b"\2" + GLB_HEADER[9:], "format version 2, expected 1"),
         (GLB_HEADER[:12] + b"\x10" + GLB_HEADER[13:], "header of 16 bytes"),
         (GLB_HEADER[:16] + b"\x20" + GLB_HEADER[17:], "alignment 32"),
-        (pack_header("arrays"), "expected 'glb'"),
+        (pack_header("draco"), "expected 'glb'"),
     ],
 )
 def test_refuses(data: bytes, message: str) -> None:

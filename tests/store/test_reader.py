@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from store.tiny_scene import TinyScene, base_cover, write_tiny_scene
+from store.tiny_scene import TinyScene, add_encoding, base_cover, write_tiny_scene
 
-from terraport_payload import decode_arrays, decode_glb
+from terraport_payload import decode_glb
 from terraport_store import (
     CorruptPayloadError,
     DamagedSceneError,
@@ -28,29 +28,30 @@ def flip(path: Path, offset: int) -> None:
 
 
 @pytest.mark.parametrize("source", ["file", "mmap"])
-def test_reads_what_was_written(tiny_arrays: TinyScene, source: str) -> None:
-    with Scene.open(tiny_arrays.path, source=source) as scene:  # type: ignore[arg-type]
-        assert scene.manifest == tiny_arrays.manifest
+def test_reads_what_was_written(tiny: TinyScene, source: str) -> None:
+    with Scene.open(tiny.path, source=source) as scene:  # type: ignore[arg-type]
+        assert scene.manifest == tiny.manifest
         assert len(scene.index) == 4
         assert np.array_equal(scene.cover.segments, base_cover().segments)
         assert scene.regions["regions"][1] == {"id": 1, "label": "bench"}
         assert len(decode_glb(scene.base_path.read_bytes()).faces) == 32
-        for segment, glb in enumerate(tiny_arrays.glbs):
+        for segment, glb in enumerate(tiny.glbs):
             assert bytes(scene.payload(segment)) == glb
-            mesh = decode_arrays(scene.payload(segment, "arrays"))
-            assert np.array_equal(mesh.positions, decode_glb(glb).positions)
         assert scene.within((0.1, 1.0, -0.1), 0.3).tolist() == [0]
         assert scene.within((1.5, 1.0, -1.5), 0.5).tolist() == [0, 1, 2, 3]
 
 
-def test_encodings_have_their_own_index(tiny_arrays: TinyScene) -> None:
-    with Scene.open(tiny_arrays.path) as scene:
-        glb, arrays = scene.index_for("glb"), scene.index_for("arrays")
-        assert glb is scene.index
-        assert not np.array_equal(glb.xxh3, arrays.xxh3)
-        assert np.array_equal(glb.bounds, arrays.bounds)
+def test_an_encoding_that_is_not_there(tiny: TinyScene) -> None:
+    with Scene.open(tiny.path) as scene:
+        assert scene.index_for("glb") is scene.index
         with pytest.raises(KeyError):
             scene.payload(0, "draco")
+
+
+def test_an_encoding_of_a_later_version_has_its_own_index(tiny: TinyScene) -> None:
+    with Scene.open(add_encoding(tiny)) as scene:
+        assert scene.index_for("later") is not scene.index
+        assert bytes(scene.payload(3, "later")) == tiny.glbs[3]
 
 
 def test_border_vertices_of_stored_neighbours_are_bit_equal(tiny: TinyScene) -> None:
@@ -142,15 +143,15 @@ def test_missing_or_shortened_file_is_named(tiny: TinyScene, name: str) -> None:
     assert caught.value.file == tiny.manifest.files[name].path
 
 
-def test_pack_of_another_kind_is_refused(tiny_arrays: TinyScene) -> None:
+def test_pack_of_another_kind_is_refused(tiny: TinyScene) -> None:
     """Two files swapped in the manifest: each whole, neither what it should be."""
-    manifest = tiny_arrays.path / "scene.json"
+    manifest = add_encoding(tiny) / "scene.json"
     document = json.loads(manifest.read_bytes())
-    encodings = document["encodings"]
-    encodings["glb"]["pack"], encodings["arrays"]["pack"] = "segments.arrays.pack", "segments.pack"
+    glb, later = (document["encodings"][name] for name in ("glb", "later"))
+    glb["pack"], later["pack"] = later["pack"], glb["pack"]
     manifest.write_text(json.dumps(document))
     with pytest.raises(DamagedSceneError, match="expected 'glb'"):
-        Scene.open(tiny_arrays.path)
+        Scene.open(tiny.path)
 
 
 def test_counts_must_agree(tiny: TinyScene) -> None:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -85,7 +85,7 @@ wide = st.floats(-3000, 3000, width=32)
     st.tuples(whole | wide, whole | wide, whole | wide),
     st.floats(0, 5000) | st.integers(0, 12).map(float),
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_rtree_equals_brute_force(
     boxes: np.ndarray, centre: tuple[float, float, float], radius: float
 ) -> None:
@@ -97,7 +97,9 @@ def test_rtree_equals_brute_force(
 
 
 @given(boxes_strategy(wide), st.tuples(wide, wide, wide), st.integers(0, 59))
-@settings(max_examples=200, deadline=None)
+@example(np.full((1, 6), 6.010004e-22, np.float32), (0.0, 0.0, -1.0), 0)  # point and radius cancel
+@example(np.array([[0, 0, 0, 1, 1, 1]], np.float32), (-1e-170, 0.5, 0.5), 0)  # a square underflows
+@settings(max_examples=200)
 def test_rtree_equals_brute_force_at_the_very_distance(
     boxes: np.ndarray, centre: tuple[float, float, float], which: int
 ) -> None:

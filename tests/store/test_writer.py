@@ -30,10 +30,9 @@ def files_below(path: Path) -> dict[str, bytes]:
     }
 
 
-@pytest.mark.parametrize("with_arrays", [False, True])
-def test_same_input_same_bytes(tmp_path: Path, with_arrays: bool) -> None:
+def test_same_input_same_bytes(tmp_path: Path) -> None:
     for name in ("a", "b"):
-        write_tiny_scene(tmp_path / name, with_arrays=with_arrays)
+        write_tiny_scene(tmp_path / name)
     assert files_below(tmp_path / "a") == files_below(tmp_path / "b")
 
 
@@ -166,8 +165,6 @@ def test_refuses_misuse(tmp_path: Path) -> None:
     with SceneWriter(tmp_path / "s") as writer:
         with pytest.raises(PublishError, match="0 segments and no base, expected at least one"):
             writer.publish(scene_info())
-        with pytest.raises(PublishError, match="segment 0 with arrays, expected without"):
-            writer.add_segment(GLB, region=0, arrays=b"x")
         with pytest.raises(PayloadError, match="expected a GLB"):
             writer.add_segment(b"x", region=0)
         with pytest.raises(PublishError, match="cover of 0 base faces, expected 32"):
@@ -181,11 +178,6 @@ def test_refuses_misuse(tmp_path: Path) -> None:
         with pytest.raises(PublishError, match="cover names segment 3, expected below 1"):
             writer.publish(scene_info())
     with pytest.raises(PublishError, match="the writer is closed"):
-        writer.add_segment(GLB, region=0)
-    with (
-        SceneWriter(tmp_path / "t", with_arrays=True) as writer,
-        pytest.raises(PublishError, match="segment 0 without arrays, expected with"),
-    ):
         writer.add_segment(GLB, region=0)
     assert list(tmp_path.iterdir()) == []
 

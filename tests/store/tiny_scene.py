@@ -6,19 +6,19 @@ triple wherever it is used.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xxhash
 
 from terraport_payload import (
     AttributeScale,
     Cover,
     SegmentMesh,
     Texture,
-    decode_glb,
-    encode_arrays,
     encode_glb,
     gltf_attribute_name,
 )
@@ -31,6 +31,8 @@ from terraport_store import (
     SceneWriter,
     TextureInfo,
 )
+from terraport_store.layout import PACK_HEADER_BYTES, pack_header
+from terraport_store.manifest import manifest_digest
 
 STEP_M = 2.0**-12
 CELLS = 6
@@ -90,7 +92,6 @@ def write_tiny_scene(
     path: Path,
     *,
     seed: int = 0,
-    with_arrays: bool = False,
     copies: int = 1,
     stable_ids: tuple[int, ...] | None = None,
     image: bytes | None = None,
@@ -107,10 +108,9 @@ def write_tiny_scene(
         base = textured(base, image)
         segments[::2] = [textured(mesh, image) for mesh in segments[::2]]
     glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES) for mesh in segments]
-    with SceneWriter(path, with_arrays=with_arrays) as writer:
+    with SceneWriter(path) as writer:
         for (i, j), glb in zip(tiles, glbs, strict=True):
-            arrays = encode_arrays(decode_glb(glb)) if with_arrays else None
-            writer.add_segment(glb, region=(i + j) // CELLS, arrays=arrays)
+            writer.add_segment(glb, region=(i + j) // CELLS)
         writer.set_base(
             encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
             base_cover(),
@@ -118,6 +118,30 @@ def write_tiny_scene(
         writer.set_regions(tiny_regions(stable_ids))
         manifest = writer.publish(scene_info(seed, image=image, textured=len(segments[::2])))
     return TinyScene(path, manifest, segments, glbs)
+
+
+def add_encoding(scene: TinyScene, name: str = "later") -> Path:
+    """Give a scene a further encoding, as a later minor version of the format may; its path.
+
+    The payloads are the same, in a pack that says the other name.
+    """
+    document = json.loads((scene.path / "scene.json").read_bytes())
+    files, glb = document["files"], document["encodings"]["glb"]
+    pack, index = ((scene.path / files[glb[key]]["path"]) for key in ("pack", "index"))
+    for key, data in (
+        (f"segments.{name}.pack", pack_header(name) + pack.read_bytes()[PACK_HEADER_BYTES:]),
+        (f"segments.{name}.idx", index.read_bytes()),
+    ):
+        (pack.parent / key).write_bytes(data)
+        path = f"{pack.parent.name}/{key}"
+        files[key] = {"path": path, "bytes": len(data), "xxh3": xxhash.xxh3_64_hexdigest(data)}
+    document["encodings"][name] = glb | {
+        "pack": f"segments.{name}.pack",
+        "index": f"segments.{name}.idx",
+    }
+    document["version"] = manifest_digest(document)
+    (scene.path / "scene.json").write_text(json.dumps(document))
+    return scene.path
 
 
 def tiny_regions(stable_ids: tuple[int, ...] | None = None) -> dict[str, Any]:

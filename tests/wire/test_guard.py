@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terraport_wire import MAX_DEPTH, MalformedError
-from terraport_wire.guard import check_depth, check_msgpack
+from terraport_wire.guard import check_msgpack, leading_type
 
 _VALUES = st.recursive(
     st.none()
@@ -22,7 +22,7 @@ _VALUES = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(value=_VALUES)
 def test_whole_values_pass_and_cut_or_longer_ones_do_not(value: object) -> None:
     data = msgpack.packb(value)
@@ -51,14 +51,57 @@ def test_texts(data: bytes, text: str) -> None:
     assert str(caught.value) == text
 
 
-def test_depth_counts_the_same_in_both_forms() -> None:
+def test_depth_is_bounded() -> None:
     deepest: object = []
     for _ in range(MAX_DEPTH - 1):
         deepest = [deepest]
     check_msgpack(msgpack.packb(deepest))
-    check_depth(deepest)
     for value in ([deepest], {"a": deepest}):
         with pytest.raises(MalformedError, match="got nesting beyond 16 levels"):
             check_msgpack(msgpack.packb(value))
-        with pytest.raises(MalformedError, match="got nesting beyond 16 levels"):
-            check_depth(value)
+
+
+@settings(max_examples=200, deadline=None)
+@given(value=_VALUES)
+def test_values_are_counted_with_keys_and_containers(value: object) -> None:
+    data, count = msgpack.packb(value), _count(value)
+    check_msgpack(data, max_values=count)
+    with pytest.raises(MalformedError, match=f"got more than {count - 1} values, expected fewer"):
+        check_msgpack(data, max_values=count - 1)
+
+
+def _count(value: object) -> int:
+    if isinstance(value, dict):
+        return 1 + sum(_count(key) + _count(inner) for key, inner in value.items())
+    return 1 + sum(map(_count, value)) if isinstance(value, list) else 1
+
+
+@pytest.mark.parametrize(
+    "name", ["", "land", "ü" * 20, "x" * 31, "x" * 32, "x" * 300, "x" * 70_000]
+)
+def test_the_leading_type_is_the_first_keys(name: str) -> None:
+    data = msgpack.packb({"type": name, "later": [1, 2]})
+    assert leading_type(data) == name
+    assert leading_type(b"\xde\x00\x02" + data[1:]) == name
+    assert leading_type(b"\xdf\x00\x00\x00\x02" + data[1:]) == name
+    end = len(data) - len(msgpack.packb("later")) - len(msgpack.packb([1, 2]))
+    assert leading_type(data[:end]) == name
+    assert [leading_type(data[:length]) for length in {*range(min(end, 40)), end - 1}] == [
+        None for _ in {*range(min(end, 40)), end - 1}
+    ]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        msgpack.packb({"later": 1, "type": "bye"}),
+        msgpack.packb({"type": 5}),
+        msgpack.packb({"type": b"bye"}),
+        msgpack.packb({}),
+        msgpack.packb(["type", "bye"]),
+        b"\x81\xa4type\xa2\xff\xfe",
+    ],
+)
+def test_there_is_no_leading_type(data: bytes) -> None:
+    assert leading_type(data) is None

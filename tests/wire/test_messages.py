@@ -93,7 +93,7 @@ def test_the_callers_array_is_not_changed_and_not_shared() -> None:
             lambda: m.Hello(
                 protocol=(1, 0), client="", encoding="obj", budgets=m.Budgets(), credit_bytes=0
             ),
-            "hello.encoding: got 'obj', expected one of glb, arrays",
+            "hello.encoding: got 'obj', expected one of glb",
         ),
         (
             lambda: m.Prefetch(generation=0, segments=[(1, 5, 0, 1, 1, (0,) * 6)], bytes=4),

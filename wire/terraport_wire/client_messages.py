@@ -74,7 +74,7 @@ class Hello(ClientMessage):
     token: Annotated[
         str | None, Text(MAX_TOKEN_BYTES), "Bearer token, where it was not given before"
     ] = None
-    encoding: Annotated[str, Choice("glb", "arrays"), "Payload encoding that the client wants"]
+    encoding: Annotated[str, Choice("glb"), "Payload encoding that the client wants"]
     budgets: Annotated[Budgets, PartKind(Budgets), "Hard bounds of every landing"]
     credit_bytes: Annotated[
         int, Integer(0, MAX_INTEGER), "First credit: payload bytes that may be sent at once"
@@ -93,7 +93,7 @@ class Hello(ClientMessage):
         "Segments that the client holds whole, with their hashes",
     ] = None
     timings: Annotated[
-        bool | None, Flag(), "True: send timings with every ready; absent means false (1.1)"
+        bool | None, Flag(), "True: send timings with every ready; absent means false"
     ] = None
 
 
@@ -130,7 +130,7 @@ class Land(ClientMessage):
     stall_ms: Annotated[
         int | None,
         Integer(1, MAX_DEADLINE_MS),
-        "Milliseconds without progress after which it is, too; needs inner_radius_m (1.1)",
+        "Milliseconds without progress after which it is, too; needs inner_radius_m",
     ] = None
 
     def contradiction(self) -> tuple[str, str] | None:
@@ -189,7 +189,7 @@ class Pick(ClientMessage):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Held(ClientMessage):
-    """More of what the client holds, after hello and before the first aim or land (1.1)."""
+    """More of what the client holds, after hello and before the first aim or land."""
 
     TYPE: ClassVar[str] = "held"
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 
 from . import limits
-from .codec import PROTOCOL
+from .codec import PROTOCOL, SUBPROTOCOL
 from .errors import CLOSE_CODES
 from .kinds import (
     Choice,
@@ -103,6 +103,9 @@ def _constants() -> str:
         [
             "/// Version of the protocol that this client speaks.",
             f"constexpr ProtocolVersion kProtocol{{{PROTOCOL[0]}, {PROTOCOL[1]}}};",
+            "",
+            "/// The WebSocket subprotocol: its name pins the major version.",
+            f"constexpr const char* kSubprotocol = {json.dumps(SUBPROTOCOL)};",
             "",
             "/// Bounds that every speaker keeps (section 12); a server may be stricter.",
             "namespace limits {",

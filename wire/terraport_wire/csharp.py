@@ -12,7 +12,7 @@ import json
 import re
 
 from . import limits
-from .codec import PROTOCOL
+from .codec import PROTOCOL, SUBPROTOCOL
 from .errors import CLOSE_CODES, HTTP_STATUS
 from .kinds import (
     Choice,
@@ -67,6 +67,9 @@ def _limits() -> str:
         "",
         "        /// <summary>Newest minor version that this client speaks.</summary>",
         f"        public const int ProtocolMinor = {PROTOCOL[1]};",
+        "",
+        "        /// <summary>The WebSocket subprotocol; it pins the major version.</summary>",
+        f"        public const string Subprotocol = {_text(SUBPROTOCOL)};",
     ]
     for name in limits.__all__:
         value = getattr(limits, name)

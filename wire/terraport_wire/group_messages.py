@@ -41,7 +41,7 @@ GatheringNumber = Annotated[
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Join(ClientMessage):
-    """Take a seat in a group of this scene; it is made if there is none of that name (1.1)."""
+    """Take a seat in a group of this scene; it is made if there is none of that name."""
 
     TYPE: ClassVar[str] = "join"
 
@@ -60,14 +60,14 @@ class Join(ClientMessage):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Leave(ClientMessage):
-    """Give up the seat in the group (1.1)."""
+    """Give up the seat in the group."""
 
     TYPE: ClassVar[str] = "leave"
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Gather(ClientMessage):
-    """The guide lands the group (1.1)."""
+    """The guide lands the group."""
 
     TYPE: ClassVar[str] = "gather"
 
@@ -95,7 +95,7 @@ class Gather(ClientMessage):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Arrived(ClientMessage):
-    """A member's part of a group landing is over (1.1)."""
+    """A member's part of a group landing is over."""
 
     TYPE: ClassVar[str] = "arrived"
 
@@ -109,7 +109,7 @@ class Arrived(ClientMessage):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Joined(ServerMessage):
-    """Answer to join: the seat in the group (1.1)."""
+    """Answer to join: the seat in the group."""
 
     TYPE: ClassVar[str] = "joined"
 
@@ -136,7 +136,7 @@ class Member(Part):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Roster(ServerMessage):
-    """Who is in the group, newest state; the ones between may be left out (1.1)."""
+    """Who is in the group, newest state; the ones between may be left out."""
 
     TYPE: ClassVar[str] = "roster"
 
@@ -148,7 +148,7 @@ class Roster(ServerMessage):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Gathering(ServerMessage):
-    """The guide lands the group: land there, then say arrived (1.1)."""
+    """The guide lands the group: land there, then say arrived."""
 
     TYPE: ClassVar[str] = "gathering"
 
@@ -172,7 +172,7 @@ class Gathering(ServerMessage):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Gathered(ServerMessage):
-    """The barrier is open: everybody has arrived, or the deadline has passed (1.1)."""
+    """The barrier is open: everybody has arrived, or the deadline has passed."""
 
     TYPE: ClassVar[str] = "gathered"
 

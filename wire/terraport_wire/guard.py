@@ -2,17 +2,16 @@
 
 A few bytes of msgpack can promise 2^32 items; a decoder that believes them reserves memory for
 them.  :func:`check_msgpack` walks the tokens of one message first, so that whatever reaches the
-decoder is exactly one complete value within the limits.
+decoder is exactly one complete value within the limits.  :func:`leading_type` tells the type of a
+message without a walk, so that one of an unknown type need not be walked at all.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 from .errors import MalformedError
 from .limits import MAX_CONTAINER_ITEMS, MAX_DEPTH
 
-__all__ = ["check_depth", "check_msgpack"]
+__all__ = ["check_msgpack", "leading_type"]
 
 # Tokens with a fixed number of bytes after the first: nil, booleans, floats, integers.
 _FIXED = {0xC0: 0, 0xC2: 0, 0xC3: 0, 0xCA: 4, 0xCB: 8}
@@ -22,27 +21,39 @@ _SIZED = {0xC4: 1, 0xC5: 2, 0xC6: 4, 0xD9: 1, 0xDA: 2, 0xDB: 4}
 # Containers with a count field: (bytes of the count, values per item).
 _COUNTED = {0xDC: (2, 1), 0xDD: (4, 1), 0xDE: (2, 2), 0xDF: (4, 2)}
 
-_NESTED = (dict, list)
+_TYPE_KEY = b"\xa4type"
 
 
-def check_msgpack(data: bytes) -> None:
+def check_msgpack(data: bytes, *, max_values: int | None = None) -> None:
     """Check that `data` is one whole msgpack value within depth and item limits.
 
-    Cost is one step per token: packed ids and tables are one token each.
+    Cost is one step per value, a key being one: packed ids and tables are one value each.
+
+    Parameters
+    ----------
+    data : bytes
+        One message.
+    max_values : int, optional
+        Most values in it, itself counted; the walk ends there.
 
     Raises
     ------
     MalformedError
-        With the offset of the token that is cut off, too large, too deep, unused (0xC1), an
-        extension, or after the end.
+        With the offset of the token that is cut off, too large, too deep, one too many, unused
+        (0xC1), an extension, or after the end.
     """
     position = 0
+    left = len(data) if max_values is None else max_values  # a value takes at least one byte
     open_values: list[int] = []  # values still due in each open container, outermost first
     due = 1
     while due:
         start = position
         if position >= len(data):
             raise MalformedError("got the end of the message, expected a value", offset=start)
+        if not left:
+            text = f"got more than {max_values} values, expected fewer"
+            raise MalformedError(text, offset=start)
+        left -= 1
         token = data[position]
         position += 1
         due -= 1
@@ -86,26 +97,36 @@ def check_msgpack(data: bytes) -> None:
         raise MalformedError(text, offset=position)
 
 
-def check_depth(value: Any) -> None:
-    """Check that a decoded JSON value is nested at most `MAX_DEPTH` deep.
+def leading_type(data: bytes) -> str | None:
+    """Return the message type of a msgpack map whose first key is ``type``, else None.
 
-    Raises
-    ------
-    MalformedError
-        If it is nested deeper.
+    Nothing behind it is looked at.
+
+    Examples
+    --------
+    >>> leading_type(bytes.fromhex("82 a474797065 a3627965 c1"))
+    'bye'
     """
-    # json.loads makes plain dicts and lists alone; a held table has 32,768 of them.
-    level = [value] if type(value) in _NESTED else []
-    for _ in range(MAX_DEPTH):
-        level = [
-            inner
-            for outer in level
-            for inner in (outer.values() if type(outer) is dict else outer)
-            if type(inner) in _NESTED
-        ]
-        if not level:
-            return
-    raise MalformedError(f"got nesting beyond {MAX_DEPTH} levels")
+    if not data or not (0x81 <= data[0] <= 0x8F or data[0] in {0xDE, 0xDF}):
+        return None
+    position = 1 + _COUNTED.get(data[0], (0, 0))[0]
+    if data[position : position + len(_TYPE_KEY)] != _TYPE_KEY:
+        return None
+    position += len(_TYPE_KEY)
+    token = data[position] if position < len(data) else 0
+    if 0xA0 <= token <= 0xBF:
+        start, length = position + 1, token & 0x1F
+    elif token in {0xD9, 0xDA, 0xDB}:
+        start = position + 1 + _SIZED[token]
+        length = int.from_bytes(data[position + 1 : start], "big")
+    else:
+        return None
+    if start + length > len(data):
+        return None
+    try:
+        return data[start : start + length].decode("utf-8")
+    except UnicodeDecodeError:
+        return None
 
 
 def _count(data: bytes, position: int, width: int, start: int) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Kinds of scalar fields: one object knows a field's check, both wire forms and its schema.
+"""Kinds of scalar fields: one object knows a field's check, its wire form and its schema.
 
 A message class names the kind of each field in ``Annotated``; codec, JSON Schema and the tables of
 the specification are all read off these objects, so they cannot disagree.  Packed arrays (ids,
@@ -70,26 +70,26 @@ class Kind(Protocol):
     def check(self, value: Any) -> Any:
         """Return `value` in its canonical Python form; raise `Refused` if it is not allowed."""
 
-    def to_wire(self, value: Any, *, packed: bool) -> Any:
-        """Return what is given to msgpack (`packed`) or JSON for a checked value."""
+    def to_wire(self, value: Any) -> Any:
+        """Return what is given to msgpack for a checked value."""
 
-    def from_wire(self, raw: Any, *, packed: bool) -> Any:
-        """Return the Python value for what msgpack (`packed`) or JSON gave; it is not checked."""
+    def from_wire(self, raw: Any) -> Any:
+        """Return the Python value for what msgpack gave; it is not checked."""
 
     def schema(self) -> dict[str, Any]:
-        """Return the JSON Schema of the JSON form."""
+        """Return the JSON Schema of the readable form (specification, section 15)."""
 
     def describe(self) -> str:
         """Return the type as the specification's tables name it."""
 
 
 class _Plain:
-    """A kind whose wire forms are the value itself in both subprotocols."""
+    """A kind whose wire form is the value itself."""
 
-    def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+    def to_wire(self, value: Any) -> Any:
         return value
 
-    def from_wire(self, raw: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+    def from_wire(self, raw: Any) -> Any:
         return raw
 
 
@@ -234,7 +234,7 @@ class Position(_Plain):
             raise Refused("got (0, 0, 0), expected a direction")
         return (x, y, z)
 
-    def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+    def to_wire(self, value: Any) -> Any:
         return list(value)
 
     def schema(self) -> dict[str, Any]:
@@ -255,7 +255,7 @@ class Version(_Plain):
             raise Refused(f"got {clip(value)}, expected a version [major, minor]")
         return (self._part.check(value[0]), self._part.check(value[1]))
 
-    def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+    def to_wire(self, value: Any) -> Any:
         return list(value)
 
     def schema(self) -> dict[str, Any]:
@@ -276,7 +276,7 @@ class VersionList(_Plain):
             raise Refused(f"got {clip(value)}, expected at most {self.most} versions")
         return tuple(self._item.check(item) for item in value)
 
-    def to_wire(self, value: Any, *, packed: bool) -> Any:  # noqa: ARG002 - interface
+    def to_wire(self, value: Any) -> Any:
         return [list(item) for item in value]
 
     def schema(self) -> dict[str, Any]:

@@ -11,6 +11,7 @@ __all__ = [
     "MAX_ATTRIBUTES",
     "MAX_CHUNK_BYTES",
     "MAX_CLIENT_MESSAGE_BYTES",
+    "MAX_CLIENT_VALUES",
     "MAX_CONTAINER_ITEMS",
     "MAX_COORDINATE_M",
     "MAX_DEADLINE_MS",
@@ -48,14 +49,21 @@ MAX_SEGMENT_BYTES = 64 * 1024 * 1024
 """Largest segment: a 2048 x 2048 texture with 20,000 faces stays far below it."""
 
 MAX_CLIENT_MESSAGE_BYTES = 1024 * 1024
-"""Largest message from a client: a JSON ``hello`` with the most held segments fits."""
+"""Largest message from a client: a ``hello`` with the most held segments takes
+393 kB of it."""
+
+MAX_CLIENT_VALUES = 1024
+"""Most msgpack values of a message from a client, keys, maps and arrays counted: the longest that
+the protocol has takes 31. A server looks at each of them, so bytes alone bound nothing: a megabyte
+of one-byte values took it a tenth of a second."""
 
 MAX_SERVER_MESSAGE_BYTES = 8 * 1024 * 1024
-"""Largest message from a server: a JSON ``plan`` with the most segments fits."""
+"""Largest message from a server: a ``plan`` with the most segments takes a
+tenth of it, which leaves room for what later versions add."""
 
 MAX_HELD_SEGMENTS = 32_768
-"""Most segments in one ``hello.held``, ``held`` and ``evict``: as many as fit into a JSON message
-of `MAX_CLIENT_MESSAGE_BYTES`."""
+"""Most segments in one ``hello.held``, ``held`` and ``evict``: they stay well below
+`MAX_CLIENT_MESSAGE_BYTES`, and a client that holds more sends more messages."""
 
 MAX_PLAN_SEGMENTS = 16_384
 """Most segments of one plan (load and keep together)."""

@@ -42,7 +42,7 @@ class Field:
     name : str
         Name in Python and on the wire.
     kind : Kind
-        Check, wire forms and schema.
+        Check, wire form and schema.
     required : bool
         False if it may be absent; absent is ``None`` in Python.
     meaning : str
@@ -142,11 +142,11 @@ class PartKind:
             raise Refused(f"got {clip(value)}, expected {self.part.__name__}")
         return value
 
-    def to_wire(self, value: Any, *, packed: bool) -> dict[str, Any]:
-        return to_map(value, packed=packed)
+    def to_wire(self, value: Any) -> dict[str, Any]:
+        return to_map(value)
 
-    def from_wire(self, raw: Any, *, packed: bool) -> Part:
-        return from_map(self.part, raw, packed=packed)
+    def from_wire(self, raw: Any) -> Part:
+        return from_map(self.part, raw)
 
     def schema(self) -> dict[str, Any]:
         return part_schema(self.part)
@@ -168,16 +168,16 @@ class PartList:
             raise Refused(f"got {clip(value)}, expected at most {self.most} maps")
         return tuple(self._kind.check(item) for item in value)
 
-    def to_wire(self, value: Any, *, packed: bool) -> list[Any]:
-        return [to_map(item, packed=packed) for item in value]
+    def to_wire(self, value: Any) -> list[Any]:
+        return [to_map(item) for item in value]
 
-    def from_wire(self, raw: Any, *, packed: bool) -> tuple[Part, ...]:
+    def from_wire(self, raw: Any) -> tuple[Part, ...]:
         if not isinstance(raw, list) or len(raw) > self.most:
             raise Refused(f"got {clip(raw)}, expected a list of at most {self.most} maps")
         parts = []
         for number, item in enumerate(raw):
             try:
-                parts.append(self._kind.from_wire(item, packed=packed))
+                parts.append(self._kind.from_wire(item))
             except Refused as refused:
                 path = f"{number}.{refused.path}" if refused.path else str(number)
                 raise Refused(refused.text, path) from None
@@ -198,17 +198,17 @@ def fields_of(part: type[Part]) -> tuple[Field, ...]:
     return known
 
 
-def to_map(part: Part, *, packed: bool) -> dict[str, Any]:
-    """Return the map of a part for msgpack (`packed`) or JSON; absent fields are left out."""
+def to_map(part: Part) -> dict[str, Any]:
+    """Return the map of a part for msgpack; absent fields are left out."""
     plain: dict[str, Any] = {}
     for field in fields_of(type(part)):
         value = getattr(part, field.name)
         if value is not None:
-            plain[field.name] = field.kind.to_wire(value, packed=packed)
+            plain[field.name] = field.kind.to_wire(value)
     return plain
 
 
-def from_map(part: type[Part], raw: Any, *, packed: bool) -> Part:
+def from_map(part: type[Part], raw: Any) -> Part:
     """Return the part that a decoded map holds; unknown keys are skipped, null is absent.
 
     Raises
@@ -226,7 +226,7 @@ def from_map(part: type[Part], raw: Any, *, packed: bool) -> Part:
                 raise Refused("got nothing, expected " + field.kind.describe(), field.name)
             continue
         try:
-            values[field.name] = field.kind.from_wire(value, packed=packed)
+            values[field.name] = field.kind.from_wire(value)
         except Refused as refused:
             path = f"{field.name}.{refused.path}" if refused.path else field.name
             raise Refused(refused.text, path) from None
@@ -237,7 +237,7 @@ def from_map(part: type[Part], raw: Any, *, packed: bool) -> Part:
 
 
 def part_schema(part: type[Part], *, type_name: str | None = None) -> dict[str, Any]:
-    """Return the JSON Schema of a part's JSON form; with `type_name` also its ``type`` key."""
+    """Return the JSON Schema of a part's readable form; with `type_name` also its ``type`` key."""
     properties: dict[str, Any] = {}
     required: list[str] = []
     if type_name is not None:

@@ -45,7 +45,10 @@ _MARK = re.compile(r"(<!-- generated: (\S+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def message_schema(message: type[Message]) -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a message's JSON form.
+    """Return the JSON Schema (draft 2020-12) of a message's readable form.
+
+    That is the map with tables as lists of rows, as the corpus states it (section 15); what stands
+    on the wire in the place of each is its ``x-msgpack``.
 
     Unknown keys are allowed, null stands for absent.  Relations between fields (sums, disjoint
     ids, ids once in a table) are beyond JSON Schema; the specification states them.

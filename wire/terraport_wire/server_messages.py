@@ -86,7 +86,7 @@ class ServerLimits(Part):
         str | None,
         Choice("none", "here", "query"),
         "Whether groups can be joined: `here`; `query`: only where the URL of the stream names "
-        "the group; `none`. Absent means `none` (1.1)",
+        "the group; `none`. Absent means `none`",
     ] = None
 
 
@@ -116,7 +116,7 @@ class Welcome(ServerMessage):
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class HeldChecked(ServerMessage):
-    """Answer to held: what of it is accepted (1.1)."""
+    """Answer to held: what of it is accepted."""
 
     TYPE: ClassVar[str] = "held_checked"
 
@@ -257,7 +257,7 @@ class Ready(ServerMessage):
     missing: Annotated[
         NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "Segments of the plan that cannot be delivered"
     ]
-    timings: Annotated[Timings | None, PartKind(Timings), "Where hello asked for them (1.1)"] = None
+    timings: Annotated[Timings | None, PartKind(Timings), "Where hello asked for them"] = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)

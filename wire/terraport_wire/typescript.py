@@ -10,7 +10,7 @@ import json
 from typing import Any
 
 from . import limits
-from .codec import PROTOCOL, Subprotocol
+from .codec import PROTOCOL, SUBPROTOCOL
 from .errors import CLOSE_CODES
 from .kinds import (
     Choice,
@@ -50,8 +50,8 @@ def _constants() -> str:
         "/** Version of the protocol that this module speaks: major, minor. */",
         f"export const PROTOCOL: Version = [{PROTOCOL[0]}, {PROTOCOL[1]}];",
         "",
-        "/** WebSocket subprotocols, in a server's order of preference. */",
-        f"export const SUBPROTOCOLS = {_json([ours.value for ours in Subprotocol])} as const;",
+        "/** The WebSocket subprotocol: its name pins the major version. */",
+        f"export const SUBPROTOCOL = {_json(SUBPROTOCOL)};",
         "",
         "/** Bounds that every speaker keeps (section 12); a server may be stricter. */",
         "export const LIMITS = {",

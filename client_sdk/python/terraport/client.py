@@ -25,17 +25,15 @@ from typing import Final
 from terraport.access import Access, Token
 from terraport.cache import SegmentCache
 from terraport.disk_cache import DEFAULT_DISK_BYTES, DiskCache
-from terraport.errors import UsageError
 from terraport.http import SceneHttp
 from terraport.live import Session
 from terraport.options import SessionOptions, checked
-from terraport.payloads import ENCODINGS
 from terraport.session import ClientSession
 from terraport.session_stats import SessionStats
 from terraport.timeouts import Timeouts
 from terraport.urls import SceneUrl
 from terraport.version import __version__
-from terraport_wire import Join, Subprotocol
+from terraport_wire import Join
 
 __all__ = ["DEFAULT_CACHE_BYTES", "Connecting", "Session", "SessionStats", "connect"]
 
@@ -74,7 +72,7 @@ class Connecting:
             disk, on_disk = None, {}
             if self._cache_dir is not None:
                 disk = await asyncio.to_thread(
-                    DiskCache, self._cache_dir, url.key, self._options.encoding, self._disk_bytes
+                    DiskCache, self._cache_dir, url.key, self._disk_bytes
                 )
                 on_disk = await asyncio.to_thread(disk.catalogue)
             state = ClientSession(self._options, SegmentCache(self._cache_bytes), on_disk)
@@ -104,7 +102,6 @@ def connect(
     url: str,
     token: Token = None,
     *,
-    encoding: str = "glb",
     max_triangles: int | None = None,
     max_bytes: int | None = None,
     max_segments: int | None = None,
@@ -113,7 +110,6 @@ def connect(
     disk_bytes: int = DEFAULT_DISK_BYTES,
     credit_bytes: int = 16 << 20,
     release_factor: float | None = None,
-    subprotocol: str = "msgpack",
     timeouts: Timeouts | None = None,
     group: str | None = None,
 ) -> Connecting:
@@ -127,8 +123,6 @@ def connect(
         Bearer token; sent in a header, to that server alone. What is called gives the present one,
         on the event loop and without waiting: then a token that expires is replaced while the
         session goes on.
-    encoding : {"glb", "arrays"}
-        Of the payloads; ``"arrays"`` only where the scene was built with it.
     max_triangles, max_bytes, max_segments : int, optional
         Hard budgets of every landing: nearest first until the next segment would exceed one.
         Without `max_bytes`, a landing is bounded by `cache_bytes`.
@@ -142,8 +136,6 @@ def connect(
         Payload bytes on their way at most.
     release_factor : float, optional
         What is held within radius x factor stays shown, 1 to 4; None takes the server's.
-    subprotocol : {"msgpack", "json"}
-        The same messages, packed or readable.
     timeouts : Timeouts, optional
         How long to wait for what.
     group : str, optional
@@ -165,22 +157,15 @@ def connect(
     UsageError
         An argument that cannot work.
     """
-    if encoding not in ENCODINGS:
-        raise UsageError(f"encoding is {encoding!r}, expected one of: {', '.join(ENCODINGS)}")
-    names = {member.name.lower(): member for member in Subprotocol}
-    if subprotocol not in names:
-        raise UsageError(f"subprotocol is {subprotocol!r}, expected one of: {', '.join(names)}")
     if group is not None:
         checked(lambda: Join(request=0, group=group, role="member"))
     options = SessionOptions(
         client=f"terraport-python {__version__}",
-        encoding=encoding,
         max_triangles=max_triangles,
         max_bytes=cache_bytes if max_bytes is None else max_bytes,
         max_segments=max_segments,
         credit_bytes=credit_bytes,
         release_factor=release_factor,
-        subprotocol=names[subprotocol],
     )
     return Connecting(
         SceneUrl.parse(url),

@@ -2,7 +2,7 @@
 
 ::
 
-    CACHE_DIR/<16 hex: the scene's URL>/<segment id>-<16 hex: xxh3>.<encoding>     64 bytes +
+    CACHE_DIR/<16 hex: the scene's URL>/<segment id>-<16 hex: xxh3>.glb            64 bytes +
     payload CACHE_DIR/<16 hex: the scene's URL>/<name>-<16 hex: xxh3>.blob                 the bytes
 
     segment file   0        8                       56       64
@@ -39,6 +39,7 @@ import xxhash
 from terraport.cache import CachedSegment, SegmentFacts
 from terraport.errors import CorruptSegmentError, UsageError
 from terraport.landing_state import facts_of_table
+from terraport.payloads import ENCODING
 from terraport_wire import LOAD_DTYPE
 
 __all__ = ["DEFAULT_DISK_BYTES", "DiskCache"]
@@ -57,7 +58,7 @@ _log = logging.getLogger("terraport")
 
 
 class DiskCache:
-    """The cache of one scene in one encoding.
+    """The cache of one scene.
 
     Parameters
     ----------
@@ -65,8 +66,6 @@ class DiskCache:
         Shared by all scenes; created if it is not there.
     scene_key : str
         16 hexadecimal digits, from :attr:`terraport.urls.SceneUrl.key`.
-    encoding : str
-        Of the payloads.
     max_bytes : int
         Bound over the whole directory.
 
@@ -80,15 +79,13 @@ class DiskCache:
         self,
         directory: str | Path,
         scene_key: str,
-        encoding: str,
         max_bytes: int = DEFAULT_DISK_BYTES,
     ) -> None:
         self._root = Path(directory)
         self._folder = self._root / scene_key
-        self._encoding = encoding
         self._max_bytes = max_bytes
         self._bytes = 0
-        self._name = re.compile(rf"(\d+)-([0-9a-f]{{16}})\.{re.escape(encoding)}")
+        self._name = re.compile(rf"(\d+)-([0-9a-f]{{16}})\.{re.escape(ENCODING)}")
         self._complained = False
         try:
             self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -195,7 +192,7 @@ class DiskCache:
         return self._write(self._folder / f"{name}-{xxhash.xxh3_64_hexdigest(data)}.blob", data)
 
     def _path(self, segment: int, xxh3: int) -> Path:
-        return self._folder / f"{segment}-{xxh3:016x}.{self._encoding}"
+        return self._folder / f"{segment}-{xxh3:016x}.{ENCODING}"
 
     def _write(self, path: Path, data: bytes) -> list[int] | None:
         if len(data) > self._max_bytes:

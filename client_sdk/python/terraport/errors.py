@@ -17,6 +17,8 @@
     ├── GroupError                            a group landing or a group is over
     └── CorruptSegmentError                   bytes that do not have the promised hash
 
+    OutsideSceneWarning (a UserWarning)       a landing where nothing of the scene can be
+
 PURE: no I/O, no clock.
 """
 
@@ -36,6 +38,7 @@ __all__ = [
     "LandingSupersededError",
     "LandingTimeoutError",
     "MissingExtraError",
+    "OutsideSceneWarning",
     "ProtocolViolationError",
     "ServerError",
     "SessionClosedError",
@@ -46,6 +49,14 @@ __all__ = [
 
 class TerraportError(Exception):
     """Base of every error that this package raises on purpose."""
+
+
+class OutsideSceneWarning(UserWarning):
+    """A landing farther from the scene than its radius: it succeeds, and nothing is there.
+
+    An application whose user may leave the scene looks at :attr:`terraport.Landing.outside_m`, and
+    silences this one by :func:`warnings.filterwarnings`.
+    """
 
 
 class UsageError(TerraportError, ValueError):

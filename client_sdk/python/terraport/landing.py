@@ -45,7 +45,6 @@ class LandingRecord:
     """State of a landing. Filled by the session, on its event loop; read by the landing."""
 
     number: int
-    encoding: str
     clock: Callable[[], float]
     started_s: float
     plan: Plan | None = None
@@ -63,6 +62,7 @@ class LandingRecord:
     ready_s: float | None = None
     rejected: int = 0
     plans: int = 0
+    outside_m: float | None = None
     trace: LandingTrace = field(init=False)
     _waiters: list[asyncio.Future[None]] = field(default_factory=list)
 
@@ -133,7 +133,7 @@ class LandingRecord:
         await waiter
 
     def _add(self, entry: CachedSegment, source: str) -> None:
-        segment = Segment(entry, self.encoding, source)
+        segment = Segment(entry, source)
         self.segments[segment.id] = segment
         self.arrived.append(segment)
         mark = SegmentMark(segment.id, self.clock(), len(entry.payload), source)
@@ -166,6 +166,15 @@ class Landing:
         """
         assert self._record.plan is not None  # Session.land waits for it
         return self._record.plan
+
+    @property
+    def outside_m(self) -> float | None:
+        """Metres from the position to the box around the scene, where that is beyond the radius.
+
+        Then nothing of the scene is there, and :class:`terraport.OutsideSceneWarning` was given.
+        None otherwise, also where the base alone is within reach.
+        """
+        return self._record.outside_m
 
     @property
     def is_ready(self) -> bool:

@@ -21,7 +21,7 @@ from websockets.exceptions import (
     InvalidStatus,
     InvalidURI,
 )
-from websockets.typing import Subprotocol as WebSocketSubprotocol
+from websockets.typing import Subprotocol
 
 from terraport.access import Access
 from terraport.backoff import is_temporary, wait_s
@@ -36,7 +36,7 @@ from terraport.events import Event, Noticed, Opened, Ready, Refused
 from terraport.pacing import Pacer
 from terraport.session import ClientSession
 from terraport.timeouts import Timeouts
-from terraport_wire import MAX_SERVER_MESSAGE_BYTES, CloseCode, ErrorCode
+from terraport_wire import MAX_SERVER_MESSAGE_BYTES, SUBPROTOCOL, CloseCode, ErrorCode
 
 __all__ = ["Link"]
 
@@ -196,7 +196,7 @@ class Link:
             async with asyncio.timeout(timeouts.connect_s):
                 websocket = await connect(
                     self._url if self.group is None else f"{self._url}?group={self.group}",
-                    subprotocols=[WebSocketSubprotocol(session.options.subprotocol.value)],
+                    subprotocols=[Subprotocol(SUBPROTOCOL)],
                     additional_headers=self._access.headers(),
                     user_agent_header=session.options.client,
                     compression=None,

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import asyncio
+import warnings
 from collections.abc import Coroutine, Sequence
 from typing import Any
 
@@ -20,6 +21,7 @@ from terraport.disk_worker import DiskWorker
 from terraport.errors import (
     GroupError,
     LandingSupersededError,
+    OutsideSceneWarning,
     ServerError,
     SessionClosedError,
     TerraportError,
@@ -46,6 +48,7 @@ from terraport.group import Group, GroupEvent, GroupRecord
 from terraport.http import SceneHttp
 from terraport.landing import Landing
 from terraport.link import Link
+from terraport.scene_box import SceneBox
 from terraport.session import ClientSession
 from terraport.session_stats import SessionStats
 from terraport.timeouts import Timeouts
@@ -201,6 +204,13 @@ class Session:
         timeout_s : float, optional
             Bound on the wait for the plan; the session's ``timeouts.plan_s`` without it.
 
+        Warns
+        -----
+        OutsideSceneWarning
+            The position is farther from the scene than the radius: the landing succeeds, with
+            nothing in it. :attr:`Landing.outside_m` says how far. Empty plans alone are looked
+            at, by one request over HTTP; where that fails, nothing is said.
+
         Raises
         ------
         UsageError
@@ -222,10 +232,12 @@ class Session:
             deadline_ms=_milliseconds(deadline_s),
             stall_ms=_milliseconds(stall_s),
         )
-        record = self._waiting.begin_landing(number, self._state.options.encoding)
+        record = self._waiting.begin_landing(number)
         self._link.pump()
         landing = Landing(record)
-        await landing.planned(self._timeouts.plan_s if timeout_s is None else timeout_s)
+        plan = await landing.planned(self._timeouts.plan_s if timeout_s is None else timeout_s)
+        if not (len(plan.load) or len(plan.keep) or plan.omitted_segments):
+            record.outside_m = await self._warn_outside(plan.position, plan.radius_m)
         return landing
 
     def aim(self, position: Sequence[float], radius_m: float = 60.0) -> None:
@@ -347,7 +359,7 @@ class Session:
         """Return what identifies the picture of the last ready landing: 16 hexadecimal digits.
 
         It covers the ids of the visible segments and the hidden faces of the base mesh (which it
-        loads if need be): a function of the last landing alone, whatever happened in between.
+        loads if need be): a function of the last landing's plan, whatever happened since.
         """
         base = await self.base()
         visible = self.visible
@@ -374,6 +386,26 @@ class Session:
             await self._http.aclose()
 
     # ---- private
+
+    async def _warn_outside(
+        self, position: tuple[float, float, float], radius_m: float
+    ) -> float | None:
+        """Warn of a place that the scene does not reach; return how far away it is, if so."""
+        try:
+            box = SceneBox.of(await self.manifest())
+        except (TerraportError, KeyError, TypeError, ValueError):
+            return None  # a landing does not fail for want of a warning
+        distance_m = box.distance_m(position)
+        if distance_m <= radius_m:
+            return None
+        hint = ""
+        if box.is_survey_place(position):
+            hint = ". As easting, northing and height it is: terraport.frames.to_scene converts"
+        elif box.is_above_or_below(position):
+            hint = ". Session.pick finds the surface above or below it"
+        text = f"landing at {box.explain(position, radius_m)}{hint}"
+        warnings.warn(text, OutsideSceneWarning, stacklevel=3)
+        return distance_m
 
     async def open(self) -> None:
         """Connect; called once, by :func:`connect`."""

@@ -14,14 +14,11 @@ from terraport_wire import (
     HELD_DTYPE,
     MAX_HELD_SEGMENTS,
     Held,
-    Subprotocol,
     Welcome,
 )
 
 __all__ = ["HeldOffer"]
 
-_ROW_BYTES: Final = {Subprotocol.MSGPACK: 12, Subprotocol.JSON: 34}
-"""Most bytes of one row of a held table."""
 _AROUND: Final = 64
 """Room for what stands around the table in its message."""
 
@@ -49,12 +46,12 @@ class HeldOffer:
         self._rest = rows[count:]
         return rows[:count]
 
-    def rest(self, welcome: Welcome, subprotocol: Subprotocol) -> list[Held]:
-        """Return, once, the messages that go after the welcome; none for a server of 1.0."""
+    def rest(self, welcome: Welcome) -> list[Held]:
+        """Return, once, the messages that go after the welcome; none where it takes no table."""
         rows, self._rest = self._rest, self._rest[:0]
         limits = welcome.limits
-        most = (limits.max_message_bytes - _AROUND) // _ROW_BYTES[subprotocol]
+        most = (limits.max_message_bytes - _AROUND) // HELD_DTYPE.itemsize
         most = min(most, limits.max_held_segments)
-        if welcome.protocol < (1, 1) or most < 1:
+        if most < 1:
             return []
         return [Held(segments=rows[at : at + most]) for at in range(0, len(rows), most)]

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport.errors import UsageError
+from terraport.payloads import ENCODING
 from terraport_wire import (
     HELD_DTYPE,
     PROTOCOL,
@@ -20,7 +21,6 @@ from terraport_wire import (
     Hello,
     InvalidMessageError,
     Message,
-    Subprotocol,
 )
 
 __all__ = ["SessionOptions", "checked", "point"]
@@ -34,8 +34,6 @@ class SessionOptions:
 
     client: str
     """Name and version of the client, for the server's logs."""
-    encoding: str = "glb"
-    """``"glb"`` or ``"arrays"``."""
     max_triangles: int | None = None
     max_bytes: int | None = None
     max_segments: int | None = None
@@ -46,7 +44,6 @@ class SessionOptions:
     landing is superseded."""
     release_factor: float | None = None
     """Release radius / load radius; None takes the server's."""
-    subprotocol: Subprotocol = Subprotocol.MSGPACK
 
     def __post_init__(self) -> None:
         if self.credit_bytes < 1:
@@ -58,7 +55,7 @@ class SessionOptions:
         return Hello(
             protocol=PROTOCOL,
             client=self.client,
-            encoding=self.encoding,
+            encoding=ENCODING,
             budgets=Budgets(
                 max_triangles=self.max_triangles,
                 max_bytes=self.max_bytes,

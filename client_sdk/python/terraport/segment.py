@@ -21,8 +21,6 @@ class Segment:
     """A payload that has the right hash, not decoded yet. Immutable; any thread may use it."""
 
     entry: CachedSegment
-    encoding: str
-    """``"glb"`` or ``"arrays"``."""
     source: str
     """``"stream"``: sent for this landing; ``"memory"``, ``"disk"``: held before."""
 
@@ -33,7 +31,7 @@ class Segment:
 
     @property
     def payload(self) -> bytes:
-        """The bytes as the server sent them; with encoding ``"glb"`` a file that viewers open."""
+        """The bytes as the server sent them; a GLB, which viewers open."""
         return self.entry.payload
 
     @property
@@ -62,9 +60,9 @@ class Segment:
         Raises
         ------
         terraport_payload.PayloadError
-            The payload is not what its encoding says; says at which offset.
+            The payload is no whole GLB of the format's profile; says at which offset.
         """
-        return decode_payload(self.entry.payload, self.encoding)
+        return decode_payload(self.entry.payload)
 
     def to_trimesh(self) -> trimesh.Trimesh:
         """Decode to a trimesh; attributes in ``vertex_attributes``.

@@ -104,9 +104,7 @@ class ClientSession:
         """Numbers of the landings whose ``land`` is in the outbox."""
         self._leaving: list[int] = []
         """Those whose ``land`` was given out to be sent."""
-        self._transfers = Transfers(
-            self.held, options.encoding, say=self._outbox.append, report=self._events.append
-        )
+        self._transfers = Transfers(self.held, say=self._outbox.append, report=self._events.append)
         self._open = self._greeting = False
         self._generation = self._landings = self._requests = 0
         self._queued: LandingState | None = None
@@ -162,9 +160,9 @@ class ClientSession:
         self._events.clear()
         return events
 
-    def data_to_send(self) -> list[bytes | str]:
+    def data_to_send(self) -> list[bytes]:
         """Return, once, the WebSocket messages to send, in order."""
-        data = [encode(message, self.options.subprotocol) for message in self._outbox]
+        data = [encode(message) for message in self._outbox]
         self._outbox.clear()
         self._leaving.extend(self._unsent)
         self._unsent.clear()
@@ -226,7 +224,7 @@ class ClientSession:
                     self._transfers.on_frame(frame)
                     self._grant(len(frame.chunk))
                 return
-            message = decode(data, self.options.subprotocol, Direction.SERVER_TO_CLIENT)
+            message = decode(data, Direction.SERVER_TO_CLIENT)
         except DecodeError as error:
             raise ProtocolViolationError(str(error)) from error
         if not isinstance(message, Unknown):
@@ -376,7 +374,7 @@ class ClientSession:
             Opened(welcome.scene, welcome.limits, welcome.session, welcome.held_count, changed)
         )
         self._on_dropped(welcome.dropped)
-        self._outbox.extend(self._offer.rest(welcome, self.options.subprotocol))
+        self._outbox.extend(self._offer.rest(welcome))
         self._outbox.extend(self._picks.waiting())
         self.group.connected()
         if self._queued is not None:

@@ -217,7 +217,6 @@ def connect(
     url: str,
     token: Token = None,
     *,
-    encoding: str = "glb",
     max_triangles: int | None = None,
     max_bytes: int | None = None,
     max_segments: int | None = None,
@@ -226,7 +225,6 @@ def connect(
     disk_bytes: int = DEFAULT_DISK_BYTES,
     credit_bytes: int = 16 << 20,
     release_factor: float | None = None,
-    subprotocol: str = "msgpack",
     timeouts: Timeouts | None = None,
     group: str | None = None,
 ) -> Session:
@@ -239,7 +237,6 @@ def connect(
         client.connect(
             url,
             token,
-            encoding=encoding,
             max_triangles=max_triangles,
             max_bytes=max_bytes,
             max_segments=max_segments,
@@ -248,7 +245,6 @@ def connect(
             disk_bytes=disk_bytes,
             credit_bytes=credit_bytes,
             release_factor=release_factor,
-            subprotocol=subprotocol,
             timeouts=timeouts,
             group=group,
         )

@@ -34,6 +34,11 @@ class Landing:
         return self._landing.plan
 
     @property
+    def outside_m(self) -> float | None:
+        """How far outside the scene it is; see :attr:`terraport.Landing.outside_m`."""
+        return self._landing.outside_m
+
+    @property
     def is_ready(self) -> bool:
         """Whether it is whole (but for :attr:`missing`)."""
         return self._landing.is_ready

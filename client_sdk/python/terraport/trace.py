@@ -1,6 +1,6 @@
 """What happened when in a landing, on both sides, as a file that people can open.
 
-The client's times are its own clock's. The server's (``ready.timings``, wire 1.1) count from its
+The client's times are its own clock's. The server's (``ready.timings``) count from its
 receipt of ``land``, which the client cannot see; it lies between the moment when ``land`` was sent
 and the plan's arrival less the time until the plan was sent. The middle is taken, and the file says
 by how much that may be wrong.

@@ -47,8 +47,6 @@ class Transfers:
     ----------
     held : Holdings
         What is held; kept up to date here.
-    encoding : str
-        Of the payloads.
     say : callable
         Takes the messages to send, in order.
     report : callable
@@ -58,7 +56,6 @@ class Transfers:
     def __init__(
         self,
         held: Holdings,
-        encoding: str,
         *,
         say: Callable[[Message], None],
         report: Callable[[Event], None],
@@ -72,7 +69,6 @@ class Transfers:
         """What aims have brought."""
         self.aim_done = -1
         """Generation of the newest aim of which everything has come."""
-        self._encoding = encoding
         self._say = say
         self._report = report
         self._asked: deque[LandingState] = deque()
@@ -231,7 +227,7 @@ class Transfers:
                 self._give_up_second_time(prefetch, frame.segment)
             return
         if facts is None:
-            facts = facts_of_payload(frame.segment, payload, self._encoding, xxh3)
+            facts = facts_of_payload(frame.segment, payload, xxh3)
         entry = CachedSegment(facts, payload)
         self.held.put(entry, trim=not self._asked)
         self._report(SegmentArrived(None if landing is None else landing.number, entry))

@@ -20,15 +20,15 @@ class Waiting:
         self._landings: dict[int, LandingRecord] = {}
         self._picks: dict[int, asyncio.Future[Hit | None]] = {}
 
-    def begin_landing(self, number: int, encoding: str) -> LandingRecord:
+    def begin_landing(self, number: int) -> LandingRecord:
         """Keep the record of a landing from now until it ends."""
-        record = LandingRecord(number, encoding, time.monotonic, started_s=time.monotonic())
+        record = LandingRecord(number, time.monotonic, started_s=time.monotonic())
         self._landings[number] = record
         return record
 
     def landing(self, number: int) -> LandingRecord:
         """Return the record of an open landing; a blank one for a landing that is over."""
-        return self._landings.get(number) or LandingRecord(number, "", time.monotonic, 0.0)
+        return self._landings.get(number) or LandingRecord(number, time.monotonic, 0.0)
 
     def end_landing(self, number: int) -> LandingRecord:
         """Return the record of a landing that ends now."""

@@ -35,7 +35,7 @@ namespace Terraport.Unity.Editor
         private static TerraportScene FindScene()
         {
 #if UNITY_2023_1_OR_NEWER
-            return Object.FindFirstObjectByType<TerraportScene>();
+            return Object.FindAnyObjectByType<TerraportScene>();
 #else
             return Object.FindObjectOfType<TerraportScene>();
 #endif

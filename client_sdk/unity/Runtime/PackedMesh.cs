@@ -17,7 +17,6 @@ namespace Terraport.Unity
         /// <summary>Linear light of ground that has neither colour nor texture: the viewer's grey, 65535 is 1.</summary>
         private const ushort PlainRed = 17254, PlainGreen = 17254, PlainBlue = 15916;
 
-        private static readonly ushort[] LinearOfSrgb = MakeLinearOfSrgb();
 
         /// <summary>Whether <see cref="Photographed"/> holds the vertices; else <see cref="Tinted"/>.</summary>
         public bool IsPhotographed { get; private set; }
@@ -194,17 +193,11 @@ namespace Terraport.Unity
                 vertex.Green = PlainGreen;
                 vertex.Blue = PlainBlue;
             }
-            else if (mesh.Encoding == PayloadEncoding.Glb)
+            else
             {
                 vertex.Red = mesh.LinearColours[from * 4];
                 vertex.Green = mesh.LinearColours[from * 4 + 1];
                 vertex.Blue = mesh.LinearColours[from * 4 + 2];
-            }
-            else
-            {
-                vertex.Red = LinearOfSrgb[mesh.SrgbColours[from * 4]];
-                vertex.Green = LinearOfSrgb[mesh.SrgbColours[from * 4 + 1]];
-                vertex.Blue = LinearOfSrgb[mesh.SrgbColours[from * 4 + 2]];
             }
         }
 
@@ -215,58 +208,20 @@ namespace Terraport.Unity
             vertex.Z = Axes.TurnZ(z);
             Normal(mesh, from, out vertex.NormalX, out vertex.NormalY, out vertex.NormalZ);
             vertex.Padding = 0;
-            if (mesh.Encoding == PayloadEncoding.Glb)
-            {
-                vertex.U = (float)(mesh.UvScaleU * mesh.UvCodes[from * 2]);
-                vertex.V = Axes.TurnV((float)(mesh.UvScaleV * mesh.UvCodes[from * 2 + 1]));
-            }
-            else
-            {
-                vertex.U = mesh.Uvs[from * 2];
-                vertex.V = Axes.TurnV(mesh.Uvs[from * 2 + 1]);
-            }
+            vertex.U = (float)(mesh.UvScaleU * mesh.UvCodes[from * 2]);
+            vertex.V = Axes.TurnV((float)(mesh.UvScaleV * mesh.UvCodes[from * 2 + 1]));
         }
 
         private static void Normal(SegmentMesh mesh, int from, out sbyte x, out sbyte y, out sbyte z)
         {
-            if (mesh.Encoding == PayloadEncoding.Glb)
-            {
-                x = mesh.NormalCodes[from * 4];
-                y = mesh.NormalCodes[from * 4 + 1];
-                z = Axes.TurnNormalZ(mesh.NormalCodes[from * 4 + 2]);
-                return;
-            }
-            x = ToSignedByte(mesh.Normals[from * 3]);
-            y = ToSignedByte(mesh.Normals[from * 3 + 1]);
-            z = Axes.TurnNormalZ(ToSignedByte(mesh.Normals[from * 3 + 2]));
+            x = mesh.NormalCodes[from * 4];
+            y = mesh.NormalCodes[from * 4 + 1];
+            z = Axes.TurnNormalZ(mesh.NormalCodes[from * 4 + 2]);
         }
 
-        private static sbyte ToSignedByte(float part)
-        {
-            float scaled = part * 127f;
-            if (!(scaled > -127f))
-            {
-                return -127; // A NaN too.
-            }
-            return scaled >= 127f ? (sbyte)127 : (sbyte)(scaled + (scaled < 0 ? -0.5f : 0.5f));
-        }
-
-        /// <summary>Doubling, so that a few payloads of growing size do not allocate a buffer each.</summary>
         private static T[] WithRoom<T>(T[] buffer, int count)
         {
             return buffer.Length >= count ? buffer : new T[Math.Max(count, (int)Math.Min(2L * buffer.Length, int.MaxValue / 64))];
-        }
-
-        private static ushort[] MakeLinearOfSrgb()
-        {
-            ushort[] linear = new ushort[256];
-            for (int level = 0; level < linear.Length; level++)
-            {
-                double part = level / 255.0;
-                double light = part <= 0.04045 ? part / 12.92 : Math.Pow((part + 0.055) / 1.055, 2.4);
-                linear[level] = (ushort)Math.Round(light * 65535);
-            }
-            return linear;
         }
     }
 }

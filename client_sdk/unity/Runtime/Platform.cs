@@ -32,7 +32,7 @@ namespace Terraport.Unity
 
         public static IDecodeQueue MakeDecoders(TerraportSettings settings, Action<SegmentMesh> afterDecode)
         {
-            return new InlineDecodes(settings.encoding, afterDecode);
+            return new InlineDecodes(afterDecode);
         }
 #else
         /// <summary>Whether work can be done beside the main thread.</summary>
@@ -62,7 +62,7 @@ namespace Terraport.Unity
         /// <summary>Threads that decode and pack.</summary>
         public static IDecodeQueue MakeDecoders(TerraportSettings settings, Action<SegmentMesh> afterDecode)
         {
-            return new DecodeThreads(settings.encoding, settings.ActualDecodeThreads, afterDecode);
+            return new DecodeThreads(settings.ActualDecodeThreads, afterDecode);
         }
 #endif
     }

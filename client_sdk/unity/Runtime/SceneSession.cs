@@ -275,7 +275,6 @@ namespace Terraport.Unity
             // A server's address stands for its only scene, which the files have named.
             options.SceneUrl = address.Scene != null ? url : address.ScenesUrl + "/" + Uri.EscapeDataString(Files.Manifest.Id);
             options.Token = string.IsNullOrEmpty(token) ? null : token; // An empty field of a form is no token.
-            options.Encoding = settings.encoding;
             Budgets bounds = new Budgets();
             bounds.MaxTriangles = budgets.maxTriangles;
             bounds.MaxBytes = (long)budgets.maxMebibytes << 20;

@@ -117,7 +117,12 @@ namespace Terraport.Unity
             mesh.hideFlags = HideFlags.DontSave;
             MeshFiller.Fill(mesh, parts.PackedOf(meshes.Count));
             meshes.Add(mesh);
+            // A mesh is named to other threads by its number: 32 bits once, an EntityId from Unity 6.3 on (from 6.5 on nothing else compiles).
+#if UNITY_6000_3_OR_NEWER
+            EntityId id = mesh.GetEntityId();
+#else
             int id = mesh.GetInstanceID();
+#endif
             if (Platform.HasThreads)
             {
                 cooking = Task.Run(() => Physics.BakeMesh(id, false));

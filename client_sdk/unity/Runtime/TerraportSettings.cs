@@ -1,6 +1,5 @@
 using System;
 using UnityEngine;
-using UnityEngine.XR;
 
 namespace Terraport.Unity
 {
@@ -19,11 +18,6 @@ namespace Terraport.Unity
 
         /// <summary>The bounds where the profile is Custom.</summary>
         public DeviceBudgets custom = new DeviceBudgets();
-
-        /// <summary>In which form payloads come.</summary>
-        [Tooltip("Glb: the smallest. Arrays: four to five times the bytes and two fifths of the decoding, for slow processors on fast links; "
-            + "the scene must have been built with it.")]
-        public PayloadEncoding encoding = PayloadEncoding.Glb;
 
         /// <summary>Milliseconds of a frame for uploads; 0 takes 1.5 in XR, else 3.</summary>
         [Range(0, 20)]
@@ -57,7 +51,7 @@ namespace Terraport.Unity
                 {
                     return DeviceProfile.Desktop;
                 }
-                return XRSettings.enabled ? DeviceProfile.Headset : DeviceProfile.Phone;
+                return Headset.IsThere ? DeviceProfile.Headset : DeviceProfile.Phone;
             }
         }
 
@@ -76,7 +70,7 @@ namespace Terraport.Unity
                 {
                     return frameBudgetMs;
                 }
-                return XRSettings.isDeviceActive ? HeadsetFrameBudgetMs : DefaultFrameBudgetMs;
+                return Headset.IsShowing ? HeadsetFrameBudgetMs : DefaultFrameBudgetMs;
             }
         }
 

@@ -81,7 +81,7 @@ namespace Terraport.Unity
         }
 
         /// <inheritdoc/>
-        public bool TrySend(ArraySegment<byte> message, bool isText)
+        public bool TrySend(ArraySegment<byte> message)
         {
             if (State != TransportState.Open)
             {
@@ -93,7 +93,7 @@ namespace Terraport.Unity
                 whole = new byte[message.Count]; // Messages that are sent are small, and rarely lie elsewhere than at the start.
                 Buffer.BlockCopy(message.Array, message.Offset, whole, 0, message.Count);
             }
-            return TerraportSocketSend(id, whole, message.Count, isText ? 1 : 0) == 1;
+            return TerraportSocketSend(id, whole, message.Count) == 1;
         }
 
         /// <inheritdoc/>
@@ -158,7 +158,7 @@ namespace Terraport.Unity
         private static extern int TerraportSocketTake(int id, byte[] buffer);
 
         [DllImport("__Internal")]
-        private static extern int TerraportSocketSend(int id, byte[] message, int length, int isText);
+        private static extern int TerraportSocketSend(int id, byte[] message, int length);
 
         [DllImport("__Internal")]
         private static extern void TerraportSocketClose(int id, int code, string reason);

@@ -12,11 +12,12 @@ namespace Terraport.Tools
         public static int Run(string[] paths)
         {
             var json = new JsonText();
+            var decoder = new SegmentDecoder();
             json.Open('[');
             foreach (string path in paths)
             {
                 var mesh = new SegmentMesh();
-                DecodeBenchmark.Decode(new ArraySegment<byte>(File.ReadAllBytes(path)), path.EndsWith(".arrays", StringComparison.Ordinal), mesh);
+                decoder.Decode(new ArraySegment<byte>(File.ReadAllBytes(path)), mesh);
                 var packed = new PackedMesh();
                 packed.Pack(mesh);
                 Describe(json, packed, mesh);

@@ -6,20 +6,17 @@ using System.IO;
 namespace Terraport.Tools
 {
     /// <summary>
-    /// How fast payloads are decoded, and how much is allocated for one. The file holds payloads of one encoding, each after
-    /// its length (uint32, little-endian); its name ends in .glb or .arrays.
+    /// How fast payloads are decoded, and how much is allocated for one. The file holds payloads, each after its length
+    /// (uint32, little-endian).
     /// </summary>
     internal static class DecodeBenchmark
     {
         /// <summary>Rounds over all payloads before anything is measured: buffers grow, code is compiled.</summary>
         private const int WarmUpRounds = 2;
 
-        private static readonly GlbDecoder Glb = new GlbDecoder();
-        private static readonly ArraysDecoder Arrays = new ArraysDecoder();
-
         public static int Run(string path, double seconds)
         {
-            bool isArrays = path.EndsWith(".arrays", StringComparison.Ordinal);
+            var decoder = new SegmentDecoder();
             List<byte[]> payloads = ReadPayloads(path);
             var mesh = new SegmentMesh();
             long bytes = 0;
@@ -30,7 +27,7 @@ namespace Terraport.Tools
                 faces = 0;
                 foreach (byte[] payload in payloads)
                 {
-                    Decode(new ArraySegment<byte>(payload), isArrays, mesh);
+                    decoder.Decode(new ArraySegment<byte>(payload), mesh);
                     bytes += payload.Length;
                     faces += mesh.FaceCount;
                 }
@@ -44,7 +41,7 @@ namespace Terraport.Tools
             long before = GC.GetAllocatedBytesForCurrentThread();
             do
             {
-                for (int at = 0; at < payloads.Count; at++) Decode(new ArraySegment<byte>(payloads[at]), isArrays, mesh);
+                for (int at = 0; at < payloads.Count; at++) decoder.Decode(new ArraySegment<byte>(payloads[at]), mesh);
                 rounds++;
                 elapsed = watch.Elapsed.TotalSeconds;
             }
@@ -72,12 +69,6 @@ namespace Terraport.Tools
             long after = GC.GetAllocatedBytesForCurrentThread();
             GC.KeepAlive(kept);
             return after - before;
-        }
-
-        public static void Decode(ArraySegment<byte> payload, bool isArrays, SegmentMesh into)
-        {
-            if (isArrays) Arrays.Decode(payload, into);
-            else Glb.Decode(payload, false, into);
         }
 
         private static List<byte[]> ReadPayloads(string path)

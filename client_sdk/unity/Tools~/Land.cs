@@ -191,6 +191,7 @@ namespace Terraport.Tools
         private string DescribeHeld()
         {
             var json = new JsonText();
+            var decoder = new SegmentDecoder();
             var mesh = new SegmentMesh();
             json.Open('{');
             foreach (uint segment in held)
@@ -199,11 +200,10 @@ namespace Terraport.Tools
                 if (!stream.TryPin(segment, out payload)) continue;
                 using (payload)
                 {
-                    bool isArrays = stream.Encoding == PayloadEncoding.Arrays;
                     json.Key(segment.ToString());
                     try
                     {
-                        DecodeBenchmark.Decode(payload.Bytes, isArrays, mesh);
+                        decoder.Decode(payload.Bytes, mesh);
                     }
                     catch (PayloadException error)
                     {
@@ -212,15 +212,15 @@ namespace Terraport.Tools
                         continue;
                     }
                     new MeshArrays(mesh).Describe(json, request.DumpFolder, segment);
-                    if (request.DumpFolder != null) Dump(segment, isArrays, payload.Bytes);
+                    if (request.DumpFolder != null) Dump(segment, payload.Bytes);
                 }
             }
             return json.Close('}').ToString();
         }
 
-        private void Dump(uint segment, bool isArrays, ArraySegment<byte> bytes)
+        private void Dump(uint segment, ArraySegment<byte> bytes)
         {
-            string path = Path.Combine(request.DumpFolder, segment + (isArrays ? ".arrays" : ".glb"));
+            string path = Path.Combine(request.DumpFolder, segment + "." + SegmentDecoder.Encoding);
             using (FileStream file = File.Create(path)) file.Write(bytes.Array, bytes.Offset, bytes.Count);
         }
 

@@ -9,7 +9,7 @@ namespace Terraport.Tools
     {
         public const string Usage =
             "usage: land --scene URL [--NAME VALUE ...] STEP ...\n" +
-            "  --token T  --encoding glb|arrays  --subprotocol msgpack|json  --max-triangles N  --max-bytes N  --max-segments N\n" +
+            "  --token T  --max-triangles N  --max-bytes N  --max-segments N\n" +
             "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n" +
             "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n" +
             "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n" +
@@ -66,10 +66,6 @@ namespace Terraport.Tools
             {
                 case "scene": Stream.SceneUrl = value; break;
                 case "token": Stream.Token = value; break;
-                case "encoding": Stream.Encoding = value == "arrays" ? PayloadEncoding.Arrays : PayloadEncoding.Glb; break;
-                case "subprotocol":
-                    Stream.Subprotocol = value == "json" ? Wire.Subprotocol.Json : Wire.Subprotocol.Msgpack;
-                    break;
                 case "max-triangles": Stream.Budgets.MaxTriangles = Whole(value); break;
                 case "max-bytes": Stream.Budgets.MaxBytes = Whole(value); break;
                 case "max-segments": Stream.Budgets.MaxSegments = Whole(value); break;

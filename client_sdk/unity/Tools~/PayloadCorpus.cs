@@ -20,6 +20,8 @@ namespace Terraport.Tools
         /// <summary>One for all cases: buffers that an earlier payload filled must not show through.</summary>
         private readonly SegmentMesh mesh = new SegmentMesh();
 
+        private readonly SegmentDecoder decoder = new SegmentDecoder();
+
         public PayloadCorpus(string folder)
         {
             this.folder = folder;
@@ -47,7 +49,7 @@ namespace Terraport.Tools
             if (!expected["good"].TryFlag(out isGood)) return "its .json does not say whether it is good";
             try
             {
-                DecodeBenchmark.Decode(new ArraySegment<byte>(File.ReadAllBytes(path)), name.EndsWith(".arrays", StringComparison.Ordinal), mesh);
+                decoder.Decode(new ArraySegment<byte>(File.ReadAllBytes(path)), mesh);
             }
             catch (PayloadException error)
             {

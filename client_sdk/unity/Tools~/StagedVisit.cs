@@ -16,7 +16,7 @@ namespace Terraport.Tools
         public StagedVisit(ISceneStream stream, StreamOptions options)
         {
             SceneFiles files = SceneLoader.LoadAsync(options.SceneUrl, options.Token).GetAwaiter().GetResult();
-            decoders = new DecodeThreads(options.Encoding, 2);
+            decoders = new DecodeThreads(2);
             stage = new SceneStage(stream, files, renderer, decoders, new StageOptions { BaseBlockFaces = 16 });
         }
 

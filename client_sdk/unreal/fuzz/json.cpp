@@ -1,11 +1,12 @@
-// JSON texts, as manifests, GLB chunks and messages hold them. The first byte sets the bounds.
+// JSON texts, as manifests and GLB chunks hold them. The first byte sets the bounds.
 //
-// Every value is visited; every number that is read is written so that it reads as the same.
+// Every value is visited; every number that is read is read again from seventeen of its digits.
 #include "Terraport/Json.h"
+#include "Utf8.h"
 
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
-#include <string>
 
 using namespace terraport;
 
@@ -18,18 +19,14 @@ void expect(bool isTrue) {
 std::size_t visit(const JsonValue& value) {
   std::size_t count = 1;
   if (const auto number = value.number()) {
-    std::string text;
-    writeJsonFloat(*number, text);
+    char text[40];
+    std::snprintf(text, sizeof text, "%.17g", *number);
     expect(readDecimal(text) == *number);
     const auto whole = value.integer();
     expect(!whole || static_cast<double>(*whole) == *number);
   }
   if (const auto text = value.text()) {
-    std::string written;
-    writeJsonText(*text, written);
-    JsonDocument document;
-    // Half a character, where the bounds allow it, is no text that can be written.
-    if (document.read(written).isOk()) expect(document.root().text() == text);
+    expect(isUtf8(*text));
   }
   const JsonValue::Range items = value.items();
   std::uint32_t walked = 0;
@@ -50,7 +47,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   JsonLimits limits;
   limits.maxDepth = 1 + (data[0] & 0x1F);
   limits.maxValues = (data[0] & 0x20) != 0 ? 16 : 4096;
-  limits.allowsLoneSurrogates = (data[0] & 0x40) != 0;
   const std::string_view text(reinterpret_cast<const char*>(data) + 1, size - 1);
   if (document.read(text, limits).isOk()) {
     expect(visit(document.root()) <= limits.maxValues);

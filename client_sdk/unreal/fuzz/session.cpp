@@ -52,7 +52,7 @@ class Input {
 
 class Life {
  public:
-  explicit Life(Input& input) : input_(input), session_(optionsOf(input), &sumOf) {}
+  explicit Life(Input& input) : input_(input), session_(optionsOf(), &sumOf) {}
 
   void live() {
     while (!input_.isOver()) {
@@ -65,12 +65,11 @@ class Life {
   }
 
  private:
-  static SessionOptions optionsOf(Input& input) {
+  static SessionOptions optionsOf() {
     SessionOptions options;
     options.client = "fuzz";
     options.creditBytes = 64;
     options.cacheBytes = kCacheBytes;
-    options.subprotocol = (input.byte() & 1) != 0 ? Subprotocol::Json : Subprotocol::Msgpack;
     options.budgets.maxBytes = kMaxBytes;
     options.budgets.maxSegments = 12;
     return options;
@@ -159,7 +158,7 @@ class Life {
     for (const EncodedMessage& data : session_.takeMessages()) {
       ClientMessage message;
       DecodeError wrong;
-      expect(reader.read(data.view(), data.isText, session_.options().subprotocol, message, wrong));
+      expect(reader.read(data.view(), message, wrong));
       if (const auto* const land = std::get_if<LandMessage>(&message)) newest_ = land->generation;
       if (const auto* const aim = std::get_if<AimMessage>(&message)) {
         newest_ = aim->generation;
@@ -170,7 +169,7 @@ class Life {
 
   void say(const ServerMessage& message) {
     EncodedMessage data;
-    if (encodeMessage(message, session_.options().subprotocol, data).isOk()) give(data.view(), data.isText);
+    if (encodeMessage(message, data).isOk()) give(data.view(), false);
   }
 
   void give(ByteSpan data, bool isText) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 using int8 = std::int8_t;
 using int16 = std::int16_t;
@@ -57,6 +58,16 @@ struct FMath
 	static T Clamp(T Value, T Least, T Most)
 	{
 		return Value < Least ? Least : (Value > Most ? Most : Value);
+	}
+	template <typename T>
+	static T Max(T A, T B)
+	{
+		return A < B ? B : A;
+	}
+	template <typename T>
+	static T Abs(T Value)
+	{
+		return Value < T(0) ? -Value : Value;
 	}
 };
 
@@ -191,14 +202,20 @@ inline std::u16string StubText::Utf16Of(const char* Text)
 	return Out;
 }
 
-#define UE_LOG(Category, Verbosity, Format, ...) StubLog(Format, ##__VA_ARGS__)
+#define UE_LOG(Category, Verbosity, Format, ...) StubLog(#Verbosity, Format, ##__VA_ARGS__)
 #define DECLARE_LOG_CATEGORY_EXTERN(Name, Default, All) \
 	struct FStub##Name                                  \
 	{                                                   \
 	};                                                  \
 	extern FStub##Name Name
 #define DEFINE_LOG_CATEGORY(Name) FStub##Name Name;
+/// Warnings since the start, their formats.
+inline std::vector<std::u16string> StubWarnings;
 template <typename... Parts>
-void StubLog(const TCHAR*, const Parts&...)
+void StubLog(const std::string& Verbosity, const TCHAR* Format, const Parts&...)
 {
+	if (Verbosity == "Warning")
+	{
+		StubWarnings.emplace_back(Format);
+	}
 }

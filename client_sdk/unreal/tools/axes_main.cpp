@@ -48,18 +48,14 @@ void describe(terraport::tools::JsonText& json, const terraport::SegmentMesh& me
     TerraportAxes::PositionsToUnreal(mesh.positions.data(), count, positions.data());
   }
   std::vector<float> normals(3 * count);
-  if (mesh.normalForm == VertexForm::Codes) {
-    TerraportAxes::NormalsToUnreal(mesh.normalCodes.data(), count, normals.data());
-  } else {
-    TerraportAxes::NormalsToUnreal(mesh.normals.data(), count, normals.data());
-  }
+  TerraportAxes::NormalsToUnreal(mesh.normalCodes.data(), count, normals.data());
   std::vector<std::uint32_t> indices(3 * std::size_t{mesh.faceCount});
   TerraportAxes::IndicesToUnreal(mesh.indices.data(), indices.size(), indices.data());
   json.open('{').key("positions").numbers(positions).key("normals").numbers(normals).key("indices").integers(indices);
   json.key("uvs");
   if (mesh.hasUvs) {
     std::vector<float> uvs = plain.uvs;
-    if (mesh.uvForm == VertexForm::Codes && !mesh.uvsNormalised) {
+    if (!mesh.uvsNormalised) {
       TerraportAxes::UvsToUnreal(mesh.uvCodes.data(), count, mesh.uvScale, uvs.data());
     }
     json.numbers(uvs);
@@ -89,7 +85,6 @@ int main(int count, char** arguments) {
   json.open('[');
   for (int at = 1; at < count; ++at) {
     DecodeJob job;
-    job.encoding = tools::endsWith(arguments[at], ".arrays") ? PayloadEncoding::Arrays : PayloadEncoding::Glb;
     job.payload = std::make_shared<const std::vector<std::uint8_t>>(tools::readFile(arguments[at]));
     SegmentMesh mesh;
     const Status status = decodePayload(job, mesh);

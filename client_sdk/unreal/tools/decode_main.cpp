@@ -1,7 +1,7 @@
 // terraport-decode FILE [--seconds S]
 //
-// How fast payloads are decoded, and how often memory is asked for. The file holds payloads of one encoding, each after its
-// length (uint32, little-endian); its name ends in .glb or .arrays.
+// How fast payloads are decoded, and how often memory is asked for. The file holds payloads, each after its length (uint32,
+// little-endian).
 
 #include <chrono>
 #include <cstdint>
@@ -56,7 +56,6 @@ std::vector<terraport::DecodeJob> readJobs(const std::string& path) {
     const std::size_t size = bytes[at] | bytes[at + 1] << 8 | bytes[at + 2] << 16 | std::size_t{bytes[at + 3]} << 24;
     at += 4;
     DecodeJob job;
-    job.encoding = tools::endsWith(path, ".arrays") ? PayloadEncoding::Arrays : PayloadEncoding::Glb;
     job.payload = std::make_shared<const std::vector<std::uint8_t>>(bytes.begin() + static_cast<std::ptrdiff_t>(at),
                                                                     bytes.begin() + static_cast<std::ptrdiff_t>(at + size));
     jobs.push_back(std::move(job));

@@ -3,9 +3,49 @@
 #include <cmath>
 #include <cstdio>
 
-#include "Terraport/Json.h"
-
 namespace terraport::tools {
+namespace {
+
+/// Append `text` with its quotes and escapes; `text` must be UTF-8.
+void appendQuoted(std::string_view text, std::string& into) {
+  into.push_back('"');
+  for (const char letter : text) {
+    switch (letter) {
+      case '"':
+        into.append("\\\"");
+        break;
+      case '\\':
+        into.append("\\\\");
+        break;
+      case '\b':
+        into.append("\\b");
+        break;
+      case '\f':
+        into.append("\\f");
+        break;
+      case '\n':
+        into.append("\\n");
+        break;
+      case '\r':
+        into.append("\\r");
+        break;
+      case '\t':
+        into.append("\\t");
+        break;
+      default:
+        if (static_cast<unsigned char>(letter) < 0x20) {
+          char escape[8];
+          std::snprintf(escape, sizeof escape, "\\u%04x", static_cast<unsigned>(letter));
+          into.append(escape);
+        } else {
+          into.push_back(letter);
+        }
+    }
+  }
+  into.push_back('"');
+}
+
+}  // namespace
 
 JsonText& JsonText::open(char bracket) {
   raw(std::string_view(&bracket, 1));
@@ -43,7 +83,7 @@ JsonText& JsonText::number(double value) {
 
 JsonText& JsonText::text(std::string_view value) {
   std::string quoted;
-  writeJsonText(value, quoted);
+  appendQuoted(value, quoted);
   return raw(quoted);
 }
 

@@ -203,7 +203,6 @@ class Visit {
     for (const auto& [segment, facts] : held_) {
       DecodeJob job;
       job.segment = segment;
-      job.encoding = stream_->encoding();
       job.payload = stream_->payload(segment);
       if (!job.payload) {
         continue;
@@ -217,8 +216,7 @@ class Visit {
       }
       MeshArrays(mesh, viewOf(*job.payload)).describe(json, request_.dumpFolder, segment);
       if (!request_.dumpFolder.empty()) {
-        const char* suffix = job.encoding == PayloadEncoding::Arrays ? ".arrays" : ".glb";
-        writeFile(request_.dumpFolder + "/" + std::to_string(segment) + suffix, job.payload->data(), job.payload->size());
+        writeFile(request_.dumpFolder + "/" + std::to_string(segment) + "." + kPayloadEncoding, job.payload->data(), job.payload->size());
       }
     }
     json.close('}');

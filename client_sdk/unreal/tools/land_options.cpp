@@ -8,7 +8,7 @@ namespace {
 
 const char* const kUsage =
     "usage: terraport-land --scene URL [--NAME VALUE ...] STEP ...\n"
-    "  --token T  --encoding glb|arrays  --subprotocol msgpack|json  --max-triangles N  --max-bytes N  --max-segments N\n"
+    "  --token T  --max-triangles N  --max-bytes N  --max-segments N\n"
     "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
     "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
     "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
@@ -21,10 +21,6 @@ bool setOption(LandRequest& request, const std::string& name, const std::string&
     stream.sceneUrl = value;
   } else if (name == "token") {
     stream.token = value;
-  } else if (name == "encoding") {
-    stream.encoding = value == "arrays" ? PayloadEncoding::Arrays : PayloadEncoding::Glb;
-  } else if (name == "subprotocol") {
-    stream.subprotocol = value == "json" ? Subprotocol::Json : Subprotocol::Msgpack;
   } else if (name == "max-triangles") {
     stream.budgets.maxTriangles = whole();
   } else if (name == "max-bytes") {

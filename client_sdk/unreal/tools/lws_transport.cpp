@@ -8,6 +8,7 @@
 #include <cstring>
 #include <deque>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace terraport::tools {
@@ -21,10 +22,9 @@ constexpr int kClosingRounds = 20;
 
 int onLws(lws* wsi, lws_callback_reasons reason, void* user, void* in, std::size_t length);
 
-/// Names as the server may choose them, so that libwebsockets takes its choice; all with one handler.
+/// Named as the server chooses it, so that libwebsockets takes its choice.
 const lws_protocols kProtocols[] = {
     {"terraport.v1.msgpack", onLws, 0, 128 * 1024, 0, nullptr, 0},
-    {"terraport.v1.json", onLws, 0, 128 * 1024, 0, nullptr, 0},
     {nullptr, nullptr, 0, 0, 0, nullptr, 0},
 };
 
@@ -57,6 +57,8 @@ bool split(const std::string& url, Address& into) {
 
 class LwsTransport final : public Transport {
  public:
+  explicit LwsTransport(const LwsOptions& options) : options_(options) {}
+
   ~LwsTransport() override {
     if (context_ != nullptr) lws_context_destroy(context_);
   }
@@ -70,6 +72,7 @@ class LwsTransport final : public Transport {
     info.port = CONTEXT_PORT_NO_LISTEN;
     info.protocols = kProtocols;
     info.options = LWS_SERVER_OPTION_DO_SSL_GLOBAL_INIT;
+    info.pt_serv_buf_size = options_.receiveBytes;
     context_ = lws_create_context(&info);
     if (context_ == nullptr) return fail(kAbnormal, "no event loop");
     lws_client_connect_info connect{};
@@ -106,10 +109,9 @@ class LwsTransport final : public Transport {
     return true;
   }
 
-  bool trySend(ByteSpan bytes, bool isText) override {
+  bool trySend(ByteSpan bytes) override {
     if (state_ != TransportState::Open || isClosing_ || sendingBytes_ > kMaxSending) return false;
     Outgoing one;
-    one.isText = isText;
     one.bytes.resize(LWS_PRE + bytes.size);
     if (bytes.size > 0) std::memcpy(one.bytes.data() + LWS_PRE, bytes.data, bytes.size);
     sendingBytes_ += bytes.size;
@@ -128,7 +130,7 @@ class LwsTransport final : public Transport {
     ownCode_ = code;
     ownReason_ = reason.substr(0, 120);
     lws_callback_on_writable(wsi_);
-    for (int round = 0; round < kClosingRounds && state_ == TransportState::Open; ++round) service();
+    for (int round = 0; round < kClosingRounds && state_ == TransportState::Open; ++round) lws_service(context_, -1);
   }
 
   int on(lws* wsi, lws_callback_reasons reason, void* in, std::size_t length) {
@@ -164,11 +166,11 @@ class LwsTransport final : public Transport {
 
  private:
   struct Outgoing {
-    bool isText = false;
     std::vector<unsigned char> bytes;
   };
 
   void service() {
+    if (options_.mayService && !options_.mayService()) return;
     if (context_ != nullptr && state_ != TransportState::Closed) lws_service(context_, -1);
   }
 
@@ -211,7 +213,7 @@ class LwsTransport final : public Transport {
     }
     Outgoing& one = sending_.front();
     const std::size_t size = one.bytes.size() - LWS_PRE;
-    const int written = lws_write(wsi, one.bytes.data() + LWS_PRE, size, one.isText ? LWS_WRITE_TEXT : LWS_WRITE_BINARY);
+    const int written = lws_write(wsi, one.bytes.data() + LWS_PRE, size, LWS_WRITE_BINARY);
     if (written < static_cast<int>(size)) return -1;
     sendingBytes_ -= size;
     sending_.pop_front();
@@ -225,6 +227,7 @@ class LwsTransport final : public Transport {
     closeReason_.assign(reinterpret_cast<const char*>(bytes) + 2, length - 2);
   }
 
+  LwsOptions options_;
   lws_context* context_ = nullptr;
   lws* wsi_ = nullptr;
   Address address_;
@@ -250,13 +253,18 @@ int onLws(lws* wsi, lws_callback_reasons reason, void*, void* in, std::size_t le
 
 class LwsTransports final : public TransportFactory {
  public:
-  LwsTransports() { lws_set_log_level(LLL_ERR, nullptr); }
+  explicit LwsTransports(LwsOptions options) : options_(std::move(options)) { lws_set_log_level(LLL_ERR, nullptr); }
 
-  std::unique_ptr<Transport> make() override { return std::make_unique<LwsTransport>(); }
+  std::unique_ptr<Transport> make() override { return std::make_unique<LwsTransport>(options_); }
+
+ private:
+  LwsOptions options_;
 };
 
 }  // namespace
 
-std::shared_ptr<TransportFactory> makeLwsTransports() { return std::make_shared<LwsTransports>(); }
+std::shared_ptr<TransportFactory> makeLwsTransports(LwsOptions options) {
+  return std::make_shared<LwsTransports>(std::move(options));
+}
 
 }  // namespace terraport::tools

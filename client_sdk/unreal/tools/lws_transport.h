@@ -3,11 +3,19 @@
 
 #include "Terraport/Transport.h"
 
+#include <functional>
 #include <memory>
 
 namespace terraport::tools {
 
+struct LwsOptions {
+  /// Asked before each round of an event loop, which does not run where it says no; none lets all of them run.
+  std::function<bool()> mayService;
+  /// Bytes taken from a socket in one round at most; 0 leaves it to the library.
+  unsigned receiveBytes = 0;
+};
+
 /// Makes transports that connect by ws or wss, each with an event loop of its own that runs while it is polled.
-std::shared_ptr<TransportFactory> makeLwsTransports();
+std::shared_ptr<TransportFactory> makeLwsTransports(LwsOptions options = {});
 
 }  // namespace terraport::tools

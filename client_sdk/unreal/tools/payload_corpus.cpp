@@ -104,7 +104,6 @@ std::string whyNot(const std::string& folder, const std::string& name, SegmentMe
   const JsonValue expected = document.root();
   const bool isGood = expected.member("good").boolean().value_or(false);
   DecodeJob job;
-  job.encoding = endsWith(name, ".arrays") ? PayloadEncoding::Arrays : PayloadEncoding::Glb;
   job.payload = std::make_shared<const std::vector<std::uint8_t>>(readFile(folder + "/" + name));
   const Status status = decodePayload(job, mesh);
   if (!status.isOk()) {

@@ -6,7 +6,6 @@ import { beforeAll, describe, expect, it } from "vitest";
 import { AccessorReader } from "../src/core/payload/accessors.ts";
 import { prepareDecoders } from "../src/core/payload/engines.ts";
 import { PayloadError } from "../src/core/payload/errors.ts";
-import { decodeFlat } from "../src/core/payload/flat.ts";
 import { decodeGlb } from "../src/core/payload/glb.ts";
 import { splitGlb } from "../src/core/payload/glb-container.ts";
 import { readImageHeader } from "../src/core/payload/image-header.ts";
@@ -14,15 +13,6 @@ import type { MeshData } from "../src/core/types.ts";
 
 const CORPUS = new URL("../../../tests/conformance/scene/payload/", import.meta.url);
 const NAMES = readdirSync(CORPUS).filter((name) => !name.endsWith(".json"));
-
-/**
- * `arrays` payloads are declined: the viewer asks for `glb` alone, and has no decoder for them. Those whose fault lies in
- * the flat file around them, which base.cover shares, are run through its reader.
- */
-const FLAT_FAULTS = ["bad-checksum.arrays", "bad-cover.arrays", "bad-major.arrays", "bad-truncated.arrays"];
-
-/** Also in README.md, "Conformance". */
-const DECLINED = ["bad-texture-alone.arrays", "bad-texture-odd.arrays", "bad-uvs-outside.arrays", "good-jpeg.arrays"];
 
 interface Expected {
   readonly good: boolean;
@@ -74,23 +64,10 @@ describe("bad", () => {
   it.each(namesOf(false))("%s", async (name) => {
     await expect(decodeGlb(bytesOf(name), 3)).rejects.toBeInstanceOf(PayloadError);
   });
-
-  it.each(FLAT_FAULTS)("%s, by the flat file's reader", (name) => {
-    expect(() => decodeFlat(bytesOf(name), "TPARRAYS")).toThrow(PayloadError);
-  });
 });
 
-it("reads the flat file around an arrays payload", () => {
-  const expected = expectedOf("good-full.arrays");
-  const { rows: count, fields } = decodeFlat(bytesOf("good-full.arrays"), "TPARRAYS");
-  expect(count).toBe(expected.positions.length);
-  const positions = fields.get("positions")!;
-  expect(rows(positions.values as Float32Array, positions.components, 3)).toEqual(expected.positions);
-});
-
-it("runs every GLB of the corpus, and says what else it declines", () => {
-  const arrays = NAMES.filter((name) => name.endsWith(".arrays"));
-  expect(arrays.sort()).toEqual([...FLAT_FAULTS, ...DECLINED, "good-full.arrays"].sort());
+it("runs every file of the corpus", () => {
+  expect(NAMES.filter((name) => !name.endsWith(".glb"))).toEqual([]);
   expect(namesOf(true).length).toBeGreaterThanOrEqual(8);
   expect(namesOf(false).length).toBeGreaterThanOrEqual(15);
 });

@@ -70,7 +70,7 @@ afterEach(() => {
 });
 
 describe("a whole scene", () => {
-  it.each(["tiny", "tiny-1.1", "tiny-1.2"])("%s is loaded", async (name) => {
+  it.each(["tiny", "tiny-textured"])("%s is loaded", async (name) => {
     scenes.set(name, filesOf(name));
     const seen: [number, number][] = [];
     const onProgress = (done: number, total: number) => seen.push([done, total]);
@@ -89,14 +89,14 @@ describe("a whole scene", () => {
   });
 
   it("has labels by stable id", async () => {
-    scenes.set("tiny", filesOf("tiny-1.1"));
+    scenes.set("tiny", filesOf("tiny"));
     const { regions } = await loadScene(`${url}/scenes/tiny`);
     expect(regions.map((region) => region.stableId)).toEqual([5, 2, 9]);
     expect(regions.map((region) => region.label)).toEqual([null, "bench", "haul road"]);
   });
 
   it("has textures where it says so", async () => {
-    scenes.set("tiny", filesOf("tiny-1.2"));
+    scenes.set("tiny", filesOf("tiny-textured"));
     const given: string[] = [];
     const decodeImage: LoadOptions["decodeImage"] = async (bytes, mediaType) => {
       given.push(`${mediaType} ${bytes.length}`);
@@ -104,7 +104,7 @@ describe("a whole scene", () => {
       return { width, height, close: () => undefined };
     };
     const { manifest, base } = await loadScene(`${url}/scenes/tiny`, { decodeImage });
-    expect(manifest.hasTextures).toBe(true);
+    expect(manifest.texturesOf).toBe("photos");
     expect(given).toHaveLength(1);
     expect(base.image).toMatchObject({ mediaType: "image/jpeg", width: 16, height: 8 });
     expect(base.colours).toBeNull();
@@ -122,12 +122,12 @@ describe("a whole scene", () => {
   });
 
   it("is loaded anew where it is published meanwhile", async () => {
-    scenes.set("tiny", filesOf("tiny"));
+    scenes.set("tiny", filesOf("tiny-textured"));
     let served = 0;
     gate = () => {
       served += 1;
       // The manifest is out; now the newer version stands, and the older one is gone.
-      if (served === 2) scenes.set("tiny", filesOf("tiny-1.1"));
+      if (served === 2) scenes.set("tiny", filesOf("tiny"));
       return false;
     };
     const { regions } = await loadScene(`${url}/scenes/tiny`);
@@ -268,7 +268,7 @@ function filesOf(scene: string, damage?: Damage): Files {
   for (const name of ["base.glb", "base.cover", "regions.json"]) {
     files.set(name, readFileSync(new URL(paths[name]!.path, folder)));
   }
-  if (scene === "tiny-1.1") files.set("labels.json", readFileSync(new URL("labels.json", folder)));
+  if (scene === "tiny") files.set("labels.json", readFileSync(new URL("labels.json", folder)));
   if (damage === undefined) return files;
   const edited = apply(damage.edit, files.get(damage.file)!);
   if (edited === null) files.delete(damage.file);

@@ -1,8 +1,8 @@
 import { describe, expect, test } from "vitest";
 import type { Vec3 } from "../src/core/types.ts";
+import { judgeFooting, newStand } from "../src/three/footing.ts";
 import type { GroundHit } from "../src/three/types.ts";
 import { ARC_DEFAULTS, castArc, cutShort, flightS, newArc, pointsAway, throwArc } from "../src/xr/arc.ts";
-import { judgeFooting, newStand } from "../src/xr/footing.ts";
 
 /** Ground as a height over (x, z), met by small steps: slow, and plain enough to trust. Null: no ground there. */
 function terrain(heightAt: (x: number, z: number) => number | null) {
@@ -11,6 +11,7 @@ function terrain(heightAt: (x: number, z: number) => number | null) {
     normal,
     distanceM: 0,
     segment: -1,
+    isOuter: true,
     region: -1,
   });
   const ground = {
@@ -147,6 +148,7 @@ describe("footing", () => {
     distanceM: 1,
     segment: 3,
     region: 1,
+    isOuter: true,
   });
 
   test("level ground is firm, its normal straight up", () => {

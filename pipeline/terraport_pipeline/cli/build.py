@@ -11,14 +11,14 @@ from typing import Annotated, Any, Final, Literal, cast
 import typer
 from rich.console import Console
 
-from terraport_pipeline.build import BuildOptions
+from terraport_pipeline.build import BuildOptions, default_work_directory
 from terraport_pipeline.build import build as run_build
 from terraport_pipeline.build_report import BuildReport
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.synth import parse_count
 from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.engines.photos import OpenPhotos
-from terraport_pipeline.errors import OptionError
+from terraport_pipeline.errors import OptionError, PipelineError
 from terraport_pipeline.input_cloud import find_input_cloud
 from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.progress import NullProgress, Progress, RichProgress
@@ -28,6 +28,8 @@ from terraport_pipeline.scene_model import SceneModel
 from terraport_pipeline.stages import clean, reconstruct, segment, texture
 from terraport_pipeline.stages.region_engine import ENGINES, Engine
 from terraport_pipeline.tiled_reconstruct import TileOptions
+from terraport_pipeline.unforeseen import stage_failed
+from terraport_store import StoreError
 
 __all__ = ["build", "parse_size", "register"]
 
@@ -59,12 +61,17 @@ def build(
         typer.Option(help="detail (thinned from it), or poisson (solved apart, as the thesis)."),
     ] = _RECONSTRUCT.base_from,
     base_depth: Annotated[
-        int, typer.Option(help="Octree depth of a base by poisson.")
-    ] = _RECONSTRUCT.base_depth,
+        int | None,
+        typer.Option(
+            help=f"Octree depth of a base by poisson.  [{reconstruct.BASE_DEPTH}, below the detail]"
+        ),
+    ] = None,
     detail_depth: Annotated[
-        int,
-        typer.Option(help="Octree depth of the detail, at most what the density supports."),
-    ] = _RECONSTRUCT.detail_depth,
+        int | None,
+        typer.Option(
+            help="Octree depth of the detail, at most what the density supports.  [that one]"
+        ),
+    ] = None,
     base_faces: Annotated[
         str, typer.Option(help="Faces the base mesh is reduced to: 200000, 200k.")
     ] = str(_RECONSTRUCT.base_faces),
@@ -124,7 +131,6 @@ def build(
     units: Annotated[
         str, typer.Option(help="segments, or pools (the thesis's units, for comparison).")
     ] = "segments",
-    encodings: Annotated[str, typer.Option(help="glb, or glb,arrays.")] = "glb",
     photos: Annotated[
         Path | None, typer.Option(help="Folder of the survey's photos: textures from them.")
     ] = None,
@@ -230,7 +236,6 @@ def build(
                 max_extent_m=max_extent_m,
                 units=_parse_units(units),
             ),
-            encodings=cast("Any", tuple(part.strip() for part in encodings.split(","))),
             texture=_texturing(
                 photos,
                 cameras,
@@ -345,14 +350,28 @@ def _build(
     try:
         built = run_build(options, progress)
         if with_report and (built.published or not (built.scene / REPORT_NAME).exists()):
-            write_report(
-                built.scene,
-                cloud=lambda scene: find_input_cloud(scene, options.work),
-                photos=_photos_beside(options.texture),
-                work=options.work,
-                progress=progress,
-            )
+            _report(options, built, progress)
     except KeyboardInterrupt:
         console.print("the same command goes on after the last finished stage", highlight=False)
         raise
     return built
+
+
+def _report(options: BuildOptions, built: BuildReport, progress: Progress) -> None:
+    try:
+        write_report(
+            built.scene,
+            cloud=lambda scene: find_input_cloud(scene, options.work),
+            photos=_photos_beside(options.texture),
+            work=options.work,
+            progress=progress,
+        )
+    except (PipelineError, StoreError, OSError):
+        raise
+    except Exception as error:
+        raise stage_failed(
+            error,
+            "the report",
+            f"{built.scene} is published and whole, and terraport report writes the report again",
+            options.work or default_work_directory(options.scene.absolute()),
+        ) from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import sys
 import tempfile
 import time
@@ -20,9 +21,11 @@ import terraport.sync
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.synth import parse_count
 from terraport_pipeline.demo import FLIGHT, SCENE_ID, DemoScene, prepare_demo
-from terraport_pipeline.errors import PipelineError
+from terraport_pipeline.errors import PipelineError, StageFailedError
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
+from terraport_server.errors import ServerError
+from terraport_server.listeners import Listeners
 from terraport_server.serving import BackgroundServer
 
 __all__ = ["demo", "has_display", "register"]
@@ -33,6 +36,8 @@ STEP_M: Final = 70.0
 
 LANDING_TIMEOUT_S: Final = 60.0
 
+_HOST: Final = "127.0.0.1"
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to `app`."""
@@ -41,7 +46,9 @@ def register(app: typer.Typer) -> None:
 
 def demo(
     points: Annotated[str, typer.Option(help="Points of the sample cloud: 250k, 1M.")] = "250k",
-    port: Annotated[int, typer.Option(help="Port to serve on; 0: a free one.", min=0)] = 0,
+    port: Annotated[
+        int, typer.Option(help="Port to serve on; 0: a free one.", min=0, max=65_535)
+    ] = 0,
     photos: Annotated[
         bool,
         typer.Option(
@@ -77,14 +84,19 @@ def demo(
     """
     errors, console = Console(stderr=True), Console()
     started = time.perf_counter()
-    with reporting_errors(errors), _directory(keep) as directory:
+    with (
+        reporting_errors(errors),
+        # Had before minutes of work, not after: a taken port is said at once.
+        _listening(port) as listeners,
+        _directory(keep) as directory,
+    ):
         count = parse_count(points)
         with RichProgress(errors) as progress:
             made = prepare_demo(
                 directory, points=count, flight=FLIGHT if photos else None, progress=progress
             )
         _tell_scene(console, made)
-        with BackgroundServer(made.scenes_dir, port=port) as server:
+        with BackgroundServer(made.scenes_dir, listeners=listeners) as server:
             _land(console, server.scene_url(SCENE_ID))
             seconds = time.perf_counter() - started
             pages = _pages(server)
@@ -120,10 +132,30 @@ def _pages(server: BackgroundServer) -> dict[str, str]:
 
 
 @contextlib.contextmanager
+def _listening(port: int) -> Iterator[Listeners]:
+    try:
+        listeners = Listeners(_HOST, port, 1)
+    except ServerError as error:
+        raise PipelineError(str(error)) from error
+    with contextlib.closing(listeners):
+        yield listeners
+
+
+@contextlib.contextmanager
 def _directory(keep: Path | None) -> Iterator[Path]:
     if keep is None:
-        with tempfile.TemporaryDirectory(prefix="terraport-demo-") as place:
-            yield Path(place)
+        place = Path(tempfile.mkdtemp(prefix="terraport-demo-"))
+        try:
+            yield place
+        except StageFailedError as error:  # what is finished, and the trace, are in there
+            error.advice = (
+                f"what is finished is kept, and terraport demo --keep {place} goes on with it"
+            )
+            raise
+        except BaseException:
+            shutil.rmtree(place, ignore_errors=True)
+            raise
+        shutil.rmtree(place, ignore_errors=True)
     else:
         keep.mkdir(parents=True, exist_ok=True)
         yield keep

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from terraport_pipeline.errors import OptionError, PipelineError
+from terraport_pipeline.unforeseen import stage_failed
 from terraport_store import StoreError
 
 __all__ = ["reporting_errors"]
@@ -16,7 +17,7 @@ __all__ = ["reporting_errors"]
 
 @contextmanager
 def reporting_errors(console: Console) -> Iterator[None]:
-    """Print an expected error as ``error: ...`` and leave with its exit code.
+    """Print an error as ``error: ...`` and leave with its exit code.
 
     Parameters
     ----------
@@ -26,8 +27,8 @@ def reporting_errors(console: Console) -> Iterator[None]:
     Raises
     ------
     typer.Exit
-        2 for a wrong option, 130 after Ctrl-C, 1 for any other expected error. Unexpected ones
-        pass: they are bugs, and their trace is wanted.
+        2 for a wrong option, 130 after Ctrl-C, 1 for any other error. The trace of one that nobody
+        foresaw is in the file that the line names.
     """
     try:
         yield
@@ -37,3 +38,9 @@ def reporting_errors(console: Console) -> Iterator[None]:
     except KeyboardInterrupt as error:
         console.print("stopped", markup=False)
         raise typer.Exit(130) from error
+    except (typer.Exit, typer.Abort, typer.BadParameter):  # said already
+        raise
+    except Exception as error:
+        failed = stage_failed(error, "this command", "nothing was finished by it")
+        console.print(f"error: {failed}", markup=False, highlight=False, soft_wrap=True)
+        raise typer.Exit(1) from error

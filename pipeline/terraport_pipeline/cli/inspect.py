@@ -21,6 +21,7 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.inspection import inspect_scene
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
+from terraport_pipeline.scene_colour import SceneColour
 from terraport_store import SceneNotFoundError
 
 __all__ = ["inspect", "register"]
@@ -149,7 +150,7 @@ def _summary(found: Mapping[str, Any]) -> Table:
         f"{counts['segments']:,} in {counts['regions']:,} regions, "
         f"{found['regions']['labelled']:,} of them with a label",
     )
-    table.add_row("colour", "yes" if found["has_colour"] else "none in the survey (grey)")
+    table.add_row("colour", str(SceneColour(**found["colour"])))
     for one in found["attributes"]:
         low, high = (one[end] for end in ("min", "max"))
         span = "no values" if low is None else f"{low:.6g} .. {high:.6g}"

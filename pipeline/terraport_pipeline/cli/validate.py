@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.engines.gltf_validator import PACKAGE
 from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.validation import ValidationOptions, ValidationResult, validate
@@ -42,13 +43,13 @@ def validate_command(
     subsets: Annotated[int, typer.Option(help="Random sets of loaded segments.")] = 100,
     seed: Annotated[int, typer.Option(help="Same seed, same rays.")] = 0,
     khronos: Annotated[
-        bool | None,
+        bool,
         typer.Option(
-            "--khronos/--no-khronos",
-            help="Run the Khronos glTF validator on a sample; by default where Node is at hand.",
-            show_default=False,
+            "--khronos",
+            help="Run the Khronos glTF validator on a sample. Needs Node and, the first time, the "
+            f"network: npm fetches {PACKAGE} into the user's cache. Without it nothing is fetched.",
         ),
-    ] = None,
+    ] = False,
     sample: Annotated[int, typer.Option(help="Segments that it looks at.", min=1)] = 32,
     picture: Annotated[
         Path | None,
@@ -70,7 +71,9 @@ def validate_command(
 
         terraport validate scenes/quarry
 
-        terraport validate scenes/quarry --rays 100000 --subsets 20 --no-khronos
+        terraport validate scenes/quarry --rays 100000 --subsets 20
+
+        terraport validate scenes/quarry --khronos
 
         terraport validate scenes/quarry --picture worst.png
     """
@@ -81,7 +84,12 @@ def validate_command(
             HandOffOptions(rays, subsets, seed) if rays else None, khronos, sample, picture
         )
         with RichProgress(errors) as progress:
-            result = validate(scene if is_url(scene) else Path(scene), options, progress=progress)
+            result = validate(
+                scene if is_url(scene) else Path(scene),
+                options,
+                progress=progress,
+                announce=lambda line: errors.print(line, markup=False, highlight=False),
+            )
     seconds = time.perf_counter() - start
     if as_json:
         typer.echo(json.dumps(_plain(result), indent=1))

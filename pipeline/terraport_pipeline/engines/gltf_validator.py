@@ -1,8 +1,9 @@
-"""The Khronos glTF validator, where Node is at hand: the npm package ``gltf-validator``.
+"""The Khronos glTF validator, in Node: the npm package ``gltf-validator``.
 
 It is looked for in the folder named by ``TERRAPORT_GLTF_VALIDATOR``, then in the user's cache;
-where it is in neither and npm is there, it is installed into the cache, once (1 MB). Without Node,
-npm or a network nothing fails: the answer says that it was not run, and why.
+where it is in neither and npm is there, it is installed into the cache, once (1 MB, over the
+network), and that is announced first. Call it only where the user asked for it. Without Node, npm
+or a network nothing is raised: the answer says that it was not run, and why.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-__all__ = ["GltfCheck", "GltfMessage", "check_gltf"]
+__all__ = ["PACKAGE", "GltfCheck", "GltfMessage", "check_gltf"]
 
 PACKAGE: Final = "gltf-validator@2.0.0-dev.3.10"
 """Pinned: another version may judge otherwise."""
@@ -68,15 +69,19 @@ class GltfCheck:
     """Why it was not run; empty when it was."""
 
 
-def check_gltf(payloads: Mapping[str, bytes | memoryview], *, install: bool = True) -> GltfCheck:
+def check_gltf(
+    payloads: Mapping[str, bytes | memoryview],
+    *,
+    announce: Callable[[str], None] | None = None,
+) -> GltfCheck:
     """Let the Khronos validator judge some GLB payloads.
 
     Parameters
     ----------
     payloads : mapping of str to bytes
         GLBs by the name to report them under.
-    install : bool
-        Whether npm may be asked for the package when it is not there.
+    announce : callable, optional
+        Gets one line of text before npm is asked for the package.
 
     Returns
     -------
@@ -86,7 +91,7 @@ def check_gltf(payloads: Mapping[str, bytes | memoryview], *, install: bool = Tr
     node = shutil.which("node")
     if node is None:
         return GltfCheck(0, not_run="Node.js is not installed")
-    folder, reason = _find_package(node, install=install)
+    folder, reason = _find_package(node, announce)
     if folder is None:
         return GltfCheck(0, not_run=reason)
     if not payloads:
@@ -135,7 +140,7 @@ def _parse(output: str, names: Mapping[str, str]) -> GltfCheck:
     return GltfCheck(checked, errors, warnings, tuple(messages[:MAX_MESSAGES]))
 
 
-def _find_package(node: str, *, install: bool) -> tuple[Path | None, str]:
+def _find_package(node: str, announce: Callable[[str], None] | None) -> tuple[Path | None, str]:
     """Find a folder from which Node can load the package, or say why there is none."""
     named = os.environ.get(FOLDER_VARIABLE)
     if named:
@@ -148,8 +153,10 @@ def _find_package(node: str, *, install: bool) -> tuple[Path | None, str]:
     if _loads(node, folder):
         return folder, ""
     npm = shutil.which("npm")
-    if not install or npm is None:
-        return None, "the npm package gltf-validator is not installed"
+    if npm is None:
+        return None, "the npm package gltf-validator is not installed, and npm is not there"
+    if announce is not None:
+        announce(f"fetching {PACKAGE} from the npm registry into {folder}")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         options = ["--no-audit", "--no-fund", "--no-save", "--ignore-scripts", "--silent"]

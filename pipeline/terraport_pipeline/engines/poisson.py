@@ -34,6 +34,9 @@ farther from samples held out, 8 begins to follow the noise (decision 15)."""
 SCALE = 1.1
 """The solver's cube is this much wider than the cloud's longest side."""
 
+DEEPEST = 13
+"""Octree depth of the detail that is not passed unless it is asked for, the thesis's own."""
+
 _FACES_PER_CELL = 2.8
 """Faces per cell of the cube's cross section that the surface passes (measured on six surveys,
 depths 9 to 11: 2.5 to 2.9)."""
@@ -70,10 +73,11 @@ class Forecast:
     seconds: float
 
 
-def depth_for(asked: int, extent_m: float, spacing_m: float) -> int:
+def depth_for(asked: int | None, extent_m: float, spacing_m: float) -> int:
     """Octree depth at which a cell is about one sample spacing, at most `asked`.
 
-    Finer cells add no detail, only the noise of single samples.
+    Finer cells add no detail, only the noise of single samples. Where no depth was asked for, it is
+    at most `DEEPEST`.
 
     Examples
     --------
@@ -81,7 +85,7 @@ def depth_for(asked: int, extent_m: float, spacing_m: float) -> int:
     10
     """
     useful = round(float(np.log2(max(SCALE * extent_m / spacing_m, 2.0))))
-    return max(1, min(asked, useful))
+    return max(1, min(DEEPEST if asked is None else asked, useful))
 
 
 def forecast(point_count: int, depth: int, extent_m: float, area_m2: float) -> Forecast:

@@ -23,13 +23,16 @@ import numpy.typing as npt
 
 from terraport_pipeline.model import Float64, Int32
 
-__all__ = ["ALIGN", "GUTTER", "Atlas", "pack_charts"]
+__all__ = ["ALIGN", "GUTTER", "SMALLEST_CELL", "Atlas", "pack_charts"]
 
 ALIGN: Final = 8
 """Texels: cells start and end at multiples of it. Mips 0 to log2(ALIGN) are free of bleeding."""
 
 GUTTER: Final = ALIGN // 2
 """Texels between a chart and its cell's rim."""
+
+SMALLEST_CELL: Final = 2 * ALIGN
+"""Texels: side of the cell of a chart that has no size, its gutters rounded up."""
 
 _SMALLEST_SIDE: Final = 16
 
@@ -40,7 +43,7 @@ empty."""
 _STEP_DOWN: Final = 0.93
 """Factor from try to try once the largest texture is too small."""
 
-_LEAST_SCALE: Final = 1e-4
+_LEAST_SCALE: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

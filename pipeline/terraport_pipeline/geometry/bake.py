@@ -17,6 +17,7 @@ from typing import Final
 
 import numba
 import numpy as np
+import numpy.typing as npt
 
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH, project_packed
 from terraport_pipeline.geometry.photo_samples import apply_gain, gain_at, sample
@@ -51,6 +52,16 @@ class FaceColours:
     """(F, 3, 3) corner, channel."""
     colours: UInt8
     """(F, 3, 3) vertex colours of the corners."""
+
+    def rows(self, which: npt.NDArray[np.integer]) -> FaceColours:
+        """Take some faces."""
+        return FaceColours(
+            self.view[which],
+            self.blend_view[which],
+            self.blend_weight[which],
+            self.correction[which],
+            self.colours[which],
+        )
 
 
 def bake_photo_faces(

@@ -114,8 +114,8 @@ def make_charts(
     Returns
     -------
     Charts
-        A face whose corners are not all in its photo's picture, or that shows the photo its back,
-        counts as without photo.
+        A face whose corners are not all in its photo's picture counts as without photo. One that
+        shows it its back covers texels of its neighbours, with the same pixels.
     """
     points = np.ascontiguousarray(vertices, dtype=np.float64)
     corners = np.ascontiguousarray(faces, dtype=np.int32)
@@ -247,7 +247,7 @@ def _laid_flat(
 def _project_corners(
     points: Float64, corners: Int32, packed: Float64, view: Int32, pixels: Float32
 ) -> None:
-    """Find the corners' pixels; put -1 for faces that are not wholly and rightly in the picture."""
+    """Find the corners' pixels; put -1 for faces that are not wholly in the picture."""
     for f in range(len(corners)):
         v = view[f]
         if v < 0:
@@ -265,11 +265,6 @@ def _project_corners(
                 good = False
                 break
             pixels[f, c, 0], pixels[f, c, 1] = x, y
-        if good:
-            ax, ay = pixels[f, 1, 0] - pixels[f, 0, 0], pixels[f, 1, 1] - pixels[f, 0, 1]
-            bx, by = pixels[f, 2, 0] - pixels[f, 0, 0], pixels[f, 2, 1] - pixels[f, 0, 1]
-            # Counter-clockwise from outside is clockwise where y points down.
-            good = ax * by - ay * bx < 0.0
         if not good:
             view[f] = -1
             pixels[f] = 0.0

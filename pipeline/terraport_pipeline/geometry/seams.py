@@ -8,7 +8,8 @@ The difference of two photos at a seam is measured on the same faces in both: on
 sides that have both views among their candidates. (Waechter, Moehrle, Goesele, ECCV 2014, section
 4.3.1, average each photo along the seam's edges; comparing whole faces needs no second reading of
 the photos, and a pixel of error in the cameras matters less.) Where no face is seen by both, the
-two sides' own colours are compared, with little weight.
+two sides' own colours are compared, with little weight. A face that took a neighbour's photo
+(:mod:`terraport_pipeline.geometry.small_charts`) has no colour in it: such an edge says nothing.
 
 PURE: no I/O, no clock.
 """
@@ -66,7 +67,8 @@ class Seams:
     raw_step: Float32
     """(S, 3) the same without gains and not clipped."""
     weight: Float32
-    """(S,) length over the mean edge of the seams, or over another unit."""
+    """(S,) length over the mean edge of the seams, or over another unit; 0 where a side's colour is
+    not known."""
     trust: Float32
     """(S,) how far the step is one of exposure, 0..1: less where it is large, and where no face is
     seen by both."""
@@ -221,6 +223,7 @@ def _measure_seams(
     raw = np.zeros((n, 3), np.float32)
     weight = np.empty(n, np.float32)
     trust = np.empty(n, np.float32)
+    known = np.ones(n, np.bool_)
     total = 0.0
     for p in range(n):
         square = 0.0
@@ -251,6 +254,9 @@ def _measure_seams(
             few = _UNSHARED
             s = _slot_of(views, pairs[p, 0], one)
             t = _slot_of(views, pairs[p, 1], two)
+            if s < 0 or t < 0:
+                known[p], trust[p] = False, 0.0
+                continue
             for k in range(3):
                 a = _level(colour, own, pairs[p, 0], s, k)
                 b = _level(colour, own, pairs[p, 1], t, k)
@@ -266,5 +272,5 @@ def _measure_seams(
     if unit_m > 0.0:
         scale = 1.0 / unit_m
     for p in range(n):
-        weight[p] *= scale
+        weight[p] = weight[p] * scale if known[p] else 0.0
     return pairs.astype(np.int32), node, step, raw, weight, trust

@@ -159,7 +159,8 @@ def rate(
         tx, ty, tz = px - vertices[i, 0], py - vertices[i, 1], pz - vertices[i, 2]
         size = np.sqrt((nx * nx + ny * ny + nz * nz) * (tx * tx + ty * ty + tz * tz))
         facing = nx * tx + ny * ty + nz * tz
-        if not facing >= min_cosine * size:
+        # A face without area, or one that the camera stands on, looks nowhere.
+        if not (size > 0.0 and facing >= min_cosine * size):
             continue
         u = (np.float64(uv[i, 0]) + uv[j, 0] + uv[k, 0]) / 3.0
         v = (np.float64(uv[i, 1]) + uv[j, 1] + uv[k, 1]) / 3.0

@@ -17,10 +17,11 @@ from terraport_pipeline.geometry.bake import (
     bake_photo_faces,
     bake_plain_faces,
 )
-from terraport_pipeline.geometry.charts import Charts, make_charts
+from terraport_pipeline.geometry.chart_room import charts_with_room, flat_colours
+from terraport_pipeline.geometry.charts import Charts
 from terraport_pipeline.geometry.gutters import fill_cells
 from terraport_pipeline.geometry.lens import PACKED, View
-from terraport_pipeline.geometry.photo_samples import neutral_gains
+from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
 from terraport_pipeline.model import Float64, Int32, Mesh, UInt8
 from terraport_pipeline.stages.choose_views import Photos
@@ -53,6 +54,11 @@ class MadeAtlas:
     """(F,) area of each face in the image, texels."""
     gsd_m: Float64
     """(F,) length of a photo's pixel on each face; NaN without a photo."""
+    flat: npt.NDArray[np.bool_]
+    """(F,) faces of one flat colour, that of their vertices: without area, as small as a texel or
+    two and in no photo, or without room. They have no texels."""
+    crowded: npt.NDArray[np.bool_]
+    """(F,) those without room."""
     charts: int
     use: float
     """Share of the image within cells of charts."""
@@ -93,29 +99,62 @@ class AtlasMaker:
         points = self.mesh.vertices[used].astype(np.float64)
         colours = self._colours(faces, corners, used)
         packed = np.array([view.packed() for view in self.views]).reshape(-1, PACKED)
-        charts = make_charts(points, corners, colours.view, packed, texel_m=self.texel_m)
-        atlas = pack_charts(charts.sizes, max_side=max_side)
-        # Whole half texels, as payloads hold them, before anything is drawn: nothing shifts later.
-        wedges = np.rint(atlas.place(charts.uvs, charts.chart) * 2.0)
-        texels = wedges * 0.5
+        roomy = charts_with_room(
+            points, corners, colours.view, packed, texel_m=self.texel_m, max_side=max_side
+        )
+        charts, rows = roomy.charts, roomy.rows
+        flat = np.ones(len(faces), np.bool_)
+        flat[rows] = False
+        shared = flat_colours(self._flat(colours, flat))
+        sizes = np.zeros((0, 2)) if charts is None else charts.sizes
+        atlas = pack_charts(
+            np.concatenate([sizes, np.zeros((len(shared.colours), 2))]), max_side=max_side
+        )
         image = np.zeros((atlas.height, atlas.width, 3), np.uint8)
         covered = np.zeros((atlas.height, atlas.width), np.uint8)
-        self._bake(image, covered, texels, points[corners], charts, atlas, colours, packed, None)
-        self._bake(
-            image, covered, texels, points[corners], charts, atlas, colours, packed, charts.rim
-        )
+        wedges = np.zeros((len(faces), 3, 2))
+        texels, gsd_m = np.full(len(faces), np.nan), np.full(len(faces), np.nan)
+        surface_m2 = np.zeros(len(faces))
+        if charts is not None:
+            # Whole half texels, as payloads hold them, before anything is drawn: nothing shifts
+            # later.
+            wedges[rows] = np.rint(atlas.place(charts.uvs, charts.chart) * 2.0)
+            part, places = colours.rows(rows), points[corners[rows]]
+            for rim in (None, charts.rim):
+                self._bake(
+                    image, covered, wedges[rows] * 0.5, places, charts, atlas, part, packed, rim
+                )
+            texels[rows], gsd_m[rows] = charts.texels * atlas.scale**2, charts.gsd_m
+            surface_m2[rows] = charts.surface_m2
+        if flat.any():
+            surface_m2[flat] = _areas(points[corners[flat]])
+            cells = atlas.cells[len(sizes) :]
+            for (x, y, width, height), colour in zip(cells.tolist(), shared.colours, strict=True):
+                image[y : y + height, x : x + width] = colour
+                covered[y : y + height, x : x + width] = 1
+            wedges[flat] = (2 * cells[:, :2] + cells[:, 2:])[shared.of_face][:, None, :]
         fill_cells(image, covered, atlas.cells)
         return MadeAtlas(
             wedges=wedges.astype(np.uint16),
             image=encode_image(image, self.kind, self.quality),
             width=atlas.width,
             height=atlas.height,
-            surface_m2=charts.surface_m2,
-            texels=charts.texels * atlas.scale**2,
-            gsd_m=charts.gsd_m,
-            charts=charts.count,
+            surface_m2=surface_m2,
+            texels=texels,
+            gsd_m=gsd_m,
+            flat=flat,
+            crowded=roomy.crowded,
+            charts=len(sizes),
             use=atlas.use,
         )
+
+    def _flat(self, colours: FaceColours, which: npt.NDArray[np.bool_]) -> UInt8:
+        """Mean vertex colour of some faces, after its gain."""
+        gain = neutral_gains(0)[-1] if self.choice is None else self.choice.gains[-1]
+        mean = colours.colours[which].mean(axis=1, dtype=np.float32)
+        level = (mean + SRGB_OFFSET) * gain[:3] - SRGB_OFFSET
+        flat: UInt8 = np.clip(np.rint(level), 0, 255).astype(np.uint8)
+        return flat
 
     def _colours(
         self, faces: npt.NDArray[np.integer], corners: Int32, used: npt.NDArray[np.integer]
@@ -195,3 +234,10 @@ def _photo_scale(charts: Charts, atlas: Atlas, which: Int32) -> int:
     while 2 * scale <= min(ratio * 1.05, _MAX_PHOTO_SCALE):
         scale *= 2
     return scale
+
+
+def _areas(places: Float64) -> Float64:
+    """Areas of triangles (K, 3, 3), square metres."""
+    normal = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    area: Float64 = 0.5 * np.linalg.norm(normal, axis=1)
+    return area

@@ -2,8 +2,8 @@
 
 (1) every photo's faces are rated, tested for occlusion and kept among the best few of each face,
 one photo at a time; (2) photos that disagree with the others about a face are dropped; (3)
-neighbouring faces are given the same photo where that costs little; (4) what remains at the seams
-is levelled.
+neighbouring faces are given the same photo where that costs little, and small charts join their
+neighbours where there are too many; (4) what remains at the seams is levelled.
 
 Memory: 56 bytes a face for the candidates, about 60 for the neighbours and 60 for the result, and
 40 per vertex; plus what the store of photos may hold.
@@ -22,13 +22,14 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.face_cells import CellGrid, face_cells
-from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.lens import PACKED, View
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
 from terraport_pipeline.geometry.occlusion import Occluder, visible_faces
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, sample_faces, sharpness_map
 from terraport_pipeline.geometry.seam_blend import blend_seams, no_blend, seam_steps
 from terraport_pipeline.geometry.seam_levels import level_field, node_levels
 from terraport_pipeline.geometry.seams import find_seams, label_nodes
+from terraport_pipeline.geometry.small_charts import FACES_PER_CHART, join_small_charts
 from terraport_pipeline.geometry.view_candidates import (
     Candidates,
     insert,
@@ -76,7 +77,7 @@ CELL_EDGES: Final = 16.0
 
 
 class Photos(Protocol):
-    """Where photos come from: :class:`terraport_pipeline.engines.photos.PhotoStore`."""
+    """Where photos come from: :class:`terraport_pipeline.engines.photo_store.PhotoStore`."""
 
     def get(self, view_index: int, scale: int = 1) -> UInt8:
         """Pixels (H', W', 3), sRGB, at about 1/scale of the photo's size."""
@@ -101,6 +102,9 @@ class Options:
     side. Wider hides more, and shows things double where the cameras are a little off."""
     occluder_offset_m: float = 0.0
     """How far the occluder may lie in front of the mesh where it is not the mesh itself."""
+    max_charts: int | None = None
+    """Charts beyond which small ones join their neighbours; None goes by the number of faces,
+    and joins nothing without smoothness."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.max_angle_degrees < 90.0:
@@ -113,6 +117,8 @@ class Options:
             raise OptionError(f"blend rings {self.blend_rings}; expected 1 to 16")
         if not self.occluder_offset_m >= 0.0:
             raise OptionError(f"occluder offset {self.occluder_offset_m} m; expected at least 0")
+        if self.max_charts is not None and self.max_charts < 1:
+            raise OptionError(f"max charts {self.max_charts}; expected at least 1")
 
 
 def choose_views(
@@ -213,6 +219,8 @@ class Labels:
     """(P, 2) neighbouring faces."""
     edges: Int32
     """(P, 2) the vertices between them."""
+    borrowed: npt.NDArray[np.bool_]
+    """(F,) faces that have the photo of a neighbour, which may not see them."""
     facts: dict[str, Any]
 
 
@@ -278,13 +286,21 @@ def choose_labels(
         candidates, neighbours, cells, smoothness=options.smoothness, threads=threads
     )
     chosen = chosen_views(candidates, labelled.slot, threads=threads)
+    packed = np.array([view.packed() for view in views]).reshape(-1, PACKED)
+    most = max(1, len(chosen) // FACES_PER_CHART) if options.smoothness > 0.0 else len(chosen)
+    joined = join_small_charts(
+        chosen, blocks.vertices, blocks.faces, pairs, packed,
+        max_charts=most if options.max_charts is None else min(most, options.max_charts),
+    )  # fmt: skip
+    chosen = joined.view
     facts |= {
         "energy_before": labelled.energies[0],
         "energy_after": labelled.energies[-1],
         "faces_unseen": int((chosen < 0).sum()),
+        "faces_borrowed": int(joined.borrowed.sum()),
     }
     progress.done({"faces unseen": facts["faces_unseen"]})
-    return Labels(chosen, candidates, own, pairs, edges, facts)
+    return Labels(chosen, candidates, own, pairs, edges, joined.borrowed, facts)
 
 
 def collect(

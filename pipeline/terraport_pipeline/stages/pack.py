@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +23,6 @@ from terraport_payload import (
     SegmentMesh,
     choose_attribute_scale,
     choose_step_m,
-    decode_glb,
-    encode_arrays,
     encode_glb,
     gltf_attribute_name,
     snap,
@@ -46,7 +44,6 @@ __all__ = [
     "EXPECTED_BYTES_PER_FACE",
     "NAME",
     "About",
-    "Encoding",
     "Options",
     "Packed",
     "Payload",
@@ -61,8 +58,6 @@ __all__ = [
 
 NAME: Final = "pack"
 
-Encoding = Literal["glb", "arrays"]
-
 EXPECTED_BYTES_PER_FACE: Final = 16
 """Free space asked for before writing; twice what a coloured face takes with few attributes."""
 
@@ -73,15 +68,10 @@ class Options:
 
     name: str
     """The scene's name for people."""
-    encodings: tuple[Encoding, ...] = ("glb",)
-    """``glb`` always; ``arrays`` beside it for engines without a glTF loader."""
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.name) <= 200:
             raise OptionError(f"name of {len(self.name)} characters; expected 1 to 200")
-        unknown = set(self.encodings) - {"glb", "arrays"}
-        if unknown or "glb" not in self.encodings:
-            raise OptionError(f"encodings {','.join(self.encodings)}; expected glb, or glb,arrays")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +102,6 @@ class Payload:
     """One encoded segment."""
 
     glb: bytes
-    arrays: bytes | None
     bounds: tuple[float, ...]
     vertices: int
     faces: int
@@ -157,17 +146,16 @@ def run(
         name: choose_attribute_scale(np.concatenate([values, base.attributes[name]]))
         for name, values in detail.attributes.items()
     }
-    with_arrays = "arrays" in options.encodings
     count = len(segmented.main_region)
-    expected = (len(detail.faces) * (1 + with_arrays) + len(base.faces)) * EXPECTED_BYTES_PER_FACE
+    expected = (len(detail.faces) + len(base.faces)) * EXPECTED_BYTES_PER_FACE
     if textured is not None:
-        expected += (1 + with_arrays) * len(textured.detail.images) + len(textured.base.images)
-    with SceneWriter(scene, with_arrays=with_arrays, expected_bytes=expected) as writer:
+        expected += len(textured.detail.images) + len(textured.base.images)
+    with SceneWriter(scene, expected_bytes=expected) as writer:
         # (1) segments, in their Morton order
         progress.start("pack: segments", float(count), "segments")
 
         def encode(make: Callable[[], SegmentMesh]) -> Payload:
-            return encode_payload(make(), step_m, scales, with_arrays=with_arrays)
+            return encode_payload(make(), step_m, scales)
 
         payload_bytes = []
         images = None if textured is None else textured.detail
@@ -180,7 +168,6 @@ def run(
                 bounds=payload.bounds,
                 vertices=payload.vertices,
                 faces=payload.faces,
-                arrays=payload.arrays,
             )
             payload_bytes.append(len(payload.glb))
             progress.advance(1)
@@ -322,15 +309,12 @@ def whole_payload(mesh: Mesh, textures: TextureSet | None = None) -> SegmentMesh
     )
 
 
-def encode_payload(
-    mesh: SegmentMesh, step_m: float, scales: dict[str, AttributeScale], *, with_arrays: bool
-) -> Payload:
-    """Encode one segment in all encodings."""
+def encode_payload(mesh: SegmentMesh, step_m: float, scales: dict[str, AttributeScale]) -> Payload:
+    """Encode one segment."""
     glb = encode_glb(mesh, step_m=step_m, attribute_scales=scales)
     corners = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
     return Payload(
         glb=glb,
-        arrays=encode_arrays(decode_glb(glb)) if with_arrays else None,
         bounds=tuple(snap(corners, step_m).ravel().tolist()),
         vertices=len(mesh.positions),
         faces=len(mesh.faces),

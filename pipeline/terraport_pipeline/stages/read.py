@@ -200,5 +200,5 @@ def _finish(path: Path, raw: RawSurvey, name: str) -> Survey:
     points, crs, notes = to_metres(path, points, raw.crs)
     warnings += notes
     if colours is None:
-        warnings.append("The survey has no colour (RGB): the scene will be grey.")
+        warnings.append("The survey has no colour (RGB): what no photo shows will be grey.")
     return Survey(points, colours, attributes, crs, name, tuple(warnings))

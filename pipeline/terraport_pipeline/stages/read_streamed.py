@@ -230,7 +230,7 @@ def _finish(
                 scaled.append(block * factors)
         points.writer.path.unlink()
     if not has_colour:
-        warnings.append("The survey has no colour (RGB): the scene will be grey.")
+        warnings.append("The survey has no colour (RGB): what no photo shows will be grey.")
     values = {
         "attributes": names,
         "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,

@@ -20,6 +20,7 @@ from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_detail
 from terraport_pipeline.errors import OptionError, ResourceError
+from terraport_pipeline.geometry.base_patch import append_surface, base_patch
 from terraport_pipeline.geometry.carry import carry_values
 from terraport_pipeline.geometry.chunks import side_by_side
 from terraport_pipeline.geometry.deviation import distances_to_mesh
@@ -29,11 +30,24 @@ from terraport_pipeline.model import Float32, Int32, Mesh
 from terraport_pipeline.progress import ESTIMATE_UNIT
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
-from terraport_pipeline.stages.trim_detail import sampled_ground, trim_detail
+from terraport_pipeline.stages.trim_detail import HEM_SPACINGS, sampled_ground, trim_detail
 
-__all__ = ["NAME", "Options", "Reconstructed", "restore", "run", "store", "trim_base"]
+__all__ = [
+    "BASE_DEPTH",
+    "NAME",
+    "Options",
+    "Reconstructed",
+    "choose_detail_depth",
+    "restore",
+    "run",
+    "store",
+    "trim_base",
+]
 
 NAME: Final = "reconstruct"
+
+BASE_DEPTH: Final = 9
+"""Octree depth of a base by "poisson" where none was asked for."""
 
 _MAX_DEPTH: Final = 16
 """The solver's own limit on a 64-bit build."""
@@ -58,10 +72,11 @@ class Options:
     base_from: Literal["detail", "poisson"] = "detail"
     """"detail" thins the detail: ten times nearer to it, and the same outline. "poisson" solves the
     base apart, as the thesis does."""
-    base_depth: int = 9
-    """Octree depth of a base by "poisson"; lower is lighter and farther from the detail."""
-    detail_depth: int = 13
-    """Octree depth of the detail, lowered to where a cell is one sample spacing."""
+    base_depth: int | None = None
+    """Octree depth of a base by "poisson"; lower is lighter and farther from the detail. None: 9,
+    and below the detail."""
+    detail_depth: int | None = None
+    """Octree depth of the detail, lowered to where a cell is one sample spacing. None: that one."""
     base_faces: int = 200_000
     """The base is decimated to this. Every client holds all of it all the time."""
     trim_spacings: float = 4.0
@@ -77,7 +92,7 @@ class Options:
         if self.base_from not in ("detail", "poisson"):
             raise OptionError(f"base from {self.base_from!r}; expected detail or poisson")
         for name, depth in (("base", self.base_depth), ("detail", self.detail_depth)):
-            if not 3 <= depth <= _MAX_DEPTH:
+            if depth is not None and not 3 <= depth <= _MAX_DEPTH:
                 raise OptionError(f"{name} depth {depth}; expected 3 to {_MAX_DEPTH}")
         if self.base_faces < 100:
             raise OptionError(f"base faces {self.base_faces}; expected at least 100")
@@ -153,20 +168,29 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         return _dress(*surface, cleaned, ground.tree, context.threads)
 
     def make_base() -> tuple[Mesh, dict[str, Json]]:
+        told: dict[str, Json] = {}
         if solved_base is None:
             thinned = thin_detail(
                 *trimmed.wide, max_faces=options.base_faces, threads=context.threads
             )
-            told: dict[str, Json] = {}
         else:
             cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
             thinned = trim_base(*solved_base, detail[0], cell_m, threads=context.threads)
-            told = {
+            told |= {
                 "base_depth": base_depth,
                 "base_faces_solved": solved[1],
                 "base_faces_trimmed": len(thinned[1]),
             }
             thinned = decimate(*thinned, max_faces=options.base_faces)
+        patch = base_patch(
+            thinned,
+            detail,
+            trimmed.wide,
+            margin_m=HEM_SPACINGS * cleaned.cloud.spacing_m,
+            threads=context.threads,
+        )
+        told["base_faces_patched"] = len(patch[1])
+        thinned = append_surface(thinned, patch)
         # Vertex cache order now: the cover names base faces by number.
         order = order_for_cache(thinned[1].astype(np.uint32))
         return dress((thinned[0], thinned[1][order])), told
@@ -185,6 +209,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
     counts: dict[str, Json] = {
         "base_from": options.base_from,
         "detail_depth": detail_depth,
+        "cell_m": poisson.SCALE * _extent_m(cleaned) / 2**detail_depth,
         "detail_faces_solved": solved[0],
         **told,
         "base_faces": len(base.faces),
@@ -234,17 +259,34 @@ def _extent_m(cleaned: Cleaned) -> float:
     return float(np.ptp(cleaned.cloud.points, axis=0).max())
 
 
+def choose_detail_depth(
+    options: Options, extent_m: float, spacing_m: float
+) -> tuple[int, list[str]]:
+    """Cap the detail's depth by the survey's density.
+
+    Returns
+    -------
+    depth : int
+    warnings : list of str
+        One where the user asked for more; what nobody asked for is no news.
+    """
+    depth = poisson.depth_for(options.detail_depth, extent_m, spacing_m)
+    if options.detail_depth is None or depth == options.detail_depth:
+        return depth, []
+    warning = (
+        f"detail depth {depth} instead of {options.detail_depth}: there a cell is one sample "
+        f"spacing ({spacing_m:.3g} m); finer cells would only add noise"
+    )
+    return depth, [warning]
+
+
 def _choose_depths(cleaned: Cleaned, options: Options, warnings: list[str]) -> tuple[int, int]:
     """Cap the detail by density and put the base below it."""
     spacing_m = cleaned.cloud.spacing_m
-    detail = poisson.depth_for(options.detail_depth, _extent_m(cleaned), spacing_m)
-    if detail < options.detail_depth:
-        warnings.append(
-            f"detail depth {detail} instead of {options.detail_depth}: there a cell is one sample "
-            f"spacing ({spacing_m:.3g} m); finer cells would only add noise"
-        )
-    base = max(1, min(options.base_depth, detail - 1))
-    if base < options.base_depth and options.base_from == "poisson":
+    detail, lowered = choose_detail_depth(options, _extent_m(cleaned), spacing_m)
+    warnings += lowered
+    base = max(1, min(options.base_depth or BASE_DEPTH, detail - 1))
+    if options.base_depth is not None and base < options.base_depth:
         warnings.append(
             f"base depth {base} instead of {options.base_depth}: the base stays below the detail"
         )

@@ -20,6 +20,7 @@ from terraport_pipeline.engines.images import MEDIA_TYPES, ImageFormat
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.view_choice import ViewChoice
 from terraport_pipeline.model import Float32, Int32, Mesh
@@ -47,7 +48,7 @@ __all__ = [
     "store",
     "texture_base",
     "texture_mesh",
-    "unseen_warnings",
+    "worth_warning",
 ]
 
 NAME: Final = "texture"
@@ -59,6 +60,9 @@ _SIDES: Final = (256, 512, 1024, 2048, 4096)
 
 _WORST_UNSEEN: Final = 0.2
 """Share of the surface without a photo from which a warning says so."""
+
+_WORST_BORROWED: Final = 0.05
+"""Share of the faces with a neighbour's photo from which a warning says so."""
 
 _DEFAULT_MEMORY: Final = 4 << 30
 
@@ -152,7 +156,13 @@ def run(
     counts = made.facts | {f"base_{name}": n for name, n in made_base.made.facts.items()}
     if detail_choice is not None:
         counts |= {f"choice_{name}": number for name, number in detail_choice.facts.items()}
-    warnings = () if opened is None else (*opened.warnings, *unseen_warnings(made.facts))
+        counts["borrowed_share"] = round(
+            detail_choice.facts["faces_borrowed"] / len(detail.faces), 4
+        )
+    warnings: tuple[str, ...] = ()
+    if opened is not None:
+        counts |= {"photos": len(views), "photos_left_out": opened.left_out}
+        warnings = (*opened.warnings, *worth_warning(counts))
     return Textured(
         made.textures,
         made_base.made.textures,
@@ -203,25 +213,45 @@ def texture_base(
         gains = view_gains(
             base, views, photos, rays, threads=context.threads, progress=context.progress
         )
-        choice = _choose(base, views, photos, rays, gains, context)
+        # Half of the charts that the image may hold: those without a photo are cut further.
+        room = (options.base_side // SMALLEST_CELL) ** 2 // 8
+        choice = _choose(base, views, photos, rays, gains, context, max_charts=room)
     made = texture_mesh(
         base, np.zeros(len(base.faces), np.int32), views, photos, choice, options,
         max_side=options.base_side, path=context.scratch / "base.images",
         threads=context.threads, progress=context.progress, label="texture: base",
     )  # fmt: skip
+    if choice is not None:
+        made.facts["borrowed_share"] = round(choice.facts["faces_borrowed"] / len(base.faces), 4)
     return BaseTextures(made, gains)
 
 
-def unseen_warnings(facts: Mapping[str, Any]) -> tuple[str, ...]:
-    """Warn where much of the surface is in no photo."""
-    share = float(facts["unseen_share"])
-    if share <= _WORST_UNSEEN:
-        return ()
-    text = (
-        f"{share:.0%} of the surface is in no photo and has the cloud's colours: are the cameras "
-        "those of this survey, and all photos there?"
-    )
-    return (text,)
+def worth_warning(counts: Mapping[str, Any]) -> tuple[str, ...]:
+    """Warn where much of the surface is not as the photos show it, and say why."""
+    texts = []
+    unseen = float(counts["unseen_share"])
+    if unseen > _WORST_UNSEEN and counts["photos"]:  # where none is left, that is said already
+        texts.append(
+            f"{unseen:.0%} of the surface is in no photo and has the cloud's colours: are the "
+            "cameras those of this survey, and all photos there?"
+        )
+    for level in ("base", "detail"):
+        before = "" if level == "detail" else "base_"
+        borrowed = float(counts.get(f"{before}borrowed_share", 0.0))
+        if borrowed > _WORST_BORROWED:
+            texts.append(
+                f"{borrowed:.0%} of the {level}'s faces have the photo of a neighbour, which may "
+                "not see them: the surface is so noisy that it fell into charts of a few faces; "
+                "clean the cloud, or thin it with --max-points"
+            )
+        flat = float(counts[f"{before}crowded_share"])
+        if flat > 0.0:
+            texts.append(
+                f"{flat:.2%} of the {level}'s surface have the cloud's colours, one a face: "
+                f"{counts[f'{before}charts']:,} charts left no room in an image of "
+                f"{counts[f'{before}longest_side']:,} texels"
+            )
+    return tuple(texts)
 
 
 def texture_mesh(
@@ -337,10 +367,12 @@ def _choose(
     rays: RayScene,
     gains: Float32,
     context: Context,
+    *,
+    max_charts: int | None = None,
 ) -> ViewChoice:
     return choosing.choose_views(
         mesh.vertices, mesh.faces, mesh.normals, mesh.colours, views, photos, rays, gains,
-        choosing.Options(), context.threads, context.progress,
+        choosing.Options(max_charts=max_charts), context.threads, context.progress,
     )  # fmt: skip
 
 

@@ -31,24 +31,26 @@ class TextureTally:
     gsd_m2: Float64
     """(_BINS,) surface that a photo shows, by the length of the photo's pixels."""
     surface_m2: float
+    crowded_m2: float
+    """Surface of flat colours, for want of room."""
 
     def arrays(self) -> dict[str, npt.NDArray[np.float64]]:
         """Give arrays to store."""
         return {
             "tally_texel": self.texel_m2,
             "tally_gsd": self.gsd_m2,
-            "tally_surface": np.array([self.surface_m2]),
+            "tally_surface": np.array([self.surface_m2, self.crowded_m2]),
         }
 
     @classmethod
     def total(cls, parts: Iterable[Mapping[str, npt.NDArray[Any]]]) -> TextureTally:
         """Add up the arrays of several."""
-        texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), 0.0
+        texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), np.zeros(2)
         for part in parts:
             texel = texel + part["tally_texel"]
             gsd = gsd + part["tally_gsd"]
-            surface += float(part["tally_surface"][0])
-        return cls(texel, gsd, surface)
+            surface = surface + part["tally_surface"]
+        return cls(texel, gsd, float(surface[0]), float(surface[1]))
 
     def facts(self) -> dict[str, Any]:
         """Tell of them as :meth:`TextureSums.facts`."""
@@ -56,7 +58,8 @@ class TextureTally:
         return {
             "texel_m": _bin_median(self.texel_m2) if self.texel_m2.any() else None,
             "gsd_m": _bin_median(self.gsd_m2) if self.gsd_m2.any() else None,
-            "unseen_share": round(unseen / self.surface_m2, 4) if self.surface_m2 > 0 else 0.0,
+            "unseen_share": _share(unseen, self.surface_m2),
+            "crowded_share": _share(self.crowded_m2, self.surface_m2),
         }
 
 
@@ -67,6 +70,8 @@ class TextureSums:
         self.surface_m2 = np.empty(faces, np.float32)
         self.texel_m = np.empty(faces, np.float32)
         self.gsd_m = np.empty(faces, np.float32)
+        self.flat = np.zeros(faces, np.bool_)
+        self.crowded = np.zeros(faces, np.bool_)
         self.charts = 0
         self.used = 0.0
 
@@ -75,21 +80,25 @@ class TextureSums:
         self.surface_m2[faces] = made.surface_m2
         self.texel_m[faces] = np.sqrt(made.surface_m2 / np.maximum(made.texels, 1e-12))
         self.gsd_m[faces] = made.gsd_m
+        self.flat[faces] = made.flat
+        self.crowded[faces] = made.crowded
         self.charts += made.charts
         self.used += made.use * made.width * made.height
 
     def tally(self) -> TextureTally:
         """Sum up so that several add up."""
         seen = ~np.isnan(self.gsd_m)
+        drawn = ~self.flat
         return TextureTally(
-            _histogram(self.texel_m, self.surface_m2),
+            _histogram(self.texel_m[drawn], self.surface_m2[drawn]),
             _histogram(self.gsd_m[seen], self.surface_m2[seen]),
             float(self.surface_m2.sum(dtype=np.float64)),
+            float(self.surface_m2[self.crowded].sum(dtype=np.float64)),
         )
 
     def facts(self, sides: npt.NDArray[np.integer], image_bytes: int) -> dict[str, Any]:
         """Tell of all; *sides* is (S, 2)."""
-        seen = ~np.isnan(self.gsd_m)
+        seen, drawn = ~np.isnan(self.gsd_m), ~self.flat
         area = float(self.surface_m2.sum(dtype=np.float64))
         unseen = float(self.surface_m2[~seen].sum(dtype=np.float64))
         texels = int((sides[:, 0].astype(np.int64) * sides[:, 1]).sum())
@@ -100,11 +109,20 @@ class TextureSums:
             "texels": texels,
             "longest_side": int(sides.max()),
             "charts": self.charts,
+            "faces_per_chart": round(int(drawn.sum()) / max(self.charts, 1), 1),
             "cells_share": round(self.used / texels, 3),
-            "texel_m": _median(self.texel_m, self.surface_m2),
+            "texel_m": _median(self.texel_m[drawn], self.surface_m2[drawn]),
+            "faces_without_area": int((self.surface_m2 == 0.0).sum()),
             "gsd_m": gsd_m,
-            "unseen_share": round(unseen / area, 4) if area > 0 else 0.0,
+            "unseen_share": _share(unseen, area),
+            "crowded_share": _share(
+                float(self.surface_m2[self.crowded].sum(dtype=np.float64)), area
+            ),
         }
+
+
+def _share(part: float, whole: float) -> float:
+    return round(part / whole, 4) if whole > 0 else 0.0
 
 
 def _median(values: Float32, weights: Float32) -> float:

@@ -10,6 +10,7 @@ about 500 bytes per face of four times the base; for a base by Poisson what its 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from typing import Final
 
 import numpy as np
@@ -19,6 +20,7 @@ from terraport_payload.order import order_for_cache
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_block, thin_detail
+from terraport_pipeline.geometry.base_patch import append_surface, base_patch
 from terraport_pipeline.geometry.carry import carry_values
 from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.geometry.face_blocks import weld
@@ -27,7 +29,8 @@ from terraport_pipeline.geometry.vertex_normals import vertex_normals
 from terraport_pipeline.model import Float32, Int32, Mesh
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
-from terraport_pipeline.stages.reconstruct import Options, trim_base
+from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options, trim_base
+from terraport_pipeline.stages.trim_detail import HEM_SPACINGS
 from terraport_pipeline.tiles import StoredTiles
 
 __all__ = ["NAME", "TiledBase", "restore", "run", "store"]
@@ -76,6 +79,19 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
         thin, triangles = thin_detail(
             vertices, joined, max_faces=options.base_faces, threads=context.threads
         )
+    patches = [
+        base_patch(
+            (thin, triangles),
+            (tile.vertices, tile.faces),
+            tiles.base_part(tiles.base_names.index(tiles.names[i])),
+            margin_m=HEM_SPACINGS * cleaned.cloud.spacing_m,
+            threads=context.threads,
+        )
+        for i in range(tiles.count)
+        if len((tile := tiles.load(i)).faces)
+    ]
+    counts["base_faces_patched"] = sum(len(faces) for _, faces in patches)
+    thin, triangles = reduce(append_surface, patches, (thin, triangles))
     # Vertex cache order now: the cover names base faces by number.
     triangles = triangles[order_for_cache(triangles.astype(np.uint32))]
     cloud = cleaned.cloud
@@ -142,7 +158,7 @@ def _solved(
     """Solve the base on the thinned survey and cut it to what lies near the detail."""
     cloud = cleaned.cloud
     extent_m = float(np.ptp(cloud.points, axis=0).max())
-    depth = poisson.depth_for(options.base_depth, extent_m, cloud.spacing_m)
+    depth = poisson.depth_for(options.base_depth or BASE_DEPTH, extent_m, cloud.spacing_m)
     (surface,) = poisson.reconstruct(
         cloud.points,
         cloud.normals,

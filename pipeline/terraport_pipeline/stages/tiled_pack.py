@@ -31,6 +31,7 @@ from terraport_pipeline.stages.pack import (
     About,
     Options,
     Packed,
+    Payload,
     encode_payload,
     in_order,
     kept_faces,
@@ -56,7 +57,6 @@ class Scales:
     step_m: float
     ranges: dict[str, AttributeRange]
     """Of detail and base."""
-    with_arrays: bool
 
     @property
     def attributes(self) -> dict[str, AttributeScale]:
@@ -68,7 +68,6 @@ class Scales:
         return {
             "step_m": self.step_m,
             "attributes": {n: [s.offset, s.step] for n, s in self.attributes.items()},
-            "with_arrays": self.with_arrays,
         }
 
 
@@ -84,7 +83,6 @@ def scales_of(
     scene: TiledScene,
     segmented: TiledSegmented,
     base: Mesh,
-    options: Options,
     spacing_m: float = 0.0,
 ) -> Scales:
     """Choose the rounding for a scene."""
@@ -101,7 +99,6 @@ def scales_of(
     return Scales(
         choose_step_m(float(sides.max()), farthest, spacing_m),
         ranges,
-        "arrays" in options.encodings,
     )
 
 
@@ -129,15 +126,13 @@ def encode(
     Returns
     -------
     Stored
-        ``glb`` (and ``arrays``): payloads one after the other in order of the segments, with their
+        ``glb``: payloads one after the other in order of the segments, with their
         lengths; boxes and counts of the segments.
     """
     attributes = scales.attributes
     made = list(
         in_order(
-            lambda part: encode_payload(
-                part, scales.step_m, attributes, with_arrays=scales.with_arrays
-            ),
+            lambda part: encode_payload(part, scales.step_m, attributes),
             split_segments(mesh, segments, regions, textures),
             context.threads,
         )
@@ -146,13 +141,9 @@ def encode(
         "bounds": np.array([payload.bounds for payload in made], np.float64),
         "vertices": np.array([payload.vertices for payload in made], np.int64),
         "faces": np.array([payload.faces for payload in made], np.int64),
+        "glb": np.frombuffer(b"".join(payload.glb for payload in made), np.uint8),
+        "glb_length": np.array([len(payload.glb) for payload in made], np.int64),
     }
-    encoded = {"glb": [payload.glb for payload in made]}
-    if scales.with_arrays:
-        encoded["arrays"] = [payload.arrays or b"" for payload in made]
-    for name, payloads in encoded.items():
-        arrays[name] = np.frombuffer(b"".join(payloads), np.uint8)
-        arrays[f"{name}_length"] = np.array([len(data) for data in payloads], np.int64)
     return Stored(arrays, {})
 
 
@@ -201,25 +192,24 @@ def publish(
     progress = context.progress
     kept = kept_faces(base, segmented.base_kept)
     count = len(segmented.tile)
-    expected = surface.face_count * (1 + scales.with_arrays) * EXPECTED_BYTES_PER_FACE // 2
+    expected = surface.face_count * EXPECTED_BYTES_PER_FACE // 2
     images = info = None
     if textured is not None:
         images, info = textured
-        expected += (1 + scales.with_arrays) * info.image_bytes + len(images.images)
-    with SceneWriter(place, with_arrays=scales.with_arrays, expected_bytes=expected) as writer:
+        expected += info.image_bytes + len(images.images)
+    with SceneWriter(place, expected_bytes=expected) as writer:
         progress.start("pack: segments", float(count), "segments")
         payload_bytes = []
         for number, payload in enumerate(_by_number(segmented, payloads)):
             writer.add_segment(
-                payload["glb"],
+                payload.glb,
                 region=int(segmented.main_region[number]),
                 region_count=int(segmented.region_counts[number]),
-                bounds=payload["bounds"],
-                vertices=payload["vertices"],
-                faces=payload["faces"],
-                arrays=payload.get("arrays"),
+                bounds=payload.bounds,
+                vertices=payload.vertices,
+                faces=payload.faces,
             )
-            payload_bytes.append(len(payload["glb"]))
+            payload_bytes.append(len(payload.glb))
             progress.advance(1)
         progress.done({})
         progress.start("pack: base", None, "faces")
@@ -257,27 +247,21 @@ def publish(
     )
 
 
-def _by_number(segmented: TiledSegmented, payloads: PayloadFiles) -> Iterator[dict[str, Any]]:
+def _by_number(segmented: TiledSegmented, payloads: PayloadFiles) -> Iterator[Payload]:
     """Read every payload in the order of the scene's segments."""
-    opened: dict[int, tuple[Stored, Mapping[str, npt.NDArray[np.int64]]]] = {}
+    opened: dict[int, tuple[Stored, npt.NDArray[np.int64]]] = {}
     for tile, within in zip(segmented.tile.tolist(), segmented.within.tolist(), strict=True):
         if tile not in opened:
             stored = payloads(tile)
-            begins = {
-                name: np.concatenate([[0], np.cumsum(stored.arrays[f"{name}_length"])])
-                for name in ("glb", "arrays")
-                if name in stored.arrays
-            }
+            begins = np.concatenate([[0], np.cumsum(stored.arrays["glb_length"])])
             opened[tile] = stored, begins
         stored, starts = opened[tile]
-        found: dict[str, Any] = {
-            name: stored.arrays[name][begin[within] : begin[within + 1]].tobytes()
-            for name, begin in starts.items()
-        }
-        found["bounds"] = stored.arrays["bounds"][within].tolist()
-        found["vertices"] = int(stored.arrays["vertices"][within])
-        found["faces"] = int(stored.arrays["faces"][within])
-        yield found
+        yield Payload(
+            glb=stored.arrays["glb"][starts[within] : starts[within + 1]].tobytes(),
+            bounds=tuple(stored.arrays["bounds"][within].tolist()),
+            vertices=int(stored.arrays["vertices"][within]),
+            faces=int(stored.arrays["faces"][within]),
+        )
 
 
 def _attribute_infos(

@@ -147,5 +147,6 @@ def choose(
             "rays": int(found.facts["rays"]),
             "faces_rated": int(found.facts["faces_rated"]),
             "outliers": int(found.facts.get("outliers", 0)),
+            "faces_borrowed": int(found.borrowed[own].sum()),
         },
     )

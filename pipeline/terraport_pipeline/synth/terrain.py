@@ -156,7 +156,9 @@ class Terrain:
         before = turned > _ROAD_SWEEP + 0.5 * gap
         turned = np.where(before, turned - 2.0 * np.pi, turned)
         along = np.clip(turned / _ROAD_SWEEP, 0.0, 1.0)
-        beyond = np.abs(turned - along * _ROAD_SWEEP) * radius
+        # Exactly 0 beside the road. By `turned - along * sweep` it was 0 or a rounding error, which
+        # the processor decided, and the windrow came and went with it.
+        beyond = np.maximum(np.maximum(-turned, turned - _ROAD_SWEEP), 0.0) * radius
         centre = -half - 2.0 + along * (self._foot + _ROAD_WIDTH + 3.0)
         across = inside - centre
         off = np.hypot(np.maximum(np.abs(across) - half, 0.0), beyond)

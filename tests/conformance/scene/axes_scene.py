@@ -29,7 +29,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from terraport_payload import Cover, SegmentMesh, Texture, decode_glb, encode_arrays, encode_glb
+from terraport_payload import Cover, SegmentMesh, Texture, encode_glb
 from terraport_store import BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter, TextureInfo
 
 __all__ = ["NAMES", "PICTURE_SIDE", "axes_meshes", "board_picture", "write_axes_scene"]
@@ -56,12 +56,12 @@ FOOT: Final = np.array([1.5, 0.5, 0.0])
 
 
 def write_axes_scene(path: Path) -> Manifest:
-    """Publish the scene in both encodings; the same bytes on every run of one meshoptimizer."""
+    """Publish the scene; the same bytes on every run of one meshoptimizer."""
     meshes = axes_meshes()
     glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales={}) for mesh in meshes]
-    with SceneWriter(path, with_arrays=True) as writer:
+    with SceneWriter(path) as writer:
         for region, glb in enumerate(glbs):
-            writer.add_segment(glb, region=region, arrays=encode_arrays(decode_glb(glb)))
+            writer.add_segment(glb, region=region)
         base = _plate(DARK_RED, region=NAMES.index("plate"))
         covered = np.full(len(base.faces), NAMES.index("plate"), dtype=np.uint32)
         cover = Cover(np.arange(len(base.faces) + 1, dtype=np.uint32), covered)

@@ -1,8 +1,8 @@
 """Write the scene corpus: ``python tests/conformance/scene/generate.py`` from the repository's
 root.
 
-The files are committed and kept for ever: a new version of the format adds files, it does not
-replace these. Bytes depend on meshoptimizer's encoder, so a rerun may differ from what is committed
+The files are committed; once the format is released they are kept for ever, and a new version of it
+adds files. Bytes depend on meshoptimizer's encoder, so a rerun may differ from what is committed
 and still be right.
 """
 
@@ -29,21 +29,23 @@ from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured, write_tiny_
 from terraport_payload import (
     SegmentMesh,
     decode_glb,
-    encode_arrays,
     encode_glb,
 )
-from terraport_payload.flatfile import encode_flat
 from terraport_payload.glb_container import join_glb, split_glb
+from terraport_store.labels import encode_labels
+from terraport_store.layout import LABELS
 
 HERE = Path(__file__).resolve().parent
 
 
 def main() -> None:
-    """Write what is of format 1.2 anew; ``tiny/`` and ``tiny-1.1/`` are older and stay."""
-    for name in ("axes", "tiny-1.2", "payload"):
+    """Write all of it anew."""
+    for name in ("axes", "tiny", "tiny-textured", "payload"):
         shutil.rmtree(HERE / name, ignore_errors=True)
     write_axes_scene(HERE / "axes")
-    write_tiny_scene(HERE / "tiny-1.2", with_arrays=True, image=pillow("JPEG"))
+    write_tiny_scene(HERE / "tiny", stable_ids=(5, 2, 9))
+    (HERE / "tiny" / LABELS).write_bytes(encode_labels({7: "Süd 石", 9: "haul road"}))
+    write_tiny_scene(HERE / "tiny-textured", image=pillow("JPEG"))
     (HERE / "payload").mkdir()
     write_good()
     write_bad()
@@ -51,7 +53,7 @@ def main() -> None:
 
 
 def write_good() -> None:
-    """Meshes of 8 faces with and without the optional parts, in both encodings."""
+    """Meshes of 8 faces with and without the optional parts."""
     full = lattice_mesh(4, 4, 2)
     variants = {
         "full": (full, {}),
@@ -67,11 +69,6 @@ def write_good() -> None:
     for name, (mesh, options) in variants.items():
         glb = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES, **options)
         put(f"good-{name}.glb", glb, described(decode_glb(glb)))
-    decoded = decode_glb(encode_glb(full, step_m=STEP_M, attribute_scales=SCALES))
-    put("good-full.arrays", encode_arrays(decoded), described(decoded))
-    mesh = textured(full, pillow("JPEG"))
-    decoded = decode_glb(encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES))
-    put("good-jpeg.arrays", encode_arrays(decoded), described(decoded))
 
 
 def write_bad() -> None:
@@ -80,7 +77,6 @@ def write_bad() -> None:
     good = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
     plain = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES, compress=False)
     document, binary, _ = split_glb(good)
-    arrays = encode_arrays(decode_glb(good))
 
     def changed(*path: Any) -> bytes:
         *keys, last, value = path
@@ -116,10 +112,6 @@ def write_bad() -> None:
         "noise.glb": (join_glb(document, bytes(noise)), "does not decompress"),
         "index.glb": (join_glb(plain_document, bytes(far)), "a face uses vertex 9"),
         "lines.glb": (changed("meshes", 0, "primitives", 0, "mode", 1), "primitive mode 1"),
-        "truncated.arrays": (arrays[:-8], "by the header"),
-        "checksum.arrays": (arrays[:-1] + bytes([arrays[-1] ^ 1]), "checksum"),
-        "major.arrays": (arrays[:16] + b"\2" + arrays[17:], "format version 2"),
-        "cover.arrays": (b"TPCOVER1" + arrays[8:], "magic"),
     }
     for name, (data, error) in bad.items():
         put(f"bad-{name}", data, {"good": False, "error": error})
@@ -130,7 +122,6 @@ def write_bad_textures() -> None:
     mesh = textured(lattice_mesh(4, 4, 2), pillow("JPEG"))
     good = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
     document, binary, _ = split_glb(good)
-    decoded = decode_glb(good)
     place = document["bufferViews"][document["images"][0]["bufferView"]]["byteOffset"]
     frame = place + pillow("JPEG").index(b"\xff\xc0") + 5
 
@@ -142,9 +133,6 @@ def write_bad_textures() -> None:
     def changed(key: str, value: Any) -> bytes:
         return join_glb({**document, key: value}, bytes(binary))
 
-    arrays = {"positions": decoded.positions, "normals": decoded.normals, "indices": decoded.faces}
-    rows, image = len(decoded.positions), np.frombuffer(ktx2(16, 9), dtype=np.uint8)
-    outside = np.full((rows, 2), 1.5, dtype=np.float32)
     bad = {
         "image-huge.glb": (resized(65535, 65535), "powers of two"),
         "image-odd.glb": (resized(8, 17), "powers of two"),
@@ -157,22 +145,6 @@ def write_bad_textures() -> None:
         "image-webp-core.glb": (
             changed("images", [{**document["images"][0], "mimeType": "image/webp"}]),
             "expected image/jpeg or image/png",
-        ),
-        "texture-odd.arrays": (
-            encode_flat(b"TPARRAYS", rows, {**arrays, "uvs": decoded.uvs, "texture": image}),
-            "powers of two",
-        ),
-        "texture-alone.arrays": (
-            encode_flat(b"TPARRAYS", rows, {**arrays, "uvs": decoded.uvs}),
-            "uvs and without texture",
-        ),
-        "uvs-outside.arrays": (
-            encode_flat(
-                b"TPARRAYS",
-                rows,
-                {**arrays, "uvs": outside, "texture": np.frombuffer(ktx2(), dtype=np.uint8)},
-            ),
-            "expected 0 to 1",
         ),
     }
     for name, (data, error) in bad.items():

@@ -12,18 +12,18 @@ import numpy as np
 import pytest
 from conformance.scene.axes_scene import NAMES, board_picture
 
-from terraport_payload import PayloadError, decode_arrays, decode_glb
+from terraport_payload import PayloadError, decode_glb
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 
 HERE = Path(__file__).resolve().parent
-SCENES = ("tiny", "tiny-1.1", "tiny-1.2", "axes")
-"""One of every minor version of the format, and one to see axes by."""
+SCENES = ("tiny", "tiny-textured", "axes")
+"""One with names, one with textures, and one to see axes by."""
 DAMAGED = json.loads((HERE / "damaged.json").read_text())
 PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
 
 
 def decode(path: Path) -> Any:
-    return (decode_glb if path.suffix == ".glb" else decode_arrays)(path.read_bytes())
+    return decode_glb(path.read_bytes())
 
 
 def expected_of(path: Path) -> Any:
@@ -54,21 +54,24 @@ def test_good_scene_says_what_it_said_when_it_was_written() -> None:
         assert scene.cover.over(31).tolist() == [3]
         assert scene.within((0.0, 1.0, 0.0), 1.0).tolist() == [0]
         assert scene.manifest.format_version == "1.0"
-    names, _ = read_names(HERE / "tiny")
+
+
+def test_names_without_stable_ids() -> None:
+    names, _ = read_names(HERE / "tiny-textured")
     assert [names.stable_id(region) for region in range(3)] == [None] * 3
     assert [names.label(region) for region in range(3)] == [None, "bench", None]
 
 
-def test_names_in_format_1_1() -> None:
-    names, _ = read_names(HERE / "tiny-1.1")
+def test_names_with_labels() -> None:
+    names, _ = read_names(HERE / "tiny")
     assert [names.stable_id(region) for region in range(3)] == [5, 2, 9]
     assert [names.label(region) for region in range(3)] == [None, "bench", "haul road"]
     assert names.without_region() == {7: "Süd 石"}
     assert names.next_stable_id == 10
 
 
-def test_textures_in_format_1_2() -> None:
-    with Scene.open(HERE / "tiny-1.2") as scene:
+def test_textures() -> None:
+    with Scene.open(HERE / "tiny-textured") as scene:
         stated = scene.manifest.textures
         assert stated is not None
         assert (stated.segments, stated.max_side, stated.media_types) == (2, 16, ("image/jpeg",))

@@ -1,10 +1,36 @@
-"""``terraport demo``: whether it may open a browser. That it runs, .ci/run sees."""
+"""``terraport demo``: what is refused at once, whether it may open a browser.
+
+That it runs, .ci/run sees.
+"""
 
 from __future__ import annotations
 
-import pytest
+import socket
+from pathlib import Path
 
+import pytest
+from typer.testing import CliRunner
+
+from terraport.cli import app
 from terraport_pipeline.cli.demo import has_display
+
+
+def test_a_port_in_use_is_said_before_anything_is_made(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        result = CliRunner().invoke(
+            app, ["demo", "--points", "20k", "--port", str(port), "--keep", str(tmp_path / "demo")]
+        )
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert f"error: could not listen on 127.0.0.1:{port}: another program does" in result.stderr
+    assert not (tmp_path / "demo").exists()
+
+
+def test_a_number_that_is_no_port_is_refused() -> None:
+    result = CliRunner().invoke(app, ["demo", "--port", "70000"])
+    assert result.exit_code == 2
+    assert "Traceback" not in result.stderr
 
 
 @pytest.mark.parametrize(

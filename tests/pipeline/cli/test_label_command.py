@@ -84,7 +84,7 @@ def test_what_else_is_refused(scene: Path, tmp_path: Path) -> None:
     old = write_tiny_scene(tmp_path / "old").path
     table.write_text("stable_id,label\n")
     refused = run(old, table)
-    assert (refused.exit_code, "built before regions had stable ids" in refused.stderr) == (1, True)
+    assert (refused.exit_code, "gives no stable ids" in refused.stderr) == (1, True)
 
 
 def test_labels_whose_region_is_gone_are_told(scene: Path) -> None:

@@ -46,7 +46,7 @@ def test_upload_again_prune_and_validate(
         done = run("upload", tiny.path, url, "--endpoint", s3, "--prune")
     assert f"removed {tiny.manifest.folder}" in done.stdout
     monkeypatch.setenv("AWS_ENDPOINT_URL", s3)
-    checked = run("validate", url, "--rays", 0, "--no-khronos")
+    checked = run("validate", url, "--rays", 0)
     assert checked.exit_code == 0, checked.output
     assert "tiny" in checked.stdout
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from terraport_pipeline.engines import photos as module
-from terraport_pipeline.engines.photos import PhotoStore, find_photos, open_photos, photo_size
+from terraport_pipeline.engines import photo_store, photos
+from terraport_pipeline.engines.photo_store import PhotoStore, photo_size
+from terraport_pipeline.engines.photos import find_photos, open_photos
 from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.geometry.lens import Lens, View
 
@@ -59,7 +60,7 @@ def test_no_photo_at_all_is_an_error_that_names_some(tmp_path):
 
 
 def test_too_many_files_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "MAX_FILES", 3)
+    monkeypatch.setattr(photos, "MAX_FILES", 3)
     for index in range(4):
         save(tmp_path / f"{index}.png")
     with pytest.raises(PhotoError, match="more than 3 files"):
@@ -147,9 +148,9 @@ def test_sixteen_bits_are_refused(tmp_path):
 def test_the_least_lately_used_photo_is_dropped(tmp_path, monkeypatch):
     paths = [save(tmp_path / f"{index}.png") for index in range(3)]
     decoded = []
-    real = module._decode
+    real = photo_store._decode
     monkeypatch.setattr(
-        module, "_decode", lambda path, *rest: decoded.append(path) or real(path, *rest)
+        photo_store, "_decode", lambda path, *rest: decoded.append(path) or real(path, *rest)
     )
     store = PhotoStore({path.name: path for path in paths}, 2 * 64 * 48 * 3)
     for index in (0, 1, 0, 2, 0, 1):
@@ -168,14 +169,14 @@ def test_threads_decode_a_photo_once(tmp_path, monkeypatch):
     path = save(tmp_path / "a.png")
     decoded = []
     gate = threading.Event()
-    real = module._decode
+    real = photo_store._decode
 
     def slow(*arguments):
         decoded.append(arguments)
         gate.wait(10)
         return real(*arguments)
 
-    monkeypatch.setattr(module, "_decode", slow)
+    monkeypatch.setattr(photo_store, "_decode", slow)
     store = PhotoStore([path], 1 << 20)
     found = []
     threads = [threading.Thread(target=lambda: found.append(store.get(0))) for _ in range(6)]
@@ -209,7 +210,7 @@ def test_what_is_no_picture_is_named(tmp_path):
 
 
 def test_a_picture_of_too_many_pixels_is_not_decoded(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "MAX_PIXELS", 1000)
+    monkeypatch.setattr(photo_store, "MAX_PIXELS", 1000)
     save(tmp_path / "a.png")
     with pytest.raises(PhotoError, match="64 x 48 pixels, expected at most 1,000"):
         open_photos([view("a.png")], tmp_path, max_bytes=1 << 20)

@@ -29,7 +29,7 @@ def check(sizes: np.ndarray, max_side: int) -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_cells_are_apart_and_large_enough(seed: int) -> None:
     rng = np.random.default_rng(seed)
     sizes = rng.exponential(rng.choice([3.0, 30.0, 200.0]), (int(rng.integers(1, 60)), 2))

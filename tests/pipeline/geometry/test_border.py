@@ -48,3 +48,9 @@ def test_border_facts_of_a_strip() -> None:
     assert facts.teeth_p50 == 0.0  # straight but for the four corners
     assert facts.teeth_p95 > 0.0
     assert facts.outside_m2 == area_outside_m2(vertices, faces, LEFT) == pytest.approx(5.5, abs=0.6)
+
+
+def test_two_fans_whose_numbers_balance_have_a_border_each() -> None:
+    """Vertex 0 joins faces (0, 1, 2) and (0, 4, 3): 1 - 2 + 4 - 3 is 0, and yet it is border."""
+    edges = border_edges(np.array([[0, 1, 2], [0, 4, 3]], np.int32), 5)
+    assert edges.tolist() == [[0, 1], [0, 4], [1, 2], [2, 0], [3, 0], [4, 3]]

@@ -75,10 +75,15 @@ def test_faces_that_the_photo_does_not_show_whole_are_without_photo() -> None:
     assert np.isnan(charts.gsd_m[~inside]).all()
 
 
-def test_faces_seen_from_behind_are_without_photo() -> None:
+def test_a_face_seen_from_behind_lies_on_its_neighbours_texels() -> None:
+    """A fold in the noise that took its neighbours' photo shows the same pixels twice."""
     vertices, faces = grid(4, 10.0)
-    charts = make_charts(vertices, faces[:, ::-1], np.zeros(len(faces), int), down().packed()[None])
-    assert (charts.view == -1).all()
+    folded = np.concatenate([faces, faces[5:6, ::-1]])
+    charts = make_charts(vertices, folded, np.zeros(len(folded), int), down().packed()[None])
+    assert charts.count == 1
+    assert (charts.view == 0).all()
+    np.testing.assert_array_equal(charts.uvs[-1], charts.uvs[5, ::-1])
+    np.testing.assert_array_equal(charts.pixels[-1], charts.pixels[5, ::-1])
 
 
 def test_without_photo_faces_lie_flat_without_overlap() -> None:

@@ -34,7 +34,7 @@ def all_partitions(values, k):
     return combinations(firsts, min(k, len(firsts) + 1) - 1)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.lists(st.floats(-8, 8, width=32) | st.integers(-3, 3).map(float), min_size=1, max_size=11),
     st.integers(1, 5),

@@ -155,7 +155,7 @@ def test_skew_moves_columns_by_row():
 small = st.floats(-0.1, 0.1)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(small, max_size=6).map(tuple),
     st.tuples(small, small).map(lambda p: (0.05 * p[0], 0.05 * p[1])),

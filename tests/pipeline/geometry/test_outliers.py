@@ -9,7 +9,7 @@ from terraport_pipeline.geometry.spacing import nearest_neighbours
 
 
 @given(st.lists(st.tuples(*[st.sampled_from([0.0, -0.0, 1.0, 2.5, 1e7])] * 3), max_size=40))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_duplicates_are_exactly_the_rows_seen_before(rows: list[tuple[float, ...]]) -> None:
     points = np.array(rows, dtype=np.float64).reshape(-1, 3)
     seen: set[tuple[float, ...]] = set()

@@ -54,7 +54,7 @@ def literal_consistency(a, b, weights):
     return float(gce), float(sum(w * min(x, y) for w, x, y in one) / total)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(PARTITIONS)
 def test_scores_are_their_definitions(partitions):
     """Weighted and not, against loops over pairs and faces."""

@@ -129,7 +129,7 @@ def literal_facts(vertices, faces, colours, regions, values):
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 4))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_equal_to_a_literal_loop(seed, n_faces, n_regions):
     """Repeated corners, zero areas, gaps and regions of one face included."""
     rng = np.random.default_rng(seed)

@@ -106,7 +106,7 @@ def surfaces(draw):
 
 
 @given(surfaces(), st.floats(0.1, 2.0))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_equal_to_a_literal_loop(pair, limit):
     new, old = pair
     found, expected = (
@@ -122,7 +122,7 @@ def test_equal_to_a_literal_loop(pair, limit):
 
 
 @given(surfaces(), st.floats(0.05, 0.9))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_matches_are_one_to_one_stable_and_above_the_threshold(pair, least):
     """And no unmatched pair would rather have each other than what they got."""
     overlaps = region_overlaps(*pair, max_distance_m=1.0)
@@ -138,7 +138,7 @@ def test_matches_are_one_to_one_stable_and_above_the_threshold(pair, least):
 
 
 @given(surfaces(), st.randoms(use_true_random=False))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_the_numbering_of_the_new_regions_does_not_matter(pair, random):
     """Renamed new regions get the same old ones."""
     new, old = pair
@@ -152,7 +152,7 @@ def test_the_numbering_of_the_new_regions_does_not_matter(pair, random):
 
 
 @given(surfaces())
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_a_surface_matches_itself(pair):
     """Every region, with similarity 1: a rebuild of the same survey changes no number."""
     one, _ = pair
@@ -163,7 +163,7 @@ def test_a_surface_matches_itself(pair):
 
 
 @given(st.lists(st.lists(st.integers(0, 5), min_size=1, max_size=30), min_size=1, max_size=8))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_numbers_over_many_rebuilds(history):
     """All different in every version, and one that went out of use never comes back."""
     before, ids, free = line([]), np.zeros(0, np.int64), 0

@@ -82,7 +82,7 @@ def literal(vertices, faces, regions, scale_m):
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.sampled_from([0.5, 1.0, 3.0]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_equal_to_quadrature(seed, n_faces, scale_m):
     rng = np.random.default_rng(seed)
     vertices = rng.normal(scale=2, size=(20, 3)).astype(np.float32)

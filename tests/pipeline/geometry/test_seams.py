@@ -104,3 +104,13 @@ def test_weights_go_by_length() -> None:
         for face, weight in zip(seams.face.tolist(), seams.weight, strict=True)
     }
     assert by_edge[0, 1] == by_edge[2, 3] == pytest.approx(2**0.5 * by_edge[1, 2])
+
+
+def test_an_edge_to_a_face_that_took_its_neighbours_photo_says_nothing() -> None:
+    """Face 2 has a photo whose colour there is not known; face 1 lies between two photos."""
+    seams = seams_of([0, 0, 1, 1], shown(BOTH, {0: 100}, {}, {1: 90}))
+    assert seams.face.tolist() == [[1, 2]]
+    assert (seams.weight == 0.0).all()
+    assert (seams.trust == 0.0).all()
+    assert (seams.step == 0.0).all()
+    assert (seams.raw_step == 0.0).all()

@@ -13,7 +13,7 @@ from terraport_pipeline.geometry.surface_samples import SurfaceSamples, surface_
 @given(
     st.integers(0, 2**32 - 1), st.integers(1, 200), st.integers(1, 20), st.sampled_from([1, 4, 64])
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_every_label_keeps_its_area(seed, n_faces, faces_per_sample, at_least):
     """Counts as promised, areas to rounding, points on faces of the label."""
     rng = np.random.default_rng(seed)

@@ -53,7 +53,7 @@ def test_no_face() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_every_corner_keeps_vertex_uv_and_label(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n_vertices, n_faces = int(rng.integers(1, 12)), int(rng.integers(1, 40))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from photo_scene import look_at
 
 from terraport_pipeline.geometry.view_kernels import (
     QUALITY_STEPS,
     SLOTS,
     place_of_view,
     quality_level,
+    rate,
     sort_slots,
 )
 
@@ -43,3 +45,33 @@ def test_places_are_sorted_with_what_belongs_to_them_and_empty_ones_last() -> No
     assert (views[40:] == before[40:]).all()
     assert (qualities == (views.astype(np.uint16) + 7).astype(np.uint16)).all()
     assert (colours[..., 1] == (views % 251).astype(np.uint8)).all()
+
+
+def test_a_face_without_area_is_not_rated() -> None:
+    """Its corners lie in a line, which rounding of the pixels makes a triangle."""
+    view = look_at("a.jpg", (0.0, 10.0, 0.0), (0.0, 0.0, 0.1))
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 1]], np.float32)
+    faces = np.array([[0, 1, 2], [0, 3, 1]], np.int32)
+    uv = np.array([[100, 100], [120, 100.01], [140, 100], [100, 120]], np.float32)
+    areas = [
+        0.5 * ((uv[k] - uv[i])[0] * (uv[j] - uv[i])[1] - (uv[j] - uv[i])[0] * (uv[k] - uv[i])[1])
+        for i, j, k in faces
+    ]
+    assert min(areas) > 0.0
+    face, quality, _ = rate(
+        view.packed(), vertices, faces, uv, np.ones((1, 1), np.float32),
+        np.zeros((2, SLOTS), np.uint16), 0.1, 0, 2,
+    )  # fmt: skip
+    assert face.tolist() == [1]
+    assert np.isfinite(quality).all()
+
+
+def test_a_camera_that_stands_on_a_face_does_not_see_it() -> None:
+    view = look_at("a.jpg", (0.0, 0.0, 0.0), (0.0, -1.0, 0.1))
+    vertices = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0]], np.float32)
+    uv = np.array([[100, 100], [100, 120], [120, 100]], np.float32)
+    face, _, _ = rate(
+        view.packed(), vertices, np.array([[0, 1, 2]], np.int32), uv, np.ones((1, 1), np.float32),
+        np.zeros((1, SLOTS), np.uint16), 0.1, 0, 1,
+    )  # fmt: skip
+    assert not len(face)

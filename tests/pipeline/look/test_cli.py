@@ -33,7 +33,7 @@ def test_inspect_prints_tables_and_json(app, scene_path) -> None:
 
 
 def test_validate_passes_and_fails_by_exit_code(app, scene_path, tmp_path) -> None:
-    options = ("--rays", "2000", "--subsets", "4", "--no-khronos")
+    options = ("--rays", "2000", "--subsets", "4")
     good = run(app, "validate", scene_path, *options)
     assert good.exit_code == 0
     assert "0 holes" in good.stdout
@@ -62,9 +62,16 @@ def test_validate_json_of_a_good_scene(app, scene_path) -> None:
     assert len(worst["target"]) == len(worst["target_crs"]) == 3
 
 
+def test_validate_says_that_the_gltf_was_not_judged_and_how(app, scene_path) -> None:
+    shown = run(app, "validate", scene_path, "--rays", "0")
+    assert shown.exit_code == 0
+    assert "not run" in shown.stdout
+    assert "only with --khronos" in shown.stdout
+
+
 def test_validate_draws_the_worst_place_and_says_where_it_is(app, scene_path, tmp_path) -> None:
     picture = tmp_path / "worst.png"
-    options = ("--rays", "2000", "--subsets", "4", "--no-khronos", "--picture", picture)
+    options = ("--rays", "2000", "--subsets", "4", "--picture", picture)
     shown = run(app, "validate", scene_path, *options)
     assert shown.exit_code == 0
     assert picture.stat().st_size > 10_000

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from store.tiny_scene import write_tiny_scene
@@ -62,3 +63,17 @@ def test_a_scene_of_format_1_0_shows_its_own_numbers(tmp_path: Path) -> None:
     assert [row["name"] for row in facts.regions] == ["0", "1", "2"]
     assert facts.region_columns == ("label",)
     assert "stable" not in facts.regions_note
+
+
+def test_how_fine_the_surface_was_solved_is_said(tmp_path: Path) -> None:
+    scene = write_tiny_scene(tmp_path / "s").path
+    stages = [
+        {"name": "clean", "counts": {"spacing_m": 1.537}},
+        {"name": "reconstruct", "counts": {"detail_depth": 8, "cell_m": 1.5467}},
+    ]
+    (scene / "build.json").write_text(json.dumps({"stages": stages}))
+    with Scene.open(scene) as opened:
+        details = collect_facts(opened, has_input=False).details
+    assert {row["label"]: row["value"] for row in details}["reconstruction"] == (
+        "cells of 1.55 m (octree depth 8); a sample every 1.54 m"
+    )

@@ -14,7 +14,7 @@ from terraport_pipeline.handoff_report import HandOffOptions
 from terraport_pipeline.validation import ValidationOptions, validate
 from terraport_store import SceneNotFoundError
 
-QUICK = ValidationOptions(HandOffOptions(4_000, 10), khronos=False)
+QUICK = ValidationOptions(HandOffOptions(4_000, 10))
 
 
 def test_a_good_scene_has_no_problems(scene_path) -> None:
@@ -24,11 +24,11 @@ def test_a_good_scene_has_no_problems(scene_path) -> None:
     assert result.hand_off is not None
     assert result.hand_off.rays == 4_000
     assert result.manifest is not None
-    assert result.gltf.not_run == "left out"
+    assert result.gltf.not_run == "only with --khronos"
 
 
 def test_rays_can_be_left_out(scene_path) -> None:
-    result = validate(scene_path, ValidationOptions(None, khronos=False))
+    result = validate(scene_path, ValidationOptions(None))
     assert (result.hand_off, result.hand_off_not_run) == (None, "left out")
 
 
@@ -90,8 +90,7 @@ def test_a_named_folder_without_the_package_is_said(monkeypatch, tmp_path) -> No
 
 def test_khronos_finds_what_is_wrong(scene_path, tmp_path) -> None:
     check = gltf_validator.check_gltf(
-        {"base": next(scene_path.glob("v-*/base.glb")).read_bytes(), "broken": b"glTF" + bytes(30)},
-        install=False,
+        {"base": next(scene_path.glob("v-*/base.glb")).read_bytes(), "broken": b"glTF" + bytes(30)}
     )
     if check.not_run:
         pytest.skip(check.not_run)
@@ -99,3 +98,43 @@ def test_khronos_finds_what_is_wrong(scene_path, tmp_path) -> None:
     assert check.errors >= 1
     assert {message.name for message in check.messages} == {"broken"}
     assert isinstance(check.messages[0], GltfMessage)
+
+
+@pytest.fixture
+def npm_calls(monkeypatch, tmp_path):
+    """The file that lists calls of npm: one on PATH that writes them down and has no network."""
+    node = gltf_validator.shutil.which("node")
+    if node is None:
+        pytest.skip("no Node at hand")
+    calls, programs = tmp_path / "calls", tmp_path / "programs"
+    programs.mkdir()
+    (programs / "node").symlink_to(node)
+    (programs / "npm").write_text(f'#!/bin/sh\necho "$@" >> "{calls}"\nexit 1\n')
+    (programs / "npm").chmod(0o755)
+    monkeypatch.setenv("PATH", str(programs))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.delenv(gltf_validator.FOLDER_VARIABLE, raising=False)
+    return calls
+
+
+def test_nothing_is_fetched_unasked(scene_path, npm_calls) -> None:
+    said: list[str] = []
+    result = validate(scene_path, ValidationOptions(None), announce=said.append)
+    assert (result.problems, result.gltf.not_run) == (0, "only with --khronos")
+    assert not npm_calls.exists()
+    assert said == []
+
+
+def test_what_is_fetched_is_said_first(scene_path, npm_calls) -> None:
+    said: list[str] = []
+
+    def announce(line: str) -> None:
+        assert not npm_calls.exists()
+        said.append(line)
+
+    result = validate(scene_path, ValidationOptions(None, khronos=True), announce=announce)
+    assert gltf_validator.PACKAGE in npm_calls.read_text()
+    (line,) = said
+    assert line.startswith(f"fetching {gltf_validator.PACKAGE} from the npm registry into ")
+    assert result.gltf.not_run == "npm could not install gltf-validator (no network?)"
+    assert result.problems == 1

@@ -99,11 +99,11 @@ def test_a_png_can_be_written_and_read(scene_path, tmp_path) -> None:
 
     path = tmp_path / "worst.png"
     rays = HandOffOptions(2_000, 4)
-    result = validate(scene_path, ValidationOptions(rays, khronos=False, picture=path))
+    result = validate(scene_path, ValidationOptions(rays, picture=path))
     assert result.picture == path
     assert result.hand_off_seconds > 0
     with Image.open(path) as image:
         assert image.size == (3 * 560 + 12, 420 + 22)
-    missing = ValidationOptions(rays, khronos=False, picture=tmp_path / "no" / "worst.png")
+    missing = ValidationOptions(rays, picture=tmp_path / "no" / "worst.png")
     with pytest.raises(OptionError, match="expected an existing folder"):
         validate(scene_path, missing)

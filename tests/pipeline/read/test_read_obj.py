@@ -94,7 +94,7 @@ def test_no_file(tmp_path: Path) -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_every_corner_keeps_its_place_and_its_uv(
     seed: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,6 +9,7 @@ from photo_scene import BLOCK, CRATE_M, EXPOSURES, PhotoScene, crate_place, pain
 
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.adjacency import components, face_pairs
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
 from terraport_pipeline.stages.choose_views import Options, choose_views
@@ -267,3 +269,31 @@ def test_options_are_checked(wrong: dict[str, float], text: str) -> None:
 
 def test_exposures_differ_in_the_scene() -> None:
     assert max(EXPOSURES) / min(EXPOSURES) > 1.5
+
+
+def test_a_noisy_surface_has_no_more_charts_than_asked_for_and_still_its_colours() -> None:
+    """Ground so rough that each face hides from some of the cameras."""
+    place = scene(crate=False)
+    rng = np.random.default_rng(5)
+    vertices = place.mesh.vertices.copy()
+    vertices[:, 1] += rng.normal(0.0, 0.6, len(vertices)).astype(np.float32)
+    levels = np.rint(paint(vertices.astype(np.float64))).astype(np.uint8)
+    mesh = replace(place.mesh, vertices=vertices, colours=levels)
+    noisy = RayScene(vertices, mesh.faces, threads=1)
+    pairs, _ = face_pairs(mesh.faces, len(vertices))
+
+    def charts(max_charts: int) -> tuple[ViewChoice, int]:
+        choice = choose_views(
+            vertices, mesh.faces, mesh.normals, levels, place.views, place, noisy,
+            neutral_gains(len(place.views)), Options(max_charts=max_charts),
+        )  # fmt: skip
+        return choice, components(len(mesh.faces), pairs, labels=choice.view + 1)[1]
+
+    few, count = charts(150)
+    assert count <= 150
+    assert 0 < few.facts["faces_borrowed"] < 0.5 * len(mesh.faces)
+    assert np.isfinite(few.correction.astype(float)).all()
+    assert np.abs(few.correction.astype(float)).max() <= 64.0
+    shown = coloured(replace(place, mesh=mesh), few)
+    truth = paint(vertices[mesh.faces].mean(axis=1, dtype=np.float64))
+    assert np.median(np.abs(shown - truth)) < 15.0

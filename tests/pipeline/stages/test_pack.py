@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terraport_payload import decode_arrays, decode_glb, snap
+from terraport_payload import decode_glb, snap
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Survey
 from terraport_pipeline.stages import clean, pack, reconstruct, segment
@@ -44,7 +44,7 @@ def inputs(make_hill: Callable[..., Survey], context: Context) -> Inputs:
 @pytest.fixture(scope="module")
 def scene(inputs: Inputs, context: Context, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pack") / "hill"
-    pack.run(path, *inputs, pack.Options("Hill", ("glb", "arrays")), context)
+    pack.run(path, *inputs, pack.Options("Hill"), context)
     return path
 
 
@@ -117,22 +117,11 @@ def test_values_come_back_within_their_step(scene: Path, inputs: Inputs) -> None
         assert np.abs(values - expected)[known].max() <= 0.51 * info[name].step + 1e-6
 
 
-def test_both_encodings_hold_the_same(scene: Path) -> None:
-    with Scene.open(scene) as opened:
-        for number in range(opened.manifest.counts.segments):
-            first = decode_glb(opened.payload(number))
-            second = decode_arrays(opened.payload(number, encoding="arrays"))
-            assert (first.positions == second.positions).all()
-            assert (first.faces == second.faces).all()
-
-
 def test_threads_change_no_byte(
     inputs: Inputs, context: Context, scene: Path, tmp_path: Path
 ) -> None:
     other = tmp_path / "other"
-    packed = pack.run(
-        other, *inputs, pack.Options("Hill", ("glb", "arrays")), replace(context, threads=1)
-    )
+    packed = pack.run(other, *inputs, pack.Options("Hill"), replace(context, threads=1))
     assert (other / "scene.json").read_bytes() == (scene / "scene.json").read_bytes()
     for file in packed.manifest.files.values():
         assert (other / file.path).read_bytes() == (scene / file.path).read_bytes(), file.path
@@ -145,12 +134,6 @@ def test_base_faces_keep_the_order_of_the_cover(scene: Path, inputs: Inputs) -> 
         step_m = opened.manifest.step_m
     got = np.sort(decoded.positions[decoded.faces], axis=1)
     assert (got == np.sort(snap(base.vertices, step_m)[base.faces[kept]], axis=1)).all()
-
-
-@pytest.mark.parametrize("encodings", [(), ("arrays",), ("glb", "draco")])
-def test_encodings_that_are_none(encodings: tuple[pack.Encoding, ...]) -> None:
-    with pytest.raises(OptionError, match="expected glb"):
-        pack.Options("x", encodings)
 
 
 def test_a_name_is_needed() -> None:

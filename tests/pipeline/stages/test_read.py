@@ -66,7 +66,7 @@ def test_no_finite_point_is_an_error(tmp_path: Path) -> None:
 def test_no_colour_is_said(tmp_path: Path) -> None:
     survey = read_survey(ply(tmp_path / "a.ply", ["1 2 3", "4 5 6.5"]))
     assert survey.colours is None
-    assert survey.warnings == ("The survey has no colour (RGB): the scene will be grey.",)
+    assert survey.warnings == ("The survey has no colour (RGB): what no photo shows will be grey.",)
 
 
 def test_utm_in_32_bit_floats_is_named_with_its_step(tmp_path: Path) -> None:

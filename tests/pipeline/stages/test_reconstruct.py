@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.deviation import distances_to_mesh
+from terraport_pipeline.geometry.uncovered import uncovered_faces
 from terraport_pipeline.geometry.vertex_normals import face_normals
 from terraport_pipeline.model import Survey
 from terraport_pipeline.stages import clean, reconstruct
@@ -51,6 +52,20 @@ def solved_base(cleaned: clean.Cleaned, scratch: Path) -> Reconstructed:
     return reconstruct.run(cleaned, options, Context(scratch))
 
 
+@pytest.fixture(scope="module")
+def ragged(scratch: Path) -> Reconstructed:
+    """A noisy survey with 40 bays and tongues, and a base whose edges are longer than these."""
+    rng = np.random.default_rng(1)
+    x, z = rng.uniform(-15, 15, (2, 40_000))
+    inside = np.hypot(x, z) < 11 + 3 * np.sin(40 * np.arctan2(z, x))
+    x, z = x[inside], z[inside]
+    height = 2 * np.sin(x / 5) + np.cos(z / 4) + 0.1 * rng.standard_normal(len(x))
+    grey = np.zeros((len(x), 3), np.uint8)
+    survey = Survey(np.stack([x, z, height], axis=1), grey, {}, crs=None, format="xyz")
+    cleaned = clean.run(survey, clean.Options(), Context(scratch))
+    return reconstruct.run(cleaned, reconstruct.Options(base_faces=100), Context(scratch))
+
+
 def test_detail_passes_through_the_samples(cleaned: clean.Cleaned, result: Reconstructed) -> None:
     mesh = result.detail
     inside = np.abs(cleaned.cloud.points[:, ::2]).max(axis=1) < 14
@@ -74,20 +89,14 @@ def test_faces_look_up(result: Reconstructed) -> None:
         assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-5)
 
 
-def test_the_base_lies_under_all_of_the_detail(result: Reconstructed) -> None:
-    """Seen from above: every detail vertex has a base face in its column."""
-    base, detail = result.base, result.detail
-    corners = base.vertices[base.faces][:, :, ::2].astype(np.float64)
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    for point in detail.vertices[::7, ::2].astype(np.float64):
-        sides = [
-            (q[:, 0] - p[:, 0]) * (point[1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (point[0] - p[:, 0])
-            for p, q in ((a, b), (b, c), (c, a))
-        ]
-        # Faces look up, so inside is one sign; a millimetre squared for points on the border.
-        inside = np.abs(np.sign(np.where(np.abs(sides) < 1e-3, 0, sides)).sum(axis=0))
-        zeros = (np.abs(sides) < 1e-3).sum(axis=0)
-        assert (inside == 3 - zeros).any(), f"no base at {point}"
+def test_the_base_lies_under_all_of_the_detail(
+    result: Reconstructed, solved_base: Reconstructed, ragged: Reconstructed
+) -> None:
+    assert ragged.facts.counts["base_faces_patched"] > 0
+    for found in (result, solved_base, ragged):
+        base, detail = found.base, found.detail
+        bare = uncovered_faces(detail.vertices, detail.faces, base.vertices, base.faces)
+        assert not bare.any()
 
 
 def test_the_base_keeps_its_budget(result: Reconstructed, solved_base: Reconstructed) -> None:
@@ -123,13 +132,26 @@ def test_colours_attributes_and_codes_are_carried(result: Reconstructed) -> None
         assert np.isin(mesh.attributes["code"], (0.0, 1.0)).all()
 
 
-def test_the_depths_follow_the_density_and_it_says_so(solved_base: Reconstructed) -> None:
+def test_the_depths_follow_the_density_and_nobody_is_warned(
+    cleaned: clean.Cleaned, solved_base: Reconstructed
+) -> None:
     counts = solved_base.facts.counts
     assert counts["detail_depth"] < 13
     assert counts["base_depth"] == counts["detail_depth"] - 1
-    told = " ".join(solved_base.facts.warnings)
-    assert f"detail depth {counts['detail_depth']} instead of 13" in told
-    assert f"base depth {counts['base_depth']} instead of 9" in told
+    assert counts["cell_m"] == pytest.approx(cleaned.cloud.spacing_m, rel=0.5)
+    assert not solved_base.facts.warnings
+
+
+def test_who_asks_for_more_than_the_density_supports_is_told(
+    cleaned: clean.Cleaned, scratch: Path
+) -> None:
+    options = reconstruct.Options(
+        base_faces=600, base_from="poisson", detail_depth=13, base_depth=9
+    )
+    facts = reconstruct.run(cleaned, options, Context(scratch)).facts
+    told = " ".join(facts.warnings)
+    assert f"detail depth {facts.counts['detail_depth']} instead of 13" in told
+    assert f"base depth {facts.counts['base_depth']} instead of 9" in told
 
 
 def test_the_deviation_is_measured(result: Reconstructed) -> None:

@@ -16,7 +16,7 @@ def made(count: int, rng: np.random.Generator) -> MadeAtlas:
     surface_m2 = rng.uniform(1.0, 2.0, count)
     return MadeAtlas(
         np.zeros((count, 3, 2), np.uint16), b"image", 64, 32, surface_m2,
-        surface_m2 * rng.uniform(80.0, 120.0, count), gsd_m, 5, 0.5,
+        surface_m2 * rng.uniform(80.0, 120.0, count), gsd_m, *np.zeros((2, count), bool), 5, 0.5,
     )  # fmt: skip
 
 
@@ -40,5 +40,7 @@ def test_tallies_add_up() -> None:
 
 def test_without_photos_there_is_no_pixel() -> None:
     sums = TextureSums(0)
-    assert TextureTally.total([]).facts() == {"texel_m": None, "gsd_m": None, "unseen_share": 0.0}
+    assert TextureTally.total([]).facts() == {
+        "texel_m": None, "gsd_m": None, "unseen_share": 0.0, "crowded_share": 0.0
+    }  # fmt: skip
     assert sums.tally().surface_m2 == 0.0

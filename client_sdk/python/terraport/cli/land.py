@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import importlib
 import json
+import warnings
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import asdict
@@ -18,12 +19,19 @@ from rich.table import Table
 
 from terraport.base import BaseMesh
 from terraport.cli.group import GroupOptions, land_together, place_of
+from terraport.cli.reach import nothing_there, require_reach
 from terraport.client import connect
-from terraport.errors import LandingTimeoutError, MissingExtraError, UsageError
+from terraport.errors import (
+    LandingTimeoutError,
+    MissingExtraError,
+    OutsideSceneWarning,
+    UsageError,
+)
 from terraport.frames import to_crs, to_scene
 from terraport.landing import Landing
 from terraport.mesh import mixed_model, write_glb
 from terraport.obj import write_obj
+from terraport.scene_box import SceneBox
 from terraport.textures import vertex_colours
 from terraport.timeouts import Timeouts
 from terraport.trace import LandingTrace, write_trace
@@ -75,7 +83,6 @@ def land(
     max_bytes: Annotated[
         int | None, typer.Option(min=0, help="Budget: payload bytes, nearest first.")
     ] = None,
-    encoding: Annotated[str, typer.Option(help="glb or arrays.")] = "glb",
     cache_dir: Annotated[
         Path | None, typer.Option(help="Keep segments here from one run to the next.")
     ] = None,
@@ -127,31 +134,33 @@ def land(
         if file is not None and not file.absolute().parent.is_dir():
             raise UsageError(f"no directory {file.absolute().parent} to write {file.name} into")
     options: dict[str, Any] = {
-        "encoding": encoding,
         "max_triangles": max_triangles,
         "max_bytes": max_bytes,
         "cache_dir": cache_dir,
         "timeouts": Timeouts(plan_s=timeout),
         "group": group,
     }
-    asyncio.run(
-        _land(
-            url,
-            place,
-            radius,
-            together=together,
-            crs=crs,
-            ground=ground,
-            token=token,
-            repeat=repeat,
-            timeout_s=timeout,
-            options=options,
-            glb=glb,
-            png=png,
-            trace=trace,
-            as_json=as_json,
+    with warnings.catch_warnings():
+        # Said in this command's own words: before the landing, or after one that a guide called.
+        warnings.simplefilter("ignore", OutsideSceneWarning)
+        asyncio.run(
+            _land(
+                url,
+                place,
+                radius,
+                together=together,
+                crs=crs,
+                ground=ground,
+                token=token,
+                repeat=repeat,
+                timeout_s=timeout,
+                options=options,
+                glb=glb,
+                png=png,
+                trace=trace,
+                as_json=as_json,
+            )
         )
-    )
 
 
 async def _land(
@@ -177,13 +186,13 @@ async def _land(
 
         async def position_of_place() -> tuple[float, float, float]:
             assert place is not None
+            box = SceneBox.of(manifest)
             position = to_scene(place, manifest["origin"]) if crs else place
-            if not ground:
-                return position
-            hit = await session.pick(position)
+            # From the scene's own heights: a pick does not reach down from anywhere.
+            hit = await session.pick(box.at_its_height(position)) if ground else None
             if hit is None:
-                raise UsageError(f"no surface above or below {position}, expected a place on it")
-            return hit.position
+                require_reach(box, place, position, radius_m, crs=crs, ground=ground)
+            return position if hit is None else hit.position
 
         landings, party = [], None
         if together is not None:
@@ -230,6 +239,8 @@ async def _land(
             typer.echo(json.dumps(facts, indent=1))
         else:
             _print(facts, landing)
+        if not (landing.segments or landing.plan.omitted_segments):
+            typer.echo(f"warning: {nothing_there(landing)}", err=True)
 
 
 @asynccontextmanager
@@ -278,6 +289,7 @@ def _facts(landing: Landing) -> dict[str, Any]:
         "total_triangles": plan.total_triangles,
         "omitted_segments": plan.omitted_segments,
         "omitted_by": plan.omitted_by,
+        "outside_m": landing.outside_m,
         **asdict(landing.stats),
     }
 

@@ -11,8 +11,12 @@ namespace Terraport.Json
         public JsonException(string message, int offset)
             : base(message + " (at byte " + offset + ")")
         {
+            What = message;
             Offset = offset;
         }
+
+        /// <summary>What was found and what was expected, without the byte.</summary>
+        internal string What { get; }
 
         /// <summary>Byte at which reading stopped, counted from the first one given.</summary>
         public int Offset { get; }

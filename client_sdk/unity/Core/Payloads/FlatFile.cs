@@ -3,7 +3,7 @@ using System;
 namespace Terraport
 {
     /// <summary>
-    /// A file of named arrays behind a directory, with a checksum (scene format, section 5): arrays payloads and base.cover. Reading
+    /// A file of named arrays behind a directory, with a checksum (scene format, section 5): base.cover. Reading
     /// allocates nothing once its list is large enough; every flipped bit and every truncation is noticed.
     /// </summary>
     internal sealed class FlatFile
@@ -16,7 +16,6 @@ namespace Terraport
         private const int Alignment = 8;
         private const int ChecksumFrom = 16;
 
-        private readonly JsonTexts texts = new JsonTexts();
         private Field[] fields = new Field[16];
         private ArraySegment<byte> file;
 
@@ -36,7 +35,7 @@ namespace Terraport
         internal uint Rows { get; private set; }
 
         /// <summary>Fields of known types.</summary>
-        internal int FieldCount { get; private set; }
+        private int FieldCount { get; set; }
 
         /// <summary>Read the directory; the bytes must stay as they are while arrays are asked for.</summary>
         /// <remarks>magic: The eight characters that name the kind of file.</remarks>
@@ -84,35 +83,12 @@ namespace Terraport
         {
             for (int field = 0; field < FieldCount; field++)
             {
-                if (fields[field].NameLength == name.Length && StartsWith(field, name))
+                if (IsNamed(fields[field], name))
                 {
                     return field;
                 }
             }
             return -1;
-        }
-
-        /// <summary>Whether a field's name starts with that (ASCII).</summary>
-        internal bool StartsWith(int field, string start)
-        {
-            if (fields[field].NameLength < start.Length)
-            {
-                return false;
-            }
-            for (int at = 0; at < start.Length; at++)
-            {
-                if (Byte(fields[field].At + at) != start[at])
-                {
-                    return false;
-                }
-            }
-            return true;
-        }
-
-        /// <summary>A field's name from a byte on; the same object for the same bytes, as far as a small cache reaches.</summary>
-        internal string NameFrom(int field, int from)
-        {
-            return texts.Get(file.Array, file.Offset + fields[field].At + from, fields[field].NameLength - from, false);
         }
 
         /// <summary>Rows of a field that must be of that type and width.</summary>
@@ -128,14 +104,6 @@ namespace Terraport
                 throw new PayloadException("field " + name + " is of another type, " + expected, fields[field].At);
             }
             return fields[field].Rows;
-        }
-
-        /// <summary>Where an array starts in the array of the file, and its bytes.</summary>
-        internal int Locate(int field, out byte[] bytes, out int length)
-        {
-            bytes = file.Array;
-            length = fields[field].Length;
-            return file.Offset + fields[field].Start;
         }
 
         /// <summary>Copy an array; the target has room. The machine is little-endian, as the format.</summary>
@@ -222,6 +190,22 @@ namespace Terraport
                 }
             }
             return field;
+        }
+
+        private bool IsNamed(Field field, string name)
+        {
+            if (field.NameLength != name.Length)
+            {
+                return false;
+            }
+            for (int at = 0; at < name.Length; at++)
+            {
+                if (Byte(field.At + at) != name[at])
+                {
+                    return false;
+                }
+            }
+            return true;
         }
 
         private bool IsSameName(Field left, Field right)

@@ -1,4 +1,5 @@
 using System;
+using Terraport.Json;
 
 namespace Terraport
 {

@@ -1,4 +1,5 @@
 using System;
+using Terraport.Json;
 
 namespace Terraport
 {
@@ -61,7 +62,6 @@ namespace Terraport
                 throw document.Wrong(mode, "primitive mode", null, "4 (triangles)");
             }
             int names = document.ExpectObject(tape.Find(primitive, "attributes"), "attributes", null);
-            mesh.Encoding = PayloadEncoding.Glb;
             ReadPlace(mesh);
             ReadPositions(mesh, tape.Find(names, "POSITION"));
             ReadIndices(mesh, tape.Find(primitive, "indices"));
@@ -260,7 +260,6 @@ namespace Terraport
                 }
                 string gltfText = tape.TextOf(gltfName);
                 attribute.Codes = ReadCodes(mesh, tape.Find(names, gltfText), gltfText, attribute.Codes);
-                attribute.Values = null;
                 row = tape.After(row);
             }
         }

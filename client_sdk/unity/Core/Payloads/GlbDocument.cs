@@ -1,4 +1,5 @@
 using System;
+using Terraport.Json;
 
 namespace Terraport
 {
@@ -70,7 +71,14 @@ namespace Terraport
                 throw new PayloadException("something after the BIN chunk, expected nothing", binary + BinaryLength);
             }
             BinaryStart = payloadStart + binary;
-            Tape.Read(Bytes, payloadStart + textStart, text);
+            try
+            {
+                Tape.Read(Bytes, payloadStart + textStart, text);
+            }
+            catch (JsonException error)
+            {
+                throw new PayloadException("JSON does not parse: " + error.What, OffsetOf(error.Offset));
+            }
             ExpectObject(0, "JSON chunk", null);
         }
 

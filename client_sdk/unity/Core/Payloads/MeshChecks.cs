@@ -110,17 +110,5 @@ namespace Terraport
                 throw new PayloadException("texture coordinates beyond the image, expected 0 to 1");
             }
         }
-
-        /// <summary>Every texture coordinate lies within 0 to 1; NaN does not.</summary>
-        internal static void Uvs(float[] uvs, int vertices)
-        {
-            for (int at = 0; at < vertices * 2; at++)
-            {
-                if (!(uvs[at] >= 0 && uvs[at] <= 1))
-                {
-                    throw new PayloadException("uvs of vertex " + at / 2 + " lie outside the image, expected 0 to 1");
-                }
-            }
-        }
     }
 }

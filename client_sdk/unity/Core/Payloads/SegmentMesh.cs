@@ -18,9 +18,6 @@ namespace Terraport
             Image = new MeshImage();
         }
 
-        /// <summary>The form it came in: says which of the arrays are used.</summary>
-        public PayloadEncoding Encoding { get; internal set; }
-
         /// <summary>Vertices; 0 in a mesh that holds nothing.</summary>
         public int VertexCount { get; internal set; }
 
@@ -44,35 +41,25 @@ namespace Terraport
         /// <summary>Three per vertex, metres, scene frame.</summary>
         public float[] Positions { get; internal set; } = Array.Empty<float>();
 
-        /// <summary>From GLB: four per vertex, 127 is 1, the fourth is padding.</summary>
+        /// <summary>Four per vertex, 127 is 1, the fourth is padding.</summary>
         public sbyte[] NormalCodes { get; internal set; } = Array.Empty<sbyte>();
 
-        /// <summary>From arrays: three per vertex, unit.</summary>
-        public float[] Normals { get; internal set; } = Array.Empty<float>();
-
-        /// <summary>Whether the vertices have colours, in the array of the encoding.</summary>
+        /// <summary>Whether the vertices have colours.</summary>
         public bool HasColours { get; internal set; }
 
-        /// <summary>From GLB: four per vertex, linear light, 65535 is 1.</summary>
+        /// <summary>Four per vertex, linear light, 65535 is 1.</summary>
         public ushort[] LinearColours { get; internal set; } = Array.Empty<ushort>();
 
-        /// <summary>From arrays: four per vertex, sRGB, alpha 255.</summary>
-        public byte[] SrgbColours { get; internal set; } = Array.Empty<byte>();
-
         /// <summary>
-        /// Whether there is an image, and texture coordinates in the array of the encoding; (0, 0) is its upper left
-        /// corner.
+        /// Whether there is an image, and texture coordinates; (0, 0) is its upper left corner.
         /// </summary>
         public bool HasTexture
         {
             get { return Image.Length > 0; }
         }
 
-        /// <summary>From GLB: two per vertex; a coordinate is code * <see cref="UvScaleU"/> or <see cref="UvScaleV"/>.</summary>
+        /// <summary>Two per vertex; a coordinate is code * <see cref="UvScaleU"/> or <see cref="UvScaleV"/>.</summary>
         public ushort[] UvCodes { get; internal set; } = Array.Empty<ushort>();
-
-        /// <summary>From arrays: two per vertex, 0 to 1.</summary>
-        public float[] Uvs { get; internal set; } = Array.Empty<float>();
 
         /// <summary>Factor of the first code.</summary>
         public double UvScaleU { get; internal set; }
@@ -120,9 +107,9 @@ namespace Terraport
         {
             get
             {
-                long vertex = (HasFloatPositions ? 12 : 8) + (Encoding == PayloadEncoding.Arrays ? 12 : 4);
-                vertex += HasColours ? (Encoding == PayloadEncoding.Arrays ? 4 : 8) : 0;
-                vertex += HasTexture ? (Encoding == PayloadEncoding.Arrays ? 8 : 4) : 0;
+                long vertex = (HasFloatPositions ? 12 : 8) + 4;
+                vertex += HasColours ? 8 : 0;
+                vertex += HasTexture ? 4 : 0;
                 vertex += HasRegionIds ? 4 : 0;
                 vertex += 4L * attributes.Count;
                 long texels = HasTexture ? (long)Image.Width * Image.Height : 0;
@@ -148,13 +135,6 @@ namespace Terraport
         /// <summary>The normal of a vertex, unit in float32, as every terraport client rounds it.</summary>
         public void NormalAt(int vertex, out float x, out float y, out float z)
         {
-            if (Encoding == PayloadEncoding.Arrays)
-            {
-                x = Normals[vertex * 3];
-                y = Normals[vertex * 3 + 1];
-                z = Normals[vertex * 3 + 2];
-                return;
-            }
             float a = Math.Max((float)(NormalCodes[vertex * 4] / 127f), -1f);
             float b = Math.Max((float)(NormalCodes[vertex * 4 + 1] / 127f), -1f);
             float c = Math.Max((float)(NormalCodes[vertex * 4 + 2] / 127f), -1f);
@@ -168,11 +148,10 @@ namespace Terraport
         /// <summary>The colour of a vertex, sRGB, 0 to 255: the survey's own. Only where <see cref="HasColours"/>.</summary>
         public void ColourAt(int vertex, out byte red, out byte green, out byte blue)
         {
-            bool isSrgb = Encoding == PayloadEncoding.Arrays;
             int at = vertex * 4;
-            red = isSrgb ? SrgbColours[at] : LinearColour.ToSrgb(LinearColours[at]);
-            green = isSrgb ? SrgbColours[at + 1] : LinearColour.ToSrgb(LinearColours[at + 1]);
-            blue = isSrgb ? SrgbColours[at + 2] : LinearColour.ToSrgb(LinearColours[at + 2]);
+            red = LinearColour.ToSrgb(LinearColours[at]);
+            green = LinearColour.ToSrgb(LinearColours[at + 1]);
+            blue = LinearColour.ToSrgb(LinearColours[at + 2]);
         }
 
         /// <summary>
@@ -181,12 +160,6 @@ namespace Terraport
         /// </summary>
         public void UvAt(int vertex, out float u, out float v)
         {
-            if (Encoding == PayloadEncoding.Arrays)
-            {
-                u = Uvs[vertex * 2];
-                v = Uvs[vertex * 2 + 1];
-                return;
-            }
             // Codes without a transform are divided, so that 65535 is 1.
             bool isFraction = UvScaleU == 1.0 / 65535;
             u = isFraction ? UvCodes[vertex * 2] / 65535f : (float)(UvCodes[vertex * 2] * UvScaleU);

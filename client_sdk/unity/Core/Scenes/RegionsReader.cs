@@ -24,7 +24,7 @@ namespace Terraport
             JsonValue json;
             try
             {
-                json = JsonReader.Read(regions, JsonReader.DefaultMaxDepth, MostValues);
+                json = JsonReader.Read(regions, MostValues);
             }
             catch (JsonException error)
             {

@@ -54,7 +54,7 @@ namespace Terraport
         /// <summary>Triangles of all segments.</summary>
         public long DetailFaces { get; internal set; }
 
-        /// <summary>Whether every payload has vertex colours.</summary>
+        /// <summary>Whether every payload has vertex colours; false, too, where textures stand in their place.</summary>
         public bool HasColour { get; internal set; }
 
         /// <summary>Media types of the payloads' images; empty without textures.</summary>

@@ -119,10 +119,10 @@ namespace Terraport.Sessions
             return isThere;
         }
 
-        /// <summary>Take the WebSocket messages to send, once, in order: text where the subprotocol is JSON.</summary>
+        /// <summary>Take the WebSocket messages to send, once, in order: binary ones.</summary>
         public void TakeMessages(Queue<byte[]> into)
         {
-            foreach (WireMessage message in outbox) into.Enqueue(WireCodec.Encode(message, options.Subprotocol));
+            foreach (WireMessage message in outbox) into.Enqueue(WireCodec.Encode(message));
             outbox.Clear();
             unsent = null;
         }
@@ -162,9 +162,10 @@ namespace Terraport.Sessions
         /// </exception>
         public void Receive(ArraySegment<byte> data, bool isText)
         {
+            if (isText) throw new ProtocolViolationException("got a text message, expected a binary one");
             try
             {
-                if (PayloadFrame.IsPayload(data, isText))
+                if (PayloadFrame.IsPayload(data))
                 {
                     PayloadFrame frame;
                     if (!PayloadFrame.TryDecode(data, out frame)) return;
@@ -172,7 +173,7 @@ namespace Terraport.Sessions
                     Grant(frame.Chunk.Count);
                     return;
                 }
-                OnMessage(WireCodec.Decode(data, isText, options.Subprotocol, Direction.ServerToClient));
+                OnMessage(WireCodec.Decode(data, Direction.ServerToClient));
             }
             catch (DecodeException error)
             {
@@ -300,8 +301,8 @@ namespace Terraport.Sessions
                 HeldCount = welcome.HeldCount,
             });
             Drop(welcome.Dropped);
-            List<HeldRow> untold = offer.TellRest(welcome, options.Subprotocol, outbox);
-            // A server of 1.0 cannot be told of more than one table: what it does not know of is not held (10.2).
+            List<HeldRow> untold = offer.TellRest(welcome, outbox);
+            // A server that takes no table cannot be told: what it does not know of is not held (10.2).
             Drop(untold.ConvertAll(row => row.Segment).ToArray());
             picks.TellWaiting(outbox);
             LandingState landing = queued;

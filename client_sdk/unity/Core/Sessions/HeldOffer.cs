@@ -10,9 +10,8 @@ namespace Terraport.Sessions
     /// </summary>
     internal sealed class HeldOffer
     {
-        // Most bytes of one row of a held table, and room for what stands around the table in its message.
-        private const int MsgpackRowBytes = 12;
-        private const int JsonRowBytes = 34;
+        // Bytes of one row of a held table, and room for what stands around the table in its message.
+        private const int RowBytes = 12;
         private const int AroundBytes = 64;
 
         private List<HeldRow> rest = new List<HeldRow>();
@@ -31,14 +30,13 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Say, once, the messages that go after the welcome; returns the rows that such a server cannot be told of.</summary>
-        internal List<HeldRow> TellRest(WelcomeMessage welcome, Subprotocol subprotocol, List<WireMessage> into)
+        internal List<HeldRow> TellRest(WelcomeMessage welcome, List<WireMessage> into)
         {
             List<HeldRow> rows = rest;
             rest = new List<HeldRow>();
-            int rowBytes = subprotocol == Subprotocol.Msgpack ? MsgpackRowBytes : JsonRowBytes;
-            long fits = (welcome.Limits.MaxMessageBytes - AroundBytes) / rowBytes;
+            long fits = (welcome.Limits.MaxMessageBytes - AroundBytes) / RowBytes;
             var most = (int)Math.Min(fits, welcome.Limits.MaxHeldSegments);
-            if (welcome.Protocol.Minor < 1 || most < 1) return rows;
+            if (most < 1) return rows;
             for (int at = 0; at < rows.Count; at += most)
             {
                 into.Add(new HeldMessage { Segments = rows.GetRange(at, Math.Min(most, rows.Count - at)).ToArray() });

@@ -8,9 +8,6 @@ namespace Terraport.Sessions
         /// <summary>Name and version of the client, for the server's logs.</summary>
         public string Client { get; set; } = "";
 
-        /// <summary>Encoding of the payloads.</summary>
-        public PayloadEncoding Encoding { get; set; } = PayloadEncoding.Glb;
-
         /// <summary>Hard bounds of every landing; null for none.</summary>
         public Budgets Budgets { get; set; }
 
@@ -19,9 +16,6 @@ namespace Terraport.Sessions
 
         /// <summary>Release radius / load radius; null takes the server's.</summary>
         public double? ReleaseFactor { get; set; }
-
-        /// <summary>How messages are written.</summary>
-        public Subprotocol Subprotocol { get; set; } = Subprotocol.Msgpack;
 
         /// <summary>Bound on the payload bytes kept beside what is pinned.</summary>
         public long CacheBytes { get; set; } = StreamOptions.DefaultCacheBytes;
@@ -33,7 +27,7 @@ namespace Terraport.Sessions
             {
                 Protocol = new ProtocolVersion(WireLimits.ProtocolMajor, WireLimits.ProtocolMinor),
                 Client = Client,
-                Encoding = Encoding == PayloadEncoding.Arrays ? "arrays" : "glb",
+                Encoding = SegmentDecoder.Encoding,
                 Budgets = new BudgetsPart
                 {
                     MaxTriangles = Budgets == null ? null : Budgets.MaxTriangles,

@@ -9,7 +9,6 @@ namespace Terraport
     {
         private const int MostThreads = 16;
         private const int JoinMs = 1000;
-        private readonly PayloadEncoding encoding;
         private readonly Action<SegmentMesh> afterDecode;
         private readonly MeshPool pool = new MeshPool();
         private readonly Queue<DecodeJob> jobs = new Queue<DecodeJob>();
@@ -18,16 +17,14 @@ namespace Terraport
         private bool isDisposed;
 
         /// <summary>Start the threads.</summary>
-        /// <param name="encoding">Which payloads they decode.</param>
         /// <param name="threads">How many, 1 to 16; 0 for half of the machine's, at most 4.</param>
         /// <param name="afterDecode">Run after each decode, on its thread, before the mesh is handed out; may be null.</param>
-        public DecodeThreads(PayloadEncoding encoding, int threads = 0, Action<SegmentMesh> afterDecode = null)
+        public DecodeThreads(int threads = 0, Action<SegmentMesh> afterDecode = null)
         {
             if (threads < 0 || threads > MostThreads)
             {
                 throw new ArgumentOutOfRangeException("threads", threads + " threads, expected 0 to " + MostThreads);
             }
-            this.encoding = encoding;
             this.afterDecode = afterDecode;
             int count = threads > 0 ? threads : Math.Max(1, Math.Min(4, Environment.ProcessorCount / 2));
             this.threads = new Thread[count];
@@ -106,7 +103,7 @@ namespace Terraport
 
         private void Work()
         {
-            var decoder = new SegmentDecoder(encoding);
+            var decoder = new SegmentDecoder();
             for (;;)
             {
                 DecodeJob job;

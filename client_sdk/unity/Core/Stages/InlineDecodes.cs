@@ -6,18 +6,16 @@ namespace Terraport
     /// <summary>Decodes on the calling thread, a segment a step: for platforms without threads (WebGL).</summary>
     public sealed class InlineDecodes : IDecodeQueue
     {
-        private readonly SegmentDecoder decoder;
+        private readonly SegmentDecoder decoder = new SegmentDecoder();
         private readonly Action<SegmentMesh> afterDecode;
         private readonly MeshPool pool = new MeshPool();
         private readonly Queue<DecodeJob> jobs = new Queue<DecodeJob>();
         private readonly Queue<DecodeResult> results = new Queue<DecodeResult>();
 
-        /// <summary>A queue of one encoding.</summary>
-        /// <param name="encoding">Which payloads it decodes.</param>
+        /// <summary>An empty queue.</summary>
         /// <param name="afterDecode">Run after each decode, before the mesh is handed out; may be null.</param>
-        public InlineDecodes(PayloadEncoding encoding, Action<SegmentMesh> afterDecode = null)
+        public InlineDecodes(Action<SegmentMesh> afterDecode = null)
         {
-            decoder = new SegmentDecoder(encoding);
             this.afterDecode = afterDecode;
         }
 

@@ -12,9 +12,6 @@ namespace Terraport
     /// </remarks>
     public interface ISceneStream : IDisposable
     {
-        /// <summary>Encoding of the payloads that <see cref="TryPin"/> gives.</summary>
-        PayloadEncoding Encoding { get; }
-
         /// <summary>What has been counted so far.</summary>
         StreamStats Stats { get; }
 

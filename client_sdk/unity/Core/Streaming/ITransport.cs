@@ -41,10 +41,10 @@ namespace Terraport
         bool TryReceive(out TransportMessage message);
 
         /// <summary>
-        /// Hand a message over, in order; its bytes must not be changed afterwards. False: not now, the queue is full or nothing
+        /// Hand a binary message over, in order; its bytes must not be changed afterwards. False: not now, the queue is full or nothing
         /// is open.
         /// </summary>
-        bool TrySend(ArraySegment<byte> message, bool isText);
+        bool TrySend(ArraySegment<byte> message);
 
         /// <summary>
         /// Close, after what was handed over has left, and without waiting for the other side's answer. Disposing afterwards

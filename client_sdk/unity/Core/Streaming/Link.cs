@@ -57,7 +57,7 @@ namespace Terraport
             this.session = session;
             this.settings = settings;
             token = settings.Token;
-            outgoing = new Outgoing(settings.Subprotocol == Subprotocol.Json);
+            outgoing = new Outgoing();
         }
 
         /// <summary>When something is due by itself, whatever the transport does; never where nothing is.</summary>
@@ -170,7 +170,7 @@ namespace Terraport
             Tell(new LinkState { Phase = LinkPhase.Connecting, Attempt = attempt });
             transport = settings.Transports.Create();
             transport.Changed = settings.Changed;
-            transport.Open(settings.Url, new[] { WireCodec.NameOf(settings.Subprotocol) }, token);
+            transport.Open(settings.Url, new[] { WireLimits.Subprotocol }, token);
         }
 
         private void Greet(TransportState state, double nowMs)

@@ -1,5 +1,4 @@
 using System;
-using Terraport.Wire;
 
 namespace Terraport
 {
@@ -10,8 +9,6 @@ namespace Terraport
         internal Uri Url { get; set; }
 
         internal string Token { get; set; }
-
-        internal Subprotocol Subprotocol { get; set; }
 
         internal ITransportFactory Transports { get; set; }
 

@@ -10,15 +10,9 @@ namespace Terraport
         // Before the welcome says what is allowed: hello, and nothing else.
         private const double GreetingPerS = 1;
 
-        private readonly bool isText;
         private Pacer pacer;
         private bool isBooked;
         private double dueMs;
-
-        internal Outgoing(bool isText)
-        {
-            this.isText = isText;
-        }
 
         /// <summary>Messages that wait; put new ones here.</summary>
         internal Queue<byte[]> Waiting { get; } = new Queue<byte[]>();
@@ -53,7 +47,7 @@ namespace Terraport
                     dueMs = nowMs + pacer.Take(nowMs);
                     isBooked = true;
                 }
-                if (nowMs < dueMs || !transport.TrySend(new ArraySegment<byte>(Waiting.Peek()), isText)) return;
+                if (nowMs < dueMs || !transport.TrySend(new ArraySegment<byte>(Waiting.Peek()))) return;
                 Waiting.Dequeue();
                 isBooked = false;
             }

@@ -37,31 +37,24 @@ namespace Terraport
             StreamOptions options, ITransportFactory transports = null, Action changed = null, Func<double> clockMs = null)
         {
             this.clockMs = clockMs ?? (() => StreamClock.NowMs);
-            Encoding = options.Encoding;
             session = new ClientSession(new SessionOptions
             {
                 Client = options.Client ?? ClientVersion.Text,
-                Encoding = options.Encoding,
                 Budgets = options.Budgets,
                 CreditBytes = options.CreditBytes,
                 ReleaseFactor = options.ReleaseFactor,
-                Subprotocol = options.Subprotocol,
                 CacheBytes = options.CacheBytes,
             });
             link = new Link(session, new LinkSettings
             {
                 Url = new Uri(SceneUrl.Parse(options.SceneUrl).StreamUrl),
                 Token = options.Token,
-                Subprotocol = options.Subprotocol,
                 Transports = transports ?? new WebSocketTransportFactory(),
                 Tell = Tell,
                 Changed = changed,
             });
             link.Start(this.clockMs());
         }
-
-        /// <inheritdoc/>
-        public PayloadEncoding Encoding { get; }
 
         /// <inheritdoc/>
         public StreamStats Stats

@@ -15,9 +15,6 @@ namespace Terraport
         /// <summary>Bearer token; null for a server that asks for none. Never part of a URL.</summary>
         public string Token { get; set; }
 
-        /// <summary>Encoding of the payloads.</summary>
-        public PayloadEncoding Encoding { get; set; } = PayloadEncoding.Glb;
-
         /// <summary>Hard bounds of every landing; null for none.</summary>
         public Budgets Budgets { get; set; }
 
@@ -32,9 +29,6 @@ namespace Terraport
 
         /// <summary>Release radius / load radius, 1 to 4; null takes the server's.</summary>
         public double? ReleaseFactor { get; set; }
-
-        /// <summary>How messages are written on the wire; msgpack is smaller, JSON is readable in traces.</summary>
-        public Wire.Subprotocol Subprotocol { get; set; } = Wire.Subprotocol.Msgpack;
 
         /// <summary>Name and version of the client for the server's logs, at most 128 characters; null for this package's own.</summary>
         public string Client { get; set; }

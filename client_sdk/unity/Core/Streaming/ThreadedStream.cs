@@ -46,12 +46,6 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public PayloadEncoding Encoding
-        {
-            get { return stream.Encoding; }
-        }
-
-        /// <inheritdoc/>
         public StreamStats Stats
         {
             get { lock (gate) return stats; }

@@ -18,7 +18,7 @@ namespace Terraport
         /// <summary>The message; text as UTF-8, not looked at yet. Valid until <see cref="Release"/>.</summary>
         public ArraySegment<byte> Bytes { get; }
 
-        /// <summary>Whether it came as a text message.</summary>
+        /// <summary>Whether it came as a text message, which the session refuses: the protocol has none.</summary>
         public bool IsText { get; }
 
         /// <summary>Give the buffer back; once.</summary>

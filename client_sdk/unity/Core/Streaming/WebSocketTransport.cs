@@ -30,7 +30,7 @@ namespace Terraport
         private readonly ClientWebSocket socket = new ClientWebSocket();
         private readonly CancellationTokenSource ended = new CancellationTokenSource();
         private readonly Queue<TransportMessage> received = new Queue<TransportMessage>();
-        private readonly Queue<Unsent> unsent = new Queue<Unsent>();
+        private readonly Queue<ArraySegment<byte>> unsent = new Queue<ArraySegment<byte>>();
         private readonly Stack<byte[]> idle = new Stack<byte[]>();
         private readonly SemaphoreSlim hasRoom = new SemaphoreSlim(0);
         private readonly SemaphoreSlim hasUnsent = new SemaphoreSlim(0);
@@ -117,12 +117,12 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public bool TrySend(ArraySegment<byte> message, bool isText)
+        public bool TrySend(ArraySegment<byte> message)
         {
             lock (gate)
             {
                 if (state != TransportState.Open || goodbyeCode != 0 || unsent.Count >= MaxUnsentMessages) return false;
-                unsent.Enqueue(new Unsent { Bytes = message, IsText = isText });
+                unsent.Enqueue(message);
             }
             hasUnsent.Release();
             return true;
@@ -231,20 +231,19 @@ namespace Terraport
                 for (;;)
                 {
                     await hasUnsent.WaitAsync(ended.Token);
-                    Unsent next;
+                    ArraySegment<byte> next;
                     bool isGoodbye;
                     lock (gate)
                     {
                         isGoodbye = unsent.Count == 0;
-                        next = isGoodbye ? default(Unsent) : unsent.Dequeue();
+                        next = isGoodbye ? default(ArraySegment<byte>) : unsent.Dequeue();
                     }
                     if (isGoodbye)
                     {
                         await socket.CloseOutputAsync((WebSocketCloseStatus)goodbyeCode, goodbyeReason, ended.Token);
                         return;
                     }
-                    WebSocketMessageType type = next.IsText ? WebSocketMessageType.Text : WebSocketMessageType.Binary;
-                    await socket.SendAsync(next.Bytes, type, true, ended.Token);
+                    await socket.SendAsync(next, WebSocketMessageType.Binary, true, ended.Token);
                 }
             }
             catch (Exception)
@@ -308,12 +307,6 @@ namespace Terraport
                 if (!text.Contains(one.Message)) text += ": " + one.Message;
             }
             return text;
-        }
-
-        private struct Unsent
-        {
-            internal ArraySegment<byte> Bytes;
-            internal bool IsText;
         }
     }
 }

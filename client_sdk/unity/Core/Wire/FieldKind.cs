@@ -10,7 +10,7 @@ namespace Terraport.Wire
     {
         /// <summary>First pass: what tables and parts hold; null for kinds whose layout is their value.</summary>
         /// <exception cref="RefusedException">It is laid out otherwise.</exception>
-        internal virtual object Layout(JsonValue raw, bool packed)
+        internal virtual object Layout(JsonValue raw)
         {
             return null;
         }
@@ -23,8 +23,8 @@ namespace Terraport.Wire
         /// <summary>Check a value of our own.</summary>
         internal abstract void Check(object value);
 
-        /// <summary>Write a checked value; <paramref name="packed"/> for msgpack, else JSON.</summary>
-        internal abstract JsonValue Write(object value, bool packed);
+        /// <summary>Write a checked value.</summary>
+        internal abstract JsonValue Write(object value);
 
         /// <summary>What is expected, for error texts.</summary>
         internal abstract string Describe();

@@ -7,7 +7,7 @@ namespace Terraport.Wire
     {
         /// <summary>Read the fields of a map into a part; unknown keys are skipped, null is absent.</summary>
         /// <exception cref="RefusedException">With the path of the field that is missing, mistyped or out of range.</exception>
-        internal static void Read(WirePart into, JsonValue raw, bool packed)
+        internal static void Read(WirePart into, JsonValue raw)
         {
             if (raw.Kind != JsonKind.Object) throw new RefusedException("got " + raw.Show() + ", expected a map");
             Field[] fields = into.Fields;
@@ -17,7 +17,7 @@ namespace Terraport.Wire
             {
                 Field field = fields[number];
                 values[number] = raw[field.Name];
-                if (!values[number].IsNull) layouts[number] = Layout(field, values[number], packed);
+                if (!values[number].IsNull) layouts[number] = Layout(field, values[number]);
                 else if (field.IsRequired) throw Missing(field);
             }
             for (int number = 0; number < fields.Length; number++)
@@ -51,7 +51,7 @@ namespace Terraport.Wire
         }
 
         /// <summary>Write checked fields, in the table's order, behind a type where there is one.</summary>
-        internal static JsonValue Write(WirePart part, bool packed, string type)
+        internal static JsonValue Write(WirePart part, string type)
         {
             Field[] fields = part.Fields;
             var given = new object[fields.Length];
@@ -74,17 +74,17 @@ namespace Terraport.Wire
             {
                 if (given[number] == null) continue;
                 names[at] = fields[number].Name;
-                values[at] = fields[number].Kind.Write(given[number], packed);
+                values[at] = fields[number].Kind.Write(given[number]);
                 at++;
             }
             return JsonValue.OfObject(new JsonObject(names, values));
         }
 
-        private static object Layout(Field field, JsonValue raw, bool packed)
+        private static object Layout(Field field, JsonValue raw)
         {
             try
             {
-                return field.Kind.Layout(raw, packed);
+                return field.Kind.Layout(raw);
             }
             catch (RefusedException refused)
             {

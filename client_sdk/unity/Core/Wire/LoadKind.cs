@@ -1,5 +1,4 @@
 using System;
-using Terraport.Json;
 
 namespace Terraport.Wire
 {
@@ -32,19 +31,6 @@ namespace Terraport.Wire
                     LittleEndian.ReadF32(data, at + 36),
                     LittleEndian.ReadF32(data, at + 40),
                     LittleEndian.ReadF32(data, at + 44)));
-        }
-
-        protected override SegmentFacts RowOf(JsonValue raw)
-        {
-            if (raw.Kind != JsonKind.Object) throw new RefusedException("got " + raw.Show() + ", expected a segment object");
-            Box bounds = BoundsOf(raw["bounds"]);
-            return new SegmentFacts(
-                Whole(raw, "id"),
-                unchecked((int)Whole(raw, "length")),
-                HashOf(raw),
-                Whole(raw, "faces"),
-                Whole(raw, "vertices"),
-                bounds);
         }
 
         protected override void CheckRow(SegmentFacts row)
@@ -80,65 +66,6 @@ namespace Terraport.Wire
             LittleEndian.WriteF32(data, at + 36, row.Bounds.MaxX);
             LittleEndian.WriteF32(data, at + 40, row.Bounds.MaxY);
             LittleEndian.WriteF32(data, at + 44, row.Bounds.MaxZ);
-        }
-
-        protected override JsonValue ListRow(SegmentFacts row)
-        {
-            Box box = row.Bounds;
-            JsonValue bounds = JsonValue.OfList(new[]
-            {
-                JsonValue.OfFloat(box.MinX), JsonValue.OfFloat(box.MinY), JsonValue.OfFloat(box.MinZ),
-                JsonValue.OfFloat(box.MaxX), JsonValue.OfFloat(box.MaxY), JsonValue.OfFloat(box.MaxZ),
-            });
-            return JsonValue.OfObject(new JsonObject(
-                new[] { "id", "length", "xxh3", "faces", "vertices", "bounds" },
-                new[]
-                {
-                    JsonValue.OfInteger(row.Segment), JsonValue.OfInteger(row.Length), HashText(row.Xxh3),
-                    JsonValue.OfInteger(row.Faces), JsonValue.OfInteger(row.Vertices), bounds,
-                }));
-        }
-
-        private static uint Whole(JsonValue raw, string name)
-        {
-            try
-            {
-                return ExpectU32(raw[name]);
-            }
-            catch (RefusedException refused)
-            {
-                throw refused.Below(name);
-            }
-        }
-
-        private static ulong HashOf(JsonValue raw)
-        {
-            try
-            {
-                return ExpectHash(raw["xxh3"]);
-            }
-            catch (RefusedException refused)
-            {
-                throw refused.Below("xxh3");
-            }
-        }
-
-        private static Box BoundsOf(JsonValue raw)
-        {
-            if (raw.Kind != JsonKind.List || raw.Count != 6)
-            {
-                throw new RefusedException("got " + raw.Show() + ", expected six numbers", "bounds");
-            }
-            return new Box(Side(raw[0]), Side(raw[1]), Side(raw[2]), Side(raw[3]), Side(raw[4]), Side(raw[5]));
-        }
-
-        private static float Side(JsonValue raw)
-        {
-            double side;
-            // What goes over the wire in msgpack is float32; the two subprotocols give the same numbers.
-            if (raw.TryNumber(out side) && Math.Abs(side) <= WireLimits.MaxCoordinateM) return (float)side;
-            throw new RefusedException(
-                "got " + raw.Show() + ", expected a number of size at most " + WireLimits.MaxCoordinateM, "bounds");
         }
 
         // A NaN fails the comparison, an infinity too.

@@ -13,7 +13,10 @@ namespace Terraport.Wire
         public const int ProtocolMajor = 1;
 
         /// <summary>Newest minor version that this client speaks.</summary>
-        public const int ProtocolMinor = 1;
+        public const int ProtocolMinor = 0;
+
+        /// <summary>The WebSocket subprotocol; it pins the major version.</summary>
+        public const string Subprotocol = "terraport.v1.msgpack";
 
         /// <summary>Header bytes.</summary>
         public const int HeaderBytes = 24;
@@ -26,6 +29,9 @@ namespace Terraport.Wire
 
         /// <summary>Max client message bytes.</summary>
         public const int MaxClientMessageBytes = 1048576;
+
+        /// <summary>Max client values.</summary>
+        public const int MaxClientValues = 1024;
 
         /// <summary>Max container items.</summary>
         public const int MaxContainerItems = 16384;
@@ -295,7 +301,7 @@ namespace Terraport.Wire
         /// <summary>Silence after which the server closes.</summary>
         public double IdleTimeoutS { get; set; }
 
-        /// <summary>Whether groups can be joined: <c>here</c>; <c>query</c>: only where the URL of the stream names the group; <c>none</c>. Absent means <c>none</c> (1.1). Null where absent.</summary>
+        /// <summary>Whether groups can be joined: <c>here</c>; <c>query</c>: only where the URL of the stream names the group; <c>none</c>. Absent means <c>none</c>. Null where absent.</summary>
         public string Groups { get; set; }
 
         internal override Field[] Fields
@@ -533,7 +539,7 @@ namespace Terraport.Wire
             new Field("protocol", true, new VersionKind()),
             new Field("client", true, new TextKind(0, 128, null)),
             new Field("token", false, new TextKind(0, 4096, null)),
-            new Field("encoding", true, new ChoiceKind("glb", "arrays")),
+            new Field("encoding", true, new ChoiceKind("glb")),
             new Field("budgets", true, new PartKind(() => new BudgetsPart(), "budgets")),
             new Field("credit_bytes", true, new IntegerKind(0L, 9007199254740991L)),
             new Field("release_factor", false, new NumberKind(1.0, 4.0, false)),
@@ -575,7 +581,7 @@ namespace Terraport.Wire
         /// <summary>Segments that the client holds whole, with their hashes. Null where absent.</summary>
         public HeldRow[] Held { get; set; }
 
-        /// <summary>True: send timings with every ready; absent means false (1.1). Null where absent.</summary>
+        /// <summary>True: send timings with every ready; absent means false. Null where absent.</summary>
         public bool? Timings { get; set; }
 
         internal override Field[] Fields
@@ -707,7 +713,7 @@ namespace Terraport.Wire
         /// <summary>Milliseconds after which the inner set alone is acceptable; needs inner_radius_m. Null where absent.</summary>
         public int? DeadlineMs { get; set; }
 
-        /// <summary>Milliseconds without progress after which it is, too; needs inner_radius_m (1.1). Null where absent.</summary>
+        /// <summary>Milliseconds without progress after which it is, too; needs inner_radius_m. Null where absent.</summary>
         public int? StallMs { get; set; }
 
         internal override Field[] Fields
@@ -961,7 +967,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>More of what the client holds, after hello and before the first aim or land (1.1).</summary>
+    /// <summary>More of what the client holds, after hello and before the first aim or land.</summary>
     public sealed class HeldMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -1002,7 +1008,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>Take a seat in a group of this scene; it is made if there is none of that name (1.1).</summary>
+    /// <summary>Take a seat in a group of this scene; it is made if there is none of that name.</summary>
     public sealed class JoinMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -1067,7 +1073,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>Give up the seat in the group (1.1).</summary>
+    /// <summary>Give up the seat in the group.</summary>
     public sealed class LeaveMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -1096,7 +1102,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>The guide lands the group (1.1).</summary>
+    /// <summary>The guide lands the group.</summary>
     public sealed class GatherMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -1161,7 +1167,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>A member's part of a group landing is over (1.1).</summary>
+    /// <summary>A member's part of a group landing is over.</summary>
     public sealed class ArrivedMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -1499,7 +1505,7 @@ namespace Terraport.Wire
         /// <summary>Segments of the plan that cannot be delivered.</summary>
         public uint[] Missing { get; set; }
 
-        /// <summary>Where hello asked for them (1.1). Null where absent.</summary>
+        /// <summary>Where hello asked for them. Null where absent.</summary>
         public TimingsPart Timings { get; set; }
 
         internal override Field[] Fields
@@ -1805,7 +1811,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>Answer to held: what of it is accepted (1.1).</summary>
+    /// <summary>Answer to held: what of it is accepted.</summary>
     public sealed class HeldCheckedMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -1852,7 +1858,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>Answer to join: the seat in the group (1.1).</summary>
+    /// <summary>Answer to join: the seat in the group.</summary>
     public sealed class JoinedMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -1917,7 +1923,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>Who is in the group, newest state; the ones between may be left out (1.1).</summary>
+    /// <summary>Who is in the group, newest state; the ones between may be left out.</summary>
     public sealed class RosterMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -1964,7 +1970,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>The guide lands the group: land there, then say arrived (1.1).</summary>
+    /// <summary>The guide lands the group: land there, then say arrived.</summary>
     public sealed class GatheringMessage : WireMessage
     {
         internal static readonly Field[] Table =
@@ -2035,7 +2041,7 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>The barrier is open: everybody has arrived, or the deadline has passed (1.1).</summary>
+    /// <summary>The barrier is open: everybody has arrived, or the deadline has passed.</summary>
     public sealed class GatheredMessage : WireMessage
     {
         internal static readonly Field[] Table =

@@ -18,9 +18,11 @@ namespace Terraport.Wire
         private readonly List<JsonValue> values = new List<JsonValue>();
         private readonly List<string> names = new List<string>();
         private int at;
+        private int valuesLeft;
 
-        private MsgpackReader(ArraySegment<byte> bytes)
+        private MsgpackReader(ArraySegment<byte> bytes, int maxValues)
         {
+            valuesLeft = maxValues;
             data = bytes.Array;
             start = bytes.Offset;
             at = start;
@@ -28,13 +30,15 @@ namespace Terraport.Wire
         }
 
         /// <summary>Read exactly one value; binary fields are views of the bytes.</summary>
+        /// <param name="bytes">One message.</param>
+        /// <param name="maxValues">Most values, keys, maps and arrays counted.</param>
         /// <exception cref="DecodeException">
         /// <c>malformed</c>: cut off, nested or counted beyond the limits, a token that no message uses, a key that is no text
         /// or stands twice, text that is no UTF-8, bytes after the end.
         /// </exception>
-        internal static JsonValue Read(ArraySegment<byte> bytes)
+        internal static JsonValue Read(ArraySegment<byte> bytes, int maxValues)
         {
-            var reader = new MsgpackReader(bytes);
+            var reader = new MsgpackReader(bytes, maxValues);
             JsonValue value = reader.Value(0);
             int left = reader.end - reader.at;
             if (left > 0) throw reader.Malformed("got " + left + " bytes after the message, expected none", reader.at);
@@ -44,6 +48,8 @@ namespace Terraport.Wire
         private JsonValue Value(int depth)
         {
             int first = at;
+            if (valuesLeft == 0) throw Malformed("got too many values", first);
+            valuesLeft--;
             int token = data[Take(1)];
             if (token <= 0x7f) return JsonValue.OfInteger(token);
             if (token >= 0xe0) return JsonValue.OfInteger(token - 0x100);

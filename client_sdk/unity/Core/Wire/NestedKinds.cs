@@ -25,7 +25,7 @@ namespace Terraport.Wire
             }
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             var version = (ProtocolVersion)value;
             return JsonValue.OfList(new[] { JsonValue.OfInteger(version.Major), JsonValue.OfInteger(version.Minor) });
@@ -73,9 +73,9 @@ namespace Terraport.Wire
             foreach (ProtocolVersion version in versions) One.Check(version);
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
-            return JsonValue.OfList(Array.ConvertAll((ProtocolVersion[])value, version => One.Write(version, packed)));
+            return JsonValue.OfList(Array.ConvertAll((ProtocolVersion[])value, version => One.Write(version)));
         }
 
         internal override string Describe()
@@ -95,7 +95,7 @@ namespace Terraport.Wire
             this.most = most;
         }
 
-        internal override object Layout(JsonValue raw, bool packed)
+        internal override object Layout(JsonValue raw)
         {
             if (raw.Kind != JsonKind.Object) throw Refuse(raw);
             return null;
@@ -136,7 +136,7 @@ namespace Terraport.Wire
             }
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             var numbers = (KeyValuePair<string, double>[])value;
             return JsonValue.OfObject(new JsonObject(
@@ -162,10 +162,10 @@ namespace Terraport.Wire
             this.name = name;
         }
 
-        internal override object Layout(JsonValue raw, bool packed)
+        internal override object Layout(JsonValue raw)
         {
             WirePart part = create();
-            FieldTables.Read(part, raw, packed);
+            FieldTables.Read(part, raw);
             return part;
         }
 
@@ -179,9 +179,9 @@ namespace Terraport.Wire
             FieldTables.Check((WirePart)value);
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
-            return FieldTables.Write((WirePart)value, packed, null);
+            return FieldTables.Write((WirePart)value, null);
         }
 
         internal override string Describe()
@@ -202,7 +202,7 @@ namespace Terraport.Wire
             this.most = most;
         }
 
-        internal override object Layout(JsonValue raw, bool packed)
+        internal override object Layout(JsonValue raw)
         {
             if (raw.Kind != JsonKind.List || raw.Count > most) throw Refuse(raw);
             var parts = new WirePart[raw.Count];
@@ -211,7 +211,7 @@ namespace Terraport.Wire
                 parts[number] = create();
                 try
                 {
-                    FieldTables.Read(parts[number], raw[number], packed);
+                    FieldTables.Read(parts[number], raw[number]);
                 }
                 catch (RefusedException refused)
                 {
@@ -243,9 +243,9 @@ namespace Terraport.Wire
             }
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
-            return JsonValue.OfList(Array.ConvertAll((WirePart[])value, part => FieldTables.Write(part, packed, null)));
+            return JsonValue.OfList(Array.ConvertAll((WirePart[])value, part => FieldTables.Write(part, null)));
         }
 
         internal override string Describe()

@@ -1,10 +1,9 @@
 using System;
-using System.Globalization;
 using Terraport.Json;
 
 namespace Terraport.Wire
 {
-    /// <summary>A table: one binary field of little-endian rows in msgpack, a list in JSON. Every id stands once.</summary>
+    /// <summary>A table: one binary field of little-endian rows. Every id stands once.</summary>
     /// <typeparam name="T">A row.</typeparam>
     internal abstract class PackedKind<T> : FieldKind
     {
@@ -17,9 +16,8 @@ namespace Terraport.Wire
             this.rowBytes = rowBytes;
         }
 
-        internal override object Layout(JsonValue raw, bool packed)
+        internal override object Layout(JsonValue raw)
         {
-            if (!packed) return FromList(raw);
             if (raw.Kind != JsonKind.Binary || raw.Count % rowBytes != 0)
             {
                 throw new RefusedException("got " + raw.Show() + ", expected binary of a multiple of " + rowBytes + " bytes");
@@ -57,10 +55,9 @@ namespace Terraport.Wire
             foreach (T row in rows) CheckRow(row);
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             var rows = (T[])value;
-            if (!packed) return JsonValue.OfList(Array.ConvertAll(rows, ListRow));
             var bytes = new byte[rows.Length * rowBytes];
             for (int number = 0; number < rows.Length; number++) WriteRow(bytes, number * rowBytes, rows[number]);
             return JsonValue.OfBinary(new ArraySegment<byte>(bytes));
@@ -75,61 +72,10 @@ namespace Terraport.Wire
 
         protected abstract T RowAt(byte[] data, int at);
 
-        protected abstract T RowOf(JsonValue raw);
-
         protected abstract void WriteRow(byte[] data, int at, T row);
-
-        protected abstract JsonValue ListRow(T row);
 
         protected virtual void CheckRow(T row)
         {
-        }
-
-        protected static uint ExpectU32(JsonValue raw)
-        {
-            long value;
-            if (raw.TryInteger(out value) && value >= 0 && value <= uint.MaxValue) return (uint)value;
-            throw new RefusedException("got " + raw.Show() + ", expected an integer from 0 to " + uint.MaxValue);
-        }
-
-        protected static ulong ExpectHash(JsonValue raw)
-        {
-            string text = raw.Text;
-            ulong hash = 0;
-            bool isHash = text != null && text.Length == 16;
-            for (int place = 0; isHash && place < 16; place++)
-            {
-                char digit = text[place];
-                if (digit >= '0' && digit <= '9') hash = hash << 4 | (uint)(digit - '0');
-                else if (digit >= 'a' && digit <= 'f') hash = hash << 4 | (uint)(digit - 'a' + 10);
-                else isHash = false;
-            }
-            if (isHash) return hash;
-            throw new RefusedException("got " + raw.Show() + ", expected 16 hexadecimal digits (0-9a-f)");
-        }
-
-        protected static JsonValue HashText(ulong hash)
-        {
-            return JsonValue.OfText(hash.ToString("x16", CultureInfo.InvariantCulture));
-        }
-
-        private T[] FromList(JsonValue raw)
-        {
-            if (raw.Kind != JsonKind.List) throw new RefusedException("got " + raw.Show() + ", expected a list");
-            ExpectCount(raw.Count);
-            var rows = new T[raw.Count];
-            for (int number = 0; number < rows.Length; number++)
-            {
-                try
-                {
-                    rows[number] = RowOf(raw[number]);
-                }
-                catch (RefusedException refused)
-                {
-                    throw refused.Below(number.ToString(CultureInfo.InvariantCulture));
-                }
-            }
-            return rows;
         }
 
         private void ExpectCount(int count)
@@ -156,19 +102,9 @@ namespace Terraport.Wire
             return LittleEndian.ReadU32(data, at);
         }
 
-        protected override uint RowOf(JsonValue raw)
-        {
-            return ExpectU32(raw);
-        }
-
         protected override void WriteRow(byte[] data, int at, uint row)
         {
             LittleEndian.WriteU32(data, at, row);
-        }
-
-        protected override JsonValue ListRow(uint row)
-        {
-            return JsonValue.OfInteger(row);
         }
     }
 
@@ -190,24 +126,10 @@ namespace Terraport.Wire
             return new HeldRow(LittleEndian.ReadU32(data, at), LittleEndian.ReadU64(data, at + 4));
         }
 
-        protected override HeldRow RowOf(JsonValue raw)
-        {
-            if (raw.Kind != JsonKind.List || raw.Count != 2)
-            {
-                throw new RefusedException("got " + raw.Show() + ", expected [id, hash]");
-            }
-            return new HeldRow(ExpectU32(raw[0]), ExpectHash(raw[1]));
-        }
-
         protected override void WriteRow(byte[] data, int at, HeldRow row)
         {
             LittleEndian.WriteU32(data, at, row.Segment);
             LittleEndian.WriteU64(data, at + 4, row.Xxh3);
-        }
-
-        protected override JsonValue ListRow(HeldRow row)
-        {
-            return JsonValue.OfList(new[] { JsonValue.OfInteger(row.Segment), HashText(row.Xxh3) });
         }
     }
 }

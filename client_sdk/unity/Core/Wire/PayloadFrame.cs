@@ -40,10 +40,10 @@ namespace Terraport.Wire
             get { return Offset + Chunk.Count == Total; }
         }
 
-        /// <summary>Whether a WebSocket message is a payload frame and not a message: text never is, a msgpack map starts at 0x80.</summary>
-        public static bool IsPayload(ArraySegment<byte> data, bool isText)
+        /// <summary>Whether a binary WebSocket message is a payload frame and not a message: a msgpack map starts at 0x80.</summary>
+        public static bool IsPayload(ArraySegment<byte> data)
         {
-            return !isText && data.Count > 0 && data.Array[data.Offset] < FirstMessageByte;
+            return data.Count > 0 && data.Array[data.Offset] < FirstMessageByte;
         }
 
         /// <summary>Read the frame that one binary WebSocket message holds; nothing is allocated.</summary>

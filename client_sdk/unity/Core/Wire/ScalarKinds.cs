@@ -30,7 +30,7 @@ namespace Terraport.Wire
             if (integer < low || integer > high) throw Refuse(integer.ToString(CultureInfo.InvariantCulture));
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             return JsonValue.OfInteger((long)value);
         }
@@ -67,7 +67,7 @@ namespace Terraport.Wire
             if (!IsWithin((double)value)) throw Refuse(JsonValue.OfFloat((double)value));
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             return JsonValue.OfFloat((double)value);
         }
@@ -98,7 +98,7 @@ namespace Terraport.Wire
         {
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             return JsonValue.OfFlag((bool)value);
         }
@@ -148,7 +148,7 @@ namespace Terraport.Wire
             if (pattern != null && !pattern.IsMatch(text)) throw Refuse(JsonValue.OfText(text));
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             return JsonValue.OfText((string)value);
         }
@@ -183,7 +183,7 @@ namespace Terraport.Wire
             if (Array.IndexOf(options, (string)value) < 0) throw Refuse(JsonValue.OfText((string)value));
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             return JsonValue.OfText((string)value);
         }
@@ -226,7 +226,7 @@ namespace Terraport.Wire
             }
         }
 
-        internal override JsonValue Write(object value, bool packed)
+        internal override JsonValue Write(object value)
         {
             var position = (Vec3)value;
             return JsonValue.OfList(new[]

@@ -9,15 +9,6 @@ namespace Terraport.Wire
     {
         private const int LongestType = 64;
 
-        // Beyond this a JSON message holds nothing that the tables could take, and would cost many times its own size.
-        private const int MaxJsonValues = 1 << 20;
-
-        /// <summary>Name of a subprotocol in the WebSocket handshake.</summary>
-        public static string NameOf(Subprotocol subprotocol)
-        {
-            return subprotocol == Subprotocol.Msgpack ? "terraport.v1.msgpack" : "terraport.v1.json";
-        }
-
         /// <summary>The subprotocol entry that carries a token where no header can be set (section 2.3).</summary>
         public static string TokenSubprotocol(string token)
         {
@@ -26,16 +17,15 @@ namespace Terraport.Wire
         }
 
         /// <summary>
-        /// Write a message as msgpack or as JSON text in UTF-8. Keys stand in the order of the tables, the type first; absent
-        /// fields are left out; the same message gives the same bytes every time.
+        /// Write a message. Keys stand in the order of the tables, the type first; absent fields are left out; the same message
+        /// gives the same bytes every time.
         /// </summary>
         /// <exception cref="InvalidMessageException">A field is not what the protocol allows.</exception>
-        public static byte[] Encode(WireMessage message, Subprotocol subprotocol)
+        public static byte[] Encode(WireMessage message)
         {
             if (message is UnknownMessage) throw new InvalidMessageException(message.Type, "type", "expected a message of the protocol");
             Check(message);
-            JsonValue plain = FieldTables.Write(message, subprotocol == Subprotocol.Msgpack, message.Type);
-            return subprotocol == Subprotocol.Msgpack ? MsgpackWriter.Write(plain) : JsonWriter.Write(plain);
+            return MsgpackWriter.Write(FieldTables.Write(message, message.Type));
         }
 
         /// <summary>Check a message of our own.</summary>
@@ -53,30 +43,21 @@ namespace Terraport.Wire
             }
         }
 
-        /// <summary>Read the message that one WebSocket message holds; unknown keys are skipped.</summary>
+        /// <summary>Read the message that one binary WebSocket message holds; unknown keys are skipped.</summary>
         /// <param name="data">The bytes; nothing of the message refers to them afterwards.</param>
-        /// <param name="isText">Whether it came as a text message.</param>
-        /// <param name="subprotocol">What the connection speaks.</param>
         /// <param name="direction">Who sent it.</param>
         /// <param name="maxBytes">A stricter limit than the protocol's own for this direction.</param>
         /// <returns>The message; <see cref="UnknownMessage"/> where its type is not known in that direction.</returns>
         /// <exception cref="DecodeException">It is no message, too long, or has a field that is not allowed.</exception>
-        public static WireMessage Decode(
-            ArraySegment<byte> data, bool isText, Subprotocol subprotocol, Direction direction, int maxBytes = int.MaxValue)
+        public static WireMessage Decode(ArraySegment<byte> data, Direction direction, int maxBytes = int.MaxValue)
         {
-            bool packed = subprotocol == Subprotocol.Msgpack;
-            if (isText == packed)
-            {
-                throw new DecodeException(
-                    "malformed", packed ? "got a text message, expected a binary one" : "got a binary message, expected a text one");
-            }
             int most = direction == Direction.ClientToServer ? WireLimits.MaxClientMessageBytes : WireLimits.MaxServerMessageBytes;
             most = Math.Min(most, maxBytes);
             if (data.Count > most)
             {
                 throw new DecodeException("too_large", "got a message of " + data.Count + " bytes, expected at most " + most);
             }
-            JsonValue plain = packed ? MsgpackReader.Read(data) : PlainJson(data);
+            JsonValue plain = MsgpackReader.Read(data, MostValues(direction));
             if (plain.Kind != JsonKind.Object)
             {
                 throw new DecodeException("malformed", "got " + plain.Show() + ", expected a map with a type");
@@ -88,15 +69,15 @@ namespace Terraport.Wire
             }
             WireMessage message = MessageTypes.Create(direction, type);
             if (message == null) return new UnknownMessage(Shortened(type));
-            Read(message, plain, packed);
+            Read(message, plain);
             return message;
         }
 
-        private static void Read(WireMessage message, JsonValue plain, bool packed)
+        private static void Read(WireMessage message, JsonValue plain)
         {
             try
             {
-                FieldTables.Read(message, plain, packed);
+                FieldTables.Read(message, plain);
                 MessageRules.Check(message);
             }
             catch (RefusedException refused)
@@ -110,16 +91,10 @@ namespace Terraport.Wire
             }
         }
 
-        private static JsonValue PlainJson(ArraySegment<byte> data)
+        /// <summary>The values of a server's message are bounded by its bytes.</summary>
+        private static int MostValues(Direction direction)
         {
-            try
-            {
-                return JsonReader.Read(data, WireLimits.MaxDepth, MaxJsonValues);
-            }
-            catch (JsonException error)
-            {
-                throw new DecodeException("malformed", error.Message);
-            }
+            return direction == Direction.ClientToServer ? WireLimits.MaxClientValues : int.MaxValue;
         }
 
         /// <summary>A refused message's number for the answer, where it has one that is in range.</summary>

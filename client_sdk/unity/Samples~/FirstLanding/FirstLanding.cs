@@ -1,5 +1,8 @@
 using Terraport.Unity;
 using UnityEngine;
+#if ENABLE_INPUT_SYSTEM && TERRAPORT_INPUT_SYSTEM
+using UnityEngine.InputSystem;
+#endif
 
 namespace Terraport.Samples
 {
@@ -46,12 +49,20 @@ namespace Terraport.Samples
             scene.Shown += swap => Debug.Log("shown: landing " + swap.Landing);
             scene.Failed += why => Debug.LogWarning(why.Code + ": " + why.Message);
             ground.SetActive(true);
+#if !(ENABLE_INPUT_SYSTEM && TERRAPORT_INPUT_SYSTEM) && !ENABLE_LEGACY_INPUT_MANAGER
+            Debug.LogWarning("First landing: no mouse. Install the Input System (com.unity.inputsystem), or set Active Input Handling to Both.");
+#endif
         }
 
         private void Update()
         {
-            Vector3 mouse = Input.mousePosition;
-            if (Input.GetMouseButton(1))
+            Vector3 mouse;
+            bool isTurning, isClicked;
+            if (!TryReadMouse(out mouse, out isTurning, out isClicked))
+            {
+                return;
+            }
+            if (isTurning)
             {
                 yawDegrees += (mouse.x - draggedFrom.x) * turnDegrees;
                 pitchDegrees = Mathf.Clamp(pitchDegrees - (mouse.y - draggedFrom.y) * turnDegrees, -89, 89);
@@ -59,10 +70,45 @@ namespace Terraport.Samples
             }
             draggedFrom = mouse;
             Vector3 point;
-            if (user.TryAim(eye.ScreenPointToRay(mouse), out point) && Input.GetMouseButtonDown(0))
+            if (user.TryAim(eye.ScreenPointToRay(mouse), out point) && isClicked)
             {
                 user.LandAt(point);
             }
         }
+
+        // By whichever input the project has switched on: Input throws in each frame where only the Input System is. Unity's own define says
+        // what is switched on and ours, of the assembly definition, whether the package is installed; neither follows from the other.
+#if ENABLE_INPUT_SYSTEM && TERRAPORT_INPUT_SYSTEM
+        private static bool TryReadMouse(out Vector3 position, out bool isTurning, out bool isClicked)
+        {
+            Mouse mouse = Mouse.current;
+            position = default(Vector3);
+            isTurning = isClicked = false;
+            if (mouse == null)
+            {
+                return false;
+            }
+            Vector2 pixel = mouse.position.ReadValue();
+            position = new Vector3(pixel.x, pixel.y, 0);
+            isTurning = mouse.rightButton.isPressed;
+            isClicked = mouse.leftButton.wasPressedThisFrame;
+            return true;
+        }
+#elif ENABLE_LEGACY_INPUT_MANAGER
+        private static bool TryReadMouse(out Vector3 position, out bool isTurning, out bool isClicked)
+        {
+            position = Input.mousePosition;
+            isTurning = Input.GetMouseButton(1);
+            isClicked = Input.GetMouseButtonDown(0);
+            return true;
+        }
+#else
+        private static bool TryReadMouse(out Vector3 position, out bool isTurning, out bool isClicked)
+        {
+            position = default(Vector3);
+            isTurning = isClicked = false;
+            return false;
+        }
+#endif
     }
 }

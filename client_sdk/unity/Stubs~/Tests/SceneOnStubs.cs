@@ -13,7 +13,7 @@ namespace Terraport.Stubs
     /// Runs TerraportScene on the stubs, against a live service: lands twice, looks at what would be drawn in the frame of each swap, and
     /// at what is left after closing. A line of figures for each landing; exit code 1 where something is wrong.
     ///
-    ///     mono SceneOnStubs.exe SCENE_URL RADIUS_M [glb|arrays] [TOKEN] [changing]
+    ///     mono SceneOnStubs.exe SCENE_URL RADIUS_M [TOKEN] [changing]
     ///
     /// With "changing" it then writes "change" and waits for a line; whoever started it has published another version by then. It connects
     /// anew, and the new version must take the place of the old in one frame.
@@ -41,8 +41,7 @@ namespace Terraport.Stubs
             holder.SetActive(false);
             scene = holder.AddComponent<TerraportScene>();
             scene.SceneUrl = arguments[0];
-            scene.Settings.encoding = arguments.Length > 2 && arguments[2] == "arrays" ? PayloadEncoding.Arrays : PayloadEncoding.Glb;
-            scene.Token = arguments.Length > 3 && arguments[3].Length > 0 ? arguments[3] : null;
+            scene.Token = arguments.Length > 2 && arguments[2].Length > 0 ? arguments[2] : null;
             scene.Planned += facts => plan = facts;
             scene.Failed += why => Faults.Add(why.Code + ": " + why.Message);
             scene.Shown += OnShown;
@@ -59,7 +58,7 @@ namespace Terraport.Stubs
                 Land(new Vec3(middle.X + radiusM / 2, middle.Y, middle.Z + radiusM / 3), radiusM);
                 Land(middle, radiusM);
                 Rest();
-                if (Faults.Count == 0 && arguments.Length > 4 && arguments[4] == "changing")
+                if (Faults.Count == 0 && arguments.Length > 3 && arguments[3] == "changing")
                 {
                     Change(radiusM);
                 }

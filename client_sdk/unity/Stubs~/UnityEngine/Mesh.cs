@@ -7,16 +7,18 @@ namespace UnityEngine
     /// <summary>Keeps what it is filled with, so that a test can look at what would be drawn.</summary>
     public sealed class Mesh : Object
     {
-        /// <summary>The stubs' own: the one vertex buffer, an array of the struct that it was filled with.</summary>
+        /// <summary>The one vertex buffer, an array of the struct that it was filled with.</summary>
+        [StubsOwn]
         public Array VertexData { get; private set; }
 
-        /// <summary>The stubs' own: the index buffer, ushort[] or uint[].</summary>
+        /// <summary>The index buffer, ushort[] or uint[].</summary>
+        [StubsOwn]
         public Array IndexData { get; private set; }
 
-        /// <summary>The stubs' own.</summary>
+        [StubsOwn]
         public VertexAttributeDescriptor[] Layout { get; private set; }
 
-        /// <summary>The stubs' own.</summary>
+        [StubsOwn]
         public SubMeshDescriptor SubMesh { get; private set; }
 
         public Bounds bounds { get; set; }

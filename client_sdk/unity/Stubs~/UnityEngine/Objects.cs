@@ -10,6 +10,23 @@ namespace UnityEngine
         DontSave = 52,
     }
 
+#if UNITY_6000_3_OR_NEWER
+    public struct EntityId
+    {
+        private readonly int id;
+
+        internal EntityId(int id)
+        {
+            this.id = id;
+        }
+
+        public override int GetHashCode()
+        {
+            return id;
+        }
+    }
+#endif
+
     /// <summary>Destroyed objects equal null, as in the engine.</summary>
     public class Object
     {
@@ -23,7 +40,8 @@ namespace UnityEngine
             live.Add(this);
         }
 
-        /// <summary>The stubs' own: everything of a type that was made and not destroyed.</summary>
+        /// <summary>Everything of a type that was made and not destroyed.</summary>
+        [StubsOwn]
         public static List<T> LiveOf<T>() where T : Object
         {
             List<T> found = new List<T>();
@@ -42,10 +60,20 @@ namespace UnityEngine
 
         public HideFlags hideFlags { get; set; }
 
+#if UNITY_6000_5_OR_NEWER
+        [Obsolete("GetEntityId", true)]
+#endif
         public int GetInstanceID()
         {
             return id;
         }
+
+#if UNITY_6000_3_OR_NEWER
+        public EntityId GetEntityId()
+        {
+            return new EntityId(id);
+        }
+#endif
 
         public static bool operator ==(Object x, Object y)
         {
@@ -84,7 +112,15 @@ namespace UnityEngine
             }
         }
 
+#if UNITY_6000_0_OR_NEWER
+        [Obsolete("FindAnyObjectByType")]
+#endif
         public static T FindObjectOfType<T>() where T : Object
+        {
+            return null;
+        }
+
+        public static T FindAnyObjectByType<T>() where T : Object
         {
             return null;
         }

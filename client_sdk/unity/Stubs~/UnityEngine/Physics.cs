@@ -22,8 +22,19 @@ namespace UnityEngine
             return false;
         }
 
+#if UNITY_6000_5_OR_NEWER
+        [System.Obsolete("EntityId", true)]
+#elif UNITY_6000_3_OR_NEWER
+        [System.Obsolete("EntityId")]
+#endif
         public static void BakeMesh(int meshID, bool convex)
         {
         }
+
+#if UNITY_6000_3_OR_NEWER
+        public static void BakeMesh(EntityId meshID, bool convex)
+        {
+        }
+#endif
     }
 }

@@ -165,24 +165,6 @@ namespace UnityEngine
         }
     }
 
-    public static class Input
-    {
-        public static Vector3 mousePosition
-        {
-            get { return default(Vector3); }
-        }
-
-        public static bool GetMouseButton(int button)
-        {
-            return false;
-        }
-
-        public static bool GetMouseButtonDown(int button)
-        {
-            return false;
-        }
-    }
-
     public sealed class Shader : Object
     {
         public bool isSupported
@@ -300,22 +282,6 @@ namespace UnityEngine
                 }
             }
             return false;
-        }
-    }
-}
-
-namespace UnityEngine.XR
-{
-    public static class XRSettings
-    {
-        public static bool enabled
-        {
-            get { return false; }
-        }
-
-        public static bool isDeviceActive
-        {
-            get { return false; }
         }
     }
 }

@@ -13,12 +13,10 @@ namespace Terraport.Tests
         [TestCase("good-full.glb")]
         [TestCase("good-float.glb")]
         [TestCase("good-jpeg.glb")]
-        [TestCase("good-full.arrays")]
-        [TestCase("good-jpeg.arrays")]
         public void Decode_InSteadyState_AllocatesNothing(string name)
         {
             var payload = new ArraySegment<byte>(File.ReadAllBytes(Repository.PathTo("tests/conformance/scene/payload/" + name)));
-            var decoder = new SegmentDecoder(name.EndsWith("glb") ? PayloadEncoding.Glb : PayloadEncoding.Arrays);
+            var decoder = new SegmentDecoder();
             var mesh = new SegmentMesh();
             long allocated = Allocations.Of(Decodes, () => decoder.Decode(payload, mesh));
             Assert.Greater(mesh.VertexCount, 0);

@@ -17,7 +17,7 @@ namespace Terraport.Tests
         public void Threads_DecodeEverything()
         {
             int hooks = 0;
-            using (var queue = new DecodeThreads(PayloadEncoding.Glb, 3, mesh => Interlocked.Increment(ref hooks)))
+            using (var queue = new DecodeThreads(3, mesh => Interlocked.Increment(ref hooks)))
             {
                 CheckAll(queue);
                 Assert.AreEqual(75, hooks);
@@ -27,7 +27,7 @@ namespace Terraport.Tests
         [Test]
         public void Inline_DecodesEverything()
         {
-            using (var queue = new InlineDecodes(PayloadEncoding.Glb))
+            using (var queue = new InlineDecodes())
             {
                 CheckAll(queue);
             }
@@ -36,7 +36,7 @@ namespace Terraport.Tests
         [Test]
         public void Hook_ThatThrows_FailsItsSegmentAlone()
         {
-            using (var queue = new DecodeThreads(PayloadEncoding.Glb, 1, mesh => { throw new InvalidOperationException("mine"); }))
+            using (var queue = new DecodeThreads(1, mesh => { throw new InvalidOperationException("mine"); }))
             {
                 var pool = new PayloadPool();
                 queue.Enqueue(1, 0, Pin(pool, Good));
@@ -59,7 +59,7 @@ namespace Terraport.Tests
             one.Release();
             using (var gate = new ManualResetEvent(false))
             {
-                var queue = new DecodeThreads(PayloadEncoding.Glb, 1, mesh => gate.WaitOne());
+                var queue = new DecodeThreads(1, mesh => gate.WaitOne());
                 for (uint segment = 0; segment < 10; segment++)
                 {
                     queue.Enqueue(segment, 0, Pin(pool, Good));

@@ -10,11 +10,6 @@ namespace Terraport.Tests
         private readonly Dictionary<uint, byte[]> payloads = new Dictionary<uint, byte[]>();
         private readonly PayloadPool pool = new PayloadPool();
 
-        public PayloadEncoding Encoding
-        {
-            get { return PayloadEncoding.Glb; }
-        }
-
         public StreamStats Stats
         {
             get { return new StreamStats(); }

@@ -14,8 +14,7 @@ namespace Terraport.Tests
         private const string Url = "http://server/scenes/tiny";
 
         [TestCase("tiny", false)]
-        [TestCase("tiny-1.1", false)]
-        [TestCase("tiny-1.2", true)]
+        [TestCase("tiny-textured", true)]
         public void Scene_IsLoadedWhole(string name, bool hasTexture)
         {
             long done = 0;
@@ -39,8 +38,8 @@ namespace Terraport.Tests
         [Test]
         public void Labels_StandBeforeTheBuildsOwn()
         {
-            SceneFiles files = SceneLoader.LoadAsync(Url, null, Http("tiny-1.1")).Result;
-            string text = File.ReadAllText(Repository.PathTo("tests/conformance/scene/tiny-1.1/labels.json"));
+            SceneFiles files = SceneLoader.LoadAsync(Url, null, Http("tiny")).Result;
+            string text = File.ReadAllText(Repository.PathTo("tests/conformance/scene/tiny/labels.json"));
             int labelled = 0;
             foreach (RegionFacts region in files.Regions)
             {
@@ -127,6 +126,21 @@ namespace Terraport.Tests
             Assert.AreEqual(manifest.OriginNorth - 3, north);
             Assert.AreEqual(manifest.OriginHeight + 2, height);
             Assert.AreEqual(new Vec3(1, 2, 3), manifest.FromSurvey(east, north, height));
+        }
+
+        [Test]
+        public void Cover_EveryFlippedBitIsNoticed()
+        {
+            int faces = SceneLoader.LoadAsync(Url, null, Http("tiny")).Result.Base.FaceCount;
+            string folder = Repository.PathTo("tests/conformance/scene/tiny");
+            byte[] whole = File.ReadAllBytes(Directory.GetFiles(folder, "base.cover", SearchOption.AllDirectories)[0]);
+            for (int at = 0; at < whole.Length; at++)
+            {
+                whole[at] ^= 1;
+                Assert.Throws<PayloadException>(() => CoverReader.Read(new ArraySegment<byte>(whole), faces, 4), "byte " + at);
+                whole[at] ^= 1;
+            }
+            CoverReader.Read(new ArraySegment<byte>(whole), faces, 4);
         }
 
         [Test]

@@ -44,7 +44,7 @@ namespace Terraport.Tests
                 Assert.AreEqual(20, session.Cache.Count);
                 // The server drops all of it, so the buffers go back.
                 Give(session, WireCodec.Encode(
-                    new HeldCheckedMessage { Dropped = session.Cache.Rows().ConvertAll(row => row.Segment).ToArray() }, Subprotocol.Msgpack));
+                    new HeldCheckedMessage { Dropped = session.Cache.Rows().ConvertAll(row => row.Segment).ToArray() }));
                 Drain(session);
             }
             Assert.Greater(costs[0], 20 * SegmentBytes);
@@ -82,7 +82,7 @@ namespace Terraport.Tests
                 segments[number] = new SegmentFacts((first + number) % Segments, SegmentBytes, hash, 1, 3, default(Box));
             }
             return WireCodec.Encode(
-                new PrefetchMessage { Generation = generation, Segments = segments, Bytes = 20L * SegmentBytes }, Subprotocol.Msgpack);
+                new PrefetchMessage { Generation = generation, Segments = segments, Bytes = 20L * SegmentBytes });
         }
 
         private static byte[][] Frames(byte[] payload, uint generation, uint first)

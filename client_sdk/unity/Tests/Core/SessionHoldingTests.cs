@@ -152,7 +152,7 @@ namespace Terraport.Tests
             pair.Client.Connected();
             var hello = (HelloMessage)Decoded(pair).Single();
             Assert.AreEqual("glb", hello.Encoding);
-            Assert.AreEqual("1.1", hello.Protocol.ToString());
+            Assert.AreEqual("1.0", hello.Protocol.ToString());
             List<HeldRow> rows = hello.Held.OrderBy(row => row.Segment).ToList();
             Assert.AreEqual(pair.Client.Visible, rows.Select(row => row.Segment).ToArray());
             foreach (HeldRow row in rows) Assert.AreEqual(toy.Facts[row.Segment].Xxh3, row.Xxh3);
@@ -162,11 +162,10 @@ namespace Terraport.Tests
             Assert.AreEqual(0, ((HelloMessage)Decoded(pair).Single()).Held.Length);
         }
 
-        [TestCase(Subprotocol.Msgpack)]
-        [TestCase(Subprotocol.Json)]
-        public void AnOfferGoesInAsManyTablesAsTheServerAsksForBeforeTheLanding(Subprotocol subprotocol)
+        [Test]
+        public void AnOfferGoesInAsManyTablesAsTheServerAsksForBeforeTheLanding()
         {
-            var options = new SessionModelOptions { MaxHeldSegments = 5, Subprotocol = subprotocol };
+            var options = new SessionModelOptions { MaxHeldSegments = 5 };
             SessionPair pair = new SessionPair(toy, options).Connect();
             pair.Client.Land(Middle, 5);
             pair.Settle();
@@ -185,9 +184,9 @@ namespace Terraport.Tests
         }
 
         [Test]
-        public void AnOfferIsNotMadeToAServerOfTheFirstVersionBeyondHello()
+        public void AnOfferIsNotMadeToAServerThatTakesNoTable()
         {
-            SessionPair pair = new SessionPair(toy, new SessionModelOptions { Minor = 0 }).Connect();
+            SessionPair pair = new SessionPair(toy, new SessionModelOptions { MaxHeldSegments = 0 }).Connect();
             pair.Client.Land(Middle, 4);
             pair.Settle();
             pair.Disconnect();
@@ -261,7 +260,7 @@ namespace Terraport.Tests
         private static List<WireMessage> Decoded(SessionPair pair)
         {
             return pair.Said().ConvertAll(data => WireCodec.Decode(
-                new ArraySegment<byte>(data), false, Subprotocol.Msgpack, Direction.ClientToServer));
+                new ArraySegment<byte>(data), Direction.ClientToServer));
         }
     }
 }

@@ -170,7 +170,7 @@ namespace Terraport.Tests
 
         private static void Say(SessionPair pair, WireMessage message)
         {
-            pair.Give(WireCodec.Encode(message, Subprotocol.Msgpack));
+            pair.Give(WireCodec.Encode(message));
         }
 
         private static byte[] Frame(uint generation, uint segment, int offset, int total)
@@ -185,9 +185,9 @@ namespace Terraport.Tests
             client.Client.Connected();
             foreach (byte[] data in client.Said()) server.Receive(data);
             var welcome = (WelcomeMessage)WireCodec.Decode(
-                new ArraySegment<byte>(server.Next()), false, Subprotocol.Msgpack, Direction.ServerToClient);
+                new ArraySegment<byte>(server.Next()), Direction.ServerToClient);
             welcome.Protocol = new ProtocolVersion(major, 1);
-            return WireCodec.Encode(welcome, Subprotocol.Msgpack);
+            return WireCodec.Encode(welcome);
         }
     }
 }

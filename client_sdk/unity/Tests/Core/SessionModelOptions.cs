@@ -6,8 +6,6 @@ namespace Terraport.Tests
     /// <summary>How a <see cref="SessionModelServer"/> behaves, and a <see cref="SessionPair"/> around it.</summary>
     internal sealed class SessionModelOptions
     {
-        internal Subprotocol Subprotocol = Subprotocol.Msgpack;
-        internal int Minor = 1;
         internal int MaxHeldSegments = 1000;
         internal bool RefusesPicks;
         internal int MaxChunk = WireLimits.MaxChunkBytes;

@@ -50,9 +50,7 @@ namespace Terraport.Tests
 
         internal void Receive(byte[] data)
         {
-            bool isText = options.Subprotocol == Subprotocol.Json;
-            WireMessage message = WireCodec.Decode(
-                new ArraySegment<byte>(data), isText, options.Subprotocol, Direction.ClientToServer);
+            WireMessage message = WireCodec.Decode(new ArraySegment<byte>(data), Direction.ClientToServer);
             Heard.Add(message);
             if (message is HelloMessage) Hello((HelloMessage)message);
             else if (!isOpen) throw new InvalidOperationException("got " + message.Type + " before hello");
@@ -87,7 +85,7 @@ namespace Terraport.Tests
 
         private byte[] Encoded()
         {
-            return WireCodec.Encode(said.Dequeue(), options.Subprotocol);
+            return WireCodec.Encode(said.Dequeue());
         }
 
         private void Hello(HelloMessage hello)
@@ -100,7 +98,7 @@ namespace Terraport.Tests
             uint[] dropped = Accept(hello.Held ?? new HeldRow[0]);
             Say(new WelcomeMessage
             {
-                Protocol = new ProtocolVersion(1, options.Minor),
+                Protocol = new ProtocolVersion(WireLimits.ProtocolMajor, WireLimits.ProtocolMinor),
                 Server = "model",
                 Session = "s",
                 Scene = new SceneInfoPart { Id = "toy", Version = scene.Version, Name = "toy", SegmentCount = (uint)scene.Facts.Length },

@@ -36,7 +36,6 @@ namespace Terraport.Tests
                 Budgets = this.options.Budgets,
                 CreditBytes = this.options.CreditBytes,
                 ReleaseFactor = this.options.ReleaseFactor,
-                Subprotocol = this.options.Subprotocol,
                 CacheBytes = this.options.CacheBytes,
             });
         }
@@ -89,8 +88,7 @@ namespace Terraport.Tests
         {
             var buffer = new byte[data.Length + 5];
             Buffer.BlockCopy(data, 0, buffer, 3, data.Length);
-            bool isText = options.Subprotocol == Subprotocol.Json && !IsFrame(data);
-            Client.Receive(new ArraySegment<byte>(buffer, 3, data.Length), isText);
+            Client.Receive(new ArraySegment<byte>(buffer, 3, data.Length), false);
             for (int place = 0; place < buffer.Length; place++) buffer[place] = 0xee;
             Collect();
         }

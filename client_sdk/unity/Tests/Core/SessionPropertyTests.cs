@@ -33,7 +33,6 @@ namespace Terraport.Tests
                 MaxChunk = (int)Pick(random, 7, 100, 100000, 900),
                 ReleaseFactor = random.Next(2) == 0 ? 1 : 1.5,
                 MaxHeldSegments = (int)Pick(random, 1, 5, 1000, 20),
-                Subprotocol = random.Next(2) == 0 ? Subprotocol.Msgpack : Subprotocol.Json,
                 Random = random,
             }).Connect();
             pair.OffersHeld = random.Next(2) == 0;

@@ -14,7 +14,7 @@ namespace Terraport.Tests
 
         internal readonly FakeStream Stream = new FakeStream();
         internal readonly RecordingRenderer Renderer = new RecordingRenderer();
-        internal readonly InlineDecodes Decoders = new InlineDecodes(PayloadEncoding.Glb);
+        internal readonly InlineDecodes Decoders = new InlineDecodes();
         internal readonly StageOptions Options;
         internal readonly SceneStage Stage;
         internal Cover Cover;

@@ -104,7 +104,7 @@ namespace Terraport.Tests
             Pump(stream);
             for (int count = 0; count < 3 * SceneStream.MaxWaitingEvents; count++)
             {
-                Network.Last.Inject(WireCodec.Encode(new NoticeMessage { Kind = "news" }, Subprotocol.Msgpack));
+                Network.Last.Inject(WireCodec.Encode(new NoticeMessage { Kind = "news" }));
             }
             for (int count = 0; count < 10; count++) stream.Pump();
             int taken = Take(stream);
@@ -123,7 +123,7 @@ namespace Terraport.Tests
             Pump(stream);
             SegmentFacts facts = Network.Scene.Facts[0];
             Network.Last.Inject(WireCodec.Encode(
-                new PrefetchMessage { Generation = 1, Segments = new[] { facts }, Bytes = facts.Length }, Subprotocol.Msgpack));
+                new PrefetchMessage { Generation = 1, Segments = new[] { facts }, Bytes = facts.Length }));
             var chunk = new ArraySegment<byte>(new byte[facts.Length]);
             byte[] wrong = new PayloadFrame(1, 0, 0, facts.Length, chunk).Encode();
             for (int count = 0; count < 5000; count++) Network.Last.Inject(wrong);

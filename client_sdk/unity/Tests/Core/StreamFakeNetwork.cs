@@ -48,7 +48,6 @@ namespace Terraport.Tests
                 SceneUrl = "http://toy.example/scenes/toy",
                 CreditBytes = Options.CreditBytes,
                 ReleaseFactor = 1,
-                Subprotocol = Options.Subprotocol,
             };
             if (change != null) change(options);
             return options;

@@ -51,7 +51,7 @@ namespace Terraport.Tests
             Subprotocol = subprotocols[0];
             lock (gate) state = network.IsDeaf ? TransportState.Connecting : TransportState.Open;
             if (network.RefuseWith == 0) return;
-            if (network.RefuseError != null) down.Enqueue(WireCodec.Encode(network.RefuseError, network.Options.Subprotocol));
+            if (network.RefuseError != null) down.Enqueue(WireCodec.Encode(network.RefuseError));
             Break(network.RefuseWith, network.RefuseReason);
         }
 
@@ -65,14 +65,13 @@ namespace Terraport.Tests
                 if (data == null) return false;
                 bool isFrame = SessionPair.IsFrame(data);
                 if (isFrame && Spoil != null) data = Spoil(data);
-                bool isText = network.Options.Subprotocol == Wire.Subprotocol.Json && !isFrame;
                 Lent++;
-                message = new TransportMessage(new ArraySegment<byte>(data), isText, this);
+                message = new TransportMessage(new ArraySegment<byte>(data), false, this);
                 return true;
             }
         }
 
-        public bool TrySend(ArraySegment<byte> message, bool isText)
+        public bool TrySend(ArraySegment<byte> message)
         {
             lock (gate)
             {

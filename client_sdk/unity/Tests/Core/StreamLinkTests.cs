@@ -10,17 +10,15 @@ namespace Terraport.Tests
     [TestFixture]
     public class StreamLinkTests : StreamTestBase
     {
-        [TestCase(Subprotocol.Msgpack)]
-        [TestCase(Subprotocol.Json)]
-        public void ALandingIsToldFromTheLinkToReadyWithItsTime(Subprotocol subprotocol)
+        [Test]
+        public void ALandingIsToldFromTheLinkToReadyWithItsTime()
         {
-            Network.Options.Subprotocol = subprotocol;
             SceneStream stream = Network.Stream();
             int landing = stream.Land(Middle, 4);
             Network.NowMs += 250;
             Pump(stream);
             Assert.AreEqual("ws://toy.example/scenes/toy/stream", Network.Last.Url.AbsoluteUri);
-            Assert.AreEqual(WireCodec.NameOf(subprotocol), Network.Last.Subprotocol);
+            Assert.AreEqual("terraport.v1.msgpack", Network.Last.Subprotocol);
             Assert.AreEqual(new[] { LinkPhase.Connecting, LinkPhase.Open }, Links().Select(link => link.Phase).ToArray());
             StreamEvent opened = Of(StreamEventKind.Opened).Single();
             Assert.AreEqual("v1", opened.SceneVersion);

@@ -49,11 +49,11 @@ namespace Terraport.Tests
                 Assert.AreEqual(new[] { true, false, false }, texts.ToArray());
                 for (byte number = 0; number < 20; number++)
                 {
-                    Assert.IsTrue(transport.TrySend(new ArraySegment<byte>(new byte[] { 9, number, 9 }, 1, 1), false));
+                    Assert.IsTrue(transport.TrySend(new ArraySegment<byte>(new byte[] { 9, number, 9 }, 1, 1)));
                 }
                 transport.Close(4400, "malformed");
                 transport.Dispose();
-                Assert.IsFalse(transport.TrySend(new ArraySegment<byte>(new byte[1]), false));
+                Assert.IsFalse(transport.TrySend(new ArraySegment<byte>(new byte[1])));
                 Until(() => transport.State == TransportState.Closed);
                 Until(() => closedWith != 0);
                 Assert.AreEqual(Enumerable.Range(0, 20).ToArray(), heard.Select(data => (int)data[0]).ToArray());

@@ -47,7 +47,7 @@ namespace Terraport.Tests
                 indices[face * 3 + 1] = 1;
                 indices[face * 3 + 2] = 2;
             }
-            SegmentMesh mesh = ArraysFile.Of(positions, indices).Decode();
+            SegmentMesh mesh = GlbFile.Of(positions, indices).Decode();
             SceneFiles sorted = BaseOrder.Sort(new SceneFiles(null, mesh, new Cover(new uint[101], new uint[0]), null), 7);
             Assert.AreEqual(101, sorted.Cover.Offsets.Length);
         }
@@ -81,7 +81,7 @@ namespace Terraport.Tests
                     }
                 }
             }
-            SegmentMesh mesh = ArraysFile.Of(positions.ToArray(), indices.ToArray()).Decode();
+            SegmentMesh mesh = GlbFile.Of(positions.ToArray(), indices.ToArray()).Decode();
             return new SceneFiles(null, mesh, new Cover(offsets.ToArray(), segments.ToArray()), null);
         }
 

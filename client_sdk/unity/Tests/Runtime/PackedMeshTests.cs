@@ -15,7 +15,7 @@ namespace Terraport.Tests
         public void ColouredVerticesAreTurnedAndLinear()
         {
             byte[] colours = { 0, 128, 255, 255, 10, 20, 30, 255, 1, 2, 3, 255, 4, 5, 6, 255 };
-            PackedMesh packed = Packed(ArraysFile.Of(Square, TwoFaces).Add("colours", 2, 4, colours, 1));
+            PackedMesh packed = Packed(GlbFile.Of(Square, TwoFaces).WithColours(Array.ConvertAll(colours, LinearOf)));
             Assert.IsFalse(packed.IsPhotographed);
             Assert.AreEqual(4, packed.VertexCount);
             TintedVertex corner = packed.Tinted[2];
@@ -35,7 +35,7 @@ namespace Terraport.Tests
         [Test]
         public void FacesAreTurnedRound()
         {
-            PackedMesh packed = Packed(ArraysFile.Of(Square, TwoFaces));
+            PackedMesh packed = Packed(GlbFile.Of(Square, TwoFaces));
             Assert.IsTrue(packed.HasShortIndices);
             Assert.AreEqual(new ushort[] { 0, 2, 1, 0, 3, 2 }, Head(packed.ShortIndices, packed.IndexCount));
         }
@@ -43,7 +43,7 @@ namespace Terraport.Tests
         [Test]
         public void BareGroundIsGrey()
         {
-            TintedVertex bare = Packed(ArraysFile.Of(Square, TwoFaces)).Tinted[0];
+            TintedVertex bare = Packed(GlbFile.Of(Square, TwoFaces)).Tinted[0];
             Assert.AreEqual(140, LinearColour.ToSrgb(bare.Red)); // 0.55, 0.55, 0.53: the viewer's.
             Assert.AreEqual(135, LinearColour.ToSrgb(bare.Blue));
         }
@@ -51,8 +51,8 @@ namespace Terraport.Tests
         [Test]
         public void PhotographsHaveTheirVTurned()
         {
-            float[] uvs = { 0, 0, 1, 0, 1, 1, 0, 0.25f };
-            PackedMesh packed = Packed(ArraysFile.Of(Square, TwoFaces).Add("uvs", 6, 2, uvs, 4).Add("texture", 2, 1, OnePixelPng(), 1));
+            ushort[] quarters = { 0, 0, 4, 0, 4, 4, 0, 1 };
+            PackedMesh packed = Packed(GlbFile.Of(Square, TwoFaces).WithTexture(quarters, 0.25, OnePixelPng()));
             Assert.IsTrue(packed.IsPhotographed);
             Assert.AreEqual(1f, packed.Photographed[0].V);
             Assert.AreEqual(0f, packed.Photographed[2].V);
@@ -68,7 +68,7 @@ namespace Terraport.Tests
             {
                 positions[vertex * 3] = vertex;
             }
-            PackedMesh packed = Packed(ArraysFile.Of(positions, new uint[] { 0, 1, 65535 }));
+            PackedMesh packed = Packed(GlbFile.Of(positions, new uint[] { 0, 1, 65535 }));
             Assert.IsFalse(packed.HasShortIndices);
             Assert.AreEqual(new uint[] { 0, 65535, 1 }, Head(packed.LongIndices, packed.IndexCount));
         }
@@ -76,7 +76,7 @@ namespace Terraport.Tests
         [Test]
         public void PartsHoldTheirOwnVerticesAlone()
         {
-            SegmentMesh mesh = ArraysFile.Of(Square, TwoFaces).Decode();
+            SegmentMesh mesh = GlbFile.Of(Square, TwoFaces).Decode();
             BaseParts parts = new BaseParts(mesh, 1);
             while (parts.Step())
             {
@@ -102,7 +102,7 @@ namespace Terraport.Tests
         [Test]
         public void PackingAgainAllocatesNothing()
         {
-            SegmentMesh mesh = ArraysFile.Of(Square, TwoFaces).Decode();
+            SegmentMesh mesh = GlbFile.Of(Square, TwoFaces).Decode();
             PackedMesh.PackOnto(mesh);
             object packed = mesh.EngineData;
             TintedVertex[] vertices = ((PackedMesh)packed).Tinted;
@@ -114,11 +114,18 @@ namespace Terraport.Tests
             Assert.AreSame(vertices, ((PackedMesh)packed).Tinted);
         }
 
-        private static PackedMesh Packed(ArraysFile file)
+        private static PackedMesh Packed(GlbFile file)
         {
             PackedMesh packed = new PackedMesh();
             packed.Pack(file.Decode());
             return packed;
+        }
+
+        /// <summary>Code of linear light of an sRGB level.</summary>
+        private static ushort LinearOf(byte level)
+        {
+            double part = level / 255.0;
+            return (ushort)Math.Round(65535 * (part <= 0.04045 ? part / 12.92 : Math.Pow((part + 0.055) / 1.055, 2.4)));
         }
 
         private static T[] Head<T>(T[] values, int count)

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <string>
 
-#include "Terraport/ArraysDecoder.h"
 #include "Terraport/GlbDecoder.h"
 #include "Terraport/Json.h"
 #include "mesh_arrays.h"
@@ -34,11 +33,7 @@ Status decode(const std::filesystem::path& path, SegmentMesh& mesh) {
   exact.shrink_to_fit();
   // The base alone may have a larger image, and is told from the name.
   const std::int64_t segment = path.filename() == "good-base.glb" ? -1 : 7;
-  if (path.extension() == ".glb") {
-    GlbDecoder decoder;
-    return decoder.decode(viewOf(exact), segment, mesh);
-  }
-  ArraysDecoder decoder;
+  GlbDecoder decoder;
   return decoder.decode(viewOf(exact), segment, mesh);
 }
 
@@ -128,20 +123,18 @@ TEST_SUITE("payload corpus") {
         CHECK(mesh.vertexCount == 0);
       }
     }
-    CHECK(good == 11);
-    CHECK(bad == 25);
+    CHECK(good == 9);
+    CHECK(bad == 18);
   }
 
   TEST_CASE("a payload that is cut short anywhere is refused") {
-    for (const char* name : {"good-full.glb", "good-jpeg.glb", "good-full.arrays", "good-base.glb"}) {
+    for (const char* name : {"good-full.glb", "good-jpeg.glb", "good-base.glb"}) {
       const std::vector<std::uint8_t> whole = readFile(conformance() / "scene" / "payload" / name);
-      const bool isGlb = std::string(name).find(".glb") != std::string::npos;
       SegmentMesh mesh;
       GlbDecoder glb;
-      ArraysDecoder arrays;
       for (std::size_t size = 0; size < whole.size(); ++size) {
         const std::vector<std::uint8_t> cut(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
-        const Status status = isGlb ? glb.decode(viewOf(cut), 0, mesh) : arrays.decode(viewOf(cut), 0, mesh);
+        const Status status = glb.decode(viewOf(cut), 0, mesh);
         CHECK_FALSE(status.isOk());
       }
     }

@@ -124,7 +124,7 @@ std::string replaced(std::string text, const std::string& what, const std::strin
 
 TEST_SUITE("scene loader") {
   TEST_CASE("every scene of the corpus is loaded, with its labels") {
-    for (const char* folder : {"tiny", "tiny-1.1", "tiny-1.2", "axes"}) {
+    for (const char* folder : {"tiny", "tiny-textured", "axes"}) {
       CAPTURE(folder);
       FakeHttp http;
       addScene(http, folder, "one");
@@ -144,7 +144,7 @@ TEST_SUITE("scene loader") {
       CHECK_FALSE(files.regions.empty());
       CHECK(loader.doneBytes() == loader.totalBytes());
       CHECK(loader.totalBytes() > 1000);
-      CHECK(files.manifest.hasTextures == (std::string(folder) == "tiny-1.2" || std::string(folder) == "axes"));
+      CHECK(files.manifest.hasTextures == (std::string(folder) == "tiny-textured" || std::string(folder) == "axes"));
       CHECK(http.tokens.back() == "secret");
       CHECK(http.open() == 0);
       // There and back, and the origin is the origin.
@@ -157,7 +157,7 @@ TEST_SUITE("scene loader") {
 
   TEST_CASE("labels stand before the build's own names") {
     FakeHttp http;
-    addScene(http, "tiny-1.1", "one");
+    addScene(http, "tiny", "one");
     SceneLoader loader(http, "http://host:8000/scenes/one");
     REQUIRE(pumped(loader) == LoadState::Done);
     bool isLabelled = false;
@@ -220,10 +220,10 @@ TEST_SUITE("scene loader") {
     http.onAsk = [&](const std::string& path) {
       manifests += path == "/scenes/one" ? 1 : 0;
       if (path.find("/base.cover") != std::string::npos && manifests == 1) {
-        addScene(http, "tiny-1.2", "one");  // regions.json and all that follows are the new version's
+        addScene(http, "tiny-textured", "one");  // regions.json and all that follows are the new version's
         http.bodies.erase("/scenes/one/base.cover");
       } else if (manifests == 2) {
-        addScene(http, "tiny-1.2", "one");
+        addScene(http, "tiny-textured", "one");
       }
     };
     SceneLoader loader(http, "http://host:8000/scenes/one");

@@ -24,7 +24,7 @@ std::vector<ClientMessage> said(ClientSession& client) {
   for (const EncodedMessage& data : client.takeMessages()) {
     DecodeError error;
     messages.emplace_back();
-    REQUIRE(reader.read(data.view(), data.isText, client.options().subprotocol, messages.back(), error));
+    REQUIRE(reader.read(data.view(), messages.back(), error));
   }
   return messages;
 }
@@ -190,7 +190,7 @@ TEST_CASE("session: an offer names what is held in hello, newest first, or nothi
   REQUIRE(messages.size() == 1);
   const HelloMessage hello = std::get<HelloMessage>(messages[0]);
   CHECK(hello.encoding == "glb");
-  CHECK(hello.protocol.minorNumber == 1);
+  CHECK(hello.protocol.minorNumber == 0);
   REQUIRE(hello.held.has_value());
   CHECK(hello.held->front().segment == newest);
   CHECK(hello.held->size() == toy.within(kMiddle, 4).size());
@@ -201,31 +201,28 @@ TEST_CASE("session: an offer names what is held in hello, newest first, or nothi
 }
 
 TEST_CASE("session: an offer goes in as many tables as the server asks for, before the landing") {
-  for (const Subprotocol subprotocol : {Subprotocol::Msgpack, Subprotocol::Json}) {
-    PairOptions options;
-    options.maxHeldSegments = 5;
-    options.subprotocol = subprotocol;
-    Pair pair(toy, options);
-    pair.connect();
-    pair.client.land(kMiddle, 5, {});
-    pair.settle();
-    pair.disconnect();
-    pair.offersHeld = false;
-    pair.client.land(kMiddle, 5, {});
-    pair.connect().settle();
-    std::vector<std::string> want{"hello"};
-    want.insert(want.end(), (toy.within(kMiddle, 5).size() + 4) / 5, "held");
-    want.emplace_back("land");
-    REQUIRE(want.size() > 4);
-    CHECK(pair.server->heardTypes() == want);
-    CHECK(pair.of(EventKind::Planned).back().plan.loadBytes == 0);
-    CHECK(pair.client.transfers().repeatedBytes() == 0);
-  }
+  PairOptions options;
+  options.maxHeldSegments = 5;
+  Pair pair(toy, options);
+  pair.connect();
+  pair.client.land(kMiddle, 5, {});
+  pair.settle();
+  pair.disconnect();
+  pair.offersHeld = false;
+  pair.client.land(kMiddle, 5, {});
+  pair.connect().settle();
+  std::vector<std::string> want{"hello"};
+  want.insert(want.end(), (toy.within(kMiddle, 5).size() + 4) / 5, "held");
+  want.emplace_back("land");
+  REQUIRE(want.size() > 4);
+  CHECK(pair.server->heardTypes() == want);
+  CHECK(pair.of(EventKind::Planned).back().plan.loadBytes == 0);
+  CHECK(pair.client.transfers().repeatedBytes() == 0);
 }
 
-TEST_CASE("session: an offer is not made to a server of 1.0 beyond hello; what it does not know of is not held") {
+TEST_CASE("session: an offer is not made to a server that takes no table; what it does not know of is not held") {
   PairOptions options;
-  options.minorNumber = 0;
+  options.maxHeldSegments = 0;
   Pair pair(toy, options);
   pair.connect();
   pair.client.land(kMiddle, 4, {});
@@ -324,8 +321,8 @@ TEST_CASE("session: news are passed on; groups, and what is not known, are skipp
   roster.group = "g";
   pair.server->say(roster);
   pair.settle();
-  pair.give({false, "\x81\xa4type\xa3new"});
-  pair.give({false, std::string("\x05\x01\x02\x03", 4)});
+  pair.give({"\x81\xa4type\xa3new"});
+  pair.give({std::string("\x05\x01\x02\x03", 4)});
   CHECK(pair.violation.isOk());
   const auto notices = pair.of(EventKind::Notice);
   REQUIRE(notices.size() == 2);

@@ -19,7 +19,7 @@ bool contains(const std::vector<std::uint32_t>& ids, std::uint32_t id) {
 void ModelServer::receive(const EncodedMessage& data) {
   ClientMessage message;
   DecodeError error;
-  const bool isRead = reader_.read(data.view(), data.isText, options_.subprotocol, message, error);
+  const bool isRead = reader_.read(data.view(), message, error);
   REQUIRE_MESSAGE(isRead, error.message);
   heard.push_back(message);
   const bool isHello = std::holds_alternative<HelloMessage>(message);
@@ -50,7 +50,7 @@ std::vector<std::string> ModelServer::heardTypes() const {
 
 EncodedMessage ModelServer::encoded(const ServerMessage& message) const {
   EncodedMessage data;
-  const Status status = encodeMessage(message, options_.subprotocol, data);
+  const Status status = encodeMessage(message, data);
   REQUIRE_MESSAGE(status.isOk(), status.message());
   return data;
 }
@@ -70,7 +70,7 @@ void ModelServer::on(const HelloMessage& hello) {
   budgets_ = hello.budgets;
   releaseFactor_ = hello.releaseFactor.value_or(1.25);
   WelcomeMessage welcome;
-  welcome.protocol = {1, options_.minorNumber};
+  welcome.protocol = kProtocol;
   welcome.server = "model";
   welcome.session = "s";
   welcome.scene.id = "toy";

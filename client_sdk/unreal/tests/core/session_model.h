@@ -18,8 +18,6 @@
 namespace terraport::testing {
 
 struct ModelOptions {
-  Subprotocol subprotocol = Subprotocol::Msgpack;
-  std::uint32_t minorNumber = 1;
   std::uint32_t maxHeldSegments = 1000;
   bool refusesPicks = false;
   int maxChunk = 131048;

@@ -50,7 +50,6 @@ class Pair {
     session.budgets = from.budgets;
     session.creditBytes = from.creditBytes;
     session.releaseFactor = from.releaseFactor;
-    session.subprotocol = from.subprotocol;
     session.cacheBytes = from.cacheBytes;
     return session;
   }
@@ -79,7 +78,7 @@ class Pair {
     std::optional<EncodedMessage> data = server->next();
     const bool isAnything = data.has_value() || !sent.empty();
     if (data) {
-      const bool isFrame = !data->isText && static_cast<unsigned char>(data->bytes[0]) < 0x80;
+      const bool isFrame = static_cast<unsigned char>(data->bytes[0]) < 0x80;
       if (isFrame && spoil) spoil(*data);
       down_.push_back(std::move(*data));
     }
@@ -90,7 +89,7 @@ class Pair {
   }
 
   void give(const EncodedMessage& data) {
-    violation = client.receive(data.view(), data.isText);
+    violation = client.receive(data.view(), false);
     collect();
   }
 

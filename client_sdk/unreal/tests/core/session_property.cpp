@@ -25,7 +25,6 @@ void oneHistory(const ToyScene& toy, int seed, bool spoils) {
   options.maxChunk = random.one({7, 100, 100000});
   options.releaseFactor = random.one({1.0, 1.5});
   options.maxHeldSegments = random.one<std::uint32_t>({1, 5, 1000});
-  options.subprotocol = random.one({Subprotocol::Msgpack, Subprotocol::Json});
   options.random = [&random] { return random(); };
   Pair pair(toy, options);
   pair.offersHeld = random() < 0.5;

@@ -28,7 +28,7 @@ EncodedMessage frameOf(std::uint32_t generation, std::uint32_t segment, std::uin
 
 EncodedMessage messageOf(const ServerMessage& message) {
   EncodedMessage data;
-  REQUIRE(encodeMessage(message, Subprotocol::Msgpack, data).isOk());
+  REQUIRE(encodeMessage(message, data).isOk());
   return data;
 }
 
@@ -71,7 +71,7 @@ TEST_CASE("session: a number that cannot be is refused before anything is sent")
 
 TEST_CASE("session: what the protocol forbids is a violation") {
   WelcomeMessage welcome;
-  welcome.protocol = {1, 1};
+  welcome.protocol = kProtocol;
   welcome.scene.id = "toy";
   welcome.scene.version = "v1";
   welcome.limits = {500, 1 << 20, 60, 1000, 16384, 1 << 20, 60, {}};
@@ -82,9 +82,8 @@ TEST_CASE("session: what the protocol forbids is a violation") {
   ready.generation = 9;
   const std::uint32_t length = toy.facts[0].length;
   const std::vector<std::pair<std::string, EncodedMessage>> wrongs{
-      {"got 0 bytes", {false, ""}},
-      {"0xc1", {false, "\xc1"}},
-      {"text", {true, "{}"}},
+      {"got 0 bytes", EncodedMessage{""}},
+      {"0xc1", EncodedMessage{"\xc1"}},
       {"generation 5", frameOf(5, 1, 0, 4)},
       {"does not load", frameOf(1, 35, 0, 4)},
       {"announces", frameOf(1, 0, 0, length + 1)},
@@ -103,6 +102,13 @@ TEST_CASE("session: what the protocol forbids is a violation") {
     CHECK(!pair.violation.isOk());
     CHECK_MESSAGE(pair.violation.message().find(text) != std::string::npos, pair.violation.message());
   }
+}
+
+TEST_CASE("session: a text message is a violation") {
+  Pair pair(toy);
+  pair.connect().settle();
+  const Status status = pair.client.receive(EncodedMessage{"{}"}.view(), true);
+  CHECK(status.message().find("got a text message, expected a binary one") != std::string::npos);
 }
 
 TEST_CASE("session: a plan before the welcome, twice, beyond the budgets or with what was never held is a violation") {

@@ -44,7 +44,6 @@ class FakeStream final : public terraport::LandingStream {
     }
     return damaged.count(segment) != 0 ? bad : good;
   }
-  terraport::PayloadEncoding encoding() const override { return terraport::PayloadEncoding::Glb; }
 
   terraport::SharedPayload good;
   terraport::SharedPayload bad;

@@ -60,7 +60,7 @@ class FakeTransport final : public Transport {
     if (network_->closesWith != 0) {
       if (network_->says) {
         EncodedMessage data;
-        (void)encodeMessage(*network_->says, network_->options.subprotocol, data).isOk();
+        (void)encodeMessage(*network_->says, data).isOk();
         first_.push_back(data);
       }
       end(network_->closesWith, "");
@@ -78,7 +78,7 @@ class FakeTransport final : public Transport {
 
   std::string subprotocol() const override {
     if (!network_->chosen.empty()) return network_->chosen;
-    return nameOf(network_->options.subprotocol);
+    return kSubprotocol;
   }
 
   bool tryReceive(TransportMessage& message) override {
@@ -90,16 +90,16 @@ class FakeTransport final : public Transport {
       data = network_->server->next();
     }
     if (!data) return false;
-    const bool isFrame = !data->isText && static_cast<unsigned char>(data->bytes[0]) < 0x80;
+    const bool isFrame = static_cast<unsigned char>(data->bytes[0]) < 0x80;
     if (isFrame && network_->spoil) network_->spoil(*data);
-    message.isText = data->isText;
+    message.isText = false;
     message.bytes.assign(data->bytes.begin(), data->bytes.end());
     return true;
   }
 
-  bool trySend(ByteSpan bytes, bool isText) override {
+  bool trySend(ByteSpan bytes) override {
     if (state_ != TransportState::Open || network_->isFull) return false;
-    network_->server->receive({isText, std::string(reinterpret_cast<const char*>(bytes.data), bytes.size)});
+    network_->server->receive({std::string(reinterpret_cast<const char*>(bytes.data), bytes.size)});
     return true;
   }
 

@@ -23,7 +23,6 @@ struct Setting {
   std::vector<StreamEvent> events;
 
   explicit Setting(StreamOptions options = {}, ModelOptions model = {}) {
-    model.subprotocol = options.subprotocol;
     network = std::make_shared<FakeNetwork>(toy, model);
     options.sceneUrl = "http://example.org/scenes/toy";
     auto made = SceneStream::make(options, std::make_shared<FakeTransports>(network), [] { return 0.0; });
@@ -69,46 +68,43 @@ ErrorMessage fatal(const char* code) {
 
 }  // namespace
 
-TEST_CASE("stream: lands, in both subprotocols, and tells what a stage needs") {
-  for (const Subprotocol subprotocol : {Subprotocol::Msgpack, Subprotocol::Json}) {
-    StreamOptions options;
-    options.subprotocol = subprotocol;
-    options.token = "secret";
-    Setting setting(options);
-    const std::int64_t landing = setting.stream->land(kMiddle, 4, {});
-    setting.run(100);
-    CHECK(setting.network->url == "ws://example.org/scenes/toy/stream");
-    CHECK(setting.network->token == "secret");
-    CHECK(setting.network->subprotocols == std::vector<std::string>{nameOf(subprotocol)});
-    const auto links = setting.of(EventKind::Link);
-    REQUIRE(links.size() == 2);
-    CHECK(links[0].link.phase == LinkPhase::Connecting);
-    CHECK(links[1].link.phase == LinkPhase::Open);
-    const auto opened = setting.of(EventKind::Opened);
-    REQUIRE(opened.size() == 1);
-    CHECK(opened[0].sceneVersion == "v1");
-    CHECK(opened[0].maxRadiusM == 500);
-    const auto planned = setting.of(EventKind::Planned);
-    REQUIRE(planned.size() == 1);
-    CHECK(planned[0].plan.landing == landing);
-    CHECK(planned[0].plan.effectiveRadiusM == 4);
-    const std::vector<std::uint32_t> want = toy.within(kMiddle, 4);
-    CHECK(setting.of(EventKind::Arrived).size() == want.size());
-    const auto ready = setting.of(EventKind::Ready);
-    REQUIRE(ready.size() == 1);
-    CHECK(ready[0].landing == landing);
-    CHECK(ready[0].segments == want);
-    CHECK(ready[0].elapsedMs >= 0);
-    CHECK(ready[0].payloadBytes == toy.bytesOf(want));
-    for (const std::uint32_t segment : want) {
-      const SharedPayload payload = setting.stream->payload(segment);
-      REQUIRE(static_cast<bool>(payload));
-      CHECK(*payload == toy.payloads[segment]);
-    }
-    CHECK(!setting.stream->payload(35));
-    CHECK(setting.stream->stats().heldSegments == want.size());
-    CHECK(setting.stream->stats().heldBytes == toy.bytesOf(want));
+TEST_CASE("stream: lands, and tells what a stage needs") {
+  StreamOptions options;
+  options.token = "secret";
+  Setting setting(options);
+  const std::int64_t landing = setting.stream->land(kMiddle, 4, {});
+  setting.run(100);
+  CHECK(setting.network->url == "ws://example.org/scenes/toy/stream");
+  CHECK(setting.network->token == "secret");
+  CHECK(setting.network->subprotocols == std::vector<std::string>{kSubprotocol});
+  const auto links = setting.of(EventKind::Link);
+  REQUIRE(links.size() == 2);
+  CHECK(links[0].link.phase == LinkPhase::Connecting);
+  CHECK(links[1].link.phase == LinkPhase::Open);
+  const auto opened = setting.of(EventKind::Opened);
+  REQUIRE(opened.size() == 1);
+  CHECK(opened[0].sceneVersion == "v1");
+  CHECK(opened[0].maxRadiusM == 500);
+  const auto planned = setting.of(EventKind::Planned);
+  REQUIRE(planned.size() == 1);
+  CHECK(planned[0].plan.landing == landing);
+  CHECK(planned[0].plan.effectiveRadiusM == 4);
+  const std::vector<std::uint32_t> want = toy.within(kMiddle, 4);
+  CHECK(setting.of(EventKind::Arrived).size() == want.size());
+  const auto ready = setting.of(EventKind::Ready);
+  REQUIRE(ready.size() == 1);
+  CHECK(ready[0].landing == landing);
+  CHECK(ready[0].segments == want);
+  CHECK(ready[0].elapsedMs >= 0);
+  CHECK(ready[0].payloadBytes == toy.bytesOf(want));
+  for (const std::uint32_t segment : want) {
+    const SharedPayload payload = setting.stream->payload(segment);
+    REQUIRE(static_cast<bool>(payload));
+    CHECK(*payload == toy.payloads[segment]);
   }
+  CHECK(!setting.stream->payload(35));
+  CHECK(setting.stream->stats().heldSegments == want.size());
+  CHECK(setting.stream->stats().heldBytes == toy.bytesOf(want));
 }
 
 TEST_CASE("stream: options that cannot be are refused") {

@@ -15,7 +15,6 @@ inline void MakeGrid(std::uint32_t Side, terraport::SegmentMesh& Mesh)
 	Mesh.faceCount = 2 * Side * Side;
 	Mesh.positionForm = terraport::VertexForm::Codes;
 	Mesh.stepM = 0.5;
-	Mesh.normalForm = terraport::VertexForm::Codes;
 	Mesh.colourForm = terraport::ColourForm::Linear16;
 	bool bRoom = Mesh.positionCodes.resize(4 * Mesh.vertexCount) && Mesh.normalCodes.resize(4 * Mesh.vertexCount) &&
 		Mesh.coloursLinear16.resize(4 * Mesh.vertexCount) && Mesh.indices.resize(3 * Mesh.faceCount);

@@ -1,6 +1,8 @@
 /** What went wrong, in two sentences: what happened, and what can be done. PURE. */
 
 import type { LinkState } from "../core/types.ts";
+import { MAX_BESIDE_M } from "../three/footing.ts";
+import { formatRadius } from "./format.ts";
 
 /** What the user can do about it; the page knows how. */
 export type Remedy = "reconnect" | "token" | "scenes" | "reload-page" | "reload-scene" | "smaller-radius" | "dismiss";
@@ -117,6 +119,28 @@ function closedNotice(code: string, message: string): Notice {
         "scenes",
       ]);
   }
+}
+
+/** A walker asked for a place in a wall, or where there is no room. */
+export function steepNotice(): Notice {
+  return {
+    key: "steep",
+    tone: "info",
+    title: "Nobody could stand there",
+    text: `It is too steep, or too low, and so is everything within ${MAX_BESIDE_M} m of it. Choose flatter ground, or look at it from above.`,
+    remedies: ["dismiss"],
+  };
+}
+
+/** A landing, or a link, where nothing of the scene can be. */
+export function outsideNotice(outsideM: number, radiusM: number): Notice {
+  return {
+    key: "landing",
+    tone: "warning",
+    title: "That place lies outside the scene",
+    text: `It is ${formatRadius(outsideM)} away from it, more than the radius of ${formatRadius(radiusM)}: there is nothing to show. Choose a place on the ground.`,
+    remedies: ["dismiss"],
+  };
 }
 
 /** What a refused landing means. Only landings of the user: a refused aim says nothing. */

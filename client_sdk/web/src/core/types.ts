@@ -105,9 +105,10 @@ export interface SceneManifest {
   readonly attributes: readonly AttributeInfo[];
   readonly segmentCount: number;
   readonly detailFaces: number;
+  /** Whether every payload has vertex colours; false, too, where textures stand in their place. */
   readonly hasColour: boolean;
-  /** Whether payloads have textures. */
-  readonly hasTextures: boolean;
+  /** What the payloads' textures show; null without any, or where none can be opened here. */
+  readonly texturesOf: "photos" | "points" | null;
   /** How far the base is drawn pushed back along the line of sight, metres. */
   readonly deviationM: number;
 }
@@ -267,8 +268,6 @@ export interface StreamOptions {
   readonly cacheBytes: number;
   readonly creditBytes?: number;
   readonly releaseFactor?: number;
-  /** Default `terraport.v1.msgpack`. */
-  readonly subprotocol?: string;
   /** Name and version of the client, for the server's logs. */
   readonly client?: string;
 }

@@ -33,6 +33,11 @@ export function castGround(ground: ShownGround, origin: Vec3, direction: Vec3, m
     return null;
   }
   const unit: Vec3 = [direction[0] / length, direction[1] / length, direction[2] / length];
+  const first = firstAlong(ground, origin, unit, maxDistanceM);
+  return first ? describe(first, origin, unit) : null;
+}
+
+function firstAlong(ground: ShownGround, origin: Vec3, unit: Vec3, maxDistanceM: number): Meeting | null {
   const base = ground.base ? meet(ground.base, origin, unit, maxDistanceM, ground.hidden) : null;
   let most = base ? Math.min(base.t + ground.pushM, maxDistanceM) : maxDistanceM;
   let detail: Meeting | null = null;
@@ -43,22 +48,47 @@ export function castGround(ground: ShownGround, origin: Vec3, direction: Vec3, m
       most = found.t;
     }
   }
-  const nearest = detail ?? base;
-  return nearest ? describe(nearest, origin, unit) : null;
+  return detail ?? base;
 }
+
+const DOWN: Vec3 = [0, -1, 0];
+const UP: Vec3 = [0, 1, 0];
+/** Ceilings that are looked through; more of them lie over each other in no quarry. */
+const MAX_CEILINGS = 16;
+/** So far behind a ceiling the ray goes on. */
+const BEHIND_M = 0.001;
 
 /**
  * Ground on the vertical through (x, z): the highest not above `fromY`, else the lowest above it. The normal points up.
+ *
+ * A face that faces down is the underside of an overhang: whoever took it for ground stood in the rock above it. It counts
+ * where there is nothing else, as in a survey whose normals came out the wrong way round.
  */
 export function groundOnVertical(ground: ShownGround, x: number, z: number, fromY: number): GroundHit | null {
   const origin: Vec3 = [x, fromY, z];
   const hit =
-    castGround(ground, origin, [0, -1, 0], Number.MAX_VALUE) ?? castGround(ground, origin, [0, 1, 0], Number.MAX_VALUE);
+    facingUp(ground, origin, DOWN) ??
+    facingUp(ground, origin, UP) ??
+    castGround(ground, origin, DOWN, Number.MAX_VALUE) ??
+    castGround(ground, origin, UP, Number.MAX_VALUE);
   if (!hit || hit.normal[1] >= 0) {
     return hit;
   }
   const [nx, ny, nz] = hit.normal;
   return { ...hit, normal: [0 - nx, 0 - ny, 0 - nz] };
+}
+
+/** The first face along a vertical ray that faces up. */
+function facingUp(ground: ShownGround, origin: Vec3, unit: Vec3): GroundHit | null {
+  let goneM = 0;
+  for (let ceilings = 0; ceilings <= MAX_CEILINGS; ceilings += 1) {
+    const from: Vec3 = [origin[0], origin[1] + goneM * unit[1], origin[2]];
+    const first = firstAlong(ground, from, unit, Number.MAX_VALUE);
+    if (first === null) return null;
+    if (first.target.boxes.normalOf(first.face)[1] > 0) return describe({ ...first, t: goneM + first.t }, origin, unit);
+    goneM += first.t + BEHIND_M;
+  }
+  return null;
 }
 
 interface Meeting {
@@ -87,6 +117,7 @@ function describe({ target, t, face }: Meeting, origin: Vec3, unit: Vec3): Groun
   return {
     position: [origin[0] + t * unit[0], origin[1] + t * unit[1], origin[2] + t * unit[2]],
     normal: [sign * nx + 0, sign * ny + 0, sign * nz + 0], // No -0.
+    isOuter: sign > 0,
     distanceM: t,
     segment: target.segment,
     region: target.boxes.regionOf(face),

@@ -16,6 +16,8 @@ export interface GroundHit {
   readonly position: Vec3;
   /** Unit, towards the ray's origin. */
   readonly normal: Vec3;
+  /** Whether the ray met the outer side of the ground; false where it came from inside the rock. */
+  readonly isOuter: boolean;
   readonly distanceM: number;
   /** Segment id, or -1 for the base. */
   readonly segment: number;
@@ -102,7 +104,10 @@ export interface Landings {
   swap(): SwapReport | null;
   /** First point of what is shown along a ray. `direction` need not be a unit vector. */
   cast(origin: Vec3, direction: Vec3, maxDistanceM: number): GroundHit | null;
-  /** Ground below or above (x, z) of what is shown: the highest not above `fromY`, else the lowest above it. */
+  /**
+   * Ground at (x, z) of what is shown: the highest not above `fromY`, else the lowest above it. What faces down is a ceiling,
+   * no ground, wherever there is any other.
+   */
   groundAt(x: number, z: number, fromY: number): GroundHit | null;
   readonly bounds: Bounds;
 }

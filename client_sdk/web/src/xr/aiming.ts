@@ -2,9 +2,9 @@
 
 import type { Object3D } from "three";
 import type { Vec3 } from "../core/types.ts";
+import { judgeFooting, newStand } from "../three/footing.ts";
 import type { Landings } from "../three/types.ts";
 import { ARC_DEFAULTS, castArc, cutShort, newArc, pointsAway, throwArc } from "./arc.ts";
-import { judgeFooting, newStand } from "./footing.ts";
 import type { Pointer } from "./inputs.ts";
 import { newReadiness, type Readiness, readinessOf, resetReadiness } from "./readiness.ts";
 import { createRibbon } from "./ribbon.ts";

@@ -19,7 +19,7 @@ class StandInSocket {
   onmessage: ((event: { data: ArrayBuffer | string }) => void) | null = null;
   onclose: ((event: { code: number; reason: string }) => void) | null = null;
   onerror: (() => void) | null = null;
-  readonly sent: (Uint8Array<ArrayBuffer> | string)[] = [];
+  readonly sent: Uint8Array<ArrayBuffer>[] = [];
   readonly closed: (number | undefined)[] = [];
   readonly url: string;
   readonly protocols: string[];
@@ -31,7 +31,7 @@ class StandInSocket {
     StandInSocket.all.push(this);
   }
 
-  send(data: Uint8Array<ArrayBuffer> | string): void {
+  send(data: Uint8Array<ArrayBuffer>): void {
     this.sent.push(data);
     this.server.receive(data);
   }
@@ -72,7 +72,7 @@ beforeEach(() => {
   StandInSocket.all = [];
   told = [];
   events = [];
-  const options = { client: "t", budgets: {}, creditBytes: 1 << 20, subprotocol: "terraport.v1.msgpack" } as const;
+  const options = { client: "t", budgets: {}, creditBytes: 1 << 20 } as const;
   session = new ClientSession(options, 1 << 20, toyHash);
   link = new Link({
     session,
@@ -257,7 +257,7 @@ test("leaving says goodbye, and nothing is done afterwards", () => {
 });
 
 test("outgoing messages keep their order over a pause", () => {
-  const sent: (string | Uint8Array)[] = [];
+  const sent: Uint8Array[] = [];
   let drained = 0;
   const outgoing = new Outgoing(
     (data) => sent.push(data),
@@ -266,7 +266,7 @@ test("outgoing messages keep their order over a pause", () => {
     },
   );
   outgoing.allow(10);
-  const all = Array.from({ length: 100 }, (_, at) => `${at}`);
+  const all = Array.from({ length: 100 }, (_, at) => Uint8Array.of(at));
   outgoing.push(all.slice(0, 90));
   outgoing.push(all.slice(90));
   expect(sent.length).toBe(80);

@@ -50,8 +50,8 @@ afterEach(async () => {
 });
 
 describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (skipped: ${skipped})`}`, () => {
-  test.each(["terraport.v1.msgpack", "terraport.v1.json"])("a landing, a hop and a return, over %s", async (name) => {
-    const { stream, ready, of } = listen({ subprotocol: name });
+  test("a landing, a hop and a return", async () => {
+    const { stream, ready, of } = listen();
     const first = await ready(stream.land(HERE, 30));
     expect(first.payloadBytes).toBe(of("planned")[0]?.plan.loadBytes);
     expect(first.visible.length).toBeGreaterThan(0);
@@ -92,7 +92,8 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
   });
 
   test("a newer landing supersedes the older", async () => {
-    const { stream, ready, until, of } = listen({ creditBytes: 65_536 });
+    // What of the first has arrived by then is chance; without a wider release none of it stays shown.
+    const { stream, ready, until, of } = listen({ creditBytes: 65_536, releaseFactor: 1 });
     const first = stream.land(HERE, 300);
     await until("planned");
     const second = stream.land(THERE, 20);

@@ -11,7 +11,7 @@ import { MIDDLE, ToyScene, toyHash } from "./toy-scene.ts";
 const toy = new ToyScene();
 
 function said(client: ClientSession) {
-  return client.dataToSend().map((data) => decodeMessage(data, client.options.subprotocol, "client_to_server"));
+  return client.dataToSend().map((data) => decodeMessage(data, "client_to_server"));
 }
 
 describe("evictions", () => {
@@ -157,7 +157,7 @@ describe("an offer", () => {
     pair.disconnect();
     pair.client.connected();
     const [hello] = said(pair.client);
-    expect(hello).toMatchObject({ type: "hello", encoding: "glb", protocol: [1, 1] });
+    expect(hello).toMatchObject({ type: "hello", encoding: "glb", protocol: [1, 0] });
     const rows = hello?.type === "hello" ? hello.held : undefined;
     const want = pair.client.visible.map((segment) => ({ segment, xxh3: toy.facts[segment]?.xxh3 }));
     expect([...(rows ?? [])].sort((a, b) => a.segment - b.segment)).toEqual(want);
@@ -165,26 +165,23 @@ describe("an offer", () => {
     expect(said(pair.client)).toMatchObject([{ type: "hello", held: [] }]);
   });
 
-  test.each(["terraport.v1.msgpack", "terraport.v1.json"] as const)(
-    "goes in as many tables as the server asks for, over %s, before the landing",
-    (subprotocol) => {
-      const pair = new Pair(toy, { maxHeldSegments: 5, subprotocol }).connect();
-      pair.client.land(MIDDLE, 5);
-      pair.settle();
-      pair.disconnect();
-      pair.offerHeld = false;
-      pair.client.land(MIDDLE, 5);
-      pair.connect().settle();
-      const count = toy.within(MIDDLE, 5).length;
-      const types = pair.server?.heard.map((message) => message.type);
-      expect(types).toEqual(["hello", ...Array(Math.ceil(count / 5)).fill("held"), "land"]);
-      expect(pair.of("planned").at(-1)?.plan.load_bytes).toBe(0);
-      expect(pair.client.repeatedBytes).toBe(0);
-    },
-  );
+  test("goes in as many tables as the server asks for, before the landing", () => {
+    const pair = new Pair(toy, { maxHeldSegments: 5 }).connect();
+    pair.client.land(MIDDLE, 5);
+    pair.settle();
+    pair.disconnect();
+    pair.offerHeld = false;
+    pair.client.land(MIDDLE, 5);
+    pair.connect().settle();
+    const count = toy.within(MIDDLE, 5).length;
+    const types = pair.server?.heard.map((message) => message.type);
+    expect(types).toEqual(["hello", ...Array(Math.ceil(count / 5)).fill("held"), "land"]);
+    expect(pair.of("planned").at(-1)?.plan.load_bytes).toBe(0);
+    expect(pair.client.repeatedBytes).toBe(0);
+  });
 
-  test("is not made to a server of 1.0 beyond hello; what it does not know of is not held", () => {
-    const pair = new Pair(toy, { minor: 0 }).connect();
+  test("is not made to a server that takes no table; what it does not know of is not held", () => {
+    const pair = new Pair(toy, { maxHeldSegments: 0 }).connect();
     pair.client.land(MIDDLE, 4);
     pair.settle();
     pair.disconnect();
@@ -278,7 +275,7 @@ describe("a number that cannot be", () => {
   });
 
   test("in the options is refused here", () => {
-    const options = { client: "t", budgets: {}, creditBytes: 1, subprotocol: "terraport.v1.msgpack" } as const;
+    const options = { client: "t", budgets: {}, creditBytes: 1 } as const;
     expect(() => new ClientSession({ ...options, creditBytes: 0 }, 1, toyHash)).toThrow(RangeError);
     expect(() => new ClientSession({ ...options, budgets: { maxBytes: -1 } }, 1, toyHash)).toThrow(RangeError);
     expect(() => new ClientSession(options, -1, toyHash)).toThrow(RangeError);

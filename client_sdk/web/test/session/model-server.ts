@@ -3,16 +3,19 @@
  * against. Section numbers are those of `spec/wire-protocol.md`.
  */
 
-import { decodeMessage, encodeMessage, type Subprotocol } from "../../src/core/wire/codec.ts";
+import { decodeMessage, encodeMessage } from "../../src/core/wire/codec.ts";
 import { encodeFrame } from "../../src/core/wire/frames.ts";
-import type { ClientMessage, LandMessage, ServerMessage } from "../../src/core/wire/messages.generated.ts";
+import {
+  type ClientMessage,
+  type LandMessage,
+  PROTOCOL,
+  type ServerMessage,
+} from "../../src/core/wire/messages.generated.ts";
 import { distance, type ToyScene } from "./toy-scene.ts";
 
-type Data = Uint8Array<ArrayBuffer> | string;
+type Data = Uint8Array<ArrayBuffer>;
 
 export interface ModelOptions {
-  readonly subprotocol?: Subprotocol;
-  readonly minor?: number;
   readonly maxHeldSegments?: number;
   readonly maxPicks?: number;
   readonly maxChunk?: number;
@@ -67,8 +70,6 @@ export class ModelServer {
   constructor(scene: ToyScene, options: ModelOptions = {}) {
     this.#scene = scene;
     this.#options = {
-      subprotocol: "terraport.v1.msgpack",
-      minor: 1,
       maxHeldSegments: 1000,
       maxPicks: 8,
       maxChunk: 131_048,
@@ -82,7 +83,7 @@ export class ModelServer {
   }
 
   receive(data: Data): void {
-    const message = decodeMessage(data, this.#options.subprotocol, "client_to_server");
+    const message = decodeMessage(data, "client_to_server");
     if (message.type === "unknown") throw new Error(`the client said ${message.name}`);
     this.heard.push(message);
     if (message.type === "hello") this.#hello(message);
@@ -99,17 +100,17 @@ export class ModelServer {
   /** The next WebSocket message; null where nothing can be sent now. */
   next(): Data | null {
     const message = this.#out.shift();
-    if (message !== undefined) return encodeMessage(message, this.#options.subprotocol);
+    if (message !== undefined) return encodeMessage(message);
     for (const sending of [this.#landing, this.#prefetch]) {
       if (sending === null || sending.readySent) continue;
       this.#degrade(sending);
       const degraded = this.#out.shift();
-      if (degraded !== undefined) return encodeMessage(degraded, this.#options.subprotocol);
+      if (degraded !== undefined) return encodeMessage(degraded);
       const chunk = this.#chunk(sending);
       if (chunk !== null) return chunk;
       this.#settle(sending);
       const answer = this.#out.shift();
-      if (answer !== undefined) return encodeMessage(answer, this.#options.subprotocol);
+      if (answer !== undefined) return encodeMessage(answer);
       // An aim never disturbs a landing (7, rule 2).
       if (!sending.readySent) return null;
     }
@@ -127,7 +128,7 @@ export class ModelServer {
     const dropped = this.#accept(hello.held ?? []);
     this.say({
       type: "welcome",
-      protocol: [1, this.#options.minor],
+      protocol: PROTOCOL,
       server: "model",
       session: "s",
       scene: { id: "toy", version: this.#scene.version, name: "toy", segment_count: this.#scene.facts.length },

@@ -3,11 +3,10 @@
 import type { SessionEvent } from "../../src/core/session/events.ts";
 import { ClientSession } from "../../src/core/session/session.ts";
 import type { Budgets } from "../../src/core/types.ts";
-import type { Subprotocol } from "../../src/core/wire/codec.ts";
 import { type ModelOptions, ModelServer } from "./model-server.ts";
 import { type ToyScene, toyHash } from "./toy-scene.ts";
 
-type Data = Uint8Array<ArrayBuffer> | string;
+type Data = Uint8Array<ArrayBuffer>;
 
 export interface PairOptions extends ModelOptions {
   readonly cacheBytes?: number;
@@ -35,14 +34,12 @@ export class Pair {
   constructor(scene: ToyScene, options: PairOptions = {}) {
     this.scene = scene;
     this.#options = options;
-    const subprotocol: Subprotocol = options.subprotocol ?? "terraport.v1.msgpack";
     this.client = new ClientSession(
       {
         client: "pair",
         budgets: options.budgets ?? {},
         creditBytes: options.creditBytes ?? 4096,
         releaseFactor: options.releaseFactor ?? 1,
-        subprotocol,
       },
       options.cacheBytes ?? 1 << 20,
       toyHash,
@@ -91,7 +88,7 @@ export class Pair {
   }
 
   #carried(data: Data): Data {
-    const isFrame = typeof data !== "string" && data[0]! < 0x80;
+    const isFrame = data[0]! < 0x80;
     return isFrame && this.spoil !== null ? this.spoil(data) : data;
   }
 

@@ -31,7 +31,6 @@ function oneHistory(toy: ToyScene, seed: number, spoils: boolean): void {
     maxChunk: pick([7, 100, 100_000]),
     releaseFactor: pick([1, 1.5]),
     maxHeldSegments: pick([1, 5, 1000]),
-    subprotocol: pick(["terraport.v1.msgpack", "terraport.v1.json"] as const),
     random,
   }).connect();
   pair.offerHeld = random() < 0.5;

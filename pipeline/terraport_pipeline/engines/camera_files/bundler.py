@@ -29,7 +29,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     parse_numbers,
     text_lines,
 )
-from terraport_pipeline.errors import ReadError
+from terraport_pipeline.errors import PhotoError, ReadError
 from terraport_pipeline.model import Float64
 
 __all__ = ["MAGIC", "read_bundler"]
@@ -51,12 +51,15 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
         ``bundle.out``; the names are in ``list.txt``, ``<stem>.list.txt`` or
         ``<name>.list.txt`` beside it or one folder above.
     photo_size : callable
-        Asked for width and height of every aligned photo.
+        Asked for width and height of every aligned photo. A camera whose photo is missing or
+        damaged is left out, with a warning.
 
     Raises
     ------
     ReadError
         Damaged or cut off, or no list of as many photos.
+    PhotoError
+        No aligned camera has a photo.
     """
     lines = ((n, text) for n, text in text_lines(path) if text and not text.startswith("#"))
     number, first = next(lines, (1, ""))
@@ -70,15 +73,22 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
         check_count(path, count, f"line {number:,}")
     names = _read_names(path, count)
     cameras = []
+    without_photo: list[PhotoError] = []
+    unaligned = 0
     for name in names:
         focal, k1, k2 = _next(path, lines, "focal length, k1, k2")
         rows = [_next(path, lines, "a row of a rotation") for _ in range(3)]
         translation = np.array(_next(path, lines, "a translation"))
         if focal == 0.0:
+            unaligned += 1
             continue
         check_position(path, f"camera {name!r}", translation)
         rotation = _nearest_rotation(path, name, np.array(rows))
-        width, height = photo_size(name)
+        try:
+            width, height = photo_size(name)
+        except PhotoError as error:
+            without_photo.append(error)
+            continue
         lens = make_lens(
             path,
             f"camera {name!r}",
@@ -91,14 +101,21 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
             radial=(k1, k2),
         )
         cameras.append(RawCamera(name, lens, _FLIP @ rotation, -rotation.T @ translation))
+    if without_photo and not cameras:
+        raise without_photo[0]
     check_count(path, len(cameras))
     own = Frame("offset", "no offset")
     stated = stated_offset(path.parent)
-    warnings: tuple[str, ...] = ()
-    if len(cameras) < count:
-        warnings = (f"{count - len(cameras):,} of {count:,} photos were not aligned by Bundler.",)
+    warnings = []
+    if unaligned:
+        warnings.append(f"{unaligned:,} of {count:,} photos were not aligned by Bundler.")
+    if without_photo:
+        warnings.append(
+            f"{len(without_photo):,} of {count:,} photos are left out; the first: "
+            f"{without_photo[0]}."
+        )
     frames = (own,) if stated is None else (stated, own)
-    return RawCameras("Bundler", tuple(cameras), frames, warnings)
+    return RawCameras("Bundler", tuple(cameras), frames, tuple(warnings))
 
 
 def _next(path: Path, lines: Iterator[tuple[int, str]], what: str) -> list[float]:

@@ -36,6 +36,7 @@ from pyproj import CRS, Transformer
 from terraport_pipeline.engines.camera_files import read_cameras
 from terraport_pipeline.engines.camera_files import write_colmap as our_colmap
 from terraport_pipeline.engines.camera_files import write_opensfm as our_opensfm
+from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.model import Crs
 
 LENSES = pytest.mark.parametrize("lens", [BROWN, FISHEYE], ids=["brown", "fisheye"])
@@ -276,6 +277,28 @@ def test_bundler(tmp_path):
     assert asked == known[0]
     assert_same_pixels(found.views, known)
     assert found.warnings == ("1 of 7 photos were not aligned by Bundler.",)
+
+
+def test_bundler_leaves_out_cameras_whose_photo_is_gone(tmp_path):
+    known = flight(SQUARE)
+    write_bundler(tmp_path, known)
+    gone = known[0][1]
+
+    def size(name):
+        if name == gone:
+            raise PhotoError(f"photo {name} is not below photos, and its size is needed")
+        return WIDTH, HEIGHT
+
+    found = read(tmp_path, photo_size=size)
+    assert [view.name for view in found.views] == [name for name in known[0] if name != gone]
+    assert found.warnings[1] == (
+        f"1 of 7 photos are left out; the first: photo {gone} is not below photos, and its size is "
+        "needed."
+    )
+    known[0][:] = [gone] * len(known[0])
+    write_bundler(tmp_path, known)
+    with pytest.raises(PhotoError, match="its size is needed"):
+        read(tmp_path, photo_size=size)
 
 
 @LENSES

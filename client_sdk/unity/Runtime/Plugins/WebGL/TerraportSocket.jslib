@@ -72,13 +72,12 @@ var TerraportSockets = {
   TerraportSocketTake__deps: ["$terraportSockets"],
 
   // 0: not now. What waits to leave is bounded here, since browsers do not.
-  TerraportSocketSend: function (id, buffer, length, isText) {
+  TerraportSocketSend: function (id, buffer, length) {
     var entry = terraportSockets.open[id];
     if (!entry || entry.state !== 2 || entry.socket.bufferedAmount > 1048576) {
       return 0;
     }
-    var bytes = HEAPU8.slice(buffer, buffer + length);
-    entry.socket.send(isText ? new TextDecoder().decode(bytes) : bytes);
+    entry.socket.send(HEAPU8.slice(buffer, buffer + length));
     return 1;
   },
   TerraportSocketSend__deps: ["$terraportSockets"],

@@ -31,16 +31,8 @@ void BuildColours(const terraport::SegmentMesh& Mesh, ETerraportVertexColours Co
 		uint8 Rgb[3];
 		for (int32 Channel = 0; Channel < 3; ++Channel)
 		{
-			const std::size_t At = 4 * std::size_t(Vertex) + std::size_t(Channel);
-			if (Mesh.colourForm == terraport::ColourForm::Linear16)
-			{
-				const uint16 Code = Mesh.coloursLinear16[At];
-				Rgb[Channel] = bLinear ? uint8((uint32(Code) * 255 + 32767) / 65535) : terraport::srgbOfLinear16(Code);
-			}
-			else
-			{
-				Rgb[Channel] = bLinear ? TerraportTexture::LinearOfSrgb(Mesh.coloursSrgb8[At]) : Mesh.coloursSrgb8[At];
-			}
+			const uint16 Code = Mesh.coloursLinear16[4 * std::size_t(Vertex) + std::size_t(Channel)];
+			Rgb[Channel] = bLinear ? uint8((uint32(Code) * 255 + 32767) / 65535) : terraport::srgbOfLinear16(Code);
 		}
 		Out[Vertex] = FColor(Rgb[0], Rgb[1], Rgb[2], 255);
 	}
@@ -62,14 +54,7 @@ void BuildPart(const terraport::SegmentMesh& Mesh, ETerraportVertexColours Colou
 		TerraportAxes::PositionsToUnreal(Mesh.positions.data(), Count, FloatsOf(Part.Positions));
 	}
 	Part.Normals.SetNumUninitialized(int32(Count));
-	if (Mesh.normalForm == terraport::VertexForm::Codes)
-	{
-		TerraportAxes::NormalsToUnreal(Mesh.normalCodes.data(), Count, FloatsOf(Part.Normals));
-	}
-	else
-	{
-		TerraportAxes::NormalsToUnreal(Mesh.normals.data(), Count, FloatsOf(Part.Normals));
-	}
+	TerraportAxes::NormalsToUnreal(Mesh.normalCodes.data(), Count, FloatsOf(Part.Normals));
 	BuildColours(Mesh, Colours, Part.Colours);
 	if (Mesh.hasUvs)
 	{

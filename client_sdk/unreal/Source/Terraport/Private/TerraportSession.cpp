@@ -333,8 +333,6 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& S
 	terraport::StreamOptions Options;
 	Options.sceneUrl = SceneUrl;
 	Options.token = Token;
-	Options.encoding =
-		Owner.Encoding == ETerraportEncoding::Arrays ? terraport::PayloadEncoding::Arrays : terraport::PayloadEncoding::Glb;
 	Options.budgets.maxTriangles = uint64(std::max<int64>(Budgets.MaxTriangles, 1));
 	Options.budgets.maxBytes = uint64(std::max(Budgets.MaxPayloadMiB, 1)) * Mebibyte;
 	Options.budgets.maxSegments = uint64(std::max(Budgets.MaxSegments, 1));

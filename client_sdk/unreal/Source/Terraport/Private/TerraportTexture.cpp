@@ -62,11 +62,6 @@ TArray64<uint8> HalfOf(const TArray64<uint8>& From, int32 Width, int32 Height)
 }
 } // namespace
 
-uint8 LinearOfSrgb(uint8 Level)
-{
-	return uint8((uint32(LinearLevels()[Level]) * 255 + 32767) / 65535);
-}
-
 void MakeMips(FTerraportPixels& Pixels)
 {
 	int32 Width = Pixels.Width, Height = Pixels.Height;

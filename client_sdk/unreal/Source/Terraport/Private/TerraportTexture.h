@@ -25,9 +25,6 @@ struct FTerraportPixels
 
 namespace TerraportTexture
 {
-/** Nearest level of eight bits of linear light. */
-uint8 LinearOfSrgb(uint8 Level);
-
 /**
  * Decode a payload's image and make its mips. For worker threads; the module ImageWrapper must have been loaded before (the
  * scene does that when it opens). Empty where there is no image, where its format is none that the engine reads (WebP, KTX2), or

@@ -87,8 +87,8 @@ void FTerraportWebSocket::open(
 		Shared->Fail(bHasCode && Code > 0 ? int(Code) : Abnormal, TerraportText::ToUtf8(Reason));
 	});
 #if UE_VERSION_OLDER_THAN(5, 2, 0)
-	// Text and binary cannot be told apart here; with msgpack, which is then the only subprotocol (see ATerraportScene), every
-	// message is binary. BytesRemaining counts within one WebSocket frame, and the server sends each message in one.
+	// Text and binary cannot be told apart here: a text message, which the protocol has not, is then read as a binary one and
+	// refused as such. BytesRemaining counts within one WebSocket frame, and the server sends each message in one.
 	Socket->OnRawMessage().AddLambda([Shared](const void* Data, SIZE_T Size, SIZE_T BytesRemaining) {
 		Shared->Take(Data, Size, false, BytesRemaining == 0);
 	});
@@ -119,13 +119,13 @@ bool FTerraportWebSocket::tryReceive(terraport::TransportMessage& Message)
 	return State->Assembler.tryNext(Message);
 }
 
-bool FTerraportWebSocket::trySend(terraport::ByteSpan Bytes, bool bIsText)
+bool FTerraportWebSocket::trySend(terraport::ByteSpan Bytes)
 {
 	if (State->Now != terraport::TransportState::Open || !Socket.IsValid())
 	{
 		return false;
 	}
-	Socket->Send(Bytes.data, SIZE_T(Bytes.size), !bIsText);
+	Socket->Send(Bytes.data, SIZE_T(Bytes.size), true);
 	return true;
 }
 

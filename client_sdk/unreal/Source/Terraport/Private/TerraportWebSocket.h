@@ -29,7 +29,7 @@ public:
 	virtual terraport::TransportState state() const override;
 	virtual std::string subprotocol() const override;
 	virtual bool tryReceive(terraport::TransportMessage& Message) override;
-	virtual bool trySend(terraport::ByteSpan Bytes, bool bIsText) override;
+	virtual bool trySend(terraport::ByteSpan Bytes) override;
 	virtual int closeCode() const override;
 	virtual std::string closeReason() const override;
 	virtual void close(int Code, const std::string& Reason) override;

@@ -103,15 +103,6 @@ inline void NormalsToUnreal(const std::int8_t* Normals, std::size_t Count, float
 	}
 }
 
-/// Unit normals of `Count` vertices from floats of the scene frame, three each.
-inline void NormalsToUnreal(const float* Normals, std::size_t Count, float* Out)
-{
-	for (std::size_t Vertex = 0; Vertex < Count; ++Vertex)
-	{
-		DirectionToUnreal(Normals + 3 * Vertex, Out + 3 * Vertex);
-	}
-}
-
 /// Texture coordinates of `Count` vertices: two codes and a scale for each axis. V stays as it is.
 inline void UvsToUnreal(const std::uint16_t* Codes, std::size_t Count, const float Scale[2], float* Out)
 {

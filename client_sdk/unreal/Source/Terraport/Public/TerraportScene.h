@@ -74,10 +74,6 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance", meta = (ClampMin = "1", ClampMax = "16"))
 	int32 DecodeTasks = 2;
 
-	/** In which form detail comes. Counts when the scene is opened. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
-	ETerraportEncoding Encoding = ETerraportEncoding::Compact;
-
 	/** Which components draw the meshes. Counts when the scene is opened. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	ETerraportMeshes Meshes = ETerraportMeshes::Procedural;

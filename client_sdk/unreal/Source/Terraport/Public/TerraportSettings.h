@@ -4,17 +4,6 @@
 
 #include "TerraportSettings.generated.h"
 
-/** In which form detail comes. */
-UENUM(BlueprintType)
-enum class ETerraportEncoding : uint8
-{
-	/** Quantised and compressed: the fewest bytes. */
-	Compact,
-	/** Plain arrays: four to five times the bytes, a third of the work to decode. For slow processors on fast links; the scene must
-	 * have been built with it. */
-	Arrays,
-};
-
 /** What a device is asked to hold: the bounds of a landing and of what is kept beside it. The same numbers as in the web client. */
 UENUM(BlueprintType)
 enum class ETerraportDevice : uint8

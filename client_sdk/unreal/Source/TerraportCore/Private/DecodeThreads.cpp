@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "Terraport/ArraysDecoder.h"
 #include "Terraport/GlbDecoder.h"
 
 namespace terraport {
@@ -57,16 +56,13 @@ DecodedSegment answerOf(DecodeJob job, std::unique_ptr<SegmentMesh> mesh, const 
 }  // namespace
 
 Status decodePayload(const DecodeJob& job, SegmentMesh& mesh) {
-  // The decoders' own memory is used again by every payload of this thread.
+  // The decoder's own memory is used again by every payload of this thread.
   static thread_local GlbDecoder glb;
-  static thread_local ArraysDecoder arrays;
   if (!job.payload) {
     mesh.clear();
     return Status::failed("invalid_argument", "no payload to decode");
   }
-  const std::int64_t segment = job.segment;
-  return job.encoding == PayloadEncoding::Glb ? glb.decode(viewOf(*job.payload), segment, mesh)
-                                              : arrays.decode(viewOf(*job.payload), segment, mesh);
+  return glb.decode(viewOf(*job.payload), job.segment, mesh);
 }
 
 struct DecodeThreads::Impl {

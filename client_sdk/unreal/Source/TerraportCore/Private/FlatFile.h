@@ -1,4 +1,4 @@
-// A file of named arrays behind a directory, with a checksum (scene format, section 5): base.cover and arrays payloads.
+// A file of named arrays behind a directory, with a checksum (scene format, section 5): base.cover.
 #pragma once
 
 #include <cstddef>
@@ -33,9 +33,6 @@ class FlatFile {
 
   /// The header's number of segments, base faces or vertices.
   std::uint32_t rows() const { return rows_; }
-  /// Fields whose type is known, in the directory's order.
-  std::size_t fieldCount() const { return fieldCount_; }
-  const FlatField& field(std::size_t at) const { return fields_[at]; }
   /// Null where there is none of that name.
   const FlatField* find(std::string_view name) const;
 

@@ -20,7 +20,7 @@ bool refused(const char* code, std::string text, DecodeError& error) {
 
 }  // namespace
 
-bool isPayload(ByteSpan data, bool isText) { return !isText && data.size > 0 && data.data[0] < kFirstMessageByte; }
+bool isPayload(ByteSpan data) { return data.size > 0 && data.data[0] < kFirstMessageByte; }
 
 bool decodeFrame(ByteSpan data, PayloadFrame& into, DecodeError& error) {
   if (data.size > limits::kMaxFrameBytes) {

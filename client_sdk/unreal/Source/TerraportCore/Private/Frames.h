@@ -28,8 +28,8 @@ struct PayloadFrame {
   std::optional<std::uint8_t> unknownKind;
 };
 
-/// Whether a WebSocket message is a payload frame and not a message: text never is, a msgpack map starts at 0x80.
-bool isPayload(ByteSpan data, bool isText);
+/// Whether a binary WebSocket message is a payload frame and not a message: a msgpack map starts at 0x80.
+bool isPayload(ByteSpan data);
 
 /// Read the frame that one binary WebSocket message holds; false where it is cut off, too long, contradicts itself, or is no
 /// frame.

@@ -19,7 +19,7 @@ namespace {
 constexpr std::int64_t kNullCode = 65535;
 /// Largest attribute code that is a value.
 constexpr double kLastCode = 65534.0;
-/// As many as a flat file has fields: an arrays payload could not hold more.
+/// More than any survey has: bounds what the names of one payload take.
 constexpr std::uint32_t kMaxAttributes = 240;
 constexpr std::string_view kKnown[] = {"KHR_mesh_quantization", "EXT_meshopt_compression", "EXT_mesh_features",
                                        "KHR_texture_transform", "EXT_texture_webp",        "KHR_texture_basisu"};
@@ -297,7 +297,6 @@ class GlbReading {
     AttributeColumn& column = mesh_.attributes[mesh_.attributeCount];
     ++mesh_.attributeCount;
     column.name.assign(name->data(), name->size());
-    column.form = VertexForm::Codes;
     column.offset = offset;
     column.step = step;
     return readScalars(*gltfName, column.codes);

@@ -309,7 +309,7 @@ class JsonReader {
       }
       at_ = before;
     }
-    if (unit >= 0xD800 && unit <= 0xDFFF && !limits_.allowsLoneSurrogates) return fail("got a lone surrogate");
+    if (unit >= 0xD800 && unit <= 0xDFFF) return fail("got a lone surrogate");
     appendCodePoint(unit, document_.decoded_);
     return true;
   }

@@ -65,7 +65,7 @@ void Link::leave() {
   parts_.session.bye();
   if (transport_ != nullptr && outgoing_.empty()) {
     for (const EncodedMessage& message : parts_.session.takeMessages()) {
-      if (!transport_->trySend(message.view(), message.isText)) break;
+      if (!transport_->trySend(message.view())) break;
     }
   }
   drop(kCloseNormal);
@@ -86,14 +86,14 @@ void Link::connect() {
   state.attempt = static_cast<std::uint32_t>(attempt_);
   parts_.told(state);
   transport_ = parts_.transports.make();
-  transport_->open(parts_.url, {nameOf(parts_.session.options().subprotocol)}, parts_.token);
+  transport_->open(parts_.url, {kSubprotocol}, parts_.token);
 }
 
 void Link::onOpen() {
   isGreeted_ = true;
   const std::string chosen = transport_->subprotocol();
   // Where the server chose none it closes with 4409 by itself, which says more.
-  if (!chosen.empty() && chosen != nameOf(parts_.session.options().subprotocol)) {
+  if (!chosen.empty() && chosen != kSubprotocol) {
     cut(kCloseMalformed, "the server chose a subprotocol that was not offered");
     return;
   }
@@ -177,7 +177,7 @@ void Link::proceed() {
   while (!outgoing_.empty()) {
     if (!sendAtMs_) sendAtMs_ = nowMs_ + pacer_.take(nowMs_);
     if (nowMs_ < *sendAtMs_) return;
-    if (!transport_->trySend(outgoing_.front().view(), outgoing_.front().isText)) return;
+    if (!transport_->trySend(outgoing_.front().view())) return;
     sendAtMs_.reset();
     outgoing_.pop_front();
   }

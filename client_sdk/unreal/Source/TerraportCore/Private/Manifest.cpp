@@ -173,8 +173,7 @@ Status readKeys(JsonValue json, CheckedManifest& out) {
   SceneManifest& manifest = out.manifest;
   const JsonValue encodings = json.member("encodings");
   TERRAPORT_RETURN_IF_ERROR(expectMap(encodings, "encodings"));
-  TERRAPORT_RETURN_IF_ERROR(expectMap(encodings.member("glb"), "encodings.glb"));
-  manifest.hasArrays = encodings.member("arrays").isMap();
+  TERRAPORT_RETURN_IF_ERROR(expectMap(encodings.member(kPayloadEncoding), "encodings.glb"));
   TERRAPORT_RETURN_IF_ERROR(expectText(json.member("name"), "name", manifest.name));
   TERRAPORT_RETURN_IF_ERROR(expectText(json.member("version"), "version", manifest.version));
   if (!isDigest(manifest.version, 32)) {

@@ -54,11 +54,6 @@ Status checkIndices(SegmentMesh& mesh) {
 }
 
 Status checkNormals(const SegmentMesh& mesh) {
-  if (mesh.normalForm == VertexForm::Floats) {
-    return areFinite(mesh.normals.data(), mesh.normals.size())
-               ? Status()
-               : Status::damaged("a normal is not finite, expected finite numbers");
-  }
   const std::int8_t* normal = mesh.normalCodes.data();
   for (std::uint32_t vertex = 0; vertex < mesh.vertexCount; ++vertex, normal += 4) {
     if ((normal[0] | normal[1] | normal[2]) == 0) {
@@ -96,11 +91,7 @@ Status placeBounds(SegmentMesh& mesh) {
 
 Status checkUvs(const SegmentMesh& mesh) {
   bool isInside = true;
-  if (mesh.uvForm == VertexForm::Floats) {
-    for (const float side : mesh.uvs) {
-      isInside = isInside && side >= 0.0F && side <= 1.0F;  // a NaN fails both
-    }
-  } else if (!mesh.uvsNormalised) {
+  if (!mesh.uvsNormalised) {
     // Codes over all 16 bits cannot leave the image.
     std::uint16_t most[2] = {0, 0};
     for (std::size_t at = 0; at + 1 < mesh.uvCodes.size(); at += 2) {

@@ -13,7 +13,10 @@
 namespace terraport {
 
 /// Version of the protocol that this client speaks.
-constexpr ProtocolVersion kProtocol{1, 1};
+constexpr ProtocolVersion kProtocol{1, 0};
+
+/// The WebSocket subprotocol: its name pins the major version.
+constexpr const char* kSubprotocol = "terraport.v1.msgpack";
 
 /// Bounds that every speaker keeps (section 12); a server may be stricter.
 namespace limits {
@@ -21,6 +24,7 @@ constexpr std::uint64_t kHeaderBytes = 24;
 constexpr std::uint64_t kMaxAttributes = 64;
 constexpr std::uint64_t kMaxChunkBytes = 131048;
 constexpr std::uint64_t kMaxClientMessageBytes = 1048576;
+constexpr std::uint64_t kMaxClientValues = 1024;
 constexpr std::uint64_t kMaxContainerItems = 16384;
 constexpr double kMaxCoordinateM = 10000000.0;
 constexpr std::uint64_t kMaxDeadlineMs = 600000;
@@ -101,7 +105,7 @@ struct ServerLimitsPart {
   std::uint64_t maxCreditBytes = 0;
   /// Silence after which the server closes.
   double idleTimeoutS = 0;
-  /// Whether groups can be joined: `here`; `query`: only where the URL of the stream names the group; `none`. Absent means `none` (1.1).
+  /// Whether groups can be joined: `here`; `query`: only where the URL of the stream names the group; `none`. Absent means `none`.
   std::optional<std::string> groups;
 };
 
@@ -171,7 +175,7 @@ struct HelloMessage {
   std::optional<std::string> sceneVersion;
   /// Segments that the client holds whole, with their hashes.
   std::optional<std::vector<HeldRow>> held;
-  /// True: send timings with every ready; absent means false (1.1).
+  /// True: send timings with every ready; absent means false.
   std::optional<bool> timings;
 };
 
@@ -197,7 +201,7 @@ struct LandMessage {
   std::optional<double> innerRadiusM;
   /// Milliseconds after which the inner set alone is acceptable; needs inner_radius_m.
   std::optional<std::uint32_t> deadlineMs;
-  /// Milliseconds without progress after which it is, too; needs inner_radius_m (1.1).
+  /// Milliseconds without progress after which it is, too; needs inner_radius_m.
   std::optional<std::uint32_t> stallMs;
 };
 
@@ -237,13 +241,13 @@ struct PickMessage {
 struct ByeMessage {
 };
 
-/// More of what the client holds, after hello and before the first aim or land (1.1).
+/// More of what the client holds, after hello and before the first aim or land.
 struct HeldMessage {
   /// Segments that the client holds whole, with their hashes.
   std::vector<HeldRow> segments;
 };
 
-/// Take a seat in a group of this scene; it is made if there is none of that name (1.1).
+/// Take a seat in a group of this scene; it is made if there is none of that name.
 struct JoinMessage {
   /// Number chosen by the client, for the answer.
   std::uint32_t request = 0;
@@ -257,11 +261,11 @@ struct JoinMessage {
   std::optional<std::string> seat;
 };
 
-/// Give up the seat in the group (1.1).
+/// Give up the seat in the group.
 struct LeaveMessage {
 };
 
-/// The guide lands the group (1.1).
+/// The guide lands the group.
 struct GatherMessage {
   /// Number chosen by the client, for the answer.
   std::uint32_t request = 0;
@@ -275,7 +279,7 @@ struct GatherMessage {
   std::optional<std::uint32_t> deadlineMs;
 };
 
-/// A member's part of a group landing is over (1.1).
+/// A member's part of a group landing is over.
 struct ArrivedMessage {
   /// Number of the group landing, chosen by the server.
   std::uint32_t gathering = 0;
@@ -357,7 +361,7 @@ struct ReadyMessage {
   std::uint64_t payloadBytes = 0;
   /// Segments of the plan that cannot be delivered.
   std::vector<std::uint32_t> missing;
-  /// Where hello asked for them (1.1).
+  /// Where hello asked for them.
   std::optional<TimingsPart> timings;
 };
 
@@ -413,7 +417,7 @@ struct ErrorMessage {
   std::optional<std::vector<ProtocolVersion>> protocols;
 };
 
-/// Answer to held: what of it is accepted (1.1).
+/// Answer to held: what of it is accepted.
 struct HeldCheckedMessage {
   /// Offered segments that this scene version does not have; the client frees them.
   std::vector<std::uint32_t> dropped;
@@ -421,7 +425,7 @@ struct HeldCheckedMessage {
   std::uint32_t heldCount = 0;
 };
 
-/// Answer to join: the seat in the group (1.1).
+/// Answer to join: the seat in the group.
 struct JoinedMessage {
   /// Request, as received.
   std::uint32_t request = 0;
@@ -435,7 +439,7 @@ struct JoinedMessage {
   std::string seat;
 };
 
-/// Who is in the group, newest state; the ones between may be left out (1.1).
+/// Who is in the group, newest state; the ones between may be left out.
 struct RosterMessage {
   /// Name of the group, within the scene.
   std::string group;
@@ -443,7 +447,7 @@ struct RosterMessage {
   std::vector<MemberPart> members;
 };
 
-/// The guide lands the group: land there, then say arrived (1.1).
+/// The guide lands the group: land there, then say arrived.
 struct GatheringMessage {
   /// Number of the group landing, chosen by the server.
   std::uint32_t gathering = 0;
@@ -459,7 +463,7 @@ struct GatheringMessage {
   std::optional<std::uint32_t> leftMs;
 };
 
-/// The barrier is open: everybody has arrived, or the deadline has passed (1.1).
+/// The barrier is open: everybody has arrived, or the deadline has passed.
 struct GatheredMessage {
   /// Number of the group landing, chosen by the server.
   std::uint32_t gathering = 0;

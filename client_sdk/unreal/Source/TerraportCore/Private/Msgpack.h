@@ -19,15 +19,11 @@ Status readMsgpack(ByteSpan data, const JsonLimits& limits, JsonDocument& into);
 /// Writes values one after the other: every integer in its shortest form, every float in 64 bits.
 class MsgpackWriter {
  public:
-  static constexpr bool kIsPacked = true;
-
   explicit MsgpackWriter(std::string& into) : into_(into) {}
 
   /// `count` members follow, each a key and a value.
   void beginMap(std::size_t count) { head(count, 0x80, 15, 0, 0xDE); }
-  void endMap() {}
   void beginList(std::size_t count) { head(count, 0x90, 15, 0, 0xDC); }
-  void endList() {}
   void key(std::string_view name) { text(name); }
   void text(std::string_view value);
   void integer(std::uint64_t value);

@@ -3,9 +3,9 @@
 namespace terraport {
 
 std::size_t SceneRenderer::gpuBytesOf(const SegmentMesh& mesh) const {
-  std::size_t vertex = (mesh.positionForm == VertexForm::Codes ? 8 : 12) + (mesh.normalForm == VertexForm::Codes ? 4 : 12);
-  vertex += mesh.colourForm == ColourForm::None ? 0 : (mesh.colourForm == ColourForm::Linear16 ? 8 : 4);
-  vertex += mesh.hasUvs ? (mesh.uvForm == VertexForm::Codes ? 4 : 8) : 0;
+  std::size_t vertex = (mesh.positionForm == VertexForm::Codes ? 8 : 12) + 4;
+  vertex += mesh.colourForm == ColourForm::None ? 0 : 8;
+  vertex += mesh.hasUvs ? 4 : 0;
   vertex += mesh.hasRegionIds ? 4 : 0;
   vertex += 4 * mesh.attributeCount;
   const std::size_t index = mesh.maxIndex < 65536 ? 2 : 4;

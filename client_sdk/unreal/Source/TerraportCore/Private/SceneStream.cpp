@@ -27,11 +27,9 @@ constexpr std::size_t kMaxPumpBytes = 4 * 1024 * 1024;
 SessionOptions sessionOptions(const StreamOptions& options) {
   SessionOptions session;
   session.client = options.client;
-  session.encoding = options.encoding;
   session.budgets = options.budgets;
   session.creditBytes = options.creditBytes;
   session.releaseFactor = options.releaseFactor;
-  session.subprotocol = options.subprotocol;
   session.cacheBytes = options.cacheBytes;
   return session;
 }
@@ -184,7 +182,6 @@ SharedPayload SceneStream::payload(std::uint32_t segment) const {
   return entry == nullptr ? nullptr : entry->payload;
 }
 
-PayloadEncoding SceneStream::encoding() const { return impl_->session.options().encoding; }
 
 StreamStats SceneStream::stats() const {
   const Transfers& transfers = impl_->session.transfers();

@@ -59,27 +59,23 @@ void SegmentMesh::clear() {
   segment = -1;
   vertexCount = 0;
   faceCount = 0;
-  positionForm = normalForm = uvForm = VertexForm::Codes;
+  positionForm = VertexForm::Codes;
   std::fill(translation, translation + 3, 0.0);
   stepM = 1.0;
   positionCodes.clear();
   positions.clear();
   normalCodes.clear();
-  normals.clear();
   colourForm = ColourForm::None;
   coloursLinear16.clear();
-  coloursSrgb8.clear();
   hasUvs = false;
   uvScale[0] = uvScale[1] = 1.0F;
   uvsNormalised = false;
   uvCodes.clear();
-  uvs.clear();
   hasRegionIds = false;
   regionIds.clear();
   attributeCount = 0;
   for (AttributeColumn& column : attributes) {
     column.codes.clear();
-    column.values.clear();
   }
   indices.clear();
   maxIndex = 0;
@@ -89,10 +85,9 @@ void SegmentMesh::clear() {
 
 std::size_t SegmentMesh::capacityBytes() const {
   std::size_t bytes = positionCodes.capacityBytes() + positions.capacityBytes() + normalCodes.capacityBytes() +
-                      normals.capacityBytes() + coloursLinear16.capacityBytes() + coloursSrgb8.capacityBytes() +
-                      uvCodes.capacityBytes() + uvs.capacityBytes() + regionIds.capacityBytes() + indices.capacityBytes();
+                      coloursLinear16.capacityBytes() + uvCodes.capacityBytes() + regionIds.capacityBytes() + indices.capacityBytes();
   for (const AttributeColumn& column : attributes) {
-    bytes += column.codes.capacityBytes() + column.values.capacityBytes();
+    bytes += column.codes.capacityBytes();
   }
   return bytes;
 }
@@ -111,10 +106,6 @@ void SegmentMesh::writePositions(float* out) const {
 }
 
 void SegmentMesh::writeNormals(float* out) const {
-  if (normalForm == VertexForm::Floats) {
-    std::memcpy(out, normals.data(), normals.size() * sizeof(float));
-    return;
-  }
   const std::int8_t* code = normalCodes.data();
   for (std::uint32_t vertex = 0; vertex < vertexCount; ++vertex, code += 4, out += 3) {
     float length = 0.0F;
@@ -130,10 +121,6 @@ void SegmentMesh::writeNormals(float* out) const {
 }
 
 void SegmentMesh::writeColours(std::uint8_t* out) const {
-  if (colourForm == ColourForm::Srgb8) {
-    std::memcpy(out, coloursSrgb8.data(), coloursSrgb8.size());
-    return;
-  }
   const std::uint8_t* levels = srgbTable().levels;
   const std::uint16_t* code = coloursLinear16.data();
   for (std::size_t vertex = 0; vertex < coloursLinear16.size() / 4; ++vertex, code += 4, out += 4) {
@@ -145,10 +132,6 @@ void SegmentMesh::writeColours(std::uint8_t* out) const {
 }
 
 void SegmentMesh::writeUvs(float* out) const {
-  if (uvForm == VertexForm::Floats) {
-    std::memcpy(out, uvs.data(), uvs.size() * sizeof(float));
-    return;
-  }
   for (std::size_t at = 0; at < uvCodes.size(); ++at) {
     const float code = uvCodes[at];
     out[at] = uvsNormalised ? code / 65535.0F : code * uvScale[at % 2];
@@ -157,10 +140,6 @@ void SegmentMesh::writeUvs(float* out) const {
 
 void SegmentMesh::writeAttribute(std::size_t column, float* out) const {
   const AttributeColumn& from = attributes[column];
-  if (from.form == VertexForm::Floats) {
-    std::memcpy(out, from.values.data(), from.values.size() * sizeof(float));
-    return;
-  }
   for (std::size_t at = 0; at < from.codes.size(); ++at) {
     const std::uint16_t code = from.codes[at];
     out[at] = code == kNullCode ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(from.offset + from.step * code);

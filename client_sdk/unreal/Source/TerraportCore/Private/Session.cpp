@@ -13,7 +13,7 @@ HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> he
   HelloMessage hello;
   hello.protocol = kProtocol;
   hello.client = options.client;
-  hello.encoding = options.encoding == PayloadEncoding::Arrays ? "arrays" : "glb";
+  hello.encoding = kPayloadEncoding;
   hello.budgets.maxTriangles = options.budgets.maxTriangles;
   hello.budgets.maxBytes = options.budgets.maxBytes;
   hello.budgets.maxSegments = options.budgets.maxSegments;
@@ -72,7 +72,7 @@ std::vector<EncodedMessage> ClientSession::takeMessages() {
   for (const ClientMessage& message : outbox_) {
     EncodedMessage one;
     // What goes into the outbox was checked before: options and arguments by the functions above, the rest by its types.
-    if (encodeMessage(message, options_.subprotocol, one).isOk()) encoded.push_back(std::move(one));
+    if (encodeMessage(message, one).isOk()) encoded.push_back(std::move(one));
   }
   outbox_.clear();
   return encoded;
@@ -99,8 +99,9 @@ void ClientSession::connectionLost() {
 }
 
 Status ClientSession::receive(ByteSpan data, bool isText) {
+  if (isText) return violation("got a text message, expected a binary one");
   DecodeError error;
-  if (isPayload(data, isText)) {
+  if (isPayload(data)) {
     PayloadFrame frame;
     if (!decodeFrame(data, frame, error)) return violation(error.message);
     if (frame.unknownKind) return Status::ok();
@@ -109,7 +110,7 @@ Status ClientSession::receive(ByteSpan data, bool isText) {
     return Status::ok();
   }
   ServerMessage message;
-  if (!reader_.read(data, isText, options_.subprotocol, message, error)) return violation(error.message);
+  if (!reader_.read(data, message, error)) return violation(error.message);
   return onMessage(message);
 }
 
@@ -197,8 +198,8 @@ Status ClientSession::onWelcome(const WelcomeMessage& welcome) {
   events_.push_back(std::move(event));
   onDropped(welcome.dropped);
   std::vector<std::uint32_t> untold;
-  for (HeldMessage& held : offer_.rest(welcome, options_.subprotocol, untold)) outbox_.emplace_back(std::move(held));
-  // A server of 1.0 cannot be told of more than one table: what it does not know of is not held (10.2).
+  for (HeldMessage& held : offer_.rest(welcome, untold)) outbox_.emplace_back(std::move(held));
+  // A server that takes no table cannot be told: what it does not know of is not held (10.2).
   onDropped(untold);
   for (const PickMessage& pick : picks_.waiting()) outbox_.emplace_back(pick);
   if (queued_ != nullptr) sendLanding(std::exchange(queued_, nullptr));

@@ -26,14 +26,12 @@ namespace terraport {
 struct SessionOptions {
   /// Name and version of the client, for the server's logs.
   std::string client;
-  PayloadEncoding encoding = PayloadEncoding::Glb;
   Budgets budgets;
   /// Payload bytes under way at most. Half of it is granted back at a time: a larger one saves messages, a smaller one bounds
   /// what lies in buffers when a landing is superseded. At least 1.
   std::uint64_t creditBytes = 0;
   /// Release radius / load radius; absent takes the server's.
   std::optional<double> releaseFactor;
-  Subprotocol subprotocol = Subprotocol::Msgpack;
   /// Payload bytes kept beside what is pinned.
   std::uint64_t cacheBytes = 0;
 };

@@ -6,9 +6,8 @@ namespace terraport {
 
 namespace {
 
-/// Most bytes of one row of a held table.
-constexpr std::uint64_t kPackedRowBytes = 12;
-constexpr std::uint64_t kJsonRowBytes = 34;
+/// Bytes of one row of a held table.
+constexpr std::uint64_t kRowBytes = 12;
 
 /// Room for what stands around the table in its message.
 constexpr std::uint64_t kAroundBytes = 64;
@@ -23,17 +22,15 @@ std::vector<HeldRow> HeldOffer::first(std::vector<HeldRow> rows, bool isInHello)
   return rows;
 }
 
-std::vector<HeldMessage> HeldOffer::rest(const WelcomeMessage& welcome, Subprotocol subprotocol,
-                                         std::vector<std::uint32_t>& untold) {
+std::vector<HeldMessage> HeldOffer::rest(const WelcomeMessage& welcome, std::vector<std::uint32_t>& untold) {
   const std::vector<HeldRow> rows = std::move(rest_);
   rest_.clear();
-  const std::uint64_t rowBytes = subprotocol == Subprotocol::Json ? kJsonRowBytes : kPackedRowBytes;
   const std::uint64_t messageBytes = welcome.limits.maxMessageBytes;
-  const std::uint64_t fits = messageBytes > kAroundBytes ? (messageBytes - kAroundBytes) / rowBytes : 0;
+  const std::uint64_t fits = messageBytes > kAroundBytes ? (messageBytes - kAroundBytes) / kRowBytes : 0;
   const std::size_t most =
       static_cast<std::size_t>(std::min<std::uint64_t>({fits, welcome.limits.maxHeldSegments, limits::kMaxHeldSegments}));
   std::vector<HeldMessage> messages;
-  if (welcome.protocol.minorNumber < 1 || most < 1) {
+  if (most < 1) {
     for (const HeldRow& row : rows) untold.push_back(row.segment);
     return messages;
   }

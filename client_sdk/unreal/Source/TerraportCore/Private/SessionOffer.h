@@ -2,7 +2,6 @@
 #pragma once
 
 #include "Messages.generated.h"
-#include "Terraport/StreamOptions.h"
 
 #include <cstdint>
 #include <vector>
@@ -17,8 +16,7 @@ class HeldOffer {
   std::vector<HeldRow> first(std::vector<HeldRow> rows, bool isInHello);
 
   /// The messages, once, that go after the welcome; `untold` gets the ids that such a server cannot be told of.
-  std::vector<HeldMessage> rest(const WelcomeMessage& welcome, Subprotocol subprotocol,
-                                std::vector<std::uint32_t>& untold);
+  std::vector<HeldMessage> rest(const WelcomeMessage& welcome, std::vector<std::uint32_t>& untold);
 
  private:
   std::vector<HeldRow> rest_;

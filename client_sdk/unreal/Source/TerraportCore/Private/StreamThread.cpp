@@ -55,7 +55,7 @@ double nowMs() {
 }  // namespace
 
 struct StreamThread::Impl {
-  explicit Impl(std::unique_ptr<SceneStream> made) : stream(std::move(made)), encoding(stream->encoding()) {}
+  explicit Impl(std::unique_ptr<SceneStream> made) : stream(std::move(made)) {}
 
   ~Impl() { stop(); }
 
@@ -183,7 +183,6 @@ struct StreamThread::Impl {
   // Of the owner alone.
   std::int64_t landings = 0;
   std::uint64_t requests = 0;
-  const PayloadEncoding encoding;
   std::thread thread;
 
   // Of both.
@@ -251,7 +250,6 @@ SharedPayload StreamThread::payload(std::uint32_t segment) const {
   return found == impl_->payloads.end() ? nullptr : found->second;
 }
 
-PayloadEncoding StreamThread::encoding() const { return impl_->encoding; }
 
 StreamStats StreamThread::stats() const {
   const std::lock_guard<std::mutex> lock(impl_->mutex);

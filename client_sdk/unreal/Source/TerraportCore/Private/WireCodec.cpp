@@ -14,7 +14,7 @@ namespace terraport {
 namespace {
 
 constexpr std::size_t kLongestType = 64;
-/// Values of a message: each takes 24 bytes of memory. The longest plan in JSON has a third of it.
+/// Values of a server's message: each takes 24 bytes of memory. What the protocol has needs a few thousand.
 constexpr std::uint32_t kMaxValues = 1u << 20;
 
 void malformed(const std::string& text, DecodeError& error) {
@@ -53,9 +53,9 @@ std::optional<std::uint32_t> numberOf(const char* name, const JsonValue& root) {
 
 /// Read a message of one type; false where it is refused.
 template <typename Message>
-bool readOne(const JsonValue& root, bool isPacked, Message& into, DecodeError& error) {
+bool readOne(const JsonValue& root, Message& into, DecodeError& error) {
   Refusal refusal;
-  if (readFields(root, isPacked, into, refusal) && checkRules(into, refusal)) return true;
+  if (readFields(root, into, refusal) && checkRules(into, refusal)) return true;
   error = DecodeError{};
   error.code = "invalid_field";
   error.messageType = FieldsOf<Message>::kType;
@@ -69,7 +69,7 @@ bool readOne(const JsonValue& root, bool isPacked, Message& into, DecodeError& e
 
 /// Try the alternatives of a variant from `Index` on by their types. The first is UnknownMessage.
 template <std::size_t Index, typename Variant>
-bool readNamed(std::string_view type, const JsonValue& root, bool isPacked, Variant& into, DecodeError& error) {
+bool readNamed(std::string_view type, const JsonValue& root, Variant& into, DecodeError& error) {
   if constexpr (Index == std::variant_size_v<Variant>) {
     // At most so many code points: what does not begin one belongs to the one before.
     std::size_t end = 0;
@@ -81,16 +81,18 @@ bool readNamed(std::string_view type, const JsonValue& root, bool isPacked, Vari
     return true;
   } else {
     using Message = std::variant_alternative_t<Index, Variant>;
-    if (type != FieldsOf<Message>::kType) return readNamed<Index + 1>(type, root, isPacked, into, error);
-    return readOne(root, isPacked, into.template emplace<Index>(), error);
+    if (type != FieldsOf<Message>::kType) return readNamed<Index + 1>(type, root, into, error);
+    return readOne(root, into.template emplace<Index>(), error);
   }
 }
 
 constexpr std::size_t mostBytes(const ClientMessage*) { return limits::kMaxClientMessageBytes; }
 constexpr std::size_t mostBytes(const ServerMessage*) { return limits::kMaxServerMessageBytes; }
 
+constexpr std::uint32_t mostValues(const ClientMessage*) { return limits::kMaxClientValues; }
+constexpr std::uint32_t mostValues(const ServerMessage*) { return kMaxValues; }
+
 struct Encoder {
-  Subprotocol subprotocol;
   EncodedMessage& into;
 
   Status operator()(const UnknownMessage& message) const {
@@ -105,15 +107,9 @@ struct Encoder {
       return Status::failed("invalid_field",
                             std::string(FieldsOf<Message>::kType) + "." + refusal.path + ": " + refusal.text);
     }
-    into.isText = subprotocol == Subprotocol::Json;
     into.bytes.clear();
-    if (into.isText) {
-      JsonWriter writer(into.bytes);
-      WritePass<JsonWriter>{writer, into.bytes}.fieldsOf(message, true);
-    } else {
-      MsgpackWriter writer(into.bytes);
-      WritePass<MsgpackWriter>{writer, into.bytes}.fieldsOf(message, true);
-    }
+    MsgpackWriter writer(into.bytes);
+    WritePass{writer, into.bytes}.fieldsOf(message, true);
     return Status::ok();
   }
 };
@@ -142,33 +138,21 @@ struct TypeName {
 
 }  // namespace
 
-const char* nameOf(Subprotocol subprotocol) {
-  return subprotocol == Subprotocol::Json ? "terraport.v1.json" : "terraport.v1.msgpack";
-}
-
 const char* typeOf(const ClientMessage& message) { return std::visit(TypeName{}, message); }
 const char* typeOf(const ServerMessage& message) { return std::visit(TypeName{}, message); }
 
-Status encodeMessage(const ClientMessage& message, Subprotocol subprotocol, EncodedMessage& into) {
-  return std::visit(Encoder{subprotocol, into}, message);
+Status encodeMessage(const ClientMessage& message, EncodedMessage& into) {
+  return std::visit(Encoder{into}, message);
 }
 
-Status encodeMessage(const ServerMessage& message, Subprotocol subprotocol, EncodedMessage& into) {
-  return std::visit(Encoder{subprotocol, into}, message);
+Status encodeMessage(const ServerMessage& message, EncodedMessage& into) {
+  return std::visit(Encoder{into}, message);
 }
 
 Status checkMessage(const ClientMessage& message) { return std::visit(Checker{}, message); }
 
 template <typename Message>
-bool MessageReader::readAny(ByteSpan data, bool isText, Subprotocol subprotocol, std::size_t maxBytes, Message& into,
-                            DecodeError& error) {
-  const bool isPacked = subprotocol == Subprotocol::Msgpack;
-  if (isText == isPacked) {
-    malformed(isText ? "got a text message, expected a binary one (terraport.v1.msgpack)"
-                     : "got a binary message, expected a text one (terraport.v1.json)",
-              error);
-    return false;
-  }
+bool MessageReader::readAny(ByteSpan data, std::size_t maxBytes, Message& into, DecodeError& error) {
   const std::size_t limit = std::min(maxBytes, mostBytes(&into));
   if (data.size > limit) {
     malformed("got a message of " + std::to_string(data.size) + " bytes, expected at most " + std::to_string(limit),
@@ -179,12 +163,8 @@ bool MessageReader::readAny(ByteSpan data, bool isText, Subprotocol subprotocol,
   JsonLimits read;
   read.maxBytes = limit;
   read.maxDepth = limits::kMaxDepth;
-  read.maxValues = kMaxValues;
-  // The protocol tells a text with half a character apart from bytes that are no JSON.
-  read.allowsLoneSurrogates = true;
-  const Status status =
-      isPacked ? readMsgpack(data, read, document_)
-               : document_.read({reinterpret_cast<const char*>(data.data), data.size}, read);
+  read.maxValues = mostValues(&into);
+  const Status status = readMsgpack(data, read, document_);
   if (!status.isOk()) {
     malformed(status.message() + (status.offset() < 0 ? "" : " (at byte " + std::to_string(status.offset()) + ")"),
               error);
@@ -196,17 +176,17 @@ bool MessageReader::readAny(ByteSpan data, bool isText, Subprotocol subprotocol,
     malformed("got no map with a type that is text", error);
     return false;
   }
-  return readNamed<1>(*type, root, isPacked, into, error);
+  return readNamed<1>(*type, root, into, error);
 }
 
-bool MessageReader::read(ByteSpan data, bool isText, Subprotocol subprotocol, ClientMessage& into, DecodeError& error,
+bool MessageReader::read(ByteSpan data, ClientMessage& into, DecodeError& error,
                          std::size_t maxBytes) {
-  return readAny(data, isText, subprotocol, maxBytes, into, error);
+  return readAny(data, maxBytes, into, error);
 }
 
-bool MessageReader::read(ByteSpan data, bool isText, Subprotocol subprotocol, ServerMessage& into, DecodeError& error,
+bool MessageReader::read(ByteSpan data, ServerMessage& into, DecodeError& error,
                          std::size_t maxBytes) {
-  return readAny(data, isText, subprotocol, maxBytes, into, error);
+  return readAny(data, maxBytes, into, error);
 }
 
 std::string tokenSubprotocol(const std::string& token) {

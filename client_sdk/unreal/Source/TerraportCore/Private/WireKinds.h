@@ -90,7 +90,7 @@ struct NumbersKind {
   std::size_t most;
 };
 
-/// Ids, held rows or load rows: what msgpack carries as one binary of little-endian rows, JSON as a list.
+/// Ids, held rows or load rows: one binary of little-endian rows.
 struct RowsKind {
   std::size_t most;
 };

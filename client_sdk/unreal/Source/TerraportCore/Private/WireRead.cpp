@@ -50,57 +50,8 @@ bool rowsOf(const JsonValue& raw, std::size_t rowBytes, const RowsKind& kind, By
   return true;
 }
 
-bool listOf(const JsonValue& raw, const RowsKind& kind, Refusal& refusal) {
-  if (raw.isList() && raw.size() <= kind.most) return true;
-  return wrong(raw, "a list of at most " + std::to_string(kind.most), refusal);
-}
-
 bool readU32(const JsonValue& raw, std::uint32_t& into, Refusal& refusal) {
   return readValue(raw, into, IntegerKind{0, kMaxU32}, refusal);
-}
-
-bool readHash(const JsonValue& raw, std::uint64_t& into, Refusal& refusal) {
-  const std::string_view text = raw.text().value_or("");
-  into = 0;
-  bool isHash = text.size() == 16;
-  for (const char letter : text.substr(0, 16)) {
-    const bool isDigit = letter >= '0' && letter <= '9';
-    isHash = isHash && (isDigit || (letter >= 'a' && letter <= 'f'));
-    into = (into << 4) | static_cast<std::uint64_t>(isDigit ? letter - '0' : (letter - 'a' + 10) & 0xF);
-  }
-  return isHash || wrong(raw, "16 hexadecimal digits (0-9a-f)", refusal);
-}
-
-bool readHeldRow(const JsonValue& raw, HeldRow& into, Refusal& refusal) {
-  if (!raw.isList() || raw.size() != 2) return wrong(raw, "[id, hash]", refusal);
-  auto item = raw.items().begin();
-  if (!readU32(*item, into.segment, refusal)) return false;
-  return readHash(*++item, into.xxh3, refusal);
-}
-
-bool readBox(const JsonValue& raw, Box& into, Refusal& refusal) {
-  if (!raw.isList() || raw.size() != 6) return wrong(raw, "six numbers", refusal);
-  auto item = raw.items().begin();
-  for (float* const side : {&into.minX, &into.minY, &into.minZ, &into.maxX, &into.maxY, &into.maxZ}) {
-    const std::optional<double> number = (*item).number();
-    if (!number || std::abs(*number) > limits::kMaxCoordinateM) {
-      return wrong(*item, "a number of size at most 10000000", refusal);
-    }
-    // What goes over the wire in msgpack is float32; the two subprotocols give the same numbers.
-    *side = static_cast<float>(*number);
-    ++item;
-  }
-  return true;
-}
-
-bool readFacts(const JsonValue& raw, SegmentFacts& into, Refusal& refusal) {
-  if (!raw.isMap()) return wrong(raw, "a segment object", refusal);
-  return (readBox(raw.member("bounds"), into.bounds, refusal) || refusedBelow(refusal, "bounds")) &&
-         (readU32(raw.member("id"), into.segment, refusal) || refusedBelow(refusal, "id")) &&
-         (readU32(raw.member("length"), into.length, refusal) || refusedBelow(refusal, "length")) &&
-         (readHash(raw.member("xxh3"), into.xxh3, refusal) || refusedBelow(refusal, "xxh3")) &&
-         (readU32(raw.member("faces"), into.faces, refusal) || refusedBelow(refusal, "faces")) &&
-         (readU32(raw.member("vertices"), into.vertices, refusal) || refusedBelow(refusal, "vertices"));
 }
 
 void unpack(const std::uint8_t* row, std::uint32_t& into) { into = readU32Le(row); }
@@ -120,44 +71,31 @@ void unpack(const std::uint8_t* row, SegmentFacts& into) {
                  readF32Le(row + 36), readF32Le(row + 40), readF32Le(row + 44)};
 }
 
-template <typename Row, typename ReadRow>
-bool readRows(const JsonValue& raw, bool isPacked, std::size_t rowBytes, std::vector<Row>& into, const RowsKind& kind,
-              Refusal& refusal, ReadRow readRow) {
+template <typename Row>
+bool readRows(const JsonValue& raw, std::size_t rowBytes, std::vector<Row>& into, const RowsKind& kind, Refusal& refusal) {
   into.clear();
-  if (isPacked) {
-    ByteSpan rows;
-    if (!rowsOf(raw, rowBytes, kind, rows, refusal)) return false;
-    into.resize(rows.size / rowBytes);
-    for (std::size_t number = 0; number < into.size(); ++number) unpack(rows.data + number * rowBytes, into[number]);
-    return true;
-  }
-  if (!listOf(raw, kind, refusal)) return false;
-  into.reserve(raw.size());
-  for (const JsonValue item : raw.items()) {
-    into.emplace_back();
-    if (!readRow(item, into.back(), refusal)) return refusedBelow(refusal, std::to_string(into.size() - 1));
-  }
+  ByteSpan rows;
+  if (!rowsOf(raw, rowBytes, kind, rows, refusal)) return false;
+  into.resize(rows.size / rowBytes);
+  for (std::size_t number = 0; number < into.size(); ++number) unpack(rows.data + number * rowBytes, into[number]);
   return true;
 }
 
 }  // namespace
 
-bool readLayout(const JsonValue& raw, bool isPacked, std::vector<std::uint32_t>& into, const RowsKind& kind,
-                Refusal& refusal) {
-  return readRows(raw, isPacked, kIdBytes, into, kind, refusal, readU32);
+bool readLayout(const JsonValue& raw, std::vector<std::uint32_t>& into, const RowsKind& kind, Refusal& refusal) {
+  return readRows(raw, kIdBytes, into, kind, refusal);
 }
 
-bool readLayout(const JsonValue& raw, bool isPacked, std::vector<HeldRow>& into, const RowsKind& kind,
-                Refusal& refusal) {
-  return readRows(raw, isPacked, kHeldBytes, into, kind, refusal, readHeldRow);
+bool readLayout(const JsonValue& raw, std::vector<HeldRow>& into, const RowsKind& kind, Refusal& refusal) {
+  return readRows(raw, kHeldBytes, into, kind, refusal);
 }
 
-bool readLayout(const JsonValue& raw, bool isPacked, std::vector<SegmentFacts>& into, const RowsKind& kind,
-                Refusal& refusal) {
-  return readRows(raw, isPacked, kLoadBytes, into, kind, refusal, readFacts);
+bool readLayout(const JsonValue& raw, std::vector<SegmentFacts>& into, const RowsKind& kind, Refusal& refusal) {
+  return readRows(raw, kLoadBytes, into, kind, refusal);
 }
 
-bool readLayout(const JsonValue& raw, bool, std::vector<NamedNumber>&, const NumbersKind&, Refusal& refusal) {
+bool readLayout(const JsonValue& raw, std::vector<NamedNumber>&, const NumbersKind&, Refusal& refusal) {
   return raw.isMap() || wrong(raw, "a map of numbers", refusal);
 }
 

@@ -12,28 +12,28 @@
 namespace terraport {
 
 template <typename Message>
-bool readFields(const JsonValue& raw, bool isPacked, Message& into, Refusal& refusal);
+bool readFields(const JsonValue& raw, Message& into, Refusal& refusal);
 
 // ---- first pass: what has an inner layout
 
 template <typename Value, typename Kind>
-bool readLayout(const JsonValue&, bool, Value&, const Kind&, Refusal&) {
+bool readLayout(const JsonValue&, Value&, const Kind&, Refusal&) {
   return true;
 }
-bool readLayout(const JsonValue& raw, bool isPacked, std::vector<std::uint32_t>& into, const RowsKind& kind, Refusal& refusal);
-bool readLayout(const JsonValue& raw, bool isPacked, std::vector<HeldRow>& into, const RowsKind& kind, Refusal& refusal);
-bool readLayout(const JsonValue& raw, bool isPacked, std::vector<SegmentFacts>& into, const RowsKind& kind,
+bool readLayout(const JsonValue& raw, std::vector<std::uint32_t>& into, const RowsKind& kind, Refusal& refusal);
+bool readLayout(const JsonValue& raw, std::vector<HeldRow>& into, const RowsKind& kind, Refusal& refusal);
+bool readLayout(const JsonValue& raw, std::vector<SegmentFacts>& into, const RowsKind& kind,
                 Refusal& refusal);
-bool readLayout(const JsonValue& raw, bool isPacked, std::vector<NamedNumber>& into, const NumbersKind& kind,
+bool readLayout(const JsonValue& raw, std::vector<NamedNumber>& into, const NumbersKind& kind,
                 Refusal& refusal);
 
 template <typename Part>
-bool readLayout(const JsonValue& raw, bool isPacked, Part& into, const PartKind&, Refusal& refusal) {
-  return readFields(raw, isPacked, into, refusal);
+bool readLayout(const JsonValue& raw, Part& into, const PartKind&, Refusal& refusal) {
+  return readFields(raw, into, refusal);
 }
 
 template <typename Part>
-bool readLayout(const JsonValue& raw, bool isPacked, std::vector<Part>& into, const PartsKind& kind, Refusal& refusal) {
+bool readLayout(const JsonValue& raw, std::vector<Part>& into, const PartsKind& kind, Refusal& refusal) {
   into.clear();
   if (!raw.isList() || raw.size() > kind.most) {
     return refuse(refusal, "expected a list of at most " + std::to_string(kind.most));
@@ -41,7 +41,7 @@ bool readLayout(const JsonValue& raw, bool isPacked, std::vector<Part>& into, co
   into.reserve(raw.size());
   for (const JsonValue item : raw.items()) {
     into.emplace_back();
-    if (!readFields(item, isPacked, into.back(), refusal)) {
+    if (!readFields(item, into.back(), refusal)) {
       return refusedBelow(refusal, std::to_string(into.size() - 1));
     }
   }
@@ -80,14 +80,13 @@ bool readValue(const JsonValue&, std::vector<Part>&, const PartsKind&, Refusal&)
 
 struct LayoutPass {
   const JsonValue& raw;
-  bool isPacked;
   Refusal& refusal;
 
   template <typename Value, typename Kind>
   bool field(const char* name, Value& into, const Kind& kind) {
     const JsonValue value = raw.member(name);
     if (value.isNothing()) return refuse(refusal, "got nothing, expected a value", name);
-    return readLayout(value, isPacked, into, kind, refusal) || refusedBelow(refusal, name);
+    return readLayout(value, into, kind, refusal) || refusedBelow(refusal, name);
   }
 
   template <typename Value, typename Kind>
@@ -95,7 +94,7 @@ struct LayoutPass {
     const JsonValue value = raw.member(name);
     into.reset();
     if (value.isNothing()) return true;
-    return readLayout(value, isPacked, into.emplace(), kind, refusal) || refusedBelow(refusal, name);
+    return readLayout(value, into.emplace(), kind, refusal) || refusedBelow(refusal, name);
   }
 };
 
@@ -116,9 +115,9 @@ struct ValuePass {
 
 /// Read the fields of a map; unknown keys are skipped, null is absent. On failure `refusal` says why and where.
 template <typename Message>
-bool readFields(const JsonValue& raw, bool isPacked, Message& into, Refusal& refusal) {
+bool readFields(const JsonValue& raw, Message& into, Refusal& refusal) {
   if (!raw.isMap()) return refuse(refusal, "expected a map");
-  LayoutPass layout{raw, isPacked, refusal};
+  LayoutPass layout{raw, refusal};
   if (!FieldsOf<Message>::visit(layout, into)) return false;
   ValuePass values{raw, refusal};
   return FieldsOf<Message>::visit(values, into);

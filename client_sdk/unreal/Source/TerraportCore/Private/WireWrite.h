@@ -1,69 +1,13 @@
-// Fields of messages to msgpack or JSON, by whichever writer is given.
+// Fields of messages to msgpack.
 #pragma once
 
 #include "Bytes.h"
 #include "Msgpack.h"
-#include "Terraport/Json.h"
 #include "WireChecks.h"
 
-#include <cstdio>
 #include <optional>
 
 namespace terraport {
-
-/// Writes values one after the other as JSON without blanks; a float has a point or an exponent, an integer neither.
-class JsonWriter {
- public:
-  static constexpr bool kIsPacked = false;
-
-  explicit JsonWriter(std::string& into) : into_(into) {}
-
-  void beginMap(std::size_t) { begin('{'); }
-  void endMap() { end('}'); }
-  void beginList(std::size_t) { begin('['); }
-  void endList() { end(']'); }
-  void key(std::string_view name) {
-    next();
-    writeJsonText(name, into_);
-    into_.push_back(':');
-    isFirst_ = true;
-  }
-  void text(std::string_view value) {
-    next();
-    writeJsonText(value, into_);
-  }
-  void integer(std::uint64_t value) {
-    next();
-    into_.append(std::to_string(value));
-  }
-  void real(double value) {
-    next();
-    writeJsonFloat(value, into_);
-  }
-  void flag(bool value) {
-    next();
-    into_.append(value ? "true" : "false");
-  }
-
- private:
-  /// A comma, but not in front of what is first behind a bracket or a colon.
-  void next() {
-    if (!isFirst_) into_.push_back(',');
-    isFirst_ = false;
-  }
-  void begin(char bracket) {
-    next();
-    into_.push_back(bracket);
-    isFirst_ = true;
-  }
-  void end(char bracket) {
-    into_.push_back(bracket);
-    isFirst_ = false;
-  }
-
-  std::string& into_;
-  bool isFirst_ = true;
-};
 
 /// Checks each field as the reader does.
 struct CheckPass {
@@ -117,9 +61,8 @@ struct CountPass {
 };
 
 /// Writes each field that is there.
-template <typename Writer>
 struct WritePass {
-  Writer& writer;
+  MsgpackWriter& writer;
   /// Where the writer writes, for rows.
   std::string& bytes;
 
@@ -147,7 +90,6 @@ struct WritePass {
       writer.text(FieldsOf<Part>::kType);
     }
     FieldsOf<Part>::visit(*this, part);
-    writer.endMap();
   }
 
  private:
@@ -160,20 +102,17 @@ struct WritePass {
   void write(const Vec3& value, const PositionKind&) {
     writer.beginList(3);
     for (const double axis : {value.x, value.y, value.z}) writer.real(axis);
-    writer.endList();
   }
 
   void write(const ProtocolVersion& value, const VersionKind&) {
     writer.beginList(2);
     writer.integer(value.majorNumber);
     writer.integer(value.minorNumber);
-    writer.endList();
   }
 
   void write(const std::vector<ProtocolVersion>& value, const VersionsKind&) {
     writer.beginList(value.size());
     for (const ProtocolVersion& version : value) write(version, VersionKind{});
-    writer.endList();
   }
 
   void write(const std::vector<NamedNumber>& value, const NumbersKind&) {
@@ -182,7 +121,6 @@ struct WritePass {
       writer.key(number.name);
       writer.real(number.value);
     }
-    writer.endMap();
   }
 
   template <typename Part>
@@ -194,19 +132,12 @@ struct WritePass {
   void write(const std::vector<Part>& parts, const PartsKind&) {
     writer.beginList(parts.size());
     for (const Part& part : parts) fieldsOf(part, false);
-    writer.endList();
   }
 
   template <typename Row>
   void write(const std::vector<Row>& rows, const RowsKind&) {
-    if constexpr (Writer::kIsPacked) {
-      writer.beginBinary(rows.size() * rowBytes(static_cast<const Row*>(nullptr)));
-      for (const Row& row : rows) pack(row);
-    } else {
-      writer.beginList(rows.size());
-      for (const Row& row : rows) list(row);
-      writer.endList();
-    }
+    writer.beginBinary(rows.size() * rowBytes(static_cast<const Row*>(nullptr)));
+    for (const Row& row : rows) pack(row);
   }
 
   static std::size_t rowBytes(const std::uint32_t*) { return 4; }
@@ -228,44 +159,6 @@ struct WritePass {
     appendLe(row.vertices, 4, bytes);
     const Box& box = row.bounds;
     for (const float side : {box.minX, box.minY, box.minZ, box.maxX, box.maxY, box.maxZ}) appendF32Le(side, bytes);
-  }
-
-  void list(std::uint32_t row) { writer.integer(row); }
-
-  void list(const HeldRow& row) {
-    writer.beginList(2);
-    writer.integer(row.segment);
-    hash(row.xxh3);
-    writer.endList();
-  }
-
-  void list(const SegmentFacts& row) {
-    writer.beginMap(6);
-    writer.key("id");
-    writer.integer(row.segment);
-    writer.key("length");
-    writer.integer(row.length);
-    writer.key("xxh3");
-    hash(row.xxh3);
-    writer.key("faces");
-    writer.integer(row.faces);
-    writer.key("vertices");
-    writer.integer(row.vertices);
-    writer.key("bounds");
-    writer.beginList(6);
-    const Box& box = row.bounds;
-    for (const float side : {box.minX, box.minY, box.minZ, box.maxX, box.maxY, box.maxZ}) {
-      writer.real(static_cast<double>(side));
-    }
-    writer.endList();
-    writer.endMap();
-  }
-
-  /// 16 hexadecimal digits, most significant first.
-  void hash(std::uint64_t value) {
-    char text[20];
-    std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(value));
-    writer.text(text);
   }
 };
 

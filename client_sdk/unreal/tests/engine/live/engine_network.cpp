@@ -3,6 +3,8 @@
 #include "../socket_events.h"
 #include "lws_transport.h"
 
+#include "Misc/ConfigCacheIni.h"
+
 #include <netdb.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -21,6 +23,38 @@ namespace EngineNetwork
 namespace
 {
 constexpr std::size_t PieceBytes = 60000;
+/// What the engine's module gives libwebsockets for a buffer: its MaxHttpHeaderData.
+constexpr unsigned ReceiveBytes = 32 * 1024;
+/// Of a frame of the game, as the visit has them.
+constexpr double GameFrameS = 0.005;
+/// In a frame, where the thread does not wait at all.
+constexpr int MaxRounds = 50;
+
+/// The engine's thread, counted instead of run: how many rounds it makes in a frame of the game. What it reads when the module is
+/// loaded, it keeps.
+struct FSocketThread
+{
+	double FrameTimeS = 1.0 / 30.0;
+	double WaitedS = 0.0;
+	bool bInRound = false;
+	int Rounds = 0;
+	FPace Pace;
+
+	void Load()
+	{
+		GConfig->GetDouble(TEXT("WebSockets.LibWebSockets"), TEXT("ThreadTargetFrameTimeInSeconds"), FrameTimeS, GEngineIni);
+		Pace.FrameTimeS = FrameTimeS;
+	}
+	void BeginFrame()
+	{
+		WaitedS += GameFrameS;
+		Rounds = FrameTimeS > 0.0 ? std::min(MaxRounds, int(WaitedS / FrameTimeS)) : MaxRounds;
+		WaitedS -= Rounds * FrameTimeS;
+		++Pace.Frames;
+		Pace.Rounds += Rounds;
+	}
+};
+FSocketThread Thread;
 
 std::string TextOf(const FString& Text)
 {
@@ -43,7 +77,10 @@ public:
 	}
 	virtual void Connect() override
 	{
-		Transport = terraport::tools::makeLwsTransports()->make();
+		terraport::tools::LwsOptions Options;
+		Options.mayService = []() { return Thread.bInRound; };
+		Options.receiveBytes = ReceiveBytes;
+		Transport = terraport::tools::makeLwsTransports(std::move(Options))->make();
 		Transport->open(Url, Protocols, Token);
 	}
 	virtual void Close(int32 Code, const FString& Reason) override
@@ -65,11 +102,20 @@ public:
 	}
 	virtual void Send(const void* Data, SIZE_T Size, bool bIsBinary) override
 	{
-		(void)Transport->trySend({static_cast<const std::uint8_t*>(Data), Size}, !bIsBinary);
+		if (bIsBinary)
+		{
+			(void)Transport->trySend({static_cast<const std::uint8_t*>(Data), Size});
+		}
 	}
 
 	void Pump()
 	{
+		for (int Round = 0; Transport && Round < Thread.Rounds; ++Round)
+		{
+			Thread.bInRound = true;
+			(void)Transport->state();
+			Thread.bInRound = false;
+		}
 		terraport::TransportMessage Whole;
 		while (Transport && Transport->tryReceive(Whole))
 		{
@@ -286,6 +332,12 @@ void Install()
 {
 	static FModule Module;
 	FWebSocketsModule::Stub = &Module;
+	FModuleManager::Get().StubOnLoad = [](const FName& Name) {
+		if (Name == FName(TEXT("WebSockets")))
+		{
+			Thread.Load();
+		}
+	};
 	FHttpModule::Get().StubMake = []() -> TSharedRef<IHttpRequest, ESPMode::ThreadSafe> {
 		const TSharedRef<FRequest> Made = MakeShared<FRequest>();
 		Requests.push_back(Made.Held);
@@ -293,8 +345,14 @@ void Install()
 	};
 }
 
+FPace Pace()
+{
+	return Thread.Pace;
+}
+
 void Pump()
 {
+	Thread.BeginFrame();
 	PumpAll(Requests);
 	PumpAll(Sockets);
 }

@@ -1,15 +1,17 @@
 // The scene actor itself, on an engine of stubs, against a live service: lands, supersedes, teleports, closes, and looks at what
 // would be drawn after each.
 //
-//   terraport-scene-on-stubs URL RADIUS_M compact|arrays [TOKEN]
+//   terraport-scene-on-stubs URL RADIUS_M [TOKEN [late]]
 //
-// Prints one line of JSON, and ends with 0 where everything was as it must be.
+// With "late" something else has loaded the engine's WebSockets module before the plugin starts. Prints one line of JSON, and ends with 0 where everything was as it must be.
 #include "TerraportScene.h"
 #include "TerraportUserComponent.h"
 #include "engine_network.h"
 
 #include "Camera/CameraComponent.h"
 #include "Engine/World.h"
+#include "Misc/ConfigCacheIni.h"
+#include "Modules/ModuleManager.h"
 #include "ProceduralMeshComponent.h"
 
 #include <chrono>
@@ -19,9 +21,23 @@
 #include <string>
 #include <thread>
 
+IModuleInterface& StubModuleTerraport();
+
 namespace
 {
 int Faults = 0;
+
+/// As the engine comes: by its own BaseEngine.ini.
+void StartEngine(bool bIsLate)
+{
+	EngineNetwork::Install();
+	GConfig->SetDouble(TEXT("WebSockets.LibWebSockets"), TEXT("ThreadTargetFrameTimeInSeconds"), 0.0333, GEngineIni);
+	if (bIsLate)
+	{
+		FModuleManager::Get().LoadModule(TEXT("WebSockets"));
+	}
+	StubModuleTerraport().StartupModule();
+}
 
 void Expect(bool bHolds, const char* What)
 {
@@ -61,12 +77,10 @@ FDrawn Drawn()
 class FVisit
 {
 public:
-	FVisit(const std::string& Url, const std::string& Encoding, const std::string& Token)
+	FVisit(const std::string& Url, const std::string& Token)
 	{
-		EngineNetwork::Install();
 		Scene.SceneUrl = FString(UTF8_TO_TCHAR(Url.c_str()));
 		Scene.Token = FString(UTF8_TO_TCHAR(Token.c_str()));
-		Scene.Encoding = Encoding == "arrays" ? ETerraportEncoding::Arrays : ETerraportEncoding::Compact;
 		Scene.OnShown.AddLambda([this](const FTerraportSwap& Swap) {
 			LastShown = Swap.Landing;
 			++Swaps;
@@ -122,13 +136,15 @@ void ExpectShown(FVisit& Visit, int64 Landing)
 
 int main(int Count, char** Arguments)
 {
-	if (Count < 4)
+	if (Count < 3)
 	{
-		std::printf("usage: %s URL RADIUS_M compact|arrays [TOKEN]\n", Arguments[0]);
+		std::printf("usage: %s URL RADIUS_M [TOKEN]\n", Arguments[0]);
 		return 2;
 	}
 	const double RadiusM = std::atof(Arguments[2]);
-	FVisit Visit(Arguments[1], Arguments[3], Count > 4 ? Arguments[4] : "");
+	StartEngine(Count > 4 && std::string(Arguments[4]) == "late");
+	const std::size_t Warnings = StubWarnings.size();
+	FVisit Visit(Arguments[1], Count > 3 ? Arguments[3] : "");
 	Visit.User.RadiusM = RadiusM;
 	Visit.User.FadeS = 0.01f;
 	if (!Visit.Until([&Visit] { return Visit.Scene.IsOpen(); }))
@@ -140,8 +156,13 @@ int main(int Count, char** Arguments)
 	const FVector Middle = (Bounds.Min + Bounds.Max) * 0.5;
 	const FVector Corner = Bounds.Min * 0.7 + Bounds.Max * 0.3;
 
+	const EngineNetwork::FPace Before = EngineNetwork::Pace();
+	const auto Began = std::chrono::steady_clock::now();
 	int64 First = Visit.Scene.Land(Middle, RadiusM, FTerraportLandOptions());
 	Expect(Visit.Until([&] { return Visit.LastShown == First; }), "the first landing is shown");
+	const double FirstMs = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - Began).count();
+	const EngineNetwork::FPace After = EngineNetwork::Pace();
+	const int64 FirstBytes = Visit.Scene.TakeStats().PayloadBytes;
 	ExpectShown(Visit, First);
 	const FDrawn AtFirst = Drawn();
 
@@ -180,8 +201,10 @@ int main(int Count, char** Arguments)
 	// Decodes that were under way end by themselves.
 	std::this_thread::sleep_for(std::chrono::milliseconds(300));
 	std::printf("{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"components\": %d}, \"last\": {\"triangles\": %lld, "
-				"\"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld}\n",
+				"\"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, \"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
+				"\"rounds\": %d, \"payload_bytes\": %lld, \"ms\": %.0f, \"warnings\": %zu}}\n",
 		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Components, Last.Triangles, Last.Components,
-		UProceduralMeshComponent::StubAll.size(), Stats.PayloadBytes);
+		UProceduralMeshComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS, After.Frames - Before.Frames,
+		After.Rounds - Before.Rounds, FirstBytes, FirstMs, Warnings);
 	return Faults == 0 ? 0 : 1;
 }

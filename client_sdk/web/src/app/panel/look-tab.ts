@@ -216,10 +216,16 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
 
 /** The modes that a scene has. */
 export function modesOf(manifest: SceneManifest): readonly Choice[] {
+  const isPhotographed = manifest.texturesOf === "photos";
+  const isGrey = manifest.texturesOf === null && !manifest.hasColour;
   const choices: Choice[] = [
-    { mode: { kind: "colour" }, name: manifest.hasTextures ? "Photographs" : "Colour", hint: "as surveyed" },
+    {
+      mode: { kind: "colour" },
+      name: isPhotographed ? "Photographs" : "Colour",
+      hint: isGrey ? "none here: grey" : "as surveyed",
+    },
   ];
-  if (manifest.hasTextures && manifest.hasColour) {
+  if (isPhotographed && manifest.hasColour) {
     choices.push({ mode: { kind: "vertex-colour" }, name: "Point colours", hint: "without photographs" });
   }
   choices.push({ mode: { kind: "regions" }, name: "Regions", hint: "what the ground is" });

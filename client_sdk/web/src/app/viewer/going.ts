@@ -1,7 +1,9 @@
 /** Going to places: landings that the user or the address asks for, and the address that follows. */
 
-import type { LandOptions } from "../../core/types.ts";
+import type { LandOptions, Vec3 } from "../../core/types.ts";
 import { prefersLessMotion } from "../device.ts";
+import { outsideNotice } from "../failures.ts";
+import { outsideBy } from "../reach.ts";
 import { isSameLanding, type Route } from "../route.ts";
 import type { LandingOrder } from "./landing-desk.ts";
 import type { Parts } from "./parts.ts";
@@ -41,9 +43,19 @@ export function createGoing(parts: () => Parts): Going {
     newest = order;
     notices.clear("landing");
     notices.clear("degraded");
+    notices.clear("steep");
+    sayIfOutside(order.place, order.radiusM);
     const landing = desk.land(order, options);
     loop.request();
     return landing;
+  }
+
+  /** Say that nothing can be at a place; whether that is so. */
+  function sayIfOutside(place: Vec3, radiusM: number): boolean {
+    const { notices, store } = parts();
+    const outsideM = outsideBy(place, radiusM, store.get().manifest.bounds);
+    if (outsideM !== null) notices.show(outsideNotice(outsideM, radiusM));
+    return outsideM !== null;
   }
 
   function routeNow(): Route {
@@ -101,6 +113,8 @@ export function createGoing(parts: () => Parts): Going {
       if (place === null) return;
       const radiusM = place.radiusM ?? store.get().radiusM;
       store.set({ radiusM });
+      // Nobody is led out of the scene by a link: what is shown stays.
+      if (sayIfOutside(place.at, radiusM)) return;
       if (landed !== null && isSameLanding(place, placeOf(landed, camera.look))) {
         camera.moveTo(place.at, place, !prefersLessMotion());
         moved();
@@ -109,10 +123,13 @@ export function createGoing(parts: () => Parts): Going {
       land({ place: place.at, radiusM, look: place, isEntry });
     },
     arrived({ place, look }) {
-      const { store, camera } = parts();
+      const { store, camera, stand } = parts();
       const { bringsCamera } = store.get();
-      if (look !== null) camera.moveTo(place, look, false);
-      else if (camera.view === "walk") camera.moveTo(place, null, false);
+      // On what is shown now: an aim was at what was shown before. Feet that a link tells stood there already.
+      const walks = (look?.view ?? camera.view) === "walk" && (look?.focus ?? null) === null;
+      const at = walks ? stand(place) : place;
+      if (look !== null) camera.moveTo(at, look, false);
+      else if (camera.view === "walk") camera.moveTo(at, null, false);
       else if (bringsCamera) camera.moveTo(place, null, true);
       hasWalked = camera.view === "walk";
       store.set({ view: camera.view, outside: false });
@@ -137,9 +154,9 @@ export function createGoing(parts: () => Parts): Going {
       else link.follow(settledRoute);
     },
     setView(view) {
-      const { store, camera } = parts();
+      const { store, camera, stand } = parts();
       const { landed } = store.get();
-      if (view === "walk") camera.setView("walk", hasWalked ? camera.stood : (landed?.place ?? null));
+      if (view === "walk") camera.setView("walk", hasWalked ? camera.stood : stand(landed?.place ?? camera.focus));
       else camera.setView("orbit", null);
       moved();
     },

@@ -2,6 +2,7 @@
 
 import type { Stream, Vec3 } from "../../core/types.ts";
 import type { GroundHit } from "../../three/types.ts";
+import { formatMetres } from "../format.ts";
 import type { Ray } from "./camera-desk.ts";
 import type { ViewerStore } from "./state.ts";
 
@@ -11,10 +12,14 @@ export interface GroundToolOptions {
   readonly stream: Pick<Stream, "pick">;
   rayAt(x: number, y: number): Ray;
   cast(ray: Ray): GroundHit | null;
+  /** Where one can stand near what was hit; null where nobody could. */
+  standNear(hit: GroundHit): Vec3 | null;
   pixelOf(place: Vec3): { readonly x: number; readonly y: number } | null;
   aim(place: Vec3): void;
   land(place: Vec3): void;
   say(text: string): void;
+  /** A place to walk was asked for where nobody could stand; null takes that back. */
+  refuse(why: "steep" | null): void;
 }
 
 /** The tools. Places are CSS pixels of the canvas. */
@@ -29,12 +34,17 @@ export interface GroundTools {
 /** A click so near the target means the target. */
 const TARGET_PX = 28;
 
+/** Places so near each other are one. */
+const SAME_M = 0.25;
+/** A target so far from the click is explained. */
+const BESIDE_M = 1;
+
 /** So far before the ground the ray of a pick begins: the service asks full detail, which may lie before the base. */
 const PICK_START_M = 15;
 
 /** Make them. */
 export function createGroundTools(options: GroundToolOptions): GroundTools {
-  const { store, stream, rayAt, cast, pixelOf, aim, land, say } = options;
+  const { store, stream, rayAt, cast, standNear, pixelOf, aim, land, say, refuse } = options;
   let pickNumber = 0;
 
   function isOnTarget(x: number, y: number): boolean {
@@ -67,6 +77,25 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
     return hit === null ? null : { ray, hit };
   }
 
+  /**
+   * Where a landing at what was hit would be: where one can stand, also for who looks from above, since he may come down
+   * there. A wall without a foothold can be looked at, not walked.
+   */
+  function targetOf(hit: GroundHit): Vec3 | null {
+    const place = standNear(hit) ?? (store.get().view === "walk" ? null : hit.position);
+    refuse(place === null ? "steep" : null);
+    return place;
+  }
+
+  function aimAt(hit: GroundHit): boolean {
+    const place = targetOf(hit);
+    if (place === null) return false;
+    aim(place);
+    const besideM = distance(place, hit.position);
+    if (besideM > BESIDE_M) say(`Nobody could stand there. The target is ${formatMetres(besideM)} beside`);
+    return true;
+  }
+
   return {
     tap(x, y) {
       const { tool, aim: target, measured } = store.get();
@@ -79,20 +108,22 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
         say("There is no ground");
         return;
       }
-      if (tool === "land") aim(found.hit.position);
-      else if (tool === "pick") void pick(found.ray, found.hit);
+      if (tool === "land") {
+        const place = target === null ? null : standNear(found.hit);
+        // A second click on a wall means the target that the first one has put beside it.
+        if (target !== null && place !== null && distance(place, target.place) <= SAME_M) land(target.place);
+        else aimAt(found.hit);
+      } else if (tool === "pick") void pick(found.ray, found.hit);
       else store.set({ measured: [...measured, found.hit.position], tab: "inspect" });
     },
     press(x, y) {
       if (store.get().tool !== "land") return false;
       const found = hitAt(x, y);
-      if (found === null) return false;
-      aim(found.hit.position);
-      return true;
+      return found !== null && aimAt(found.hit);
     },
     pressMove(x, y) {
       const found = hitAt(x, y);
-      if (found !== null) aim(found.hit.position);
+      if (found !== null) aimAt(found.hit);
     },
     pressEnd(cancelled) {
       const { aim: target } = store.get();
@@ -103,4 +134,8 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
       if (measured.length > 0) store.set({ measured: measured.slice(0, -1) });
     },
   };
+}
+
+function distance(a: Vec3, b: Vec3): number {
+  return Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 }

@@ -1,7 +1,7 @@
 /** The parts of an open viewer, for the modules that join them. */
 
 import type { DeviceBudgets } from "../../core/client/index.ts";
-import type { SceneFiles, Stream } from "../../core/types.ts";
+import type { SceneFiles, Stream, Vec3 } from "../../core/types.ts";
 import type { Stage } from "../../three/stage.ts";
 import type { GroundHit } from "../../three/types.ts";
 import type { Route } from "../route.ts";
@@ -51,6 +51,8 @@ export interface Parts extends ViewerOptions {
   readonly going: Going;
   /** The ground along a ray, as far as anything is shown. */
   cast(ray: Ray): GroundHit | null;
+  /** Where to stand at a place, or near it; the place itself where nobody could. */
+  stand(at: Vec3): Vec3;
   /** The highest ground at (x, z). */
   highest(x: number, z: number): number | null;
 }

@@ -42,7 +42,7 @@ export function firstState({ files, budgets, route }: ViewerOptions): ViewerStat
 /** The mode that an address asks for; the survey's own look where the scene has no such thing. */
 export function modeOf(mode: RouteMode | null, manifest: SceneManifest): ViewMode {
   if (mode === null) return { kind: "colour" };
-  if (mode.kind === "vertex-colour" && !manifest.hasTextures) return { kind: "colour" };
+  if (mode.kind === "vertex-colour" && manifest.texturesOf === null) return { kind: "colour" };
   if (mode.kind !== "attribute") return mode;
   const info = manifest.attributes.find(({ name }) => name === mode.name);
   if (info === undefined) return { kind: "colour" };

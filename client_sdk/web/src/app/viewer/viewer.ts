@@ -1,8 +1,11 @@
 /** The viewer of one scene: puts its parts together, and draws. */
 
+import type { Vec3 } from "../../core/types.ts";
+import { standNear } from "../../three/footing.ts";
 import { Stage } from "../../three/stage.ts";
 import { prefersLessMotion } from "../device.ts";
 import { h, setAttribute } from "../dom.ts";
+import { steepNotice } from "../failures.ts";
 import { createFrameTimes } from "../frame-times.ts";
 import { farthest } from "../orbit-pose.ts";
 import { parseRoute, type Route } from "../route.ts";
@@ -85,6 +88,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   const maxDistanceM = farthest(manifest.bounds) * 2;
   const cast = ({ origin, direction }: Ray) => stage.cast(origin, direction, maxDistanceM);
   const groundHeight = (x: number, z: number, fromY: number) => stage.groundAt(x, z, fromY)?.position[1] ?? null;
+  const stand = (at: Vec3) => standNear({ position: at, normal: [0, 1, 0] }, stage) ?? at;
   const highest = (x: number, z: number) => groundHeight(x, z, manifest.bounds[4] + 1);
   const camera = createCameraDesk(world.rig, world.camera, manifest.bounds, groundHeight);
 
@@ -122,6 +126,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     link: createPlaceLink(),
     going,
     cast,
+    stand,
     highest,
   };
   const watch = watchStream(parts);
@@ -135,10 +140,15 @@ export function createViewer(options: ViewerOptions): Viewer {
     stream,
     rayAt: camera.rayAt,
     cast,
+    standNear: (hit) => standNear(hit, stage),
     pixelOf: camera.pixelOf,
     aim: (place) => desk.aim(place, store.get().radiusM),
     land: () => going.landAim(),
     say: shell.announcer.say,
+    refuse(why) {
+      if (why === null) notices.clear("steep");
+      else notices.show(steepNotice());
+    },
   });
   const help = createHelpDialog();
   const actions = createActions({

@@ -12,7 +12,7 @@ import { ProtocolViolation } from "../session/violation.ts";
 import type { LinkState } from "../types.ts";
 import { tokenSubprotocol } from "../wire/codec.ts";
 import { afterClose, codeOfClose } from "../wire/errors.ts";
-import { CLOSE_CODES } from "../wire/messages.generated.ts";
+import { CLOSE_CODES, SUBPROTOCOL } from "../wire/messages.generated.ts";
 import { Outgoing } from "./outgoing.ts";
 
 /** Between two aims: a hand moves faster, but ten plans a second are enough to prefetch by. */
@@ -127,7 +127,7 @@ export class Link {
     this.#welcomedMs = null;
     this.#parts.told({ state: "connecting", attempt: this.#attempt });
     const { session, url } = this.#parts;
-    const protocols: string[] = [session.options.subprotocol];
+    const protocols: string[] = [SUBPROTOCOL];
     if (this.#token !== undefined) protocols.push(tokenSubprotocol(this.#token));
     const socket = this.#opened(url, protocols);
     if (socket === null) return;

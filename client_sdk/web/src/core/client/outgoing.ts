@@ -2,7 +2,7 @@
 
 import { Pacer } from "../session/pacing.ts";
 
-type Data = Uint8Array<ArrayBuffer> | string;
+type Data = Uint8Array<ArrayBuffer>;
 
 /** Before the welcome says what is allowed: hello, and nothing else. */
 const GREETING_PER_S = 1;

@@ -19,8 +19,7 @@ import type {
   StreamStats,
   Vec3,
 } from "../types.ts";
-import type { Subprotocol } from "../wire/codec.ts";
-import { type PlanMessage, SUBPROTOCOLS } from "../wire/messages.generated.ts";
+import type { PlanMessage } from "../wire/messages.generated.ts";
 import { sharedNowMs } from "./clock.ts";
 import { Link } from "./link.ts";
 import { CLIENT } from "./version.ts";
@@ -66,7 +65,6 @@ export class StreamCore {
         budgets: options.budgets,
         creditBytes: options.creditBytes ?? DEFAULT_CREDIT_BYTES,
         releaseFactor: options.releaseFactor,
-        subprotocol: knownSubprotocol(options.subprotocol),
       },
       options.cacheBytes,
       xxh3,
@@ -240,12 +238,6 @@ function planFacts(landing: number, plan: PlanMessage) {
     omittedSegments: plan.omitted_segments,
     omittedBy: plan.omitted_by ?? null,
   };
-}
-
-function knownSubprotocol(name: string | undefined): Subprotocol {
-  const known = SUBPROTOCOLS.find((one) => one === (name ?? SUBPROTOCOLS[0]));
-  if (known === undefined) throw new RangeError(`subprotocol is ${name}, expected ${SUBPROTOCOLS.join(" or ")}`);
-  return known;
 }
 
 function closedHere(): StreamError {

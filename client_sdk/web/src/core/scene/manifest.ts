@@ -80,7 +80,7 @@ function readManifest(json: JsonObject, id: string): CheckedManifest {
     segmentCount: expectWhole(counts.segments, "counts.segments", 1),
     detailFaces: expectWhole(counts.detail_faces, "counts.detail_faces", 1),
     hasColour: expectFlag(json.has_colour, "has_colour"),
-    hasTextures: hasTextures(json.textures),
+    texturesOf: texturesOf(json.textures),
     deviationM: expectLength(expectObject(json.hand_off, "hand_off").deviation_m, "hand_off.deviation_m"),
   };
   return {
@@ -124,12 +124,12 @@ function readFile(files: JsonObject, key: LoadedFile): FileFacts {
   return { bytes, xxh3: BigInt(`0x${expectDigest(file.xxh3, HASH, `xxh3 of ${key}`)}`) };
 }
 
-/** Whether some payloads have textures that can be opened here. */
-function hasTextures(value: unknown): boolean {
-  if (value === undefined || value === null) return false;
-  return expectList(expectObject(value, "textures").media_types, "textures.media_types").some((one) =>
-    OPENABLE.has(one),
-  );
+/** What textures show of which some can be opened here. */
+function texturesOf(value: unknown): SceneManifest["texturesOf"] {
+  if (value === undefined || value === null) return null;
+  const textures = expectObject(value, "textures");
+  if (!expectList(textures.media_types, "textures.media_types").some((one) => OPENABLE.has(one))) return null;
+  return textures.source === "vertex" ? "points" : "photos";
 }
 
 function expectText(value: unknown, label: string): string {

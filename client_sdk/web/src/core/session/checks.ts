@@ -28,7 +28,7 @@ export function checkPick(origin: Vec3, direction: Vec3 | undefined): void {
 /** @throws RangeError on a value that the protocol does not allow. */
 export function check(message: ClientMessage): void {
   try {
-    encodeMessage(message, "terraport.v1.json");
+    encodeMessage(message);
   } catch (error) {
     if (error instanceof InvalidMessageError) throw new RangeError(error.message, { cause: error });
     throw error;

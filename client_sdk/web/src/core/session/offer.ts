@@ -4,13 +4,12 @@
  * PURE. `spec/wire-protocol.md`, section 5, rule 3.
  */
 
-import type { Subprotocol } from "../wire/codec.ts";
 import type { HeldRow } from "../wire/kinds.ts";
 import type { HeldMessage, WelcomeMessage } from "../wire/messages.generated.ts";
 import { LIMITS } from "../wire/messages.generated.ts";
 
-/** Most bytes of one row of a held table. */
-const ROW_BYTES: Readonly<Record<Subprotocol, number>> = { "terraport.v1.msgpack": 12, "terraport.v1.json": 34 };
+/** Bytes of one row of a held table. */
+const ROW_BYTES = 12;
 
 /** Room for what stands around the table in its message. */
 const AROUND_BYTES = 64;
@@ -33,13 +32,13 @@ export class HeldOffer {
   }
 
   /** The messages, once, that go after the welcome, and the rows that such a server cannot be told of. */
-  rest(welcome: WelcomeMessage, subprotocol: Subprotocol): { messages: HeldMessage[]; untold: readonly HeldRow[] } {
+  rest(welcome: WelcomeMessage): { messages: HeldMessage[]; untold: readonly HeldRow[] } {
     const rows = this.#rest;
     this.#rest = [];
-    const { limits, protocol } = welcome;
-    const fits = Math.floor((limits.max_message_bytes - AROUND_BYTES) / ROW_BYTES[subprotocol]);
+    const { limits } = welcome;
+    const fits = Math.floor((limits.max_message_bytes - AROUND_BYTES) / ROW_BYTES);
     const most = Math.min(fits, limits.max_held_segments);
-    if (protocol[1] < 1 || most < 1) return { messages: [], untold: rows };
+    if (most < 1) return { messages: [], untold: rows };
     const messages: HeldMessage[] = [];
     for (let at = 0; at < rows.length; at += most) {
       messages.push({ type: "held", segments: rows.slice(at, at + most) });

@@ -5,7 +5,6 @@
  */
 
 import type { Budgets } from "../types.ts";
-import type { Subprotocol } from "../wire/codec.ts";
 import type { HeldRow } from "../wire/kinds.ts";
 import type { HelloMessage } from "../wire/messages.generated.ts";
 import { PROTOCOL } from "../wire/messages.generated.ts";
@@ -21,7 +20,6 @@ export interface SessionOptions {
   readonly creditBytes: number;
   /** Release radius / load radius; undefined takes the server's. */
   readonly releaseFactor?: number | undefined;
-  readonly subprotocol: Subprotocol;
 }
 
 /** The message that opens a connection. */

@@ -131,11 +131,11 @@ export class ClientSession {
   }
 
   /** The WebSocket messages to send, once, in order. */
-  dataToSend(): (Uint8Array<ArrayBuffer> | string)[] {
+  dataToSend(): Uint8Array<ArrayBuffer>[] {
     const messages = this.#outbox;
     this.#outbox = [];
     this.#unsent = null;
-    return messages.map((message) => encodeMessage(message, this.options.subprotocol));
+    return messages.map((message) => encodeMessage(message));
   }
 
   // ---- connection
@@ -183,7 +183,7 @@ export class ClientSession {
         this.#grant(frame.chunk.byteLength);
         return;
       }
-      const message = decodeMessage(data, this.options.subprotocol, "server_to_client");
+      const message = decodeMessage(data, "server_to_client");
       if (message.type !== "unknown") this.#onMessage(message);
     } catch (error) {
       if (error instanceof DecodeError) throw new ProtocolViolation(error.message, { cause: error });
@@ -290,9 +290,9 @@ export class ClientSession {
     this.#creditStep = Math.max(1, Math.floor(Math.min(this.options.creditBytes, limits.max_credit_bytes) / 2));
     this.#events.push({ type: "opened", scene, limits, session, heldCount: welcome.held_count, changed });
     this.#onDropped(welcome.dropped);
-    const { messages, untold } = this.#offer.rest(welcome, this.options.subprotocol);
+    const { messages, untold } = this.#offer.rest(welcome);
     this.#outbox.push(...messages);
-    // A server of 1.0 cannot be told of more than one table: what it does not know of is not held (10.2).
+    // A server that takes no table cannot be told: what it does not know of is not held (10.2).
     this.#onDropped(untold.map((row) => row.segment));
     this.#outbox.push(...this.#picks.waiting());
     if (this.#queued !== null) {

@@ -1,12 +1,10 @@
-/** Messages to bytes or text, and back (wire protocol, section 3). */
+/** Messages to bytes, and back (wire protocol, section 3). */
 
 import type { RefusedField } from "./errors.ts";
 import { DecodeError, InvalidMessageError } from "./errors.ts";
 import { checkFields, readFields, writeFields } from "./fields.ts";
-import { readJson } from "./json-reader.ts";
-import { writeJson } from "./json-writer.ts";
 import type { Direction, FieldTable } from "./kinds.ts";
-import type { ClientMessage, ServerMessage, SUBPROTOCOLS } from "./messages.generated.ts";
+import type { ClientMessage, ServerMessage } from "./messages.generated.ts";
 import { LIMITS, MESSAGES } from "./messages.generated.ts";
 import { readMsgpack } from "./msgpack-reader.ts";
 import { writeMsgpack } from "./msgpack-writer.ts";
@@ -14,9 +12,6 @@ import type { Plain, PlainMap } from "./plain.ts";
 import { show } from "./plain.ts";
 import { Refused } from "./refused.ts";
 import { checkRules } from "./rules.ts";
-
-/** WebSocket subprotocol of a connection. */
-export type Subprotocol = (typeof SUBPROTOCOLS)[number];
 
 /** A message of a type that this version does not know in that direction: skip it. */
 export interface UnknownMessage {
@@ -32,29 +27,29 @@ const MOST_BYTES: Readonly<Record<Direction, number>> = {
   client_to_server: LIMITS.MAX_CLIENT_MESSAGE_BYTES,
   server_to_client: LIMITS.MAX_SERVER_MESSAGE_BYTES,
 };
+/** The values of a server's message are bounded by its bytes. */
+const MOST_VALUES: Readonly<Record<Direction, number>> = {
+  client_to_server: LIMITS.MAX_CLIENT_VALUES,
+  server_to_client: Number.POSITIVE_INFINITY,
+};
 const LONGEST_TYPE = 64;
-const SURROGATE = /\p{Surrogate}/u;
 
 /**
- * Write a message as bytes (msgpack) or text (JSON). Keys stand in the order of the tables, `type` first; absent fields
- * are left out; the same message gives the same bytes every time.
+ * Write a message as bytes. Keys stand in the order of the tables, `type` first; absent fields are left out; the same
+ * message gives the same bytes every time.
  *
  * @throws InvalidMessageError If a field is not what the protocol allows.
  */
-export function encodeMessage(
-  message: ClientMessage | ServerMessage,
-  subprotocol: Subprotocol,
-): Uint8Array<ArrayBuffer> | string {
+export function encodeMessage(message: ClientMessage | ServerMessage): Uint8Array<ArrayBuffer> {
   const type: string = message.type;
   const table = tableOf("client_to_server", type) ?? tableOf("server_to_client", type);
   if (table === undefined) throw new InvalidMessageError(type, "type", "expected a message of the protocol");
-  const packed = subprotocol === "terraport.v1.msgpack";
   try {
     const values = checkFields(table, { ...message });
     checkRules(type, values);
     const plain: PlainMap = new Map<string, Plain>([["type", type]]);
-    writeFields(table, values, packed, plain);
-    return packed ? writeMsgpack(plain) : writeJson(plain);
+    writeFields(table, values, plain);
+    return writeMsgpack(plain);
   } catch (error) {
     if (error instanceof Refused) throw new InvalidMessageError(type, error.path, error.message);
     throw error;
@@ -62,27 +57,31 @@ export function encodeMessage(
 }
 
 /**
- * Read the message that bytes (msgpack) or text (JSON) hold; unknown keys are skipped.
+ * Read the message that bytes hold; unknown keys are skipped.
  *
+ * @param data One whole WebSocket message: binary; a text message is malformed.
  * @param direction Who sent it.
  * @param maxBytes A stricter limit than the protocol's own for this direction.
  * @throws DecodeError If it is no message, too long, or has a field that is missing, mistyped or out of range.
  */
 export function decodeMessage<D extends Direction>(
   data: Uint8Array | string,
-  subprotocol: Subprotocol,
   direction: D,
   maxBytes: number = Number.POSITIVE_INFINITY,
 ): MessageOf<D> | UnknownMessage {
   const limit = Math.min(maxBytes, MOST_BYTES[direction]);
-  const plain = subprotocol === "terraport.v1.msgpack" ? plainMsgpack(data, limit) : plainJson(data, limit);
+  if (typeof data === "string") throw malformed("got a text message, expected a binary one");
+  if (data.length > limit) {
+    throw new DecodeError("too_large", `got a message of ${data.length} bytes, expected at most ${limit}`);
+  }
+  const plain = readMsgpack(data, MOST_VALUES[direction]);
   if (!(plain instanceof Map)) throw malformed(`got ${show(plain)}, expected a map with a type`);
   const type = plain.get("type");
   if (typeof type !== "string") throw malformed(`got type ${show(type)}, expected text`);
   const table = tableOf(direction, type);
   if (table === undefined) return { type: "unknown", name: [...type].slice(0, LONGEST_TYPE).join("") };
   try {
-    const values = readFields(table, plain, subprotocol === "terraport.v1.msgpack");
+    const values = readFields(table, plain);
     checkRules(type, values);
     // The table is generated from the same classes as the type.
     return { type, ...values } as unknown as MessageOf<D>;
@@ -102,25 +101,6 @@ export function tokenSubprotocol(token: string): string {
 function tableOf(direction: Direction, type: string): FieldTable | undefined {
   // A type may be called like a method that every object has.
   return Object.hasOwn(MESSAGES[direction], type) ? MESSAGES[direction][type] : undefined;
-}
-
-function plainMsgpack(data: Uint8Array | string, limit: number): Plain {
-  if (typeof data === "string") throw malformed("got a text message, expected a binary one (terraport.v1.msgpack)");
-  checkSize(data.length, limit);
-  return readMsgpack(data);
-}
-
-function plainJson(data: Uint8Array | string, limit: number): Plain {
-  if (typeof data !== "string") throw malformed("got a binary message, expected a text one (terraport.v1.json)");
-  checkSize(data.length, limit);
-  if (SURROGATE.test(data)) throw malformed("got text with a lone surrogate");
-  // A UTF-16 unit takes at most three bytes of UTF-8: most messages need not be measured.
-  if (3 * data.length > limit) checkSize(new TextEncoder().encode(data).length, limit);
-  return readJson(data);
-}
-
-function checkSize(size: number, limit: number): void {
-  if (size > limit) throw new DecodeError("too_large", `got a message of ${size} bytes, expected at most ${limit}`);
 }
 
 function refusedField(messageType: string, field: string, table: FieldTable, plain: PlainMap): RefusedField {

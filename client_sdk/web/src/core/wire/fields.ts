@@ -25,12 +25,12 @@ const ATTRIBUTE_NAME: Kind = { name: "text", shortest: 1, longest: 128, pattern:
  *
  * @throws Refused With the path of the field that is missing, mistyped or out of range.
  */
-export function readFields(table: FieldTable, raw: Plain, packed: boolean): Values {
+export function readFields(table: FieldTable, raw: Plain): Values {
   if (!(raw instanceof Map)) throw new Refused(`got ${show(raw)}, expected a map`);
   const values: Values = {};
   for (const { name, required, kind } of table) {
     const value = raw.get(name) ?? null;
-    if (value !== null) values[name] = below(name, () => readKind(kind, value, packed));
+    if (value !== null) values[name] = below(name, () => readKind(kind, value));
     else if (required) throw new Refused(`got nothing, expected ${describe(kind)}`, name);
   }
   return checkFields(table, values);
@@ -52,27 +52,25 @@ export function checkFields(table: FieldTable, values: Values): Values {
 }
 
 /** Write checked fields into a map, in the table's order. */
-export function writeFields(table: FieldTable, values: Values, packed: boolean, into: PlainMap = new Map()): PlainMap {
+export function writeFields(table: FieldTable, values: Values, into: PlainMap = new Map()): PlainMap {
   for (const { name, kind } of table) {
     const value = values[name] ?? null;
-    if (value !== null) into.set(name, writeKind(kind, value, packed));
+    if (value !== null) into.set(name, writeKind(kind, value));
   }
   return into;
 }
 
-function readKind(kind: Kind, raw: Plain, packed: boolean): unknown {
+function readKind(kind: Kind, raw: Plain): unknown {
   switch (kind.name) {
     case "ids":
     case "held":
     case "load":
-      return readRows(kind, raw, packed);
+      return readRows(kind, raw);
     case "part":
-      return readFields(partTable(kind.part), raw, packed);
+      return readFields(partTable(kind.part), raw);
     case "parts": {
       const items = expectList(raw, kind.most);
-      return items.map((item, number) =>
-        below(String(number), () => readFields(partTable(kind.part), item as Plain, packed)),
-      );
+      return items.map((item, number) => below(String(number), () => readFields(partTable(kind.part), item as Plain)));
     }
     case "numbers":
       if (!(raw instanceof Map)) throw new Refused(`got ${show(raw)}, expected a map of numbers`);
@@ -122,7 +120,7 @@ function checkKind(kind: Kind, value: unknown): unknown {
   }
 }
 
-function writeKind(kind: Kind, value: unknown, packed: boolean): Plain {
+function writeKind(kind: Kind, value: unknown): Plain {
   switch (kind.name) {
     case "number":
       return plainFloat(value as number);
@@ -133,11 +131,11 @@ function writeKind(kind: Kind, value: unknown, packed: boolean): Plain {
     case "ids":
     case "held":
     case "load":
-      return writeRows(value as PackedRows, kind, packed);
+      return writeRows(value as PackedRows, kind);
     case "part":
-      return writeFields(partTable(kind.part), value as Values, packed);
+      return writeFields(partTable(kind.part), value as Values);
     case "parts":
-      return (value as readonly Values[]).map((item) => writeFields(partTable(kind.part), item, packed));
+      return (value as readonly Values[]).map((item) => writeFields(partTable(kind.part), item));
     default:
       return value as Plain;
   }

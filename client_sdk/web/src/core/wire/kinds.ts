@@ -31,7 +31,7 @@ export type Kind =
   | { readonly name: "part"; readonly part: string }
   | { readonly name: "parts"; readonly part: string; readonly most: number };
 
-/** A kind that msgpack carries as one binary field of little-endian rows, JSON as a list. */
+/** A kind that is one binary field of little-endian rows. */
 export type PackedKind = { readonly name: "ids" | "held" | "load"; readonly most: number };
 
 /** One field: its name on the wire and here, and what it holds. */

@@ -4,10 +4,10 @@ import type { SegmentFacts, Vec3 } from "../types.ts";
 import type { FieldTable, HeldRow, MessageTable, Version } from "./kinds.ts";
 
 /** Version of the protocol that this module speaks: major, minor. */
-export const PROTOCOL: Version = [1, 1];
+export const PROTOCOL: Version = [1, 0];
 
-/** WebSocket subprotocols, in a server's order of preference. */
-export const SUBPROTOCOLS = ["terraport.v1.msgpack", "terraport.v1.json"] as const;
+/** The WebSocket subprotocol: its name pins the major version. */
+export const SUBPROTOCOL = "terraport.v1.msgpack";
 
 /** Bounds that every speaker keeps (section 12); a server may be stricter. */
 export const LIMITS = {
@@ -15,6 +15,7 @@ export const LIMITS = {
   MAX_ATTRIBUTES: 64,
   MAX_CHUNK_BYTES: 131048,
   MAX_CLIENT_MESSAGE_BYTES: 1048576,
+  MAX_CLIENT_VALUES: 1024,
   MAX_CONTAINER_ITEMS: 16384,
   MAX_COORDINATE_M: 10000000.0,
   MAX_DEADLINE_MS: 600000,
@@ -93,7 +94,7 @@ export interface ServerLimitsPart {
   readonly max_credit_bytes: number;
   /** Silence after which the server closes. */
   readonly idle_timeout_s: number;
-  /** Whether groups can be joined: `here`; `query`: only where the URL of the stream names the group; `none`. Absent means `none` (1.1). */
+  /** Whether groups can be joined: `here`; `query`: only where the URL of the stream names the group; `none`. Absent means `none`. */
   readonly groups?: "none" | "here" | "query" | undefined;
 }
 
@@ -153,7 +154,7 @@ export interface HelloMessage {
   /** Bearer token, where it was not given before. */
   readonly token?: string | undefined;
   /** Payload encoding that the client wants. */
-  readonly encoding: "glb" | "arrays";
+  readonly encoding: "glb";
   /** Hard bounds of every landing. */
   readonly budgets: BudgetsPart;
   /** First credit: payload bytes that may be sent at once. */
@@ -164,7 +165,7 @@ export interface HelloMessage {
   readonly scene_version?: string | undefined;
   /** Segments that the client holds whole, with their hashes. */
   readonly held?: readonly HeldRow[] | undefined;
-  /** True: send timings with every ready; absent means false (1.1). */
+  /** True: send timings with every ready; absent means false. */
   readonly timings?: boolean | undefined;
 }
 
@@ -192,7 +193,7 @@ export interface LandMessage {
   readonly inner_radius_m?: number | undefined;
   /** Milliseconds after which the inner set alone is acceptable; needs inner_radius_m. */
   readonly deadline_ms?: number | undefined;
-  /** Milliseconds without progress after which it is, too; needs inner_radius_m (1.1). */
+  /** Milliseconds without progress after which it is, too; needs inner_radius_m. */
   readonly stall_ms?: number | undefined;
 }
 
@@ -237,14 +238,14 @@ export interface ByeMessage {
   readonly type: "bye";
 }
 
-/** More of what the client holds, after hello and before the first aim or land (1.1). */
+/** More of what the client holds, after hello and before the first aim or land. */
 export interface HeldMessage {
   readonly type: "held";
   /** Segments that the client holds whole, with their hashes. */
   readonly segments: readonly HeldRow[];
 }
 
-/** Take a seat in a group of this scene; it is made if there is none of that name (1.1). */
+/** Take a seat in a group of this scene; it is made if there is none of that name. */
 export interface JoinMessage {
   readonly type: "join";
   /** Number chosen by the client, for the answer. */
@@ -259,12 +260,12 @@ export interface JoinMessage {
   readonly seat?: string | undefined;
 }
 
-/** Give up the seat in the group (1.1). */
+/** Give up the seat in the group. */
 export interface LeaveMessage {
   readonly type: "leave";
 }
 
-/** The guide lands the group (1.1). */
+/** The guide lands the group. */
 export interface GatherMessage {
   readonly type: "gather";
   /** Number chosen by the client, for the answer. */
@@ -279,7 +280,7 @@ export interface GatherMessage {
   readonly deadline_ms?: number | undefined;
 }
 
-/** A member's part of a group landing is over (1.1). */
+/** A member's part of a group landing is over. */
 export interface ArrivedMessage {
   readonly type: "arrived";
   /** Number of the group landing, chosen by the server. */
@@ -366,7 +367,7 @@ export interface ReadyMessage {
   readonly payload_bytes: number;
   /** Segments of the plan that cannot be delivered. */
   readonly missing: readonly number[];
-  /** Where hello asked for them (1.1). */
+  /** Where hello asked for them. */
   readonly timings?: TimingsPart | undefined;
 }
 
@@ -427,7 +428,7 @@ export interface ErrorMessage {
   readonly protocols?: readonly Version[] | undefined;
 }
 
-/** Answer to held: what of it is accepted (1.1). */
+/** Answer to held: what of it is accepted. */
 export interface HeldCheckedMessage {
   readonly type: "held_checked";
   /** Offered segments that this scene version does not have; the client frees them. */
@@ -436,7 +437,7 @@ export interface HeldCheckedMessage {
   readonly held_count: number;
 }
 
-/** Answer to join: the seat in the group (1.1). */
+/** Answer to join: the seat in the group. */
 export interface JoinedMessage {
   readonly type: "joined";
   /** Request, as received. */
@@ -451,7 +452,7 @@ export interface JoinedMessage {
   readonly seat: string;
 }
 
-/** Who is in the group, newest state; the ones between may be left out (1.1). */
+/** Who is in the group, newest state; the ones between may be left out. */
 export interface RosterMessage {
   readonly type: "roster";
   /** Name of the group, within the scene. */
@@ -460,7 +461,7 @@ export interface RosterMessage {
   readonly members: readonly MemberPart[];
 }
 
-/** The guide lands the group: land there, then say arrived (1.1). */
+/** The guide lands the group: land there, then say arrived. */
 export interface GatheringMessage {
   readonly type: "gathering";
   /** Number of the group landing, chosen by the server. */
@@ -477,7 +478,7 @@ export interface GatheringMessage {
   readonly left_ms?: number | undefined;
 }
 
-/** The barrier is open: everybody has arrived, or the deadline has passed (1.1). */
+/** The barrier is open: everybody has arrived, or the deadline has passed. */
 export interface GatheredMessage {
   readonly type: "gathered";
   /** Number of the group landing, chosen by the server. */
@@ -581,7 +582,7 @@ export const MESSAGES: MessageTable = {
       { name: "protocol", required: true, kind: { name: "version" } },
       { name: "client", required: true, kind: { name: "text", shortest: 0, longest: 128, pattern: null } },
       { name: "token", required: false, kind: { name: "text", shortest: 0, longest: 4096, pattern: null } },
-      { name: "encoding", required: true, kind: { name: "choice", options: ["glb", "arrays"] } },
+      { name: "encoding", required: true, kind: { name: "choice", options: ["glb"] } },
       { name: "budgets", required: true, kind: { name: "part", part: "budgets" } },
       { name: "credit_bytes", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
       { name: "release_factor", required: false, kind: { name: "number", low: 1.0, high: 4.0, lowExcluded: false } },

@@ -15,11 +15,12 @@ const UTF8 = new TextDecoder("utf-8", { fatal: true, ignoreBOM: true });
 /**
  * Read exactly one value; binary fields are views of `data`.
  *
+ * @param maxValues Most values, keys, maps and arrays counted.
  * @throws DecodeError `malformed`, with the byte: cut off, nested or counted beyond the limits, a token that no message
  * uses, a key that is no text or stands twice, text that is no UTF-8, bytes after the end.
  */
-export function readMsgpack(data: Uint8Array): Plain {
-  const reader = new Reader(data);
+export function readMsgpack(data: Uint8Array, maxValues: number = Number.POSITIVE_INFINITY): Plain {
+  const reader = new Reader(data, maxValues);
   const value = reader.value(0);
   reader.expectEnd();
   return value;
@@ -28,9 +29,12 @@ export function readMsgpack(data: Uint8Array): Plain {
 class Reader {
   readonly #data: Uint8Array;
   readonly #view: DataView;
+  readonly #maxValues: number;
+  #values = 0;
   #at = 0;
 
-  constructor(data: Uint8Array) {
+  constructor(data: Uint8Array, maxValues: number) {
+    this.#maxValues = maxValues;
     this.#data = data;
     this.#view = new DataView(data.buffer, data.byteOffset, data.byteLength);
   }
@@ -43,6 +47,8 @@ class Reader {
   /** `depth` counts the maps and arrays around the value. */
   value(depth: number): Plain {
     const start = this.#at;
+    this.#values += 1;
+    if (this.#values > this.#maxValues) throw malformed(`got over ${this.#maxValues} values, expected fewer`, start);
     const token = this.#view.getUint8(this.#take(1));
     if (token <= 0x7f) return token;
     if (token >= 0xe0) return token - 0x100;

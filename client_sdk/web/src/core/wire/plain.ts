@@ -1,4 +1,4 @@
-/** Values between bytes and fields: what msgpack or JSON holds, before any table has looked at it. */
+/** Values between bytes and fields: what msgpack holds, before any table has looked at it. */
 
 /**
  * A float whose value is whole. As a plain number it would look like an integer, and the protocol tells the two apart:

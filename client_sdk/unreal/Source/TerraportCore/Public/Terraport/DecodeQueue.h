@@ -17,7 +17,6 @@ struct DecodeJob {
   std::uint32_t segment = 0;
   /// Given back with the answer: answers to requests of an earlier scene version are dropped.
   std::uint32_t epoch = 0;
-  PayloadEncoding encoding = PayloadEncoding::Glb;
   SharedPayload payload;
 };
 
@@ -32,7 +31,7 @@ struct DecodedSegment {
   SharedPayload payload;
 };
 
-/// Decode one job into `mesh`, in the calling thread: what every queue does. The decoders' own memory belongs to the thread, and is
+/// Decode one job into `mesh`, in the calling thread: what every queue does. The decoder's own memory belongs to the thread, and is
 /// used again.
 TERRAPORTCORE_API Status decodePayload(const DecodeJob& job, SegmentMesh& mesh);
 

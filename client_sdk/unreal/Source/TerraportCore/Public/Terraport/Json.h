@@ -24,7 +24,7 @@ enum class JsonKind : std::uint8_t {
   Integer,
   Float,
   Text,
-  /// Only in messages that came as msgpack.
+  /// Only in messages, which are msgpack.
   Binary,
   List,
   Map,
@@ -39,8 +39,6 @@ struct JsonLimits {
   std::uint32_t maxDepth = 32;
   /// Values and keys; each takes 24 bytes of memory.
   std::uint32_t maxValues = 4u * 1024 * 1024;
-  /// Whether an escape like `\ud800` without its other half may stand in a text (it is then no valid UTF-8).
-  bool allowsLoneSurrogates = false;
 };
 
 /// One value of a `JsonDocument`: a handle, as cheap as a pointer, valid until the document is read anew or destroyed.
@@ -168,12 +166,6 @@ class TERRAPORTCORE_API JsonDocument {
   std::string_view source_;
   mutable std::vector<std::string_view> keys_;
 };
-
-/// Append `text` with its quotes and escapes; `text` must be UTF-8.
-TERRAPORTCORE_API void writeJsonText(std::string_view text, std::string& into);
-
-/// Append the shortest digits that give a finite number back, laid out as Python does: always with a point or an exponent.
-TERRAPORTCORE_API void writeJsonFloat(double value, std::string& into);
 
 /// Read a decimal number as JSON has it, rounded to the nearest double whatever the locale; infinite where it is too large.
 TERRAPORTCORE_API double readDecimal(std::string_view text);

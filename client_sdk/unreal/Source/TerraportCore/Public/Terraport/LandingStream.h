@@ -20,9 +20,6 @@ class TERRAPORTCORE_API LandingStream {
 
   /// The payload of a held segment; null where it is not held.
   virtual SharedPayload payload(std::uint32_t segment) const = 0;
-
-  /// In which form payloads come.
-  virtual PayloadEncoding encoding() const = 0;
 };
 
 }  // namespace terraport

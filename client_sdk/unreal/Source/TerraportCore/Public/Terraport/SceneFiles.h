@@ -44,12 +44,11 @@ struct SceneManifest {
   std::uint32_t segmentCount = 0;
   std::uint64_t detailFaces = 0;
   std::uint32_t baseFaces = 0;
+  /// Whether every payload has vertex colours; false, too, where textures stand in their place.
   bool hasColour = false;
   /// Whether payloads have textures; of these media types.
   bool hasTextures = false;
   std::vector<std::string> imageTypes;
-  /// Whether the scene has the arrays encoding too.
-  bool hasArrays = false;
   /// How far the base is drawn pushed back along the line of sight, metres.
   double deviationM = 0.0;
 };

@@ -18,7 +18,7 @@ namespace terraport {
 /// a thread of its own. Nothing here blocks on the network. All calls come from one thread.
 class TERRAPORTCORE_API ISceneStream : public LandingStream {
  public:
-  // land, aim, payload, encoding: see LandingStream. A number that the protocol does not allow (a NaN, a radius of 0, a
+  // land, aim, payload: see LandingStream. A number that the protocol does not allow (a NaN, a radius of 0, a
   // deadline without an inner radius) is told as a `Refused` event with the code `invalid_field`; `land` then returns
   // kNoLanding, and nothing has changed.
 
@@ -72,7 +72,6 @@ class TERRAPORTCORE_API SceneStream final : public ISceneStream {
   Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
   bool tryNextEvent(StreamEvent& event) override;
   SharedPayload payload(std::uint32_t segment) const override;
-  PayloadEncoding encoding() const override;
   StreamStats stats() const override;
   void reconnect(const std::string& token) override;
   void close() override;

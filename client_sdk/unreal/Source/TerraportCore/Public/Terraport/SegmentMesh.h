@@ -13,11 +13,11 @@
 
 namespace terraport {
 
-/// How positions, normals and texture coordinates are stored.
+/// How positions are stored.
 enum class VertexForm : std::uint8_t {
-  /// Whole numbers, as a GLB has them.
+  /// Whole numbers, as segments have them.
   Codes,
-  /// float32, as an arrays payload has them.
+  /// float32, as an uncompressed GLB may have them.
   Floats,
 };
 
@@ -25,8 +25,6 @@ enum class ColourForm : std::uint8_t {
   None,
   /// Four 16-bit codes a vertex, linear light, 65535 is 1, the fourth is alpha: as a GLB has them.
   Linear16,
-  /// Four bytes a vertex, sRGB, the fourth is alpha: as an arrays payload has them.
-  Srgb8,
 };
 
 enum class ImageType : std::uint8_t { None, Jpeg, Png, Webp, Ktx2 };
@@ -50,13 +48,10 @@ struct PayloadImage {
 struct AttributeColumn {
   /// UTF-8, as the survey has it.
   std::string name;
-  VertexForm form = VertexForm::Codes;
-  /// Codes: value = offset + step * code; 65535 means "no value".
+  /// Value = offset + step * code; 65535 means "no value".
   double offset = 0.0;
   double step = 1.0;
   SegmentBuffer<std::uint16_t> codes;
-  /// Floats: the values, NaN for none.
-  SegmentBuffer<float> values;
 };
 
 /// Whatever an engine makes of a mesh on the decoding thread (DecodeThreads' hook) and keeps with it, so that its memory is used
@@ -87,26 +82,20 @@ class TERRAPORTCORE_API SegmentMesh {
   /// Three entries per vertex, metres, scene frame.
   SegmentBuffer<float> positions;
 
-  VertexForm normalForm = VertexForm::Codes;
   /// Four entries per vertex, the fourth is padding; 127 is 1; not exactly of length 1.
   SegmentBuffer<std::int8_t> normalCodes;
-  /// Three entries per vertex.
-  SegmentBuffer<float> normals;
 
   ColourForm colourForm = ColourForm::None;
   SegmentBuffer<std::uint16_t> coloursLinear16;
-  SegmentBuffer<std::uint8_t> coloursSrgb8;
 
   /// Only where there is an image. (0, 0) is the image's upper left corner.
   bool hasUvs = false;
-  VertexForm uvForm = VertexForm::Codes;
-  /// With Codes a texture coordinate is uvScale * code.
+  /// A texture coordinate is uvScale * code.
   float uvScale[2] = {1.0F, 1.0F};
   /// The scale is 1 / 65535, which float32 does not have: divide the code by 65535.
   bool uvsNormalised = false;
   /// Two entries per vertex.
   SegmentBuffer<std::uint16_t> uvCodes;
-  SegmentBuffer<float> uvs;
 
   bool hasRegionIds = false;
   /// One entry per vertex.

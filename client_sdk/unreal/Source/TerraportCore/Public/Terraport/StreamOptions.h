@@ -9,17 +9,12 @@
 
 namespace terraport {
 
-/// Which form messages take on the wire; payload is the same in both.
-enum class Subprotocol : std::uint8_t { Msgpack, Json };
-
 /// What a stream is made of. Every bound has a default.
 struct StreamOptions {
   /// URL of the scene, `http`, `https`, `ws` or `wss`, ending in `/scenes/{id}`.
   std::string sceneUrl;
   /// Bearer token; empty for none. Never put into a URL, never logged.
   std::string token;
-  /// Form of the payloads: `Glb` is the smallest, `Arrays` takes next to no work to decode.
-  PayloadEncoding encoding = PayloadEncoding::Glb;
   /// Hard bounds of every landing.
   Budgets budgets;
   /// Payload bytes kept in memory beside what is shown or on its way; the least recently used go first.
@@ -28,7 +23,6 @@ struct StreamOptions {
   std::uint64_t creditBytes = 16ull * 1024 * 1024;
   /// Release radius / load radius, 1 to 4; absent takes the server's.
   std::optional<double> releaseFactor;
-  Subprotocol subprotocol = Subprotocol::Msgpack;
   /// Name and version of the client, for the server's logs; at most 128 characters.
   std::string client = "terraport-unreal";
 };

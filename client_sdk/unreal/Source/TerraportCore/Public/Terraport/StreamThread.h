@@ -30,7 +30,6 @@ class TERRAPORTCORE_API StreamThread final : public ISceneStream {
   Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
   bool tryNextEvent(StreamEvent& event) override;
   SharedPayload payload(std::uint32_t segment) const override;
-  PayloadEncoding encoding() const override;
   StreamStats stats() const override;
   void reconnect(const std::string& token) override;
   void close() override;

@@ -16,7 +16,7 @@ enum class TransportState : std::uint8_t { Connecting, Open, Closed };
 
 /// One whole WebSocket message. Reuse one object: its buffer keeps its memory.
 struct TransportMessage {
-  /// A text message (its bytes are UTF-8 in `bytes`), else a binary one.
+  /// A text message, which the session refuses: the protocol has none.
   bool isText = false;
   std::vector<std::uint8_t> bytes;
 };
@@ -45,8 +45,8 @@ class TERRAPORTCORE_API Transport {
   /// What came before a close can still be taken after it.
   virtual bool tryReceive(TransportMessage& message) = 0;
 
-  /// Hand over one whole message; false where the connection is not open or its buffer is full for now.
-  virtual bool trySend(ByteSpan bytes, bool isText) = 0;
+  /// Hand over one whole binary message; false where the connection is not open or its buffer is full for now.
+  virtual bool trySend(ByteSpan bytes) = 0;
 
   /// Close code of the server, or 1006 where the connection broke or never came about; 0 before `Closed`.
   virtual int closeCode() const = 0;

@@ -44,8 +44,8 @@ struct Box {
   float maxZ = 0.0F;
 };
 
-/// In which form payloads are sent.
-enum class PayloadEncoding : std::uint8_t { Glb, Arrays };
+/// In which form payloads are asked for: the one that `decodePayload` reads.
+constexpr char kPayloadEncoding[] = "glb";
 
 /// What the index says of one segment.
 struct SegmentFacts {

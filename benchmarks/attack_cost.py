@@ -1,0 +1,235 @@
+"""What attacks cost an honest client: land to ready beside each of them.
+
+::
+
+    python benchmarks/attack_cost.py                       # about three minutes
+    python benchmarks/attack_cost.py --only upgrades --seconds 20
+    python benchmarks/attack_cost.py --only steps          # single messages alone
+    python benchmarks/attack_cost.py --smoke               # seconds, to see that it works
+
+``terraport serve`` with default settings and a token, as a process of its own, serves a scene of
+99,856 segments. An honest client lands at places where it has not been yet (radius 24 m: some 28
+segments of 16 KiB), 50 times a second at most; beside "upgrades" it connects anew for each landing.
+The attackers of ``fuzz/attacks/load.py`` are processes of their own and come from another address.
+Everything stays on 127.0.0.0/8 and ends with its time.
+
+First, in this process: what the costliest messages that are known take to decode, and a landing
+with a release factor of 4 to be planned, radius 24 and 500 m, by the share of the scene that is
+held.
+
+Then a line per attack: milliseconds of the honest client, landings that failed or waited more than
+20 s, how often the attackers did what they do, and the service's share of a core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import multiprocessing
+import os
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "fuzz"))
+
+from attacks.load import ATTACKS
+from parts.drain_client import DrainClient
+from parts.random_scene import TILE_M
+from parts.service_process import ServiceProcess
+from parts.sparse_scene import write_sparse_scene
+from parts.step_costs import landing_costs, message_costs
+
+TOKEN: Final = "a-token-of-enough-characters"
+SCENE: Final = "pit"
+SEGMENT_BYTES: Final = 16 << 10
+RADIUS_M: Final = 24.0
+PAUSE_S: Final = 0.02
+GRANT_BYTES: Final = 16 << 20
+SLOWEST_S: Final = 20.0
+SEVERAL: Final = 4
+
+STEPS: Final = "steps"
+NOBODY: Final = "nobody"
+ANEW: Final = "nobody, connecting anew"
+
+TRIALS: Final[list[tuple[str | None, int]]] = [
+    (NOBODY, 0),
+    (ANEW, 0),
+    ("unknown type", 1),
+    ("unknown type", SEVERAL),
+    ("unknown type, last", 1),
+    ("unknown type, last", SEVERAL),
+    ("known type", SEVERAL),
+    ("empty frames", 1),
+    ("empty frames", SEVERAL),
+    ("upgrades", 1),
+    ("landings at factor 4", 1),
+    (NOBODY, 0),
+]
+"""Attack and how many attackers; nobody first and last."""
+
+
+class Honest:
+    """A client that lands where it has not been, and is measured.
+
+    Parameters
+    ----------
+    port : int
+        Of the service.
+    side : int
+        Segments along each edge of the scene.
+    anew : bool
+        Whether to connect for each landing; that counts, too.
+    """
+
+    def __init__(self, port: int, side: int, *, anew: bool) -> None:
+        self._port = port
+        self._places = self._all_places(side)
+        self._anew = anew
+        self._client: DrainClient | None = None
+        self._taken_bytes = 0
+        self.ready_ms: list[float] = []
+        self.failed = 0
+
+    def land_until(self, end_s: float) -> None:
+        """Land again and again."""
+        while time.perf_counter() < end_s:
+            began_s = time.perf_counter()
+            try:
+                self._land()
+            except (OSError, AssertionError, ValueError):  # cut off, refused, or no handshake
+                self.failed += 1
+                self.close()
+            else:
+                self.ready_ms.append(1e3 * (time.perf_counter() - began_s))
+            time.sleep(PAUSE_S)
+
+    def close(self) -> None:
+        """Drop the connection."""
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+
+    def _land(self) -> None:
+        if self._client is None:
+            self._taken_bytes = 0
+            self._client = DrainClient("127.0.0.1", self._port, SCENE)
+            self._client.socket.settimeout(SLOWEST_S)
+            self._client.hello(token=TOKEN)
+        self._taken_bytes += self._client.land(next(self._places), RADIUS_M)[0]
+        if self._anew:
+            self.close()
+        elif self._taken_bytes > GRANT_BYTES:
+            self._client.grant(self._taken_bytes)
+            self._taken_bytes = 0
+
+    @staticmethod
+    def _all_places(side: int) -> Iterator[tuple[float, float, float]]:
+        step = 2 * RADIUS_M + 2 * TILE_M
+        count = int(side * TILE_M / step) - 1
+        while True:
+            for number in range(count * count):
+                yield (step * (1 + number % count), 0.5, step * (1 + number // count))
+
+
+def attack(name: str, port: int, stop: Any, ended: Any) -> None:
+    """Child process: one attacker. On a machine of its own it would take the service no core."""
+    os.nice(19)
+    count = ATTACKS[name](port, SCENE, TOKEN, lambda: not stop.is_set())
+    with ended.get_lock():
+        ended.value += count
+
+
+def measure(
+    service: ServiceProcess, side: int, name: str, attackers: int, seconds: float
+) -> dict[str, Any]:
+    """Land beside so many attackers of one kind."""
+    context = multiprocessing.get_context("spawn")
+    stop, ended = context.Event(), context.Value("q", 0)
+    others = [
+        context.Process(target=attack, args=(name, service.port, stop, ended), daemon=True)
+        for _ in range(attackers)
+    ]
+    for other in others:
+        other.start()
+    if others:
+        time.sleep(3.0)  # they start, and the service is in the middle of it
+    honest = Honest(service.port, side, anew=name in {"upgrades", ANEW})
+    began_s, cpu_s = time.perf_counter(), service.cpu_s()
+    honest.land_until(began_s + seconds)
+    took_s = time.perf_counter() - began_s
+    cores = (service.cpu_s() - cpu_s) / took_s
+    honest.close()
+    stop.set()
+    for other in others:
+        other.join(30)
+        if other.is_alive():
+            other.kill()
+    return {
+        "attack": name,
+        "attackers": attackers,
+        "landings": len(honest.ready_ms),
+        "failed": honest.failed,
+        **percentiles(honest.ready_ms),
+        "attacks": ended.value,
+        "service_cores": round(cores, 2),
+        "alive": service.alive,
+    }
+
+
+def percentiles(ms: list[float]) -> dict[str, float]:
+    """Median, 99th percentile and longest."""
+    if not ms:
+        return {"p50_ms": math.inf, "p99_ms": math.inf, "max_ms": math.inf}
+    ordered = sorted(ms)
+    p99 = ordered[min(len(ordered) - 1, int(0.99 * len(ordered)))]
+    named = {"p50_ms": statistics.median(ms), "p99_ms": p99, "max_ms": ordered[-1]}
+    return {name: round(value, 1) for name, value in named.items()}
+
+
+def main() -> int:
+    form = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each trial")
+    parser.add_argument("--only", choices=[*ATTACKS, STEPS], action="append", help="repeatable")
+    parser.add_argument("--smoke", action="store_true")
+    arguments = parser.parse_args()
+    seconds = 1.0 if arguments.smoke else arguments.seconds
+    segments = 10_000 if arguments.smoke else 100_000
+    if not arguments.only or STEPS in arguments.only:
+        rounds, side = (2, 100) if arguments.smoke else (15, 316)
+        for row in (*message_costs(rounds), *landing_costs(side, rounds)):
+            print(json.dumps(row), flush=True)
+    if arguments.only == [STEPS]:
+        return 0
+    trials = [
+        (name, count)
+        for name, count in TRIALS
+        if (not count or not arguments.only or name in arguments.only)
+        and not (arguments.smoke and count == SEVERAL)
+    ]
+    with tempfile.TemporaryDirectory(prefix="attacks-") as folder:
+        scenes = Path(folder) / "scenes"
+        scenes.mkdir()
+        manifest = write_sparse_scene(
+            scenes / SCENE, pack_bytes=segments * SEGMENT_BYTES, segment_bytes=SEGMENT_BYTES
+        )
+        side = math.isqrt(manifest.counts.segments)
+        right = True
+        for name, count in trials:
+            # A service of its own for each: what one attack leaves behind is not the next one's.
+            with ServiceProcess(scenes, token=TOKEN, log_level="error") as service:
+                row = measure(service, side, name, count, seconds)
+            print(json.dumps(row), flush=True)
+            right &= row["alive"] and row["landings"] > 0
+    return 0 if right else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,144 @@
+using System;
+using System.Globalization;
+using System.Text;
+
+namespace Terraport.Json
+{
+    /// <summary>
+    /// Numbers of JSON, correctly rounded, without an allocation where their digits fit 53 bits and their exponent is small (the
+    /// product of two exact numbers is rounded once), or where the same digits were read before.
+    /// </summary>
+    internal sealed class JsonNumbers
+    {
+        private const long MostExact = 1L << 53;
+        private const int MostExponent = 22;
+        private const int Places = 64;
+
+        private static readonly double[] PowersOfTen =
+        {
+            1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11,
+            1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22,
+        };
+
+        private readonly byte[][] known = new byte[Places][];
+        private readonly double[] values = new double[Places];
+
+        /// <summary>Bytes of the number at a place by JSON's grammar; 0 where there is none.</summary>
+        internal static int LengthAt(byte[] bytes, int at, int end)
+        {
+            int start = at;
+            at += at < end && bytes[at] == '-' ? 1 : 0;
+            int digits = DigitsAt(bytes, at, end);
+            if (digits == 0 || (digits > 1 && bytes[at] == '0'))
+            {
+                return 0;
+            }
+            at += digits;
+            if (at < end && bytes[at] == '.')
+            {
+                digits = DigitsAt(bytes, at + 1, end);
+                if (digits == 0)
+                {
+                    return 0;
+                }
+                at += 1 + digits;
+            }
+            if (at < end && (bytes[at] | 32) == 'e')
+            {
+                at++;
+                at += at < end && (bytes[at] == '+' || bytes[at] == '-') ? 1 : 0;
+                digits = DigitsAt(bytes, at, end);
+                if (digits == 0)
+                {
+                    return 0;
+                }
+                at += digits;
+            }
+            return at - start;
+        }
+
+        /// <summary>The value of a number whose grammar was checked.</summary>
+        internal double Get(byte[] bytes, int start, int length)
+        {
+            double value;
+            return TryExact(bytes, start, length, out value) ? value : Slowly(bytes, start, length);
+        }
+
+        private static int DigitsAt(byte[] bytes, int at, int end)
+        {
+            int start = at;
+            while (at < end && bytes[at] >= '0' && bytes[at] <= '9')
+            {
+                at++;
+            }
+            return at - start;
+        }
+
+        private static bool TryExact(byte[] bytes, int start, int length, out double value)
+        {
+            value = 0;
+            int at = start;
+            int end = start + length;
+            bool isNegative = bytes[at] == '-';
+            at += isNegative ? 1 : 0;
+            long digits = 0;
+            int exponent = 0;
+            bool isFraction = false;
+            for (; at < end && (bytes[at] | 32) != 'e'; at++)
+            {
+                if (bytes[at] == '.')
+                {
+                    isFraction = true;
+                    continue;
+                }
+                digits = digits * 10 + (bytes[at] - '0');
+                exponent -= isFraction ? 1 : 0;
+                if (digits > MostExact)
+                {
+                    return false;
+                }
+            }
+            if (at < end)
+            {
+                at++;
+                bool isSmall = bytes[at] == '-';
+                at += isSmall || bytes[at] == '+' ? 1 : 0;
+                int written = 0;
+                for (; at < end; at++)
+                {
+                    written = written * 10 + (bytes[at] - '0');
+                    if (written > 1000)
+                    {
+                        return false;
+                    }
+                }
+                exponent += isSmall ? -written : written;
+            }
+            if (exponent < -MostExponent || exponent > MostExponent)
+            {
+                return false;
+            }
+            value = exponent < 0 ? digits / PowersOfTen[-exponent] : digits * PowersOfTen[exponent];
+            value = isNegative ? -value : value;
+            return true;
+        }
+
+        private double Slowly(byte[] bytes, int start, int length)
+        {
+            int place = JsonTexts.PlaceOf(bytes, start, length, Places);
+            if (!JsonTexts.IsSame(known[place], bytes, start, length))
+            {
+                double value;
+                string text = Encoding.ASCII.GetString(bytes, start, length);
+                if (!double.TryParse(text, NumberStyles.Float, CultureInfo.InvariantCulture, out value))
+                {
+                    // The grammar was checked, so that what does not parse is beyond the range: .NET before 3.0 says so.
+                    value = text[0] == '-' ? double.NegativeInfinity : double.PositiveInfinity;
+                }
+                known[place] = JsonTexts.CopyOf(bytes, start, length);
+                values[place] = value;
+            }
+            return values[place];
+        }
+    }
+}

@@ -1,0 +1,103 @@
+using System;
+using System.Globalization;
+using System.Text;
+
+namespace Terraport.Json
+{
+    /// <summary>
+    /// Texts of JSON: the same bytes give the same object, as far as a small cache reaches, so that names are made once.
+    /// </summary>
+    internal sealed class JsonTexts
+    {
+        private const int Places = 64;
+        private readonly byte[][] known = new byte[Places][];
+        private readonly string[] texts = new string[Places];
+
+        /// <summary>The text between two quotation marks, whose escapes were checked.</summary>
+        internal string Get(byte[] bytes, int start, int length, bool hasEscapes)
+        {
+            int place = PlaceOf(bytes, start, length, Places);
+            if (texts[place] == null || !IsSame(known[place], bytes, start, length))
+            {
+                string text = Encoding.UTF8.GetString(bytes, start, length);
+                known[place] = CopyOf(bytes, start, length);
+                texts[place] = hasEscapes ? Unescaped(text) : text;
+            }
+            return texts[place];
+        }
+
+        /// <summary>Bytes of the escape at a backslash.</summary>
+        /// <exception cref="JsonException">It is none, or cut short.</exception>
+        internal static int EscapeLength(byte[] bytes, int at, int end)
+        {
+            byte kind = at + 1 < end ? bytes[at + 1] : (byte)0;
+            if (kind != 'u')
+            {
+                if (kind == 0 || "\"\\/bfnrt".IndexOf((char)kind) < 0)
+                {
+                    throw new JsonException("an unknown escape", at);
+                }
+                return 2;
+            }
+            for (int place = at + 2; place < at + 6; place++)
+            {
+                if (place >= end || !Uri.IsHexDigit((char)bytes[place]))
+                {
+                    throw new JsonException("an escape of no four digits", at);
+                }
+            }
+            return 6;
+        }
+
+        internal static int PlaceOf(byte[] bytes, int start, int length, int places)
+        {
+            return (int)(Xxh3.Hash64(bytes, start, length) % (uint)places);
+        }
+
+        internal static bool IsSame(byte[] known, byte[] bytes, int start, int length)
+        {
+            if (known == null || known.Length != length)
+            {
+                return false;
+            }
+            for (int at = 0; at < length; at++)
+            {
+                if (known[at] != bytes[start + at])
+                {
+                    return false;
+                }
+            }
+            return true;
+        }
+
+        internal static byte[] CopyOf(byte[] bytes, int start, int length)
+        {
+            var copy = new byte[length];
+            Buffer.BlockCopy(bytes, start, copy, 0, length);
+            return copy;
+        }
+
+        private static string Unescaped(string text)
+        {
+            var plain = new StringBuilder(text.Length);
+            for (int at = 0; at < text.Length; at++)
+            {
+                if (text[at] != '\\')
+                {
+                    plain.Append(text[at]);
+                    continue;
+                }
+                at++;
+                if (text[at] == 'u')
+                {
+                    plain.Append((char)int.Parse(text.Substring(at + 1, 4), NumberStyles.HexNumber, CultureInfo.InvariantCulture));
+                    at += 4;
+                    continue;
+                }
+                int kind = "bfnrt".IndexOf(text[at]);
+                plain.Append(kind < 0 ? text[at] : "\b\f\n\r\t"[kind]);
+            }
+            return plain.ToString();
+        }
+    }
+}

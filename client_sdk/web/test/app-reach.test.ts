@@ -1,0 +1,28 @@
+/** Links and landings that lead out of the scene. */
+
+import { describe, expect, it } from "vitest";
+import { outsideNotice } from "../src/app/failures.ts";
+import { outsideBy } from "../src/app/reach.ts";
+import type { Bounds } from "../src/core/types.ts";
+
+const BOUNDS: Bounds = [-10, 0, -20, 10, 5, 20];
+
+describe("a place", () => {
+  it.each([
+    [[0, 2, 0], null],
+    [[13, 9, 0], null], // 5 m away, within the radius
+    [[110, 2, 0], 100],
+    [[0, 2, -120], 100],
+    [[0, -100, 0], 100],
+    [[641_000, 120, 5_200_000], Math.hypot(640_990, 115, 5_199_980)],
+  ] as const)("%j", (place, outsideM) => {
+    expect(outsideBy(place, 60, BOUNDS)).toBe(outsideM);
+  });
+
+  it("outside is said with how far", () => {
+    const { text, remedies } = outsideNotice(940, 60);
+    expect(text).toContain("940 m away");
+    expect(text).toContain("radius of 60 m");
+    expect(remedies).toEqual(["dismiss"]);
+  });
+});

@@ -1,0 +1,55 @@
+"""A landing in Unreal at the pace of the engine's socket thread, counted in rounds and frames.
+
+The thread is not run: the visit's network looks at the socket as often as the engine's thread would
+at the pace that the engine's module read when it was loaded. Frames are 5 ms.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import pytest
+from engines import cores
+from engines.programs import socket_pace
+from faults.service import Service
+
+RADIUS_M: Final = 8
+FRAME_S: Final = 0.005
+ROUND_BYTES: Final = 32 * 1024
+"""What one round takes from a socket at most: the buffer that the engine gives libwebsockets."""
+
+ENGINES_S: Final = 0.0333
+
+
+@pytest.fixture(scope="module")
+def early(cpp: cores.CppCore, server: Service) -> dict[str, Any]:
+    """The plugin starts before anybody has loaded the engine's module."""
+    return socket_pace(cpp, f"{server.url}/scenes/big", RADIUS_M)
+
+
+@pytest.fixture(scope="module")
+def late(cpp: cores.CppCore, server: Service) -> dict[str, Any]:
+    """Something else has loaded it before."""
+    return socket_pace(cpp, f"{server.url}/scenes/big", RADIUS_M, late=True)
+
+
+def test_the_plugin_sets_the_pace_before_the_module_is_loaded(early: dict[str, Any]) -> None:
+    assert early["frame_time_s"] == 0.001
+    assert early["warnings"] == 0
+    assert early["rounds"] >= 4 * early["frames"]
+
+
+def test_loaded_before_the_engines_pace_stays_and_the_log_says_so(late: dict[str, Any]) -> None:
+    assert late["frame_time_s"] == ENGINES_S
+    assert late["warnings"] == 1
+
+
+def test_at_the_engines_pace_the_rounds_are_what_takes_the_time(
+    early: dict[str, Any], late: dict[str, Any]
+) -> None:
+    """A landing needs so many rounds; each was six frames and is now a fifth of one."""
+    needed = early["payload_bytes"] / ROUND_BYTES
+    assert needed > 30
+    assert late["rounds"] >= needed
+    assert late["frames"] * FRAME_S >= (needed - 1) * ENGINES_S
+    assert early["frames"] * 4 < late["frames"]
