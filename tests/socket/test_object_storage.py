@@ -13,6 +13,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+import xxhash
 from s3_servers import Asked, Fault, FaultProxy, s3_environment
 from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
 from server.plain_client import PlainClient, assemble
@@ -268,19 +269,19 @@ def test_wrong_bytes_are_never_sent_or_kept(
         assert missing
         # Neighbours in one answer are each judged by their own hash.
         assert received == {n: data for n, data in all_of(scenes[0]).items() if n not in missing}
-        kept = {path.name.partition("-")[0] for path in (tmp_path / "cache").glob("*/*/*-*")}
-        client.send(Land(generation=9, position=CENTRE, radius_m=1.0))
-        client.until(Ready)
-        plan = plan_of(server)
-        assert kept.isdisjoint(f"{plan[segment]:016x}" for segment in missing)
+        # A payload whose own request came to nothing may be kept as a neighbour of another's: what
+        # counts is that each file holds what its name says.
+        kept = list((tmp_path / "cache").glob("*/??/*-*"))
+        assert kept
+        for path in kept:
+            assert path.name.startswith(f"{xxhash.xxh3_64_intdigest(path.read_bytes()):016x}-")
         proxy.rule = lambda _: None
-        ready, received = land(client, 10)
-        assert set(received) >= missing
-
-
-def plan_of(server: BackgroundServer) -> list[int]:
-    hashes = server.service.registry.get("pit").scene.index.xxh3
-    return [int(found) for found in hashes]
+        for generation in range(10, 20):  # a busy machine's timeout may cost one landing a payload
+            _, received = land(client, generation)
+            missing -= set(received)
+            if not missing:
+                break
+        assert not missing
 
 
 def test_a_full_cache_disk_costs_nobody_a_segment(
