@@ -74,13 +74,18 @@ def changed_files(base: str | None) -> list[str]:
 
 def select(changed: list[str]) -> Selection:
     """Find the tests of a change in this checkout."""
+    return this_tree(changed).select(changed)
+
+
+def this_tree(changed: list[str]) -> Tree:
+    """Return the files of this checkout, with those of a change that are gone or new."""
     files = {*_git("ls-files").split("\n"), *changed} - {""}
 
     def read(path: str) -> str:
         file = ROOT / path
         return file.read_text(encoding="utf-8") if file.is_file() else ""
 
-    return Tree(files, read).select(changed)
+    return Tree(files, read)
 
 
 def commands(

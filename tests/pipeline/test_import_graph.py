@@ -6,7 +6,7 @@ from terraport_pipeline.import_graph import Needs, modules_needed, needs_of
 
 SOURCES = {
     "shop": "from shop.till import Till\nfrom shop.stock import count\n__all__ = ['Till']",
-    "shop.till": "import shop.coins\ndef f():\n    from shop.bank import wire\n    wire(shop.coins)",
+    "shop.till": "import shop.coins\ndef f():\n  from shop.bank import wire\n  wire(shop.coins)",
     "shop.coins": "",
     "shop.bank": "PROGRAM = 'import sys; from shop.vault import lock'",
     "shop.vault": "",
