@@ -1,8 +1,8 @@
-"""Plant the faults of ``table.py`` one after the other and say which test notices each.
+"""Plant the faults of ``faults.toml`` one after the other and say which test notices each.
 
-``python tests/planted/run.py [--speed changed|full] [--before COMMIT] [NAME ...]`` works in a copy of
-the last commit (a git worktree in the system's folder for temporary files, kept for the next run:
-its kernels are compiled), runs what ``.ci/run changed`` would run until the first failure, and
+``python tests/planted/run.py [--speed changed|full] [--before COMMIT] [NAME ...]`` works in a copy
+of the last commit (a git worktree in the system's folder for temporary files, kept for the next
+run: its kernels are compiled), runs what ``.ci/run changed`` would run until the first failure, and
 prints a table. Nothing of it is in the default run: each fault takes from seconds to minutes.
 """
 
@@ -37,8 +37,8 @@ BUILT: Final = ("client_sdk/web/node_modules", "server/terraport_server/page")
 NEAREST: Final = 6
 """Test files that run first and in one process: most faults need no more."""
 LANGUAGES: Final = {
-    ".py": "Python", ".ts": "TypeScript", ".cs": "C#", ".cpp": "C++", ".hlsl": "HLSL", ".md": "Markdown",
-    ".yaml": "YAML", ".json": "JSON",
+    ".py": "Python", ".ts": "TypeScript", ".cs": "C#", ".cpp": "C++", ".hlsl": "HLSL",
+    ".md": "Markdown", ".yaml": "YAML", ".json": "JSON",
 }  # fmt: skip
 FAILED: Final = re.compile(r"^(?:FAILED|ERROR) (\S+?)(?:\[.*)?(?: - .*)?$|^ *FAIL +(.+)$", re.M)
 """pytest's line of a failed test, or vitest's."""
@@ -68,18 +68,16 @@ def main() -> int:
     sys.path.insert(0, str(COPY / ".ci"))
     changed = importlib.import_module("changed")
     tree = changed.this_tree([])
-    print(
-        "| fault | language | file | what | caught by | s |" + " before |" * bool(arguments.before)
-    )
-    print("|---|---|---|---|---|---|" + "---|" * bool(arguments.before), flush=True)
+    columns = ["fault", "language", "file", "what", "caught by", "s"]
+    columns += ["before"] if arguments.before else []
+    print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}", flush=True)
     missed = 0
     for fault in chosen:
-        with lock(arguments.lock), planted(fault):
-            began_s = time.monotonic()
-            selection = tree.select([fault.path] if arguments.speed == "changed" else tree.files)
-            steps = changed.commands([fault.path], selection, exitfirst=True)
-            by = first_failure(list(steps), arguments.seconds)
-            caught = Caught(fault, by, time.monotonic() - began_s)
+        selection = tree.select([fault.path] if arguments.speed == "changed" else tree.files)
+        steps = changed.commands([fault.path], selection, exitfirst=True)
+        with planted(fault):
+            by, seconds = first_failure(list(steps), arguments.seconds, arguments.lock)
+        caught = Caught(fault, by, seconds)
         missed += by is None
         print(row(caught, arguments.before), flush=True)
     print(f"\n{len(chosen) - missed} of {len(chosen)} caught", flush=True)
@@ -129,23 +127,29 @@ def lock(path: Path | None) -> Iterator[None]:
         yield
 
 
-def first_failure(steps: list[tuple[list[str], Path]], seconds: float) -> str | None:
-    """Run until something fails; return what did."""
-    until = time.time() + seconds
+def first_failure(
+    steps: list[tuple[list[str], Path]], seconds: float, locked: Path | None
+) -> tuple[str | None, float]:
+    """Run until something fails; return what did, and the seconds without waits for the lock."""
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(str(COPY / one) for one in (*PACKAGES, ".ci")),
-        "TERRAPORT_CHANGED_UNTIL": str(until),
     }
+    spent_s = 0.0
     for command, folder in [one for step in steps for one in nearest_alone(*step)]:
-        done = subprocess.run(
-            command, cwd=folder, env=environment, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True, errors="replace", check=False,
-        )  # fmt: skip
+        # What takes long: tests side by side, and those of the engines' cores, which compile.
+        with lock(locked if "-n" in command or "tests/engines" in " ".join(command) else None):
+            began_s = time.monotonic()
+            environment["TERRAPORT_CHANGED_UNTIL"] = str(time.time() + seconds - spent_s)
+            done = subprocess.run(
+                command, cwd=folder, env=environment, stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT, text=True, errors="replace", check=False,
+            )  # fmt: skip
+            spent_s += time.monotonic() - began_s
         if done.returncode not in (0, 5):  # 5: no test was left to run
             match = FAILED.search(done.stdout)
             name = next(filter(None, match.groups())) if match else " ".join(command[-2:])
-            return name.replace("|", "/")
-    return None
+            return name.replace("|", "/"), spent_s
+    return None, spent_s
 
 
 def nearest_alone(command: list[str], folder: Path) -> Iterator[tuple[list[str], Path]]:
