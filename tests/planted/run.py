@@ -34,8 +34,10 @@ COPY: Final = Path(tempfile.gettempdir(), f"terraport-planted-{os.getuid()}")
 PACKAGES: Final = ("client_sdk/python", "payload", "pipeline", "server", "store", "wire")
 BUILT: Final = ("client_sdk/web/node_modules", "server/terraport_server/page")
 """What a checkout has and git has not."""
-NEAREST: Final = 6
+NEAREST: Final = 30
 """Test files that run first and in one process: most faults need no more."""
+SECONDS: Final = 900
+"""After which no further test of a fault is begun; long, for busy machines."""
 LANGUAGES: Final = {
     ".py": "Python", ".ts": "TypeScript", ".cs": "C#", ".cpp": "C++", ".hlsl": "HLSL",
     ".md": "Markdown", ".yaml": "YAML", ".json": "JSON",
@@ -59,7 +61,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="faults; all where none is named")
     parser.add_argument("--speed", choices=("changed", "full"), default="changed")
-    parser.add_argument("--seconds", type=float, default=240.0, help="of the tests of one fault")
     parser.add_argument("--before", help="commit; say whether it had the test")
     parser.add_argument("--lock", type=Path, help="file to lock while a fault is tested")
     arguments = parser.parse_args()
@@ -71,15 +72,22 @@ def main() -> int:
     columns = ["fault", "language", "file", "what", "caught by", "s"]
     columns += ["before"] if arguments.before else []
     print(f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}", flush=True)
-    missed = 0
-    for fault in chosen:
-        selection = tree.select([fault.path] if arguments.speed == "changed" else tree.files)
-        steps = changed.commands([fault.path], selection, exitfirst=True)
-        with planted(fault):
-            by, seconds = first_failure(list(steps), arguments.seconds, arguments.lock)
-        caught = Caught(fault, by, seconds)
-        missed += by is None
-        print(row(caught, arguments.before), flush=True)
+    caught: dict[str, Caught] = {}
+    # What the nearest tests notice comes first: the rest may wait long for the lock.
+    for near in (True, False):
+        for fault in [one for one in chosen if one.name not in caught]:
+            selection = tree.select([fault.path] if arguments.speed == "changed" else tree.files)
+            steps = changed.commands([fault.path], selection, exitfirst=True)
+            parts = [one for step in steps for one in nearest_alone(*step)]
+            held = arguments.lock if not near else None
+            with lock(held), planted(fault):
+                began_s = time.monotonic()
+                by = first_failure([one for one in parts if is_quick(one[0]) is near])
+                seconds = time.monotonic() - began_s
+            if by or not near:
+                caught[fault.name] = Caught(fault, by, seconds)
+                print(row(caught[fault.name], arguments.before), flush=True)
+    missed = sum(one.by is None for one in caught.values())
     print(f"\n{len(chosen) - missed} of {len(chosen)} caught", flush=True)
     return int(missed > 0)
 
@@ -127,29 +135,27 @@ def lock(path: Path | None) -> Iterator[None]:
         yield
 
 
-def first_failure(
-    steps: list[tuple[list[str], Path]], seconds: float, locked: Path | None
-) -> tuple[str | None, float]:
-    """Run until something fails; return what did, and the seconds without waits for the lock."""
+def is_quick(command: list[str]) -> bool:
+    """Whether it neither runs tests side by side nor compiles the engines' cores."""
+    return "-n" not in command and "tests/engines" not in " ".join(command)
+
+
+def first_failure(commands: list[tuple[list[str], Path]]) -> str | None:
+    """Run until something fails; return what did."""
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join(str(COPY / one) for one in (*PACKAGES, ".ci")),
+        "TERRAPORT_CHANGED_UNTIL": str(time.time() + SECONDS),
     }
-    spent_s = 0.0
-    for command, folder in [one for step in steps for one in nearest_alone(*step)]:
-        # What takes long: tests side by side, and those of the engines' cores, which compile.
-        with lock(locked if "-n" in command or "tests/engines" in " ".join(command) else None):
-            began_s = time.monotonic()
-            environment["TERRAPORT_CHANGED_UNTIL"] = str(time.time() + seconds - spent_s)
-            done = subprocess.run(
-                command, cwd=folder, env=environment, stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT, text=True, errors="replace", check=False,
-            )  # fmt: skip
-            spent_s += time.monotonic() - began_s
+    for command, folder in commands:
+        done = subprocess.run(
+            command, cwd=folder, env=environment, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True, errors="replace", check=False,
+        )  # fmt: skip
         if done.returncode not in (0, 5):  # 5: no test was left to run
             match = FAILED.search(done.stdout)
             name = next(filter(None, match.groups())) if match else " ".join(command[-2:])
-            return name.replace("|", "/"), spent_s
-    return None, spent_s
+            return name.replace("|", "/")
+    return None
 
 
 def nearest_alone(command: list[str], folder: Path) -> Iterator[tuple[list[str], Path]]:
