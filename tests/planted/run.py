@@ -34,7 +34,7 @@ COPY: Final = Path(tempfile.gettempdir(), f"terraport-planted-{os.getuid()}")
 PACKAGES: Final = ("client_sdk/python", "payload", "pipeline", "server", "store", "wire")
 BUILT: Final = ("client_sdk/web/node_modules", "server/terraport_server/page")
 """What a checkout has and git has not."""
-NEAREST: Final = 30
+NEAREST: Final = (3, 24)
 """Test files that run first and in one process: most faults need no more."""
 SECONDS: Final = 900
 """After which no further test of a fault is begun; long, for busy machines."""
@@ -164,10 +164,13 @@ def nearest_alone(command: list[str], folder: Path) -> Iterator[tuple[list[str],
         yield command, folder
         return
     at = command.index("-n")
-    tests = command[command.index("deadline") + 1 :]
-    yield [*command[:at], "-p", "deadline", *tests[:NEAREST]], folder
-    if tests[NEAREST:]:
-        yield [*command[: command.index("deadline") + 1], *tests[NEAREST:]], folder
+    first = command.index("deadline") + 1
+    tests, few, more = command[first:], *NEAREST
+    for some in (tests[:few], tests[few:more]):
+        if some:
+            yield [*command[:at], "-p", "deadline", *some], folder
+    if tests[more:]:
+        yield [*command[:first], *tests[more:]], folder
 
 
 def row(caught: Caught, before: str | None) -> str:
