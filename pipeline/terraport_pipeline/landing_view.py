@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload import box_distances_m
 from terraport_pipeline.engines.cameras import Camera, eye_level, oblique
 from terraport_pipeline.engines.pictures import Tint
 from terraport_pipeline.engines.rays import RayScene
@@ -21,7 +22,6 @@ from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.geometry.handoff_rays import hidden_base_faces
 from terraport_pipeline.model import Float32, Int32, UInt8
 from terraport_pipeline.scene_model import SceneModel
-from terraport_store import box_distances_m
 
 __all__ = [
     "Landing",

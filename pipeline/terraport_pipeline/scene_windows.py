@@ -15,11 +15,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload import box_distances_m
 from terraport_pipeline.handoff import check_hand_off_in_windows
 from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.scene_model import load_scene_model
-from terraport_store import Scene, box_distances_m
+from terraport_store import Scene
 
 __all__ = ["MAX_WINDOW_FACES", "prove_in_windows", "scene_windows", "segments_around", "windows_of"]
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload import box_distances_m
 from terraport_server.id_set import IdSet
 
 __all__ = [
@@ -22,7 +23,6 @@ __all__ = [
     "Budgets",
     "SegmentTable",
     "Selection",
-    "box_distances",
     "find_candidates",
     "select",
 ]
@@ -90,32 +90,6 @@ class Selection:
     """Segments wanted and left out for a budget."""
     omitted_by: str | None
     """The budget that cut first, by its field name in :class:`Budgets`; ``None`` if none did."""
-
-
-def box_distances(
-    bounds: npt.NDArray[np.float32], centre: Sequence[float]
-) -> npt.NDArray[np.float64]:
-    """Distances from a point to axis-aligned boxes.
-
-    Parameters
-    ----------
-    bounds
-        (N, 6) min x, y, z, max x, y, z in metres.
-    centre
-        x, y, z in metres, same frame.
-
-    Returns
-    -------
-    ndarray
-        (N,) float64 metres; 0 for a point inside or on the box.
-    """
-    point = np.asarray(centre, dtype=np.float64)
-    boxes = bounds.astype(np.float64)
-    gap = np.maximum(np.maximum(boxes[:, :3] - point, point - boxes[:, 3:]), 0.0)
-    squared = gap * gap
-    # Summed in this order by the specification (6.1), so that every implementation agrees.
-    distances: npt.NDArray[np.float64] = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
-    return distances
 
 
 def find_candidates(
@@ -218,7 +192,7 @@ def select(
     budget of segments cuts most of it off, O(C) and the sorting of what it leaves.
     """
     ids = np.asarray(candidates, dtype=np.int64)
-    distances = box_distances(table.bounds[ids], centre)
+    distances = box_distances_m(table.bounds[ids], centre)
     in_radius = distances <= radius_m
     wanted = np.flatnonzero(in_radius | (held & (distances <= release_radius_m)))
     beyond_m, beyond = math.inf, 0

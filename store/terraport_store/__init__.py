@@ -55,7 +55,7 @@ from terraport_store.packed_rtree import PackedRTree
 from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
-from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex, box_distances_m
+from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex
 from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
 
@@ -101,7 +101,6 @@ __all__ = [
     "SpatialIndex",
     "StoreError",
     "TextureInfo",
-    "box_distances_m",
     "change_labels",
     "is_url",
     "label_fault",

@@ -15,7 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from terraport_store.spatial import box_distances_m, validate_query
+from terraport_payload import box_distances_m
+from terraport_store.spatial import validate_query
 
 __all__ = ["PackedRTree"]
 

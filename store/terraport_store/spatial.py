@@ -2,7 +2,7 @@
 
 Scenes are searched by :class:`~terraport_store.packed_rtree.PackedRTree`. The two here are what it
 is tested and measured against. All answer exactly, by the same float64 arithmetic
-(:func:`box_distances_m`), so they agree to the last segment.
+(:func:`~terraport_payload.boxes.box_distances_m`), so they agree to the last segment.
 
 References
 ----------
@@ -21,7 +21,9 @@ import numpy as np
 import numpy.typing as npt
 from rtree import index as rtree_index
 
-__all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "box_distances_m", "validate_query"]
+from terraport_payload import box_distances_m
+
+__all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "validate_query"]
 
 
 _QUERY_SLACK: Final = 2.0**-50
@@ -119,37 +121,6 @@ class RTreeIndex:
         found = found[box_distances_m(self._bounds[found], point) <= radius_m]
         found.sort()
         return found
-
-
-def box_distances_m(
-    bounds: npt.NDArray[np.float32], centre: Sequence[float] | npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Distance from a point to axis-aligned boxes.
-
-    Parameters
-    ----------
-    bounds : ndarray of shape (N, 6), float32
-        x, y, z minimum, x, y, z maximum, metres.
-    centre : sequence of 3 floats
-        Metres, the same frame.
-
-    Returns
-    -------
-    ndarray of shape (N,), float64
-        Metres; 0 inside a box or on its surface.
-
-    Examples
-    --------
-    >>> boxes = np.array([[0, 0, 0, 1, 1, 1], [4, 5, 0, 9, 9, 1]], dtype=np.float32)
-    >>> box_distances_m(boxes, (1.0, 1.0, 1.0)).tolist()
-    [0.0, 5.0]
-    """
-    point = np.asarray(centre, dtype=np.float64)
-    wide = bounds.astype(np.float64)
-    gap = np.maximum(np.maximum(wide[:, :3] - point, point - wide[:, 3:]), 0.0)
-    squared = gap * gap
-    distances: npt.NDArray[np.float64] = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
-    return distances
 
 
 def validate_query(centre: Sequence[float], radius_m: float) -> npt.NDArray[np.float64]:
