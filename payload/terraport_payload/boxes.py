@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import Float32, Float64
 
 __all__ = ["box_distances_m"]
 
 
-def box_distances_m(
-    bounds: npt.NDArray[np.float32], centre: Sequence[float] | npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def box_distances_m(bounds: Float32, centre: Sequence[float] | Float64) -> Float64:
     """Distance from a point to axis-aligned boxes, rounded as the specification has it.
 
     Parameters
@@ -45,5 +44,5 @@ def box_distances_m(
     wide = bounds.astype(np.float64)
     gap = np.maximum(np.maximum(wide[:, :3] - point, point - wide[:, 3:]), 0.0)
     squared = gap * gap
-    distances: npt.NDArray[np.float64] = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
+    distances: Float64 = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
     return distances

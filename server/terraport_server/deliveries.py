@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import islice
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, UInt32
 from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
 from terraport_server.aim_ledger import AimLedger
 from terraport_server.id_set import IdSet
@@ -113,7 +112,7 @@ class Deliveries:
         self.credit_bytes = min(self.credit_bytes + credit_bytes, self._limits.max_credit_bytes)
         self._note_stall(now_s)
 
-    def offer(self, held: npt.NDArray[Any] | None) -> npt.NDArray[np.uint32]:
+    def offer(self, held: AnyArray | None) -> UInt32:
         """Take the offered segments whose hash is right; return the ids of the others (5.3)."""
         if held is None:
             return np.zeros(0, dtype=ID_DTYPE)
@@ -172,7 +171,7 @@ class Deliveries:
             self._say(message)
             self._observer.superseded(message, landing=False)
 
-    def evict(self, segments: npt.NDArray[Any]) -> int | None:
+    def evict(self, segments: AnyArray) -> int | None:
         """Note that the client dropped segments; return one that it may not drop yet (6.7)."""
         if self._landing is not None and self._landing.unfinished:
             wrong = segments[self._landing.plan.contains(segments)]
@@ -333,7 +332,7 @@ class Deliveries:
         ids = landing.inner[self.held.contains(landing.inner)]
         self._say(Degraded(generation=landing.generation, segments=ids))
 
-    def _show(self, segments: npt.NDArray[np.uint32]) -> None:
+    def _show(self, segments: UInt32) -> None:
         """Show what is held of these and nothing else: missing and evicted ones are not held."""
         self.shown = IdSet.of_sorted(segments[self.held.contains(segments)])
 

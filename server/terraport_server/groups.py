@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray
 from terraport_wire import (
     ID_DTYPE,
     Gather,
@@ -357,5 +357,5 @@ def _gathering(barrier: _Barrier, now_s: float) -> Gathering:
     )
 
 
-def _ids(numbers: list[int]) -> npt.NDArray[Any]:
+def _ids(numbers: list[int]) -> AnyArray:
     return np.array(numbers, dtype=ID_DTYPE)

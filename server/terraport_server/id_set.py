@@ -5,11 +5,12 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, AnyInt, Bool, UInt32
 from terraport_wire import ID_DTYPE
 
 __all__ = ["IdSet"]
@@ -46,14 +47,12 @@ class IdSet:
     __slots__ = ("_added", "_sorted")
 
     def __init__(self, ids: npt.ArrayLike | None = None) -> None:
-        self._sorted: npt.NDArray[np.uint32] = (
-            _NONE if ids is None else _ascending(np.asarray(ids, dtype=ID_DTYPE))
-        )
+        self._sorted: UInt32 = _NONE if ids is None else _ascending(np.asarray(ids, dtype=ID_DTYPE))
         self._added: set[int] = set()
         """Disjoint from the sorted ones."""
 
     @classmethod
-    def of_sorted(cls, ids: npt.NDArray[np.uint32]) -> IdSet:
+    def of_sorted(cls, ids: UInt32) -> IdSet:
         """Return a set of ids that are ascending, each once, and not written to any more."""
         made = cls()
         made._sorted = ids
@@ -67,7 +66,7 @@ class IdSet:
         """Return whether one id is in it."""
         return segment in self._added or self._is_sorted_in(segment)
 
-    def contains(self, ids: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
+    def contains(self, ids: AnyInt) -> Bool:
         """Return for each id whether it is in the set."""
         known = self.array()
         if len(known) == 0 or len(ids) == 0:
@@ -75,10 +74,10 @@ class IdSet:
         asked = ids.astype(ID_DTYPE, copy=False)  # another type would copy all of `known`
         places = np.searchsorted(known, asked)
         places[places == len(known)] = 0
-        found: npt.NDArray[np.bool_] = known[places] == asked
+        found: Bool = known[places] == asked
         return found
 
-    def array(self) -> npt.NDArray[np.uint32]:
+    def array(self) -> UInt32:
         """Return all ids, ascending. The caller must not write to it."""
         if self._added:
             new = np.fromiter(self._added, dtype=ID_DTYPE, count=len(self._added))
@@ -98,7 +97,7 @@ class IdSet:
         if len(self._added) > _MOST_ADDED:
             self.array()
 
-    def update(self, ids: npt.NDArray[Any]) -> None:
+    def update(self, ids: AnyArray) -> None:
         """Put many ids in."""
         new = _ascending(ids.astype(ID_DTYPE, copy=False))
         new = new[~self.contains(new)]  # which also sorts in what was added
@@ -111,7 +110,7 @@ class IdSet:
         elif self._is_sorted_in(segment):
             self._sorted = np.delete(self._sorted, np.searchsorted(self._sorted, _id(segment)))
 
-    def difference_update(self, ids: npt.NDArray[Any]) -> None:
+    def difference_update(self, ids: AnyArray) -> None:
         """Take many ids out, where they are in."""
         ids = _ascending(ids.astype(ID_DTYPE, copy=False))
         gone = ids[self.contains(ids)]
@@ -125,7 +124,7 @@ class IdSet:
         return place < len(known) and int(known[place]) == segment
 
 
-def _ascending(ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+def _ascending(ids: UInt32) -> UInt32:
     """Return ids ascending, each once.
 
     To search for them in order is three times as fast, and NumPy's ``unique`` three times as slow.
@@ -139,7 +138,7 @@ def _ascending(ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
     return ordered[is_new]
 
 
-def _merged(one: npt.NDArray[np.uint32], other: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+def _merged(one: UInt32, other: UInt32) -> UInt32:
     """Return two ascending arrays as one; NumPy's stable sort merges runs."""
     both = np.concatenate((one, other))
     both.sort(kind="stable")

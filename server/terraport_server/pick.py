@@ -16,12 +16,11 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import AnyArray, Float32, Float64, UInt32
 from terraport_server.errors import PickTimeoutError
 from terraport_store import RegionNames, Scene, StoreError
 from terraport_wire import Hit
@@ -30,8 +29,6 @@ __all__ = ["MeshCache", "RayHit", "pick", "ray_box_entry", "ray_triangles"]
 
 _EDGE = 1e-9
 """Barycentric slack: a ray through a shared edge must not slip between two faces."""
-
-_Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +141,7 @@ def pick(
         # Scaled first: the square of a very small or large component would vanish or overflow.
         towards = towards / np.abs(towards).max()
         rays = [towards / np.linalg.norm(towards)]
-    best: tuple[RayHit, int, SegmentMesh, _Floats] | None = None
+    best: tuple[RayHit, int, SegmentMesh, Float64] | None = None
     looked_at = 0
     for ray in rays:
         entry = ray_box_entry(scene.index.bounds, start, ray)
@@ -173,7 +170,7 @@ def pick(
     return _describe(scene, names, hit, segment, mesh, start + hit.distance_m * ray)
 
 
-def ray_box_entry(bounds: npt.NDArray[np.float32], origin: _Floats, ray: _Floats) -> _Floats:
+def ray_box_entry(bounds: Float32, origin: Float64, ray: Float64) -> Float64:
     """Distance at which a ray enters each box.
 
     Parameters
@@ -205,10 +202,10 @@ def ray_box_entry(bounds: npt.NDArray[np.float32], origin: _Floats, ray: _Floats
 
 
 def ray_triangles(
-    positions: npt.NDArray[np.float32],
-    faces: npt.NDArray[np.uint32],
-    origin: _Floats,
-    ray: _Floats,
+    positions: Float32,
+    faces: UInt32,
+    origin: Float64,
+    ray: Float64,
 ) -> RayHit | None:
     """Find the nearest triangle that a ray meets, either side of it.
 
@@ -258,7 +255,7 @@ def _describe(
     hit: RayHit,
     segment: int,
     mesh: SegmentMesh,
-    position: _Floats,
+    position: Float64,
 ) -> Hit:
     vertices = mesh.faces[hit.face]
     a, b, c = mesh.positions[vertices].astype(np.float64)
@@ -285,12 +282,12 @@ def _describe(
     )
 
 
-def _triple(vector: _Floats) -> tuple[float, float, float]:
+def _triple(vector: Float64) -> tuple[float, float, float]:
     return (float(vector[0]), float(vector[1]), float(vector[2]))
 
 
 def _mesh_bytes(mesh: SegmentMesh) -> int:
-    arrays: list[npt.NDArray[Any] | None] = [
+    arrays: list[AnyArray | None] = [
         mesh.positions,
         mesh.faces,
         mesh.normals,

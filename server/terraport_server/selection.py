@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import box_distances_m
+from terraport_payload.types import AnyInt, Bool, Float32, Int64, UInt32, UInt64
 from terraport_server.id_set import IdSet
 
 __all__ = [
@@ -32,15 +32,15 @@ __all__ = [
 class SegmentTable:
     """What planning needs to know about S segments of one scene in one payload encoding."""
 
-    bounds: npt.NDArray[np.float32]
+    bounds: Float32
     """(S, 6) min x, y, z, max x, y, z; metres, scene frame."""
-    lengths: npt.NDArray[np.uint32]
+    lengths: UInt32
     """(S,) payload bytes."""
-    hashes: npt.NDArray[np.uint64]
+    hashes: UInt64
     """(S,) xxh3-64 of the payload."""
-    faces: npt.NDArray[np.uint32]
+    faces: UInt32
     """(S,) triangles."""
-    vertices: npt.NDArray[np.uint32]
+    vertices: UInt32
     """(S,) vertices."""
 
     def __len__(self) -> int:
@@ -67,17 +67,17 @@ NO_BUDGETS = Budgets()
 class Selection:
     """The outcome of :func:`select`; ``load`` and ``keep`` are disjoint and together the plan."""
 
-    load: npt.NDArray[np.uint32]
+    load: UInt32
     """To be sent, nearest first."""
-    keep: npt.NDArray[np.uint32]
+    keep: UInt32
     """Wanted and already held by the client, ascending."""
-    release: npt.NDArray[np.uint32]
+    release: UInt32
     """Shown until now and not wanted any more, ascending."""
     plan: IdSet
     """The ids of the plan, loaded and kept."""
-    order: npt.NDArray[np.uint32]
+    order: UInt32
     """The same, nearest first."""
-    inner: npt.NDArray[np.uint32]
+    inner: UInt32
     """The ids of the plan within ``inner_radius_m`` (none without one), nearest first."""
     effective_radius_m: float
     """Everything nearer than this is in the plan; the radius asked for if nothing was left out."""
@@ -94,11 +94,11 @@ class Selection:
 
 def find_candidates(
     table: SegmentTable,
-    near: npt.NDArray[np.int64],
+    near: Int64,
     held: IdSet,
     centre: Sequence[float],
     release_radius_m: float,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+) -> tuple[Int64, Bool]:
     """Find what a landing may want: all that is near, and of what is held what is not far.
 
     Beyond the load radius only held segments are looked at, never the scene: its ball of four times
@@ -143,14 +143,14 @@ def find_candidates(
 
 def select(
     table: SegmentTable,
-    candidates: npt.NDArray[np.integer],
+    candidates: AnyInt,
     centre: Sequence[float],
     radius_m: float,
     *,
     release_radius_m: float,
     inner_radius_m: float | None,
-    held: npt.NDArray[np.bool_],
-    shown: npt.NDArray[np.uint32],
+    held: Bool,
+    shown: UInt32,
     budgets: Budgets = NO_BUDGETS,
 ) -> Selection:
     """Choose the segments of one landing.
@@ -238,13 +238,11 @@ def select(
     )
 
 
-def _total(column: npt.NDArray[np.uint32], ids: npt.NDArray[np.int64]) -> int:
+def _total(column: UInt32, ids: Int64) -> int:
     return int(column[ids].sum(dtype=np.int64))
 
 
-def _budget_prefix(
-    table: SegmentTable, ids: npt.NDArray[np.int64], budgets: Budgets
-) -> tuple[int, str | None]:
+def _budget_prefix(table: SegmentTable, ids: Int64, budgets: Budgets) -> tuple[int, str | None]:
     """Length of the longest prefix within all budgets, and which budget ended it.
 
     Where two budgets end at the same segment, the first of segments, triangles, bytes is named.

@@ -16,10 +16,10 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
-import numpy.typing as npt
 import xxhash
 
 from terraport_payload import Cover
+from terraport_payload.types import Int64
 from terraport_store.errors import (
     CorruptPayloadError,
     DamagedSceneError,
@@ -227,7 +227,7 @@ class Scene:
         """
         return self._indexes[encoding]
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
         return self.spatial.within(centre, radius_m)
 

@@ -18,10 +18,10 @@ from collections.abc import Sequence
 from typing import Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from rtree import index as rtree_index
 
 from terraport_payload import box_distances_m
+from terraport_payload.types import Float32, Float64, Int64
 
 __all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "validate_query"]
 
@@ -38,7 +38,7 @@ _LEAST_SLACK_M: Final = 1e-150
 class SpatialIndex(Protocol):
     """Finds segments by distance."""
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius.
 
         Parameters
@@ -73,10 +73,10 @@ class BruteForceIndex:
         As in :class:`~terraport_store.index.SegmentIndex`.
     """
 
-    def __init__(self, bounds: npt.NDArray[np.float32]) -> None:
+    def __init__(self, bounds: Float32) -> None:
         self._bounds = bounds
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
         point = validate_query(centre, radius_m)
         return np.flatnonzero(box_distances_m(self._bounds, point) <= radius_m).astype(np.int64)
@@ -94,7 +94,7 @@ class RTreeIndex:
         As in :class:`~terraport_store.index.SegmentIndex`.
     """
 
-    def __init__(self, bounds: npt.NDArray[np.float32]) -> None:
+    def __init__(self, bounds: Float32) -> None:
         self._bounds = bounds
         self._tree: rtree_index.Index | None = None
         if len(bounds):  # libspatialindex refuses an empty bulk load
@@ -109,7 +109,7 @@ class RTreeIndex:
                 properties=properties,
             )
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
         point = validate_query(centre, radius_m)
         if self._tree is None:
@@ -123,7 +123,7 @@ class RTreeIndex:
         return found
 
 
-def validate_query(centre: Sequence[float], radius_m: float) -> npt.NDArray[np.float64]:
+def validate_query(centre: Sequence[float], radius_m: float) -> Float64:
     """Return the centre as an array; ValueError as :meth:`SpatialIndex.within` has it."""
     point = np.asarray(centre, dtype=np.float64)
     if point.shape != (3,) or not bool(np.isfinite(point).all()):

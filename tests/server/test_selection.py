@@ -6,12 +6,12 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from terraport_payload import box_distances_m
+from terraport_payload.types import Bool, Float32
 from terraport_server.id_set import IdSet
 from terraport_server.selection import (
     Budgets,
@@ -65,14 +65,14 @@ def run(
     )
 
 
-def mask(count: int, ids: set[int]) -> npt.NDArray[np.bool_]:
+def mask(count: int, ids: set[int]) -> Bool:
     out = np.zeros(count, dtype=np.bool_)
     out[list(ids)] = True
     out.setflags(write=False)
     return out
 
 
-def brute_distance(box: npt.NDArray[np.float32], centre: tuple[float, ...]) -> float:
+def brute_distance(box: Float32, centre: tuple[float, ...]) -> float:
     total = 0.0
     for axis in range(3):
         low, high, at = float(box[axis]), float(box[axis + 3]), centre[axis]

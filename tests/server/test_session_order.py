@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from server.session_model import Client, aim, ids, land, make_client, make_scene
 
 from terraport_payload import box_distances_m
+from terraport_payload.types import UInt64
 from terraport_server.actions import SendChunk, SendMessage
 from terraport_wire import HELD_DTYPE, Credit, Evict, Plan, Prefetch, Ready, Reject, Superseded
 
@@ -146,6 +147,6 @@ def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
     assert not due
 
 
-def _offer(kept: set[int], hashes: npt.NDArray[np.uint64]) -> npt.NDArray[np.void]:
+def _offer(kept: set[int], hashes: UInt64) -> npt.NDArray[np.void]:
     rows = [(segment, int(hashes[segment])) for segment in sorted(kept)]
     return np.array(rows, dtype=HELD_DTYPE)
