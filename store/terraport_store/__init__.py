@@ -31,10 +31,11 @@ from terraport_store.errors import (
     SceneNotFoundError,
     StoreError,
 )
-from terraport_store.files import FolderFiles, SceneFiles, is_url, path_inside, scene_files
+from terraport_store.files import FolderFiles, SceneFiles, path_inside
 from terraport_store.index import SegmentIndex
 from terraport_store.labelling import change_labels, read_labels, read_names
 from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
+from terraport_store.location import is_url, scene_files
 from terraport_store.manifest import (
     AttributeInfo,
     Bounds,

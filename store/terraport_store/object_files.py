@@ -40,7 +40,7 @@ from terraport_store.shelf import Shelf
 __all__ = ["ObjectFiles", "ObjectStorage"]
 
 MAX_SCENES: Final = 1000
-"""Scenes of one place that are looked at, lowest names first."""
+"""Scenes of one address that are looked at, lowest names first."""
 
 _PART_BYTES: Final = 8 << 20
 """Files are fetched in parts of this size: a cut connection costs one part."""
@@ -117,7 +117,7 @@ class ObjectStorage:
         Raises
         ------
         OriginError
-            When the place cannot be looked at.
+            When the address cannot be listed.
         """
         url = url.rstrip("/")
         origin = self._listed.get(url)
@@ -185,8 +185,8 @@ class ObjectFiles:
         self._scope = hashlib.blake2b(text, digest_size=8).hexdigest()
 
     @property
-    def place(self) -> str:
-        """The address."""
+    def location(self) -> str:
+        """Address of the scene."""
         return self.origin.url
 
     def read(self, path: str, limit: int) -> bytes:

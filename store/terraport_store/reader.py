@@ -25,7 +25,7 @@ from terraport_store.errors import (
     DamagedSceneError,
     RangeError,
 )
-from terraport_store.files import LocalCopy, SceneFiles, SourceKind, path_inside, scene_files
+from terraport_store.files import LocalCopy, SceneFiles, SourceKind, path_inside
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     BASE,
@@ -35,6 +35,7 @@ from terraport_store.layout import (
     MAX_REGIONS_BYTES,
     REGIONS,
 )
+from terraport_store.location import scene_files
 from terraport_store.manifest import Manifest
 from terraport_store.opening import (
     check_agreement,
