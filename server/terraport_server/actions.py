@@ -75,7 +75,7 @@ class SessionLimits:
 
 @dataclass(frozen=True, slots=True)
 class SendMessage:
-    """Send one message."""
+    """Send one message, behind the actions before it."""
 
     message: Message
 

@@ -54,9 +54,9 @@ class IdSet:
     @classmethod
     def of_sorted(cls, ids: UInt32) -> IdSet:
         """Return a set of ids that are ascending, each once, and not written to any more."""
-        made = cls()
-        made._sorted = ids
-        return made
+        id_set = cls()
+        id_set._sorted = ids
+        return id_set
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -68,14 +68,14 @@ class IdSet:
 
     def contains(self, ids: AnyInt) -> Bool:
         """Return for each id whether it is in the set."""
-        known = self.array()
-        if len(known) == 0 or len(ids) == 0:
+        members = self.array()
+        if len(members) == 0 or len(ids) == 0:
             return np.zeros(len(ids), dtype=np.bool_)
-        asked = ids.astype(ID_DTYPE, copy=False)  # another type would copy all of `known`
-        places = np.searchsorted(known, asked)
-        places[places == len(known)] = 0
-        found: Bool = known[places] == asked
-        return found
+        asked = ids.astype(ID_DTYPE, copy=False)  # another type would copy all of `members`
+        positions = np.searchsorted(members, asked)
+        positions[positions == len(members)] = 0
+        is_member: Bool = members[positions] == asked
+        return is_member
 
     def array(self) -> UInt32:
         """Return all ids, ascending. The caller must not write to it."""
@@ -115,13 +115,13 @@ class IdSet:
         ids = _ascending(ids.astype(ID_DTYPE, copy=False))
         gone = ids[self.contains(ids)]
         if len(gone):
-            places = np.searchsorted(self._sorted, gone)
-            self._sorted = np.delete(self._sorted, places)
+            positions = np.searchsorted(self._sorted, gone)
+            self._sorted = np.delete(self._sorted, positions)
 
     def _is_sorted_in(self, segment: int) -> bool:
-        known = self._sorted
-        place = int(known.searchsorted(_id(segment)))
-        return place < len(known) and int(known[place]) == segment
+        members = self._sorted
+        position = int(members.searchsorted(_id(segment)))
+        return position < len(members) and int(members[position]) == segment
 
 
 def _ascending(ids: UInt32) -> UInt32:

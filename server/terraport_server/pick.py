@@ -132,7 +132,13 @@ def pick(
     ------
     PickTimeoutError
         When time or segments run out before the answer is certain.
+
+    Notes
+    -----
+    Invariant: ``best`` is the nearest hit of all segments looked at, and every other segment begins
+    at or behind the one that is looked at next.
     """
+    # The rays, of unit length: a distance along them is in metres.
     start = np.asarray(origin, dtype=np.float64)
     if direction is None:
         rays = [np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0])]
@@ -141,18 +147,19 @@ def pick(
         # Scaled first: the square of a very small or large component would vanish or overflow.
         towards = towards / np.abs(towards).max()
         rays = [towards / np.linalg.norm(towards)]
+    # Segments along each ray in the order in which the ray enters their boxes.
     best: tuple[RayHit, int, SegmentMesh, Float64] | None = None
-    looked_at = 0
+    decoded = 0
     for ray in rays:
         entry = ray_box_entry(scene.index.bounds, start, ray)
         near = np.flatnonzero(entry <= max_distance_m)
         for segment in near[np.lexsort((near, entry[near]))].tolist():
             limit = max_distance_m if best is None else best[0].distance_m
             if entry[segment] > limit:
-                break
-            if time_is_up() or looked_at >= max_segments:
-                raise PickTimeoutError(looked_at)
-            looked_at += 1
+                break  # nothing behind it can be nearer
+            if time_is_up() or decoded >= max_segments:
+                raise PickTimeoutError(decoded)
+            decoded += 1
             try:
                 mesh = cache.get(scene, segment)
             except (StoreError, PayloadError, OSError) as error:

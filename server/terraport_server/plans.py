@@ -27,7 +27,7 @@ def budgets_of(hello: Hello, limits: SessionLimits) -> Budgets:
 def make_plan(
     land: Land, chosen: Selection, table: SegmentTable, *, release_radius_m: float
 ) -> Plan:
-    """Return the answer to a landing."""
+    """Return the ``plan`` of a landing, its table in the order in which segments are sent."""
     return Plan.trusted(
         generation=land.generation,
         position=land.position,
@@ -48,7 +48,7 @@ def make_plan(
 
 
 def make_prefetch(aim: Aim, chosen: Selection, table: SegmentTable) -> Prefetch:
-    """Return the answer to an aim."""
+    """Return the ``prefetch`` of an aim, its table in the order in which segments are sent."""
     rows = _load_table(chosen, table)
     return Prefetch.trusted(generation=aim.generation, segments=rows, bytes=chosen.load_bytes)
 

@@ -44,7 +44,7 @@ class SegmentTable:
     """(S,) vertices."""
 
     def __len__(self) -> int:
-        """Return S."""
+        """Return the number of segments, S."""
         return len(self.lengths)
 
 
@@ -132,9 +132,9 @@ def find_candidates(
         reach_m = release_radius_m + 1e-12 * (release_radius_m + abs(at_m)) + 1e-30
         low_m, high_m = table.bounds[ids, axis], table.bounds[ids, axis + 3]
         ids = ids[(low_m <= at_m + reach_m) & (high_m >= at_m - reach_m)]
-    places = np.searchsorted(near, ids)
-    places[places == len(near)] = 0
-    further = ids[near[places] != ids] if len(near) else ids
+    positions = np.searchsorted(near, ids)
+    positions[positions == len(near)] = 0
+    further = ids[near[positions] != ids] if len(near) else ids
     candidates = np.concatenate((near, further))
     is_held = np.ones(len(candidates), dtype=np.bool_)
     is_held[: len(near)] = held.contains(near)
@@ -188,27 +188,35 @@ def select(
 
     Notes
     -----
+    Invariant: within the plan and at its end, (distance, id) ascends; no segment left out for a
+    budget stands before one that is in.
+
     O(C log C) in the number of candidates and of what is shown; never of the whole scene. Where a
     budget of segments cuts most of it off, O(C) and the sorting of what it leaves.
     """
+    # What is wanted: near, or held and not yet far.
     ids = np.asarray(candidates, dtype=np.int64)
     distances = box_distances_m(table.bounds[ids], centre)
     in_radius = distances <= radius_m
     wanted = np.flatnonzero(in_radius | (held & (distances <= release_radius_m)))
+
+    # A plan is a prefix of the order: what comes behind the budget of segments need not be sorted.
     beyond_m, beyond = math.inf, 0
     most = budgets.max_segments
     if most is not None and len(wanted) > 2 * (most + 1):
-        # A plan is a prefix of the order: what comes behind it need not be sorted.
         last_m = np.partition(distances[wanted], most)[most]
         head = distances[wanted] <= last_m
         rest = wanted[~head]
         beyond = len(rest)
         beyond_m = float(distances[rest[in_radius[rest]]].min(initial=math.inf))
         wanted = wanted[head]
+
+    # The order, and the longest prefix that keeps every budget.
     order = wanted[np.lexsort((ids[wanted], distances[wanted]))]
     ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
-
     count, omitted_by = _budget_prefix(table, ids, budgets)
+
+    # How far the plan is whole: up to the nearest segment in the radius that was left out.
     left_out_in_radius = np.flatnonzero(in_radius[count:])
     effective_radius_m = float(radius_m)
     if left_out_in_radius.size:
@@ -216,6 +224,7 @@ def select(
     elif beyond_m < math.inf:
         effective_radius_m = beyond_m
 
+    # Both halves, and what goes.
     plan, plan_distances = ids[:count], distances[:count]
     load, keep = plan[~held[:count]], plan[held[:count]]
     within_inner = plan_distances <= (-1.0 if inner_radius_m is None else inner_radius_m)

@@ -117,10 +117,10 @@ class RTreeIndex:
         # The tree finds the boxes that meet the cube about the sphere; the exact test then decides.
         slack_m = (np.abs(point) + radius_m) * _QUERY_SLACK + _LEAST_SLACK_M
         low, high = point - radius_m - slack_m, point + radius_m + slack_m
-        found = np.fromiter(self._tree.intersection((*low, *high)), dtype=np.int64)
-        found = found[box_distances_m(self._bounds[found], point) <= radius_m]
-        found.sort()
-        return found
+        ids = np.fromiter(self._tree.intersection((*low, *high)), dtype=np.int64)
+        ids = ids[box_distances_m(self._bounds[ids], point) <= radius_m]
+        ids.sort()
+        return ids
 
 
 def validate_query(centre: Sequence[float], radius_m: float) -> Float64:
