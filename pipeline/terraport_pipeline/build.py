@@ -178,12 +178,16 @@ def _run_stages(
     """Run all stages; return the scene's version and whether it was published now."""
     # Photos that are not there are told of now, not after the reconstruction.
     photos = None if options.texture is None else options.texture.find(runner.progress)
+    # (1) What the survey is, and whether it fits into memory; if not, all goes by tiles.
     runner.progress.start("read: checksum", None, "bytes")
     input_info = InputInfo(name=survey.name, bytes=survey.stat().st_size, xxh3=file_digest(survey))
     runner.progress.done({})
     plan = _plan_memory(runner, survey, options)
     if plan.tiled:
         return _run_tiled(runner, survey, scene, options, input_info, plan, photos)
+    # (2) Cloud, meshes, segments. Invariant: a stage's key holds its options and the digest of
+    # its input, so a stage whose key is unchanged is taken up and its value is never loaded
+    # unless asked for.
     read = _read(runner, survey, input_info, options)
     if photos is not None and not runner.reports[-1].taken_up:
         photos.try_on(read.value(), runner.progress)
@@ -222,6 +226,7 @@ def _run_stages(
         segment.store,
         segment.restore,
     )
+    # (3) Textures, if asked for.
     crs = read.record.values["crs"]
     recorded = options.recorded()
     textured = None
@@ -231,6 +236,7 @@ def _run_stages(
             runner, options.texture, photos, crs, cleaned, reconstructed, segmented
         )
     made = build_info(recorded, input_info, runner.reports)
+    # (4) Pack; its key holds everything that the manifest says.
     pack_options = options.pack_options()
 
     def publish(context: Context) -> pack.Packed:
@@ -291,6 +297,7 @@ def _run_tiled(
     photos: FoundPhotos | None,
 ) -> tuple[str, bool]:
     """Run all stages over tiles; as :func:`_run_stages`."""
+    # (1) Refuse now what cannot be done by tiles; then everything up to tiles and base.
     check_tiled(options.segment)
     runner.progress.start("plan", None, "")
     runner.progress.done({"tiles": plan.why})
@@ -318,6 +325,7 @@ def _run_tiled(
             build=build_info(recorded, input_info, runner.reports),
         )
 
+    # (2) Segments, textures and the scene, tile by tile.
     surface = TiledSurface(made.base, made.tiles, made.deviation_m, made.digest, made.spacing_m)
     texturing = None
     if options.texture is not None:

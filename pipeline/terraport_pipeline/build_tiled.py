@@ -100,10 +100,12 @@ def segment_and_pack(
     OptionError
         What cannot be done by tiles.
     """
+    # (1) Regions, segments and cover; the scales that all payloads share.
     check_tiled(options)
     known, segmented, labels, cuts = _Work(runner, surface, options).segmented()
     scales = tiled_pack.scales_of(known, segmented, surface.base, surface.spacing_m)
     made: TiledTextures | None = None
+    # (2) Textures of every tile, where they are asked for.
     if texturing is not None:
         made = texture_tiles(
             runner,
@@ -117,6 +119,8 @@ def segment_and_pack(
             texturing,
         )
     said = about()
+    # (3) Payloads of every tile. Its inputs name all that a payload holds, so a tile whose
+    # surface, labels, cut and textures are unchanged is not encoded again.
     encoded = TilePass(
         "pack-tile",
         tiled_pack.__name__,
@@ -146,6 +150,7 @@ def segment_and_pack(
             None if made is None else made.tile(tile),
         ),
     )
+    # (4) One scene of them all, published in one act.
     key = stage_key(
         pack.NAME,
         code_digest(tiled_pack.__name__),
@@ -238,6 +243,7 @@ class _Work:
         """Do all passes; one report."""
         runner, surface, options = self._runner, self._surface, self._options
         work, tiles, base = runner.work, surface.tiles, surface.base
+        # (1) What only the whole scene knows (extents, densities, colours), from sums by tile.
         measured = run_pass(
             runner,
             self._pass(
@@ -247,6 +253,7 @@ class _Work:
         )
         known = tiled_segment.scene_of([work.looked_up(record) for record in measured.records])
         shared = {"measured": _digest(measured)}
+        # (2) Units within every tile.
         united = run_pass(
             runner,
             self._pass(
@@ -260,6 +267,7 @@ class _Work:
                 tiles.load(tile), tile, known, options, context
             ),
         )
+        # (3) Regions over all tiles: in memory, as units are few.
         progress = runner.progress
         with Measure() as joining, work.scratch() as scratch:
             progress.start("segment: regions across tiles", None, "units")
@@ -271,6 +279,7 @@ class _Work:
             )
             progress.done({"regions": joined.count})
         labels = _Labels(work, united, joined)
+        # (4) Segments of every tile, and which base faces they lie over.
         tolerance_m = max(surface.deviation_m[2], segment.SMALLEST_TOLERANCE_M)
         cuts = run_pass(
             runner,
@@ -294,6 +303,8 @@ class _Work:
                 tolerance_m=tolerance_m,
             ),
         )
+        # (5) One numbering, one cover, one set of facts; reported as one stage together with the
+        # passes.
         passes = (measured, united, cuts)
         step = runner.step(
             tiled_join.NAME,

@@ -193,6 +193,7 @@ class _Passes:
             else [self._runner.work.looked_up(record).arrays for record in chosen.records]
         )
 
+        # (1) One tile: from vertex colours, or from photos with the neighbouring tiles' views.
         def one(tile: int, context: Context) -> Stored:
             if levels is None:
                 return tiled_texture.draw_plain(
@@ -205,6 +206,7 @@ class _Passes:
 
         if levels is not None:
             levels.value()  # before several threads ask for it
+        # (2) The pass; photos, gains, levels and views of any tile change every tile.
         shared = {"gains": _gains_digest(gains)}
         if levels is not None and chosen is not None:
             shared |= {"levels": levels.record.digest, "views": _digest(chosen)}
@@ -293,6 +295,7 @@ def texture_tiles(
     -------
     TiledTextures
     """
+    # (1) The base, which also finds the photos' gains.
     work = _Passes(runner, tiles, digest, scene, asked)
     kept = texture.faces_only(base, base_kept)
     before = len(runner.reports)
@@ -301,11 +304,15 @@ def texture_tiles(
     chosen: PassResult | None = None
     levels: Step[Levels] | None = None
     passes: list[PassResult] = []
+    # (2) With photos: the best views of every face, and smooth corrections over the whole
+    # surface.
     if asked.open_photos is not None:
         chosen = work.views(base, found.gains)
         cells, levels = work.levels(chosen, found.gains)
         passes = [chosen, cells]
+    # (3) Atlases of every tile.
     passes.append(drawn := work.draw(segments, cuts, chosen, levels, found.gains))
+    # (4) Facts and cost of all passes, as one stage.
     parts = [runner.work.looked_up(record) for record in drawn.records]
     counts, info = _summary(parts, found, asked.options)
     if chosen is not None:

@@ -120,6 +120,7 @@ def inspect_photos(
     ReadError, PhotoError
         Also when the cameras do not look at the cloud.
     """
+    # (1) The survey's samples, in the scene's frame.
     survey = read_survey(survey_path, max_points=MAX_POINTS, progress=progress)
     origin = np.floor(survey.points.min(axis=0))
     points = to_scene(survey.points, origin).astype(np.float64)
@@ -132,6 +133,7 @@ def inspect_photos(
         photo_size=sizes_below(photos),
     )
     views, warnings = found.views, list(found.warnings)
+    # (2) With the photos: their sizes, and whether their colours are the cloud's.
     colours = None
     if photos is not None:
         opened = open_photos(views, photos, max_bytes=_PHOTO_BYTES)
@@ -139,6 +141,7 @@ def inspect_photos(
         warnings += opened.warnings
         if survey.colours is not None:
             colours = _compare(opened, points, survey.colours)
+    # (3) How the cloud is covered.
     photos_per_point, finest_m, points_in_view = cover_points(views, points)
     seen = photos_per_point > 0
     if not seen.any():

@@ -100,11 +100,13 @@ def prepare_demo(
         seconds.append((step, time.perf_counter() - start))
 
     start = time.perf_counter()
+    # (1) A cloud, large enough for the flight to look at.
     options = QuarryOptions(points=points, seed=seed)
     if flight is not None:
         options = seen_by(flight, options)
     quarry = write_quarry(options, directory / "quarry.laz", overwrite=True, progress=watcher)
     took("make a quarry", start)
+    # (2) Its photos.
     photos, folder = None, directory / "photos"
     if flight is not None:
         start = time.perf_counter()
@@ -113,6 +115,7 @@ def prepare_demo(
         )
         took("photograph it", start)
     start = time.perf_counter()
+    # (3) The scene, as `terraport build` makes it.
     images = folder / "images"
     built = build(
         BuildOptions(
@@ -126,6 +129,7 @@ def prepare_demo(
     )
     took("build the scene", start)
     start = time.perf_counter()
+    # (4) Its report.
     report = write_report(
         scene,
         options=REPORT,

@@ -125,12 +125,15 @@ def checked_photos(opened: OpenPhotos, points: Float32, colours: UInt8 | None) -
     OpenPhotos
         With more warnings. May be empty: then nothing is known of the surface but the cloud.
     """
+    # (1) Which photos disagree with the others and the cloud. Where most do, the measure itself
+    # is in doubt (a cloud of other colours): only the plainest cases count.
     damaged: dict[int, PhotoError] = {}
     found = agreements(opened, points, colours, damaged)
     names = [view.name for view in opened.views]
     wrong = [number for number, one in found.items() if one.disagrees()]
     if 2 * len(wrong) > len(found):
         wrong = [number for number, one in found.items() if one.disagrees(_DISAGREES_STRICTLY)]
+    # (2) What is left out, in words.
     texts = []
     if damaged:
         texts.append(
@@ -144,6 +147,7 @@ def checked_photos(opened: OpenPhotos, points: Float32, colours: UInt8 | None) -
             "left out: are they of this survey, under their own names, and not turned?"
         )
     kept = [n for n in range(len(names)) if n not in damaged and n not in wrong]
+    # (3) What the photos that stay have in common, which is no reason to leave any out.
     moved = [found[n] for n in kept if n in found and found[n].is_moved]
     if 2 * len(moved) > len(kept) > 0:
         texts.append(
@@ -194,6 +198,8 @@ def agreements(
     light = None if colours is None else colours.astype(np.float32).mean(axis=1)
     if light is not None and float(light.std()) == 0.0:
         light = None
+    # (1) Sample every photo at the points that it sees. Invariant: total and count are the sums
+    # of all readable photos' standardised levels by point.
     sampled: dict[int, _Sampled] = {}
     total, count = np.zeros(len(places)), np.zeros(len(places), np.int64)
     for number in range(len(opened.views)):
@@ -208,9 +214,11 @@ def agreements(
             count[one.rows] += 1
     found = {}
     for number, one in sampled.items():
+        # (2) The other photos as a witness: their mean without this photo's own.
         shared = count[one.rows] > 1
         own = _standard(one.levels)
         mean = (total[one.rows] - own) / np.maximum(count[one.rows] - 1, 1)
+        # (3) The cloud as a witness, and whether it agrees better some pixels away.
         cloud = None if light is None else _witness(one.levels, light[one.rows])
         moved, move_m = 0.0, 0.0
         if light is not None and cloud is not None:

@@ -158,6 +158,7 @@ def number_regions(
     DamagedSceneError
         Neither the scene before nor its labels can be read.
     """
+    # (1) Match the regions to those of the version before, by the surface they share.
     before = _before(scene, surface, progress)
     rows = facts["regions"]
     new = (
@@ -172,6 +173,8 @@ def number_regions(
             f"stable ids up to {first_free - 1}; expected at most {MAX_STABLE_ID}: build the scene "
             "in a new place"
         )
+    # (2) The document: stable ids beside the numbers of this version. Invariant: an id is never
+    # given to another region, not even after its own has gone.
     document = {
         "next_stable_id": first_free,
         **{key: value for key, value in facts.items() if key != "regions"},
@@ -180,6 +183,7 @@ def number_regions(
             for row, number in zip(rows, ids.tolist(), strict=True)
         ],
     }
+    # (3) What was carried over, and labels that lost their region.
     kept = len(matched[0])
     counts = {
         "regions_kept": kept,

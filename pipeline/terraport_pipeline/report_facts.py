@@ -63,6 +63,7 @@ def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
     -------
     ReportFacts
     """
+    # (1) Distributions, regions, stages: what index and records say.
     manifest, index = scene.manifest, scene.index
     faces, lengths = histogram(index.face_count), histogram(index.length)
     assert faces is not None  # a scene has at least one segment
@@ -70,6 +71,7 @@ def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
     columns, regions, note = _regions(scene)
     record = read_build_record(scene.path)
     stages, stages_note = _stages(record)
+    # (2) Size and frame: what the manifest says. Values stay plain, words and units are theirs.
     total = sum(info.bytes for info in manifest.files.values())
     size = np.array(manifest.bounds.max) - np.array(manifest.bounds.min)
     crs = manifest.crs.name if manifest.crs else "no coordinate reference system stated"
@@ -176,6 +178,7 @@ def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:
 
 def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...], str]:
     """Table of the largest regions: columns, rows, and a note."""
+    # (1) Names and labels; damaged labels cost the labels, not the table.
     try:
         names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
     except DamagedSceneError as error:
@@ -185,6 +188,7 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
         names = names.with_labels(read_labels(scene.path))
     except DamagedSceneError as error:
         problem = f" Labels are left out: {error}."
+    # (2) One row per region, largest first.
     rows = region_rows(names, scene.regions, scene.manifest.origin)
     colours = distinct_colours(len(rows))
     columns: tuple[str, ...] = (
@@ -204,6 +208,7 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
         }
         for row in rows[:MAX_REGIONS]
     ]
+    # (3) Only columns that say something.
     # A column that nobody filled is not shown.
     filled = [
         any(row["cells"][index]["text"] or row["cells"][index]["swatch"] for row in table)

@@ -185,6 +185,7 @@ def photo_pictures(
         For the view nearest to straight down and for an oblique one: the whole photo, and a
         close-up in the photo's own pixels.
     """
+    # (1) Words for two panels or three.
     panels = "the photo, the scene with textures" + (
         ", the scene with vertex colours" if plain is not None else ""
     )
@@ -196,6 +197,7 @@ def photo_pictures(
             "or is another build's."
         )
     )
+    # (2) By each camera the whole photo, then one part of it pixel by pixel.
     plain_rays = None if plain is None else RayScene(plain.vertices, plain.faces)
     for index, kind in chosen_views(opened.views, rays):
         view = opened.views[index]

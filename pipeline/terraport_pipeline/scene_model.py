@@ -131,6 +131,7 @@ def load_scene_model(
     DamagedSceneError
         When a payload fails its hash, does not decode, or has other counts than the index says.
     """
+    # (1) What to read, and whether to thin it.
     watcher = progress or NullProgress()
     index, manifest = scene.index, scene.manifest
     chosen = np.arange(len(index)) if segments is None else segments
@@ -141,6 +142,7 @@ def load_scene_model(
             f"{total_faces} detail faces, expected at most {np.iinfo(np.int32).max // 3} to look "
             "at in one piece"
         )
+    # (2) Payloads one at a time. Thinned ones are gathered first: their size is known only then.
     watcher.start("read segments", len(chosen), "segments")
     meshes: Iterable[tuple[int, SegmentMesh]] = _read(scene, chosen, watcher)
     if cell_m is None:
@@ -155,6 +157,7 @@ def load_scene_model(
             sum(len(mesh.faces) for _, mesh in thinned),
         )
         meshes = thinned
+    # (3) One mesh. Invariant: faces stand in order of their segments, whatever was thinned.
     parts = _Parts(*size, tuple(attribute.name for attribute in manifest.attributes))
     for number, mesh in meshes:
         parts.add(number, mesh)

@@ -91,6 +91,7 @@ def prepare(
     runner, survey, file_key, max_points, clean_options, options, tiles
         As :func:`terraport_pipeline.tiled_reconstruct.run`.
     """
+    # (1) The survey as columns on disk.
     read = runner.folder_step(
         read_streamed.NAME,
         stage_key(
@@ -102,6 +103,7 @@ def prepare(
         lambda folder, context: read_streamed.run(survey, folder, context, max_points=max_points),
     )
     source = runner.work.path / read.name
+    # (2) A thinned copy in memory, for the origin, colours and the scene's frame.
     cleaned = runner.step(
         clean.NAME,
         stage_key(
@@ -116,6 +118,7 @@ def prepare(
         clean.restore,
     )
     cloud = cleaned.value().cloud
+    # (3) Extent and spacing of all samples.
     measured = runner.step(
         measure_survey.NAME,
         stage_key(
@@ -132,6 +135,8 @@ def prepare(
         lambda stored, _facts: stored,
     ).value()
     values = dict(measured.values)
+    # (4) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
+    # on one lattice: their surfaces meet at the same planes.
     depth, warnings = reconstruct.choose_detail_depth(
         options, values["extent_m"], values["spacing_m"]
     )

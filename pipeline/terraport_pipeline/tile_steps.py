@@ -52,6 +52,7 @@ def solve_all(
     pool: TilePool,
 ) -> list[StageRecord]:
     """Reconstruct every tile that is not there yet, the largest first."""
+    # (1) What is there already; jobs for the rest.
     code = code_digest(solve_tile.__name__)
     folder = runner.work.path / ground.samples.name
     samples = ground.samples.values["samples"]
@@ -70,6 +71,7 @@ def solve_all(
         file = folder / f"{partition.samples_name(tile)}.npy"
         limit = ground.forecast.tile_bytes * 2
         jobs.append(SolveJob(runner.work, tile, key, task, file, 1, limit))
+    # (2) The largest first: a large one started last would leave cores idle.
     jobs.sort(key=lambda job: (-samples[job.tile], job.tile))
     taken_up = not jobs
     with Measure() as measure:
@@ -88,6 +90,7 @@ def solve_all(
 
             pool.run(solve_one, jobs, done)
             progress.done({"tiles": len(jobs)})
+    # (3) Facts and cost; of results taken up, what they took when they were made.
     listed = [records[tile] for tile in range(len(tasks))]
     facts = Facts(
         {
@@ -111,12 +114,14 @@ def join_all(
     pool: TilePool,
 ) -> tuple[StoredTiles, Facts]:
     """Weld, look, settle, finish."""
+    # (1) Nothing to join: say so before anything is decided.
     work, plan = runner.work, ground.plan
     if not any(int(record.values["faces"]) for record in solved):
         raise SurveyError(
             "no surface lies near the samples of any tile; are they scattered in space rather "
             "than on a surface?"
         )
+    # (2) What is decided for all tiles together: edge, welding, islands; see :mod:`.join_tiles`.
     key = stage_key(
         join_tiles.NAME,
         code_digest(joined_tile.__name__),
@@ -171,6 +176,7 @@ def join_all(
         lambda stored, facts: (stored, facts),
     )
     joined.release()
+    # (3) Write every tile as it will be.
     code = code_digest(joined_tile.__name__)
     jobs = [
         FinishJob(
@@ -209,6 +215,7 @@ def join_all(
         lambda number, record: finished(waiting[number].tile, record),
     )
     runner.progress.done({"tiles": len(jobs)})
+    # (4) Forget what an earlier plan with more tiles left; keep the tiles with faces.
     for stale in (*work.names("solve-"), *work.names("tile-")):
         if int(stale.split("-")[1]) >= plan.count:
             work.forget(stale)

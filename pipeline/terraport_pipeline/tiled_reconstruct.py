@@ -100,8 +100,10 @@ def run(
     EngineError
         The solver failed twice on a tile, or a worker was lost twice.
     """
+    # (1) Everything known before the first tile.
     ground = prepare(runner, survey, file_key, max_points, clean_options, options, tiles)
     check(tuple(ground.cleaned.record.values["attributes"]))
+    # (2) Solve and join tiles, in processes of their own.
     tasks = tile_tasks(ground, clean_options, options)
     with (
         runner.at(reconstruct.NAME),
@@ -109,6 +111,7 @@ def run(
     ):
         solved = solve_all(runner, ground, tasks, pool)
         stored, joined = join_all(runner, ground, tasks, solved, options, pool)
+    # (3) The base, from all tiles and the thinned cloud.
     cleaned = ground.cleaned.value()
     base_key = stage_key(
         tiled_base.NAME,
@@ -124,6 +127,7 @@ def run(
         tiled_base.store,
         tiled_base.restore,
     )
+    # (4) Facts of all steps.
     made = base.value()
     ground.cleaned.release()
     crs = ground.read.values["crs"]

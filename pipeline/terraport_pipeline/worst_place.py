@@ -135,12 +135,14 @@ def compare_at(
         detail, orange further, full colour at four tolerances, magenta where the mixed model shows
         nothing.
     """
+    # (1) Where to look from, and the two meshes to look at.
     tolerance_m = model.manifest.hand_off.tolerance_m
     camera = sight_of(worst, tolerance_m)
     loaded = np.zeros(len(model.segment_bounds), dtype=np.bool_)
     loaded[list(worst.loaded)] = True
     detail_scene = detail_rays or RayScene(model.detail.vertices, model.detail.faces)
     base_scene = base_rays or RayScene(model.base.vertices, model.base.faces)
+    # (2) Both pictures by the same camera and light.
     full = render_mesh(
         model.detail.vertices,
         model.detail.faces,
@@ -168,6 +170,7 @@ def compare_at(
         shadows=False,
         supersample=supersample,
     )
+    # (3) Their difference in depth, in colour.
     full_t, mixed_t = _depths(model, loaded, camera, size, (detail_scene, base_scene))
     difference = difference_colours(full_t, mixed_t, tolerance_m).reshape(size[1], size[0], 3)
     most = f"{FULL_COLOUR * tolerance_m:.3g} m"

@@ -128,12 +128,15 @@ def render_mesh(
     ValueError
         For a size that is not positive or too large.
     """
+    # (1) Rays of all pixels.
     width, height = _validate_size(size, supersample)
     rays = scene or RayScene(vertices, faces)
     lift = float(np.ptp(vertices, axis=0).max(initial=0.0)) * SHADOW_LIFT
     small = np.empty((size[1], size[0], 3), dtype=np.uint8)
     starts, headings = camera.rays(width, height)
 
+    # (2) Bands of rows. Invariant: a band writes its own rows only, so bands may be drawn at
+    # once.
     def draw(first_row: int) -> None:
         last_row = min(first_row + BAND_ROWS, size[1])
         part = slice(first_row * supersample * width, last_row * supersample * width)
@@ -142,6 +145,7 @@ def render_mesh(
         picture = np.empty((len(origins), 3), dtype=np.float32)
         missed = hits.face < 0
         picture[missed] = _sky(directions[missed], camera)
+        # (3) Pixels that meet the mesh: light, colour, tint, in this order.
         met = np.flatnonzero(~missed)
         if len(met):
             found = Hits(hits.t[met], hits.face[met], hits.u[met], hits.v[met])
@@ -201,6 +205,7 @@ def render_points(
         sRGB, edges darkened by eye-dome lighting (Boucheny 2009), so that shapes show without
         normals.
     """
+    # (1) Points in the picture, far to near.
     width, height = _validate_size(size, supersample)
     column, row, depth = camera.project(points, width, height)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
@@ -210,6 +215,7 @@ def render_points(
     picture = _sky(camera.rays(width, height)[1], camera)
     if len(order) == 0:
         return _shrink(picture.reshape(height, width, 3), supersample)
+    # (2) Width of each splat.
     x, y = column[order].astype(np.int64), row[order].astype(np.int64)
     near = depth[order]
     scale = near if camera.kind == "perspective" else np.ones_like(near)
@@ -218,6 +224,8 @@ def render_points(
     nearest = np.full(width * height, np.inf)
     shown = colours[order]
     largest = int(radius.max())
+    # (3) One layer per pixel of the widest splat. Invariant: `nearest` and `picture` hold the
+    # nearest splat of the layers so far.
     for shift_y in range(-largest, largest + 1):
         for shift_x in range(-largest, largest + 1):
             wide = radius >= max(abs(shift_x), abs(shift_y))
@@ -231,6 +239,7 @@ def render_points(
             paint[pixel] = shown[wide][ok]
             picture[front] = paint[front]
             nearest[front] = layer[front]
+    # (4) Edges darkened by the depth around them.
     shade = _eye_dome(nearest.reshape(height, width))
     drawn = np.isfinite(nearest)
     picture[drawn] *= shade.reshape(-1, 1)[drawn]

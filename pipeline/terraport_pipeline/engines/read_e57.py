@@ -116,6 +116,7 @@ def open_e57(path: Path, *, max_points: int | None = None) -> Iterator[E57Stream
 
 
 def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
+    # (1) What the scans hold; a field of any scan is a column, NaN in the others.
     root = image.root()
     headers, counts = _scans(path, root)
     total = sum(counts)
@@ -132,6 +133,8 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
     late: list[str] = []
     invalid = 0
 
+    # (2) Scan after scan. Invariant: `start` is the number of points of the scans before, which
+    # the rows of a thinned survey count from.
     def parts() -> Iterator[StreamPart]:
         nonlocal invalid
         start = 0
@@ -161,6 +164,7 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
             return tuple(late)
         return (*late, f"{invalid:,} points that the scanner marked invalid were left out.")
 
+    # (3) What is worth saying before a point is read.
     has_colour = all(name in names for name in _COLOURS)
     warnings: tuple[str, ...] = ()
     if has_colour and any(name in partial for name in _COLOURS):
@@ -226,6 +230,7 @@ def _scan_parts(
     precision: _Precision,
 ) -> Iterator[tuple[Float64, dict[str, npt.NDArray[Any]], int]]:
     """Yield (points with the pose applied, every other field, points read) of one scan."""
+    # (1) One buffer per field, filled again for each chunk.
     fields = list(header.point_fields)
     shape = _shape(path, header, number)
     count = int(header.point_count)
@@ -235,6 +240,8 @@ def _scan_parts(
     for name in fields:
         buffers.append(libe57.SourceDestBuffer(image, name, chunk[name], size, True, True))
     reader = header.points.reader(buffers)
+    # (2) Chunks. Invariant: `first` points of the scan are read; `rows` count from the scan's
+    # start.
     first = 0
     while first < count:
         got = int(reader.read())
@@ -250,6 +257,7 @@ def _scan_parts(
             low, high = np.searchsorted(rows, (first, first + got))
             wanted = rows[low:high] - first
         table = {name: chunk[name][wanted].copy() for name in fields}
+        # (3) Cartesian; precision is judged before the pose moves the scan among the others.
         points = np.stack([table.pop(name) for name in shape], axis=1)
         if shape is _SPHERICAL:
             points = _from_spherical(points)

@@ -140,6 +140,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
     ReadError
         As :func:`read_las`; what is damaged in the points is found while the parts are read.
     """
+    # (1) The header; what laspy cannot read is damage, and so said.
     _check_records(path)
     try:
         reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs)
@@ -151,6 +152,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             f"the LAS header or the compressed table cannot be read ({_brief(error)})",
             "the file is cut off or damaged: copy or export it again",
         ) from error
+    # (2) Header and size agree; several threads only where the compressed table is whole.
     with contextlib.ExitStack() as stack:
         stack.enter_context(reader)
         header = reader.header
@@ -162,6 +164,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             reader = stack.enter_context(
                 laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel)
             )
+        # (3) Frame, thinning and columns.
         crs, warnings = _find_crs(header)
         rows = thinning_rows(count, max_points)
         names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
@@ -173,6 +176,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
                 "the header is damaged: copy or export the file again",
             )
 
+        # (4) Chunks in file order; thinned rows count from the start of the file.
         def parts() -> Iterator[StreamPart]:
             for first, chunk in _iterate(reader, path, count):
                 wanted: Any = slice(None)

@@ -246,6 +246,7 @@ def _bare(layout: _Layout) -> str:
 
 
 def _find_layout(path: Path) -> _Layout:
+    # (1) The first lines, as text.
     with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
     if b"\x00" in head:
@@ -258,6 +259,7 @@ def _find_layout(path: Path) -> _Layout:
     lines = head.decode("utf-8-sig", errors="replace").splitlines()
     if len(head) == _SAMPLE_BYTES:
         lines = lines[:-1]  # the last one may be cut
+    # (2) Rows, and the comment above them, which may name the columns.
     above = ""
     rows: list[str] = []
     for line in lines:
@@ -270,15 +272,18 @@ def _find_layout(path: Path) -> _Layout:
         rows.append(bare)
         if len(rows) > _SAMPLE_ROWS:
             break
+    # (3) PTS: the first row may be the number of points.
     skip = 0
     if len(rows) > 1 and re.fullmatch(r"[0-9]+", rows[0]):
         skip, rows = 1, rows[1:]
     if not rows:
         raise ReadError(path, "there is not one row of numbers", "export the survey again")
+    # (4) Delimiter by majority of the rows; a decimal comma only where it does not separate.
     delimiter, _ = Counter(map(_find_delimiter, rows)).most_common(1)[0]
     cells = [_split(row, delimiter) for row in rows]
     comma = delimiter != "," and any(re.search(r"\d,\d", cell) for cell in cells[-1])
     decimal = "," if comma else "."
+    # (5) A header, in the first row or in the comment.
     header: list[str] | None = None
     if not all(_is_number(cell, decimal) for cell in cells[0]):
         header, skip, cells = cells[0], skip + 1, cells[1:]
@@ -291,6 +296,7 @@ def _find_layout(path: Path) -> _Layout:
             f"{rows[0][:60]!r} is not followed by rows of numbers",
             "expected one point per line: x y z, then colours or other values",
         )
+    # (6) Names of the columns: the header's, or by what the numbers look like.
     if header is not None:
         _refuse_degrees(path, header)
         names = name_header_columns(header)

@@ -117,11 +117,13 @@ def sweep(
     SurveyError
         The scene is not there, or is no surface.
     """
+    # (1) The survey, real or made.
     title, path = find_scene(name, data)
     if path is None:
         survey = synthesise(QuarryOptions(points=points)).survey
     else:
         survey = read_survey(path, max_points=points)
+    # (2) Clean it once for all depths.
     cleaned = clean.run(survey, clean.Options(), Context(scratch, threads=threads))
     cloud = cleaned.cloud
     samples = Samples(
@@ -138,12 +140,14 @@ def sweep(
             depth, len(surface.faces), surface.solved_faces, made.cpu_s, made.added_bytes
         )
 
+    # (3) Every depth in a process of its own.
     rows = []
     with ThreadPoolExecutor(max(1, threads)) as pool:
         # The deepest first: they take longest, and a short one last leaves no core idle.
         for row in pool.map(one, sorted(depths, reverse=True)):
             rows.append(row)
             progress.advance(1)
+    # (4) In order of the depth, whatever was done first.
     return DepthScene(
         name if path is None or name in KNOWN_SCENES else path.stem,
         title,

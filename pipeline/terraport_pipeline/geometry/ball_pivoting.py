@@ -166,6 +166,8 @@ def _pivot(
 
     Writes the ball's new centre to `found`.
     """
+    # (1) The axis of rotation: the edge's direction through its middle; the arm to the old
+    # centre.
     a, b, opposite = mesh.edges[edge, 0], mesh.edges[edge, 1], mesh.edges[edge, 2]
     mx, my, mz = (
         (points[a, 0] + points[b, 0]) / 2,
@@ -181,6 +183,9 @@ def _pivot(
     # The ball leaves its face on the left of the edge: it turns about the edge's direction from
     # the old centre through the outside to the right.
     sx, sy, sz = ay * oz - az * oy, az * ox - ax * oz, ax * oy - ay * ox
+    # (2) Of the samples that the ball can rest on together with the edge, the first that it
+    # meets. Invariant: `chosen` is the one of least angle so far whose ball holds no other
+    # sample; of equal angles the lower sample, so that the order of `near` does not matter.
     best, chosen = np.inf, -1
     centre = np.empty(3)
     for place in range(count):
@@ -198,6 +203,7 @@ def _pivot(
         ):
             best, chosen = angle, point
             found[0], found[1], found[2] = centre[0], centre[1], centre[2]
+    # (3) A face whose sides contradict the samples' normals ends the surface here.
     if chosen >= 0 and not agrees(points, normals, b, a, chosen):
         return -1
     return chosen
@@ -213,6 +219,7 @@ def _roll(
     reach = 2 * radius
     queue = [np.int64(0)]
     queue.pop()
+    # (1) Borders that a smaller ball left: those that this ball rests on too become front again.
     for old in range(mesh.counts[1]):
         if mesh.edges[old, 3] != _BORDER:
             continue
@@ -228,6 +235,9 @@ def _roll(
                 centre[2],
             )
             queue.append(np.int64(old))
+    # (2) Roll over the front, edge by edge. Invariant: every edge of the front stands in `queue`
+    # at or after `head`; an edge that another face closed meanwhile is no longer front and is
+    # passed over.
     seed = 0
     while True:
         head = 0
@@ -254,6 +264,8 @@ def _roll(
                 continue
             _add_face(mesh, queue, centre, b, a, point)
         queue.clear()
+        # (3) The front is closed: start another piece of surface at the next free sample. `seed`
+        # only ever grows, so all seeds together cost one pass.
         # A sample that no edge starts or ends at: every edge hangs on its lower end only, so a
         # sample may look free and not be; such seeds only fail.
         while seed < len(points) and len(queue) == 0:

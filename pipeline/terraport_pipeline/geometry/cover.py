@@ -169,6 +169,7 @@ def build_cover(
     _validate_inputs(
         base_vertices, base_faces, detail_vertices, detail_faces, segment_of_face, tolerance_m
     )
+    # (0) Nothing to cover or to cover with: every list is empty, nothing is ever hidden.
     n_base, n_detail = len(base_faces), len(detail_faces)
     if n_base == 0 or n_detail == 0:
         return BaseCover(
@@ -283,6 +284,8 @@ def _unite(
 
     Lists come one after the other, ascending, with their lengths.
     """
+    # Invariant: `members[:begin]` are the lists of faces first..f-1; `seen[s] == f` exactly where
+    # segment s stands in the list of face f, which spares clearing it for every face.
     lengths = np.zeros(last - first, np.int64)
     members = np.empty(4 * (last - first) + 16, np.int32)
     status = np.full(last - first, _COVERED, np.uint8)
@@ -292,12 +295,14 @@ def _unite(
     half = (0.5 * cell + grow) * (1.0 + 1e-6)
     begin = 0
     for f in range(first, last):
+        # (1) Rule 3 at the face's middle: narrow faces may hold no cell's centre.
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         least, most = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
         middle_x, middle_z = (a[0] + b[0] + c[0]) / 3.0, (a[2] + b[2] + c[2]) / 3.0
         partly = _is_bare(
             runs, int((middle_x - grid.x) / cell), int((middle_z - grid.z) / cell), grid
         )
+        # (2) Rule 1: segments of every column that the grown face touches.
         i0, i1 = cell_span(a[0], b[0], c[0], grid.x, cell, grow)
         j0, j1 = cell_span(a[2], b[2], c[2], grid.z, cell, grow)
         count = 0
@@ -311,6 +316,8 @@ def _unite(
                     if not partly and _holds(a, b, c, x, z):
                         partly = _is_bare(runs, i, j, grid)
                     continue
+                # With a largest gap, the nearest surface of the column still counts, however far
+                # it is: a column with detail never goes unlisted.
                 nearest = np.inf
                 for e in range(start, end):
                     nearest = min(nearest, max(runs.low[e] - most, least - runs.high[e], 0.0))
@@ -321,17 +328,22 @@ def _unite(
                         seen[s] = f
                         found[count] = s
                         count += 1
+        # (3) Rule 2: segments of far detail that this face stands in for.
         for e in range(extra_offsets[f], extra_offsets[f + 1]):
             s = extra_segment[e]
             if seen[s] != f:
                 seen[s] = f
                 found[count] = s
                 count += 1
+        # (4) An empty list means "never hidden": for faces without detail and, by rule 3, at
+        # rims.
         if count == 0:
             status[f - first] = _BARE
         elif partly and not hide_partly_covered:
             status[f - first] = _PARTLY
             count = 0
+        # (5) Append the list in ascending order; the array doubles, so all appends cost linear
+        # time.
         if begin + count > len(members):
             larger = np.empty(2 * len(members) + count, np.int32)
             larger[:begin] = members[:begin]

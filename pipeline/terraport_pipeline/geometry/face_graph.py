@@ -109,6 +109,7 @@ def face_graph(
     ValueError
         Vertices that are not finite, indices outside them.
     """
+    # (1) Refuse what has no geometry; an empty mesh is a graph without nodes.
     if not np.isfinite(vertices).all():
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
         msg = f"vertex {bad} is {vertices[bad].tolist()}, expected finite coordinates"
@@ -120,6 +121,7 @@ def face_graph(
         empty = np.zeros((0, 3), np.int32)
         facts = UnitFacts(np.zeros(0, np.int32), empty, empty, None if colours is None else empty)
         return FaceGraph(pairs, none, none, facts, 1.0)
+    # (2) Areas, normals and centres of faces, lengths of borders; float64 sums of float32 input.
     corners = as_kernel_input(vertices, np.float32)
     triangles = as_kernel_input(faces, np.int32)
     low = corners.min(axis=0).astype(np.float64)
@@ -128,6 +130,8 @@ def face_graph(
     length = _measure_borders(corners, triangles, as_kernel_input(pairs, np.int32))
     largest = float(area.max())
     longest = float(length.max()) if len(length) else 0.0
+    # (3) Whole steps of the largest, at least 1: integers add up alike in any order of merging,
+    # which the same tree on every machine needs.
     area_steps = _in_steps(area, largest)
     lab: npt.NDArray[np.int16] | None = None
     if scalar is not None:

@@ -78,6 +78,7 @@ def far_detail(
         For every far detail face its segment is entered at all base faces around the four nearest
         base vertices. Of base vertices equally near the tree's first ones are taken.
     """
+    # (1) Which detail faces have no base face near them in their column.
     base_vertices, base_faces = base
     vertices, faces = detail
     starts, entries = rasterise(base_vertices, base_faces, grid, reach_m)
@@ -94,6 +95,7 @@ def far_detail(
     far = np.flatnonzero(state != _CLOSE)
     if len(far) == 0:
         return FarDetail(np.zeros(len(base_faces) + 1, np.int64), np.zeros(0, np.int32), 0, 0)
+    # (2) The base vertices nearest to those, within a limit: beyond it the detail floats free.
     vertex_ids = np.unique(base_faces)
     limit = max(
         FAR_TOLERANCES * tolerance_m, FAR_BASE_EDGES * median_edge(base_vertices, base_faces)
@@ -106,6 +108,7 @@ def far_detail(
     vertex = vertex_ids[nearest.reshape(len(far), k)[found]]
     segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[found]
     wanted = np.unique(np.stack([vertex, segment], axis=1).astype(np.int64), axis=0)
+    # (3) From vertices to the faces around them, each (face, segment) once and ascending.
     # every wanted (vertex, segment) becomes (face, segment) for all faces around the vertex
     corner = base_faces.ravel()
     by_vertex = np.argsort(corner, kind="stable")
@@ -201,9 +204,11 @@ def _match(
     p = np.empty(3)
     hint = -1
     for f in range(begin, end):
+        # (1) The face's centre.
         for axis in range(3):
             total = vertices[faces[f, 0], axis] + vertices[faces[f, 1], axis]
             p[axis] = (total + vertices[faces[f, 2], axis]) / 3.0
+        # (2) The base face that was close last.
         if hint >= 0 and hint_counts:
             a, b, c = (
                 base_vertices[base_faces[hint, 0]],
@@ -213,6 +218,8 @@ def _match(
             if _distance_squared(p, a, b, c) <= limit * limit:
                 state[f] = _CLOSE
                 continue
+        # (3) All base faces entered in the centre's column. Invariant: the state only rises from
+        # baseless (column empty) over alone (something there, none close) to close.
         q = int((p[0] - grid.x) / grid.cell_m) * grid.nz + int((p[2] - grid.z) / grid.cell_m)
         state[f] = _BASELESS
         for e in range(starts[q], starts[q + 1]):

@@ -191,6 +191,7 @@ def _cost(n: _Float64, s: _Float64, q: _Float64, i: int, j: int) -> float:
 @numba.njit(cache=True, nogil=True)
 def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int) -> _Int64:
     """First group of each cluster in the optimal partition of m groups into k <= m clusters."""
+    # (1) Prefix sums: the cost of any run of groups in O(1).
     m = len(counts)
     n = np.zeros(m + 1)
     s = np.zeros(m + 1)
@@ -200,12 +201,15 @@ def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int)
         s[i + 1] = s[i] + sums[i]
         q[i + 1] = q[i] + squares[i]
     margin = _TIE * _cost(n, s, q, 0, m)
+    # (2) One cluster: the cost of the first j groups together.
     best = np.empty(m + 1)
     best[0] = 0.0
     for j in range(1, m + 1):
         best[j] = _cost(n, s, q, 0, j)
     split = np.zeros((k, m + 1), np.int32)
     stack = np.empty((4 * 64, 4), np.int64)
+    # (3) One cluster more at a time. Invariant: `best[j]` is the least cost of the first j groups
+    # in c clusters, `split[c, j]` the first group of the last of c + 1 clusters among them.
     for c in range(1, k):
         row = np.full(m + 1, np.inf)
         # Divide and conquer over j: the leftmost best split never moves left as j grows.
@@ -234,6 +238,7 @@ def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int)
             stack[depth, 2], stack[depth, 3] = chosen, split_hi
             depth += 1
         best = row
+    # (4) Back from the end: the split of all groups, then that of the groups before it.
     starts = np.zeros(k, np.int64)
     j = m
     for c in range(k - 1, 0, -1):

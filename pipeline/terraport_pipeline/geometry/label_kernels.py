@@ -153,7 +153,9 @@ def energy(
     for f in range(begin, end):
         if slot[f] < 0:
             continue
+        # (1) What the face's own view costs.
         total += area[f] * (costs[f, slot[f]] / _UNIT)
+        # (2) Seams to neighbours of another view; the lower face pays for both, so chunks add up.
         mine = views[f, slot[f]]
         for s in range(3):
             g = neighbour[f, s]
@@ -171,6 +173,8 @@ def _grow_forest(
     A face is taken when exactly one of its neighbours is (its parent), or none and it begins a
     tree; a face that meets two would close a ring, and rests.
     """
+    # (1) Faces without a view rest, and so do those with a neighbour outside the piece that has
+    # one: pieces solved at the same time must not both change at a border.
     count = last - first
     state = np.zeros(count, np.uint8)  # 0 not seen, 1 taken, 2 rests
     for i in range(count):
@@ -185,6 +189,8 @@ def _grow_forest(
     parent = np.empty(count, np.int32)
     queue = np.empty(3 * count + 1, np.int32)
     n = 0
+    # (2) Trees, breadth first. Invariant: the taken faces form a forest, and a face's parent
+    # stands before it in `order`.
     # each round begins elsewhere and turns the other way, so that other faces rest
     begin = (round_number * 7919) % count
     for k in range(count):
@@ -243,6 +249,9 @@ def solve_piece(
     last: int,
 ) -> None:
     """Best labels of a forest in faces first..last, the labels of all other faces given."""
+    # Exact on the forest by dynamic programming: no labels of these faces, all others given, have
+    # less energy. Invariant of (1): when face i is reached, total[i] holds the messages of all
+    # its children, because children stand after their parents in `order`.
     order, parent = _grow_forest(old, neighbour, round_number, first, last)
     taken = np.zeros(last - first, np.bool_)
     for n in range(len(order)):

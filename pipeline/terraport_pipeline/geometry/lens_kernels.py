@@ -106,10 +106,14 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
     without tangential terms (kept in a bracket), then in the plane, each step halved until it leads
     nearer the goal.
     """
+    # (1) From pixels to the distorted point of the unit picture plane; the start along the
+    # radius.
     goal_b = (v - packed[CY]) / packed[FY]
     goal_a = (u - packed[CX] - packed[SKEW] * goal_b) / packed[FX]
     a, b = _along_radius(packed, goal_a, goal_b)
     found = False
+    # (2) Newton with halved steps. Invariant: a, b lies within the valid radius, and `miss` is
+    # how far its image is from the goal; it only falls.
     da, db, aa, ab, ba, bb = _distort(packed, a, b)
     miss = np.hypot(da - goal_a, db - goal_b)
     for _ in range(_NEWTON_STEPS):
@@ -135,6 +139,8 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
         a, b, miss = try_a, try_b, new_miss
     if not found:
         return np.nan, np.nan, np.nan
+    # (3) From the undistorted point to a direction: the plane at distance 1, or a fisheye's
+    # angle.
     radius = np.hypot(a, b)
     if packed[KIND] == 0.0:
         size = np.sqrt(radius * radius + 1.0)
@@ -142,6 +148,7 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
     else:
         scale = np.sin(radius) / radius if radius > 0.0 else 1.0
         a, b, c = a * scale, b * scale, np.cos(radius)
+    # (4) To the scene frame, by the rotation's transpose.
     r = ROTATION
     return (
         packed[r] * a + packed[r + 3] * b + packed[r + 6] * c,

@@ -150,6 +150,8 @@ def _conjugate_gradients(
     product = np.empty(n)
     most = 0
     for k in range(3):
+        # (1) Start at zero: the residual is the right side, the first direction the residual over
+        # the diagonal.
         residual = right[:, k].copy()
         goal = 0.0
         rz = 0.0
@@ -161,6 +163,9 @@ def _conjugate_gradients(
         goal *= tolerance * tolerance
         if goal == 0.0:
             continue
+        # (2) Steps along conjugate directions. Invariant: residual = right - (diagonal - values)
+        # x, and rz is the residual's square in the norm of the preconditioner. Sums run in order
+        # of the unknowns: the same on every machine and for every number of threads.
         for number in range(max_steps):
             curvature = 0.0
             for i in range(n):

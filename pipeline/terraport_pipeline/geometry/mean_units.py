@@ -154,15 +154,21 @@ def _choose(
 ) -> None:
     """Choose a neighbour for some units; -1 stays where none is near enough."""
     for u in range(begin, end):
+        # Invariant: `choice[u]` is the neighbour of least squared distance so far, or -1. Ties
+        # fall to the scrambled names, not to the order of neighbours, so that flat areas do not
+        # grow as stripes.
         best = limit * limit
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
+            # (1) At the end only pairs of which one is too small.
             if small_only and not small[u] and not small[v]:
                 continue
+            # (2) Weighted squared distance of the mean colours.
             d = 0.0
             for c in range(sums.shape[1]):
                 step = (sums[u, c] / faces[u] - sums[v, c] / faces[v]) * weight[c]
                 d += step * step
+            # (3) Small units are brought nearer, long thin contacts pushed apart.
             if not small_only:
                 smaller = min(faces[u], faces[v])
                 if smaller < least:

@@ -61,6 +61,7 @@ def merge_by_heap(
     neighbour and gives every edge of the union its new cost: O(degree of the union * log E). The
     heap holds each edge once and knows its place, so nothing in it is ever stale.
     """
+    # (1) The list of half-edges of every unit.
     n_units, n_edges = len(area), len(border)
     following = np.full(2 * n_edges, -1, np.int32)
     head = np.full(n_units, -1, np.int32)
@@ -72,6 +73,7 @@ def merge_by_heap(
         else:
             following[tail[u]] = h
         tail[u] = h
+    # (2) The heap of all edges that count, ordered by cost, then by the scrambled names.
     dead = np.zeros(n_edges, np.bool_)
     cost = np.empty(n_edges, np.float64)
     tie = np.empty(n_edges, np.uint64)
@@ -88,6 +90,9 @@ def merge_by_heap(
             size += 1
     for at in range((size - 2) // _ARITY, -1, -1):
         _sift_down(heap, place, size, at, cost, tie)
+    # (3) Merge the first pair until the heap is empty. Invariant at the loop's head: of every
+    # edge of two living units exactly one is alive; `place[e]` is its index in the heap or -1;
+    # `cost` and `tie` are those of its units as they are now; `seen` is -1 everywhere.
     merged = np.empty((max(n_units - 1, 0), 2), np.int32)
     paid = np.empty(max(n_units - 1, 0), np.float64)
     seen = np.full(n_units, -1, np.int32)  # half-edge of the union that leads to this unit
@@ -106,6 +111,7 @@ def merge_by_heap(
         name[keep] = min(name[keep], name[gone])
         size = _remove(heap, place, size, best, cost, tie)
         dead[best] = True
+        # Then, for the union:
         # (1) one list, without dead edges, each neighbour once
         following[tail[keep]] = head[gone]
         h, last = head[keep], -1

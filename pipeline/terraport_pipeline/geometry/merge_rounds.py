@@ -78,6 +78,7 @@ def unite_partners(
     Returns the union of every unit, numbered by lowest unit, and every union's node, area, faces
     and name. Merges of one round are numbered by their lower unit.
     """
+    # (1) How many units are left: a pair counts at its lower unit.
     count = 0
     for u in range(len(partner)):
         if partner[u] < 0 or partner[u] > u:
@@ -87,6 +88,9 @@ def unite_partners(
     new_area = np.empty(count, np.int64)
     new_faces = np.empty(count, np.int32)
     new_name = np.empty(count, np.int32)
+    # (2) Write them in order of their lower unit. Invariant: the unions of units 0..u-1 are
+    # numbered 0..n-1, and merges before `done` are written. A partner is always read after the
+    # unit it joined, since that one has the lower number.
     n = 0
     for u in range(len(partner)):
         v = partner[u]

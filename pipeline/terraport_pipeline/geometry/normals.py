@@ -188,6 +188,7 @@ def _fit_planes(
     """Covariance of each neighbourhood and its smallest eigenvector by Jacobi rotations."""
     count, k = indices.shape
     for point in numba.prange(count):
+        # (1) Covariance, up to a factor.
         # Offsets from the point itself: it adds nothing to the sums, only to the count.
         mean = np.zeros(3)
         matrix = np.zeros((3, 3))
@@ -203,6 +204,8 @@ def _fit_planes(
             for col in range(row, 3):
                 matrix[row, col] -= (k + 1) * mean[row] * mean[col]
         matrix[1, 0], matrix[2, 0], matrix[2, 1] = matrix[0, 1], matrix[0, 2], matrix[1, 2]
+        # (2) Jacobi rotations until nothing is left beside the diagonal. Invariant: vectors *
+        # matrix * vectors^T is the covariance, and the columns of `vectors` are orthonormal.
         vectors = np.eye(3)
         for _ in range(_SWEEPS):
             off = matrix[0, 1] ** 2 + matrix[0, 2] ** 2 + matrix[1, 2] ** 2
@@ -231,6 +234,8 @@ def _fit_planes(
                             c * left - s * right,
                             s * left + c * right,
                         )
+        # (3) The normal is the vector of the smallest eigenvalue; its share of the sum is the
+        # curvature.
         small = 0
         for axis in range(1, 3):
             if matrix[axis, axis] < matrix[small, small]:
@@ -311,12 +316,15 @@ def _offer(
     heap: _Heap,
 ) -> None:  # pragma: no cover - compiled
     """Offer a settled point's sign to the neighbours that still lack one."""
+    # (1) Neighbours of the point, and the points it is a neighbour of: the graph is used both
+    # ways.
     k = graph.shape[1]
     incoming = starts[point + 1] - starts[point]
     for place in range(k + incoming):
         other = graph[point, place] if place < k else links[starts[point] + place - k]
         if settled[other]:
             continue
+        # (2) Cost of the link: normals that differ, and a step that leaves either's plane.
         dot = 0.0
         along = 0.0
         across = 0.0
@@ -329,6 +337,8 @@ def _offer(
             length += step * step
         lift = 0.5 * (abs(along) + abs(across)) / np.sqrt(length) if length > 0.0 else 0.0
         cost = np.float32(1.0 - abs(dot) + lift)
+        # (3) The cheapest link counts, of equal ones the lower point. An offer that was bettered
+        # stays in the heap and is passed over when it comes up.
         if cost < best[other] or (cost == best[other] and point < parent[other]):
             best[other] = cost
             parent[other] = point

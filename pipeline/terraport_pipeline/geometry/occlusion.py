@@ -191,6 +191,7 @@ def _find_unsure(
     end: int,
 ) -> None:
     """Mark the faces that the depth grid does not show to be clear."""
+    # (1) Width of a grid cell in pixels; where the camera stands.
     rows, columns = depth.shape
     step_u, step_v = packed[WIDTH] / (columns - 1), packed[HEIGHT] / (rows - 1)
     step = max(step_u, step_v)
@@ -198,12 +199,16 @@ def _find_unsure(
     for c in range(begin, end):
         if area[c] > step * step:
             continue  # larger than a cell: the grid says too little
+        # (2) The face's centre, and the grid cell that it is seen in.
         x, y, z, nx, ny, nz, _ = _face_frame(vertices, faces, face[c])
         u, v, along = project_packed(packed, x, y, z)
         column, row = int(u / step_u), int(v / step_v)
         if not (0 <= column < columns - 1 and 0 <= row < rows - 1):
             continue
         tx, ty, tz = x - px, y - py, z - pz
+        # (3) Clear only if all four grid rays around it ended at or below the face's plane,
+        # within what a rough surface does inside one cell. Invariant: a face is cleared on proof
+        # alone; whatever fails (NaN too) leaves it for a ray of its own.
         slack = _ROUGHNESS_CELLS * step * along / packed[FX] + offset_m
         plane = nx * tx + ny * ty + nz * tz  # negative: the face looks at the camera
         clear = True

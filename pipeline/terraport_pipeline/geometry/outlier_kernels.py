@@ -75,11 +75,14 @@ def rate(
     grain = np.empty(MAX_VIEWS)
     vote = np.empty(MAX_VIEWS + 1)
     for cell in range(begin, end):
+        # (1) Mean colours of the cell by view, and a vote for each by the faces that it sees.
         first, last = starts[cell], starts[cell + 1]
         n = _means(views, colours, own, order, first, last, seen, faces, mean, grain)
         for place in range(n):
             cell_views[cell, place] = seen[place]
             vote[place] = faces[place] / (last - first)  # a view of half the cell: half a vote
+        # (2) The cloud's own colour is one more voter, once each view's means are brought to its
+        # light.
         count = n
         usual = 0.0
         if len(own):
@@ -88,6 +91,7 @@ def rate(
             count += 1
         if n == 0 or count < 2 or (count == 2 and not len(own)):  # two views: nobody decides
             continue
+        # (3) Distance of every view from where most votes are, over the limit; above 1 it is out.
         mode = _mode(mean, vote, count)
         limit = _FAR_ALONE if n == 1 else _FAR
         for place in range(n):
@@ -115,6 +119,8 @@ def drop(
     out = np.empty(MAX_VIEWS, np.bool_)
     less = np.empty(MAX_VIEWS, np.int64)
     for cell in range(begin, end):
+        # (1) The verdict on every view of the cell: out where it is far itself, or fairly far and
+        # out next door; what stays loses quality by how far it is.
         n = 0
         while n < MAX_VIEWS and cell_views[cell, n] >= 0:
             share = far[cell, n]
@@ -124,6 +130,8 @@ def drop(
             )
             less[n] = int(QUALITY_STEPS * (share / _HALVED) ** 2)
             n += 1
+        # (2) Take those views out of the cell's faces. Invariant: slots 0..kept-1 hold the views
+        # that stay, in their order, so views stay sorted.
         for i in range(starts[cell], starts[cell + 1]):
             f = order[i]
             kept = 0
@@ -189,6 +197,8 @@ def _means(
 
     Also the faces of each view, and the mean square of what the faces differ from the cloud's.
     """
+    # (1) Sums over the cell's faces. Invariant: seen[:n] are the views met so far, each once;
+    # faces, mean and grain have one row for each. Views beyond MAX_VIEWS are left out.
     n = 0
     mean[:] = 0.0
     grain[:] = 0.0
@@ -209,10 +219,12 @@ def _means(
                 mean[place, k] += colours[f, s, k]
                 if len(own):
                     grain[place] += (np.float64(colours[f, s, k]) - own[f, k]) ** 2 / 3.0
+    # (2) Sums to means.
     for place in range(n):
         grain[place] /= faces[place]
         for k in range(3):
             mean[place, k] /= faces[place]
+    # (3) The cloud, in the row after the views.
     if len(own):
         for i in range(first, last):
             for k in range(3):

@@ -125,6 +125,8 @@ def solve_gains(
     """
     if n_views > MAX_VIEWS:
         raise ValueError(f"{n_views} views, expected at most {MAX_VIEWS}")
+    # (1) Sightings that compare something: neither black nor burnt, and two at least of one
+    # place.
     gains = np.zeros((n_views + 1, GAIN_COLUMNS), np.float32)
     gains[:, :3] = 1.0
     valid = (sightings.view >= 0) & (
@@ -134,6 +136,7 @@ def solve_gains(
     view = np.where(valid, sightings.view, -1).astype(np.int32)
     if not valid.any():
         return Exposures(gains, 0, 0.0, 0.0)
+    # (2) Unknowns: the logarithm of each view's gain, the cloud's, two vignetting terms a lens.
     value = np.log(sightings.level.astype(np.float32) + np.float32(SRGB_OFFSET))
     n_lenses = int(lens_of_view.max()) + 1 if n_views else 0
     lens = np.append(lens_of_view, -1).astype(np.int32)  # the cloud has none
@@ -143,8 +146,10 @@ def solve_gains(
     weight = valid.astype(np.float32)
     start = _residuals(view, value, sightings.radius, weight, lens, n_views, np.zeros_like(x))
     spread_before = float(np.median(start[valid]))
+    # (3) Reweighted least squares: what does not fit counts less, by a limit that narrows.
     width = _FIRST_WIDTH
     for _ in range(_ROUNDS):
+        # (4) Gains relative to the reference; views without a sighting keep 1.
         residual = _residuals(view, value, sightings.radius, weight, lens, n_views, x)
         near = np.maximum(1.0 - (residual / width) ** 2, 0.0)  # Tukey's biweight
         weight = np.where(valid, near * near, 0.0).astype(np.float32)
@@ -267,6 +272,8 @@ def _normal_equations(
     n_unknowns: int,
 ) -> tuple[Float64, Float64]:
     """Matrix and right sides with the places' own values eliminated."""
+    # Per place the unknown is also its own value; as the weighted mean of its sightings it is
+    # eliminated at once (Schur complement), so the system has only the gains.
     matrix = np.zeros((n_unknowns, n_unknowns))
     right = np.zeros((n_unknowns, 3))
     most = 3 * view.shape[1]
@@ -275,6 +282,8 @@ def _normal_equations(
     owner = np.empty(most, np.int64)
     vignetting = n_unknowns > n_views + 1
     for i in range(view.shape[0]):
+        # (1) The place's entries: column, factor and sighting of every unknown that it depends
+        # on.
         n, mass = 0, 0.0
         mean = np.zeros(3)
         for o in range(view.shape[1]):
@@ -293,6 +302,8 @@ def _normal_equations(
                 column[n], factor[n], owner[n] = at, square, o
                 column[n + 1], factor[n + 1], owner[n + 1] = at + 1, square * square, o
                 n += 2
+        # (2) Their products, less those of the mean. Invariant: the matrix stays symmetric, and a
+        # factor that all sightings of a place have in common stays free (the ridge settles it).
         if mass <= 0.0:
             continue
         for p in range(n):

@@ -183,11 +183,13 @@ def _sample_faces(
 ) -> None:
     scale_x, scale_y = photo.shape[1] / packed[WIDTH], photo.shape[0] / packed[HEIGHT]
     for c in range(begin, end):
+        # (1) The face's middle, in pixels of the lens.
         f = which[c]
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         u = (np.float64(uv[i, 0]) + uv[j, 0] + uv[k, 0]) / 3.0
         v = (np.float64(uv[i, 1]) + uv[j, 1] + uv[k, 1]) / 3.0
         h = gain_at(gain, packed, u, v)
+        # (2) Mean of four samples, at the middle and halfway to each corner; then the exposure.
         for channel in range(3):
             level = sample(photo, u * scale_x, v * scale_y, channel)
             for corner in range(3):

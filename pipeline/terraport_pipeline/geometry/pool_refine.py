@@ -232,6 +232,7 @@ def _flood(
     Rounds are breadth-first levels: a pool joins in the first round in which it touches a settled
     pool, so every contact is looked at twice and no more.
     """
+    # (1) The first front: everything that touches a large pool.
     count = len(mean)
     target = np.full(count, -1, np.int32)
     queued = large.copy()
@@ -247,6 +248,9 @@ def _flood(
                     queued[q] = True
                     front[end] = q
                     end += 1
+    # (2) Rounds. Invariant: front[begin:end] are the pools of this round, each queued once;
+    # targets of earlier rounds are final. All choose before any joins, so the order within a
+    # round changes nothing.
     while begin < end:
         for i in range(begin, end):
             p = front[i]

@@ -96,6 +96,7 @@ def region_facts(
     number of regions: compiled passes over all faces (``region_kernels.py``), no loop per region
     but for writing the answer.
     """
+    # (0) Inputs: region numbers without gaps, so that every array below has one row per region.
     attributes = attributes or {}
     _validate_inputs(vertices, faces, colours, regions, attributes)
     if len(faces) == 0:

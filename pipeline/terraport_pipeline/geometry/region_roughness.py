@@ -181,6 +181,8 @@ def _pieces(
 
     Returns ``(piece of every face (F,), cube of every piece (K, 3), region of every piece (K,))``.
     """
+    # An open-addressing hash table of (cube, region). Invariant: it is at most half full, and
+    # piece i was first met at a face before the first face of piece i + 1.
     slots = _FIRST_SLOTS
     keys = np.zeros(slots, np.int64)
     owner = np.zeros(slots, np.int32)
@@ -191,6 +193,7 @@ def _pieces(
     count = 0
     cell = np.empty(3, np.int64)
     for f in range(len(faces)):
+        # (1) The cube of the face's centre, 21 bits an axis.
         key = np.int64(0)
         for axis in range(3):
             centre = (
@@ -200,6 +203,7 @@ def _pieces(
             ) / 3.0
             cell[axis] = np.int64(np.floor(centre / scale_m))
             key = (key << 21) | (cell[axis] - low[axis])
+        # (2) Its piece; a new one takes the next number.
         r = regions[f]
         slot = _slot(keys, owner, number, int(key), int(r))
         if number[slot] < 0:

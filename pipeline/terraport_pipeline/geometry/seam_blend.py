@@ -180,6 +180,8 @@ def _left_at_seams(
     n_nodes: int,
 ) -> tuple[Float32, Int32, Int32]:
     """Find what each seam node should add, the view beyond the seam, and the node of that view."""
+    # (1) Half of what is left at each seam edge, with trust and length as weights, summed at the
+    # nodes of both sides with opposite signs: both sides move to the middle.
     left = np.zeros((n_nodes, 3), np.float32)
     mass = np.zeros(n_nodes, np.float32)
     partner = np.full(n_nodes, _NONE, np.int32)
@@ -199,12 +201,16 @@ def _left_at_seams(
                     twin[mine], partner[mine] = other, view[other]
                 elif twin[mine] != other:
                     several[mine] = True
+    # (2) Sums to means; a node where several seams meet has no one partner to blend with.
     for n in range(n_nodes):
         if mass[n] > 0.0:
             for k in range(3):
                 left[n, k] /= mass[n]
         if several[n] or partner[n] < 0:
             partner[n] = _NONE
+    # (3) Smooth along the seam, since one edge's measurement is noisy. Invariant: each round
+    # replaces a node's value by the mean of itself and its neighbours on its own side of the
+    # seam.
     count = np.zeros(n_nodes, np.float32)
     for _ in range(_SMOOTHING):
         total = left.copy()

@@ -279,11 +279,16 @@ def _interpolate(
     part = np.empty(3)
     side = np.empty(3, np.int64)
     for n in range(begin, end):
+        # (1) Where the vertex lies between the centres of eight cells: its own and those on the
+        # side it leans to.
         for k in range(3):
             place = (vertices[vertex[n], k] - origin[k]) / size
             inside = place - np.floor(place) - 0.5
             side[k] = 1 if inside >= 0.0 else -1
             part[k] = abs(inside)
+        # (2) Trilinear weights over those of the eight that the view has; (1, 1, 1) of the 3 x 3
+        # x 3 neighbours, number 13, is the cell itself. Invariant: `mass` is the sum of the
+        # weights used, so that missing neighbours do not pull towards zero.
         mass = 0.0
         total0, total1, total2 = 0.0, 0.0, 0.0
         for corner in range(8):

@@ -226,6 +226,7 @@ def _measure_seams(
     known = np.ones(n, np.bool_)
     total = 0.0
     for p in range(n):
+        # (1) Length of the edge, and the node at each of its ends on each side.
         square = 0.0
         for k in range(3):
             square += (np.float64(vertices[edges[p, 0], k]) - vertices[edges[p, 1], k]) ** 2
@@ -237,6 +238,8 @@ def _measure_seams(
                 for end in range(2):
                     if faces[f, c] == edges[p, end]:
                         node[p, end, side] = corner[f, c]
+        # (2) Step between the photos on the faces that both see; `raw` is the same without the
+        # gains.
         one, two = view[pairs[p, 0]], view[pairs[p, 1]]
         shared, few = 0, 1.0
         for side in range(2):
@@ -249,6 +252,7 @@ def _measure_seams(
                 a, b = _level(colour, own, f, s, k), _level(colour, own, f, t, k)
                 step[p, k] += a - b
                 raw[p, k] += (a + SRGB_OFFSET) / gains[one, k] - (b + SRGB_OFFSET) / gains[two, k]
+        # (3) No such face: each side's own colour in its own photo, with little trust.
         if shared == 0:
             shared = 1
             few = _UNSHARED
@@ -262,12 +266,16 @@ def _measure_seams(
                 b = _level(colour, own, pairs[p, 1], t, k)
                 step[p, k] = a - b
                 raw[p, k] = (a + SRGB_OFFSET) / gains[one, k] - (b + SRGB_OFFSET) / gains[two, k]
+        # (4) Means, clipped; large steps are mostly things that only one photo shows, so trust
+        # falls.
         square = 0.0
         for k in range(3):
             step[p, k] = min(max(step[p, k] / shared, -_MAX_STEP), _MAX_STEP)
             raw[p, k] /= shared
             square += np.float64(step[p, k]) ** 2 / 3.0
         trust[p] = few / (1.0 + square / (_TRUSTED_STEP * _TRUSTED_STEP))
+    # (5) Lengths relative to their mean, or to the unit given, where tiles must agree on one.
+    # Edges that say nothing weigh nothing.
     scale = n / total if total > 0.0 else 1.0
     if unit_m > 0.0:
         scale = 1.0 / unit_m

@@ -84,6 +84,8 @@ def join_debris(
     over for the next nearest. What finds no segment is strung along a Morton curve and gathered
     into clusters, each closed when it has ``min_faces`` or the next piece lies out of reach.
     """
+    # (1) What is debris. Invariant from here on: size, least and most are those of a target with
+    # all that has joined it, so no join breaks a bound.
     is_debris = (units.size < min_faces) & ~touching
     n_debris = int(np.count_nonzero(is_debris))
     if n_debris == 0:
@@ -103,11 +105,14 @@ def join_debris(
         group[unit] = target
         return True
 
+    # (2) To the nearest segment that may take it.
     on_debris = is_debris[labels]
     if not on_debris.all():
         near = _near_segments(low, high, labels, on_debris, reach_m, threads)
         for unit, candidates in near:
             any(joins(unit, target) for target in candidates)  # stops at the first that may
+    # (3) What found none, along a Morton curve: into the open cluster while it is small and near.
+    # Invariant: `head` is the first piece of the open cluster, `heads` those that others joined.
     alone = np.flatnonzero(is_debris & (group == np.arange(len(group))))
     head = -1
     heads = set()

@@ -180,6 +180,7 @@ def build_segments(
     ValueError
         Arrays whose lengths differ, or negative regions.
     """
+    # (1) Bounds and boxes of all faces.
     options = SegmentOptions() if options is None else options
     _validate_inputs(vertices, faces, pools_fine, similarity, regions)
     if len(faces) == 0:
@@ -194,6 +195,7 @@ def build_segments(
     )
     if pairs is None:
         pairs = face_pairs(faces, len(vertices), threads=threads)
+    # (2) Units: pools as they are, or merged, cut, repaired, and their debris gathered.
     neighbours, shared = pairs
     if options.units == "pools":
         labels, debris = dense_labels(pools_fine), DebrisCounts()

@@ -64,6 +64,7 @@ def similarity_index(
     ndarray of shape (F,), float32
         Computed in float64 and rounded once.
     """
+    # (1) The white index or the scalar of every face, and how it is stretched.
     points, corners = mesh_input(vertices, faces)
     n_faces = len(corners)
     index: npt.NDArray[Any]
@@ -78,6 +79,7 @@ def similarity_index(
     elif normalise == "max":
         largest = max(abs(low), abs(high))
         scale = attribute_range / largest if largest > 0.0 else 0.0
+    # (2) Distances from the origin, only where they count; relative to the farthest.
     distance = np.zeros(0)
     if tau > 0.0:
         distance = np.empty(n_faces)
@@ -92,6 +94,7 @@ def similarity_index(
             distance, tau = np.zeros(0), 0.0
     else:
         farthest = 1.0
+    # (3) s = mu * index + tau * distance, equation (3.1).
     similarity = np.empty(n_faces, np.float32)
     given = as_kernel_input(index, np.float32 if index.dtype == np.float32 else np.float64)
     in_chunks(
@@ -172,7 +175,9 @@ def _combine(
     end: int,
 ) -> None:
     for f in range(begin, end):
+        # (1) The index, stretched and weighted.
         value = (np.float64(index[f]) - shift) * scale * mu
+        # (2) The distance, where it counts; `distance` is empty where it does not.
         if tau > 0.0:
             value += tau * (distance[f] / farthest)
         similarity[f] = np.float32(value)

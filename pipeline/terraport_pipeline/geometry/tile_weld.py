@@ -305,6 +305,8 @@ def _assemble(
     open_edges: int,
 ) -> Seams:
     """Give shared vertices their ids and hand everything to the tiles."""
+    # (1) Which classes are shared: those of several vertices, and those on a loop to be filled.
+    # Invariant: `root` is the lowest vertex of each class, so ids ascend with the vertices.
     count = len(root)
     members = np.bincount(root, minlength=count)
     used = members > 1
@@ -315,6 +317,7 @@ def _assemble(
     ids = np.full(count, -1, dtype=np.int64)
     ids[heads] = np.arange(len(heads))
     of_vertex = ids[root]
+    # (2) Position of each shared vertex: the mean over its class.
     size = members[heads].astype(np.float64)
     middle = np.stack(
         [
@@ -326,14 +329,17 @@ def _assemble(
     # The mean of equal numbers need not be that number: what is exact stays exact.
     exact = np.round(middle)
     middle = np.where(np.abs(middle - exact) < 1e-9, exact, middle)
+    # (3) Its confidence: the lowest of its class.
     ratio = np.full(len(heads), np.inf, dtype=np.float32)
     all_ratio = np.concatenate([np.zeros(0, np.float32), *(border.ratio for border in borders)])
     np.minimum.at(ratio, of_vertex[shared], all_ratio[shared])
     rows = np.concatenate([np.zeros(0, np.int32), *(border.rows for border in borders)])
+    # (4) Faces that fill loops, given to the tile of each loop.
     triangles: list[list[Int64]] = [[] for _ in borders]
     for tile, loop in loops:
         faces = fill_loop(middle[ids[loop]])
         triangles[tile].append(ids[loop][faces])
+    # (5) What every tile needs: its rows, their ids, and ids that only its fillers use.
     tile_rows, tile_ids, fillers = [], [], []
     for tile in range(len(borders)):
         own = np.arange(starts[tile], starts[tile + 1])

@@ -224,6 +224,7 @@ def join_tiles(
     -------
     JoinedRegions
     """
+    # (1) Numbers over all tiles: units and faces of a tile follow those of the tiles before it.
     segmenter, weight = scale.segmenter, scale.segmenter.weights()
     counts = np.array([len(tile.faces) for tile in tiles])
     starts = np.concatenate([[0], np.cumsum(counts)])
@@ -240,6 +241,7 @@ def join_tiles(
             [tile.first + np.int32(at) for tile, at in zip(tiles, first_face, strict=True)]
         ),
     )
+    # (2) The rounds of the whole mesh, from the tiles' units on: levels, then small units.
     names, fine, fine_count = units.name, units.labels, 0
     for level in range(1, LEVELS + 1):
         limit = scale.limit * level / LEVELS
@@ -250,11 +252,13 @@ def join_tiles(
     length = int(seam_steps.sum()) + sum(tile.edge_steps[0] for tile in tiles)
     mean_step = length // max(len(seam_steps) + sum(tile.edge_steps[1] for tile in tiles), 1)
     units = unite(units, weight, np.inf, scale.least, 0.0, mean_step)
+    # (3) What is still small touches nothing larger: to the nearest region.
     small = units.faces < scale.least
     islands = int(np.count_nonzero(small))
     labels = units.labels
     if islands and islands < len(small):
         labels = _join_nearest(tiles, starts, labels, small, threads)
+    # (4) Numbers by first face, which do not depend on how the mesh was tiled.
     order = np.argsort(names, kind="stable")
     numbered, count = number_by_first(labels[order])
     region = np.empty(len(labels), np.int32)

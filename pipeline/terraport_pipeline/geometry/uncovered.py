@@ -157,6 +157,7 @@ def _find(
     sizes = np.zeros((2, _PIECES), np.int64)
     scratch = np.empty((2, _CORNERS, 2))
     for f in range(begin, end):
+        # (1) Cells under the face's box: all covered, or one face of the cover around all of it.
         u, v, w = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, bx, cx = vertices[u, 0], vertices[v, 0], vertices[w, 0]
         az, bz, cz = vertices[u, 2], vertices[v, 2], vertices[w, 2]
@@ -180,6 +181,7 @@ def _find(
                     )
         if safe:
             continue
+        # (2) Subtract the cover, face by face. `now` is the list that holds what is left.
         pieces[0, 0, 0, 0], pieces[0, 0, 0, 1] = ax, az
         pieces[0, 0, 1, 0], pieces[0, 0, 1, 1] = bx, bz
         pieces[0, 0, 2, 0], pieces[0, 0, 2, 1] = cx, cz
@@ -229,10 +231,14 @@ def _subtract(
     """
     result = 0
     for piece in range(count):
+        # (1) A piece that does not meet g stays as it is.
         size = sizes[piece]
         scratch[0, :size] = pieces[piece, :size]
         source = 0
         apart = _is_apart(pieces[piece], size, plan, g)
+        # (2) Cut along g's edges. Invariant: `scratch[source]` is what of the piece lies inside
+        # the edges done so far; what lay outside is in left[:result], and both together are the
+        # piece.
         for corner in range(3):
             if apart or size < 3:
                 break

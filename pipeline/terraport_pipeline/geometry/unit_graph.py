@@ -203,6 +203,7 @@ def _join_small(
     for u in range(count):
         if size[u] >= min_faces:
             continue
+        # (1) The neighbour of least cost: alike in the mean, with a long common border.
         perimeter = 0
         for e in range(offsets[u], offsets[u + 1]):
             perimeter += border[e]
@@ -214,9 +215,12 @@ def _join_small(
             cost = abs(mean[v] - mean[u]) + compactness * (1.0 - border[e] / perimeter)
             if cost < best_cost or (cost == best_cost and border[e] > best_border):
                 best, best_cost, best_border = v, cost, border[e]
+        # (2) Invariant: a root is the lowest unit of its tree, and every other unit's parent lies
+        # below it.
         if best >= 0:
             a, b = _root(parent, u), _root(parent, best)
             parent[max(a, b)] = min(a, b)
+    # (3) Lower units first, so one step reaches the root.
     for u in range(count):
         parent[u] = parent[parent[u]]
     return parent
@@ -237,6 +241,8 @@ def _join_within_bounds(
     max_extent_m: float,
     across_regions: bool,
 ) -> _Int32:
+    # Invariant: a unit takes part in one join at most (then it is locked), so sizes and boxes are
+    # those of the start of the round and no join breaks a bound.
     count = len(size)
     parent = np.arange(count).astype(np.int32)
     locked = np.zeros(count, np.bool_)
@@ -244,9 +250,11 @@ def _join_within_bounds(
         u = order[i]
         if locked[u]:
             continue
+        # (1) Length of the unit's own border.
         perimeter = 0
         for e in range(offsets[u], offsets[u + 1]):
             perimeter += border[e]
+        # (2) The neighbour of least cost among those that stay within both bounds.
         best, best_cost = -1, np.inf
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
@@ -261,6 +269,7 @@ def _join_within_bounds(
             cost = abs(mean[v] - mean[u]) + side / max_extent_m - border[e] / perimeter
             if cost < best_cost:
                 best, best_cost = v, cost
+        # (3) The lower unit goes on; of a locked neighbour nothing is taken in this round.
         if best >= 0 and not locked[best]:
             parent[max(u, best)] = min(u, best)
             locked[u] = locked[best] = True

@@ -135,6 +135,7 @@ def rate(
     end: int,
 ) -> tuple[Int32, Float32, Float32]:
     """Rate faces begin..end; the three columns of :class:`Rated`."""
+    # Invariant: the first n rows of the three columns are the faces rated, ascending.
     width, height = packed[WIDTH], packed[HEIGHT]
     margin = _MARGIN * max(width, height)
     px, py, pz = packed[POSITION], packed[POSITION + 1], packed[POSITION + 2]
@@ -145,6 +146,7 @@ def rate(
     n = 0
     for f in range(begin, end):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        # (1) In the picture with all corners, and of some area there.
         inside = True  # NaN (not in the picture) fails the comparisons
         for c in range(3):
             u, v = uv[faces[f, c], 0], uv[faces[f, c], 1]
@@ -155,6 +157,7 @@ def rate(
         area = _picture_area(faces, uv, f)
         if not area > 0.0:
             continue
+        # (2) Turned to the camera by min_cosine at least.
         nx, ny, nz = face_vector(vertices, faces, f)
         tx, ty, tz = px - vertices[i, 0], py - vertices[i, 1], pz - vertices[i, 2]
         size = np.sqrt((nx * nx + ny * ny + nz * nz) * (tx * tx + ty * ty + tz * tz))
@@ -162,6 +165,8 @@ def rate(
         # A face without area, or one that the camera stands on, looks nowhere.
         if not (size > 0.0 and facing >= min_cosine * size):
             continue
+        # (3) Quality: area in the picture, times cosine, times sharpness where it is seen; kept
+        # only where it betters the worst of the face's slots.
         u = (np.float64(uv[i, 0]) + uv[j, 0] + uv[k, 0]) / 3.0
         v = (np.float64(uv[i, 1]) + uv[j, 1] + uv[k, 1]) / 3.0
         sharp = sharpness[
@@ -195,11 +200,13 @@ def insert(
     for c in range(begin, end):
         if not visible[c]:
             continue
+        # (1) The slot of least quality; an empty one has quality 0.
         f = face[c]
         worst = 0
         for s in range(1, SLOTS):
             if qualities[f, s] < qualities[f, worst]:
                 worst = s
+        # (2) Replace it by what is strictly better, so that of equal views the first stays.
         level = quality_level(np.float64(quality[c]))
         if level > qualities[f, worst]:
             views[f, worst] = view

@@ -94,11 +94,14 @@ class AtlasMaker:
         MadeAtlas
             In the order of *faces*.
         """
+        # (1) The piece alone: its vertices renumbered, its faces' colours.
         used, local = np.unique(self.mesh.faces[faces], return_inverse=True)
         corners = local.reshape(-1, 3).astype(np.int32)
         points = self.mesh.vertices[used].astype(np.float64)
         colours = self._colours(faces, corners, used)
         packed = np.array([view.packed() for view in self.views]).reshape(-1, PACKED)
+        # (2) Charts for faces with a photo, fine as the photos are, coarser where the image would
+        # be too large; a shared cell for every colour of faces without one.
         roomy = charts_with_room(
             points, corners, colours.view, packed, texel_m=self.texel_m, max_side=max_side
         )
@@ -107,6 +110,8 @@ class AtlasMaker:
         flat[rows] = False
         shared = flat_colours(self._flat(colours, flat))
         sizes = np.zeros((0, 2)) if charts is None else charts.sizes
+        # (3) Where each goes. Invariant: every face is either in a chart (`rows`) or in a cell
+        # (`flat`).
         atlas = pack_charts(
             np.concatenate([sizes, np.zeros((len(shared.colours), 2))]), max_side=max_side
         )
@@ -115,6 +120,7 @@ class AtlasMaker:
         wedges = np.zeros((len(faces), 3, 2))
         texels, gsd_m = np.full(len(faces), np.nan), np.full(len(faces), np.nan)
         surface_m2 = np.zeros(len(faces))
+        # (4) Draw: faces themselves, then a rim around them that only fills free texels.
         if charts is not None:
             # Whole half texels, as payloads hold them, before anything is drawn: nothing shifts
             # later.
@@ -126,6 +132,7 @@ class AtlasMaker:
                 )
             texels[rows], gsd_m[rows] = charts.texels * atlas.scale**2, charts.gsd_m
             surface_m2[rows] = charts.surface_m2
+        # (5) Cells of one colour: all corners of a face at the cell's middle.
         if flat.any():
             surface_m2[flat] = _areas(points[corners[flat]])
             cells = atlas.cells[len(sizes) :]
@@ -133,6 +140,7 @@ class AtlasMaker:
                 image[y : y + height, x : x + width] = colour
                 covered[y : y + height, x : x + width] = 1
             wedges[flat] = (2 * cells[:, :2] + cells[:, 2:])[shared.of_face][:, None, :]
+        # (6) Gutters from the charts, so that filtering at their edges reads no black.
         fill_cells(image, covered, atlas.cells)
         return MadeAtlas(
             wedges=wedges.astype(np.uint16),

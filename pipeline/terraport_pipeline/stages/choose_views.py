@@ -169,6 +169,7 @@ def choose_views(
     ValueError
         More than 32,767 views, or gains of another shape.
     """
+    # (1) to (3) in :func:`choose_labels`: candidates, views that show something else, labels.
     options, progress = options or Options(), progress or NullProgress()
     del normals  # faces' own are what a photo sees
     blocks = mesh_blocks(mesh_vertices, faces)
@@ -314,11 +315,15 @@ def collect(
     progress: Progress,
 ) -> tuple[Candidates, dict[str, Any]]:
     """Find the best views of every face, photo by photo; also what was counted on the way."""
+    # Invariant: after photo n, `candidates` holds the best views of photos 0..n of every face.
+    # Photos come and go one at a time, so memory does not grow with their number.
     candidates = new_candidates(len(blocks.faces))
     uv = np.empty((len(blocks.vertices), 2), np.float32)
     rays, rated_faces, blank = 0, 0, 0
     progress.start("texture: what each photo sees", float(len(views)), "photos")
     for number, view in enumerate(views):
+        # (1) Where the photo looks: blocks of faces, their vertices in its pixels, and how fine
+        # it must be.
         seen = visible_blocks(blocks, view)
         packed = view.packed()
         if len(seen):
@@ -328,11 +333,13 @@ def collect(
             blank += 1
             progress.advance(1.0)
             continue
+        # (2) Faces it would be good for, by its sharpness there.
         photo = photos.get(number, scale)
         rated = rate_faces(
             blocks, packed, seen, uv, sharpness_map(photo), candidates,
             min_cosine=float(np.cos(np.radians(options.max_angle_degrees))), threads=threads,
         )  # fmt: skip
+        # (3) Those that nothing stands in front of.
         visible, cast = visible_faces(
             blocks, view, rated, occluder, offset_m=options.occluder_offset_m, threads=threads
         )
@@ -342,6 +349,7 @@ def collect(
         insert(candidates, number, rated, visible, found, threads=threads)
         rays, rated_faces = rays + cast, rated_faces + len(rated.face)
         progress.advance(1.0)
+    # By number from here on: equal lists of views compare in one pass.
     sorted_by_view(candidates, threads=threads)
     progress.done({"rays": rays})
     facts = {"views": len(views), "views_blank": blank, "rays": rays, "faces_rated": rated_faces}

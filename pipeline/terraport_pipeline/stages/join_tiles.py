@@ -241,6 +241,7 @@ def cut_ids(pairs: Int64, made: Int64, count: int) -> Int64:
 
 def to_stored(join: Join, settled: Settled | None) -> Stored:
     """Turn the join into arrays and values."""
+    # (1) A join that is not settled yet (handed to the workers) has empty lists.
     settled = settled or Settled(
         np.zeros((0, 2), np.int64),
         np.zeros((0, 3), np.float32),
@@ -250,6 +251,7 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         0,
         0,
     )
+    # (2) Plain arrays and values, and the rules of both cuts.
     rules = (("rule", join.rule), ("base_rule", join.base_rule))
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "cells": join.cells,
@@ -271,6 +273,7 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         numbers = [rule.threshold, rule.largest, rule.spacing_m, rule.outward_m]
         values[name] = {"numbers": numbers, "footprint": place}
     arrays |= {f"attribute-{i}": values for i, values in enumerate(join.attributes)}
+    # (3) One list per tile, as one array with its starts.
     lists: tuple[tuple[str, Sequence[npt.NDArray[Any]]], ...] = (
         ("rows", join.rows),
         ("ids", join.ids),

@@ -76,18 +76,22 @@ def finish(
 
     ``base-vertices`` and ``base-faces`` are the surface that the base is thinned from.
     """
+    # (1) Weld, cut to the edge, drop pieces that are islands over all tiles.
     welded = _weld(task, tile, arrays, join)
     cut = _cut(welded, join.rule, join.forgiven[tile])
     piece, _ = _pieces(cut.faces, len(cut.vertices))
     keep = ~np.isin(piece, settled.dropped[tile])
     used = np.zeros(len(cut.vertices), dtype=bool)
     used[cut.faces[keep].ravel()] = True
+    # (2) Ids of shared vertices: a vertex that the cut made is named by the edge it lies on.
+    # Their normals come from the join, so that both tiles shade alike.
     ends = welded.ids[cut.ends]
     shared = np.flatnonzero((ends >= 0).all(axis=1))
     ids = np.full(len(cut.vertices), -1, dtype=np.int64)
     ids[shared] = cut_ids(np.sort(ends[shared], axis=1), settled.pairs, len(join.cells))
     normals = unit_normals(normal_sums(cut.vertices, cut.faces[keep]))
     normals[shared] = settled.normals[ids[shared]]
+    # (3) Colours and attributes; shared vertices take the join's.
     guests = len(welded.vertices) - len(arrays["vertices"])
     at_id = np.flatnonzero(welded.ids >= 0)
     colours = np.concatenate([arrays["colours"], np.zeros((guests, 3), np.uint8)])
@@ -104,6 +108,8 @@ def finish(
             made[f"attribute-{place}"] = _between(column.astype(np.float64), cut)[used].astype(
                 np.float32
             )
+    # (4) Without unused vertices. Invariant: equal border ids of two tiles name one vertex, with
+    # the same normal, colour and attributes.
     final, faces = compact(cut.vertices, cut.faces, keep)
     border = np.flatnonzero(ids[used] >= 0)
     made |= {
@@ -114,6 +120,7 @@ def finish(
         "border-rows": border.astype(np.int32),
         "border-ids": ids[used][border],
     }
+    # (5) The surface for the base, cut farther out.
     wide = _cut(welded, join.base_rule, join.base_forgiven[tile])
     every = np.ones(len(wide.faces), dtype=bool)
     made["base-vertices"], made["base-faces"] = compact(wide.vertices, wide.faces, every)

@@ -108,6 +108,7 @@ def run(
     values, facts
         ``samples``: per tile, how many.
     """
+    # (1) Columns in, one file of rows per tile out; one buffered block each.
     points = NpyReader(source / "points.npy")
     has_colour = (source / "colours.npy").exists()
     colours = NpyReader(source / "colours.npy") if has_colour else None
@@ -115,6 +116,8 @@ def run(
     dtype = sample_type([("", column.dtype.str) for column in columns], has_colour=has_colour)
     writers = [NpyWriter(folder / f"{samples_name(t)}.npy", dtype) for t in range(plan.count)]
     context.progress.start("tiles: samples", float(len(points)), "points")
+    # (2) Block by block. Invariant: a tile's file holds its core and margin samples of all blocks
+    # so far, in file order.
     for first, block in points.blocks(_BLOCK_ROWS):
         rows: npt.NDArray[Any] = np.zeros(len(block), dtype=dtype)
         last = first + len(block)
@@ -128,6 +131,7 @@ def run(
         context.progress.advance(len(block))
     for writer in writers:
         writer.close()
+    # (3) What the margins cost.
     counts = [writer.rows for writer in writers]
     context.progress.done({"tiles": plan.count, "with margins": sum(counts)})
     facts = {

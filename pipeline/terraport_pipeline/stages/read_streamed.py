@@ -184,6 +184,7 @@ def _finish(
     folder: Path,
 ) -> tuple[Mapping[str, Json], Facts]:
     """Decide what only the whole survey can decide, and bring the columns to their last form."""
+    # (1) Nothing to build of.
     warnings = [*stream.late_warnings(), *stream.warnings]
     count = points.writer.rows
     if not count:
@@ -192,6 +193,7 @@ def _finish(
             f"not one of {points.read:,} points has finite coordinates",
             "export the survey again",
         )
+    # (2) Colours and attributes; columns that the format fills with its default are dropped.
     colours = columns.pop(_COLOURS, None)
     has_colour = False
     if colours is not None:
@@ -204,6 +206,7 @@ def _finish(
             _rewrite(column.writer.path, target, _narrowed(column) if stream.narrow else None)
             names.append(name)
         column.writer.path.unlink(missing_ok=True)
+    # (3) Positions: damaged, too coarse, or in another unit than the metre.
     if points.read > count:
         lost = points.read - count
         warnings.append(f"{lost:,} of {points.read:,} points have no finite coordinates: dropped.")
@@ -220,6 +223,7 @@ def _finish(
         )
     factors, crs, notes = metre_factors(path, points.low, points.high, stream.crs)
     warnings += notes
+    # (4) The positions' file, scaled block by block where the unit is not the metre.
     low, high = points.low, points.high
     if factors is None:
         points.writer.path.rename(folder / "points.npy")

@@ -173,6 +173,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
             f"{found.region_count} regions; at most {MAX_REGIONS} can be told apart at run time: "
             "change --region-threshold or raise --region-small"
         )
+    # (2) Segments and cover.
     # The regions' facts need neither segments nor cover: they are gathered beside them.
     facts, (segments, shapes, cover, base_kept, tolerance_m) = side_by_side(
         [
@@ -183,6 +184,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         ],
         threads=context.threads,
     )
+    # (3) Counts, and what is worth a warning.
     counts: dict[str, Any] = {
         "regions": found.region_count,
         "pools": found.fine_count,

@@ -126,6 +126,7 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     EngineError, ResourceError
         As :func:`terraport_pipeline.engines.poisson.reconstruct`.
     """
+    # (1) Clean samples; those within reach of the core.
     counts: dict[str, Json] = {"samples": len(samples), "outliers": 0, "duplicates": 0, "core": 0}
     cloud = _clean(task, samples, counts, context)
     if cloud is None:
@@ -136,13 +137,16 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     counts["core"] = int((np.abs(points) <= half_m).all(axis=1).sum())
     if int(near.sum()) < 3:
         return _nothing(task, counts)
+    # (2) What decides over all tiles: where samples lie and how densely, for the outline.
     raster, raster_spacing_m = _occupied(task, points, local_m)
+    # (3) Solve, then cut along the core's walls: every tile solves its margin, none keeps it.
     vertices, faces = _solve(task, points, normals, context)
     counts["faces_solved"] = len(faces)
     del normals
     vertices, faces = _cut(task, vertices, faces)
     if not len(faces):
         return _nothing(task, counts)
+    # (4) Trim by support, generously: the threshold of the whole survey is found later.
     tree = cKDTree(points, balanced_tree=False)
     ratio = support_ratio(vertices, tree, local_m, task.spacing_m, workers=context.threads)
     histogram = support_histogram(vertices, faces, ratio)
@@ -153,6 +157,8 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     ratio = ratio[used]
     if not len(faces):
         return _nothing(task, counts)
+    # (5) Values, and the border: vertices on the core's walls, which the join matches with the
+    # neighbours'.
     colours, attributes = _carry(task, tree, samples, rows, vertices, context)
     border = border_of(task, vertices, faces, ratio)
     counts |= {"faces": len(faces), "vertices": len(vertices)}

@@ -133,16 +133,19 @@ def run(
     OptionError
         Photos are asked for and none are given, or the other way round.
     """
+    # (1) Photos if and only if the source needs them.
     if (opened is None) != (options.source == "vertex"):
         raise OptionError(
             f"textures from {options.source} {'without' if opened is None else 'with'} photos; "
             "expected photos for the one and none for the other"
         )
+    # (2) The base first: it is small, and its faces tell the photos' gains.
     detail = reconstructed.detail
     base = faces_only(reconstructed.base, segmented.base_kept)
     views: tuple[View, ...] = () if opened is None else opened.views
     photos = None if opened is None else opened.photos
     made_base = texture_base(base, opened, options, context)
+    # (3) Views of the detail's faces, then its atlases.
     gains, detail_choice = made_base.gains, None
     if photos is not None and gains is not None:
         rays = RayScene(detail.vertices, detail.faces, threads=context.threads)
@@ -153,6 +156,7 @@ def run(
         max_side=options.max_side, path=context.scratch / "detail.images",
         threads=context.threads, progress=context.progress, label="texture: atlases",
     )  # fmt: skip
+    # (4) Facts of both.
     counts = made.facts | {f"base_{name}": n for name, n in made_base.made.facts.items()}
     if detail_choice is not None:
         counts |= {f"choice_{name}": number for name, number in detail_choice.facts.items()}
@@ -293,17 +297,21 @@ def texture_mesh(
     -------
     MadeTextures
     """
+    # (1) Faces of every piece.
     maker = AtlasMaker(mesh, views, photos, choice, options.texel_m, options.kind, options.quality)
     order = np.argsort(pieces, kind="stable")
     count = int(pieces.max()) + 1
     starts = np.searchsorted(pieces[order], np.arange(count + 1))
     rows = [order[begin:end] for begin, end in itertools.pairwise(starts)]
+    # (2) Atlases by several threads, written in order. Invariant: offsets[n] is the file's length
+    # after n images; memory holds no more images than threads.
     wedges = np.empty((len(pieces), 3, 2), np.uint16)
     sums = TextureSums(len(pieces))
     offsets, sides = [0], []
     progress.start(label, float(count), "segments")
 
     def make(faces: npt.NDArray[np.integer]) -> MadeAtlas:
+        # (3) Images stay in the file.
         return maker.make(faces, max_side=max_side)
 
     with path.open("wb") as file:

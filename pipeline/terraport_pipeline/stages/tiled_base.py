@@ -70,6 +70,7 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     ResourceError, EngineError
         As :func:`terraport_pipeline.engines.poisson.reconstruct`, with a base by Poisson.
     """
+    # (1) Tiles thinned each by itself and joined, then thinned as a whole or solved again.
     vertices, joined = _thinned_tiles(tiles, options, context)
     counts: dict[str, Json] = {"base_from": options.base_from, "base_faces_before": len(joined)}
     context.progress.start("base: whole", None, "faces")
@@ -79,6 +80,7 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
         thin, triangles = thin_detail(
             vertices, joined, max_faces=options.base_faces, threads=context.threads
         )
+    # (2) Patches where the thinned surface lost what a tile still has.
     patches = [
         base_patch(
             (thin, triangles),
@@ -94,6 +96,7 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     thin, triangles = reduce(append_surface, patches, (thin, triangles))
     # Vertex cache order now: the cover names base faces by number.
     triangles = triangles[order_for_cache(triangles.astype(np.uint32))]
+    # (3) Values of the cloud's nearest samples.
     cloud = cleaned.cloud
     tree = cKDTree(cloud.points, balanced_tree=False)
     colours, attributes = carry_values(
@@ -106,6 +109,7 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     )
     base = Mesh(thin, triangles, vertex_normals(thin, triangles), colours, attributes)
     context.progress.done({"base faces": len(triangles)})
+    # (4) How far the detail is from it, by samples of every tile.
     step = max(1, sum(tiles.vertex_count(i) for i in range(tiles.count)) // _DEVIATION_SAMPLES)
     picked = np.concatenate([tiles.load(i).vertices[::step].copy() for i in range(tiles.count)])
     context.progress.start("base: deviation", float(len(picked)), "samples")

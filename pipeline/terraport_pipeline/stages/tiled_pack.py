@@ -189,6 +189,7 @@ def publish(
     SceneStoreError
         The disk is full, or somebody else publishes the same scene; nothing half-written is left.
     """
+    # (1) Room on the disk, before anything is written.
     progress = context.progress
     kept = kept_faces(base, segmented.base_kept)
     count = len(segmented.tile)
@@ -198,6 +199,7 @@ def publish(
         images, info = textured
         expected += info.image_bytes + len(images.images)
     with SceneWriter(place, expected_bytes=expected) as writer:
+        # (2) Payloads in order of segment numbers, whichever tile holds them.
         progress.start("pack: segments", float(count), "segments")
         payload_bytes = []
         for number, payload in enumerate(_by_number(segmented, payloads)):
@@ -212,6 +214,7 @@ def publish(
             payload_bytes.append(len(payload.glb))
             progress.advance(1)
         progress.done({})
+        # (3) The base; its faces keep their order, because the cover names them by number.
         progress.start("pack: base", None, "faces")
         attributes = scales.attributes
         glb = encode_glb(
@@ -222,8 +225,10 @@ def publish(
         )
         writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
         progress.done({})
+        # (4) Regions with their stable ids; the writer's lock is held since (1).
         numbered = number_regions(place, segmented.region_facts, surface, progress)
         writer.set_regions(numbered.document)
+        # (5) The manifest last: readers see the old scene until it is there, then the new one.
         progress.start("pack: publish", None, "files")
         x, y, z = about.origin.tolist()
         manifest = writer.publish(

@@ -321,6 +321,7 @@ def cut(
     Stored
         For ``tiled_join.py``.
     """
+    # (1) Regions and pools of the faces, from those of their units.
     threads = context.threads
     fine, region = of_unit
     faces_region: Int32 = region[labels]
@@ -339,6 +340,7 @@ def cut(
         pairs=pairs,
         threads=threads,
     )
+    # (2) Shape of the segments, sums of the regions' facts; sums of tiles add up to the scene's.
     ragged = raggedness(mesh.vertices, mesh.faces, found, threads=threads)
     present, dense = np.unique(faces_region, return_inverse=True)
     totals = tile_totals(
@@ -353,6 +355,7 @@ def cut(
         bins=slope_bins(region_count),
     )
     del pairs, dense
+    # (3) Base faces under the segments; the whole base, as one may lie under several tiles.
     cover = tile_cover(
         base.vertices,
         base.faces,

@@ -104,12 +104,15 @@ def write_quarry(
     ResourceError
         When the disk has too little room, before or while writing.
     """
+    # (1) Refuse before anything is made.
     truth_file = truth_path(path)
     _validate_target(options, path, truth_file, overwrite=overwrite)
     report = progress or NullProgress()
     maker = QuarryMaker(options)
     material = np.empty(options.points, dtype=np.uint8)
     truth = np.empty((options.points, 3), dtype=np.float32)
+    # (2) Chunk by chunk into drafts. Invariant: the first `start` points are in the file, and
+    # their material and truth in the arrays. Both files get their names when both are whole.
     with _renamed_when_whole(path, truth_file) as (part, truth_part):
         report.start("synth: points", options.points, "points")
         start = 0
@@ -129,6 +132,7 @@ def write_quarry(
                 report.advance(len(chunk.ticks))
         report.done({"points": options.points})
         _write_truth(truth_part, options, maker, material, truth)
+    # (3) What was written.
     counts = np.bincount(material, minlength=256)
     low, high = truth.min(axis=0) + maker.origin, truth.max(axis=0) + maker.origin
     west, south, lowest = map(float, low)

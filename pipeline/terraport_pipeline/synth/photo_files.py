@@ -139,9 +139,11 @@ def write_photos(
     ResourceError
         When the disk has too little room, before or while writing.
     """
+    # (1) Refuse before anything is drawn.
     _validate_target(options, directory, overwrite=overwrite)
     watcher = progress or NullProgress()
     flight = plan_flight(options, quarry)
+    # (2) Into a draft beside the folder, which takes its place in one step or is deleted.
     draft = directory.with_name(f".{directory.name}.{secrets.token_hex(4)}.part")
     try:
         for folder in ("images", "colmap", "truth/masks"):
@@ -158,6 +160,7 @@ def write_photos(
         ) from error
     finally:
         shutil.rmtree(draft, ignore_errors=True)
+    # (3) What was written.
     ev = np.log2([row["gains"][1] for row in rows])
     return WrittenPhotos(
         directory,
@@ -213,6 +216,7 @@ def _write_images(
     threads: int | None,
     watcher: Progress,
 ) -> list[dict[str, Any]]:
+    # (1) What all photos share: the surface, where trucks park, exposures, the frame.
     eye = CameraEye(quarry, photo_edge_m(flight, quarry), threads=threads)
     places = parking_places(eye.surface, quarry.seed, quarry.scale)
     gains = exposures(options, quarry.seed)
@@ -220,6 +224,8 @@ def _write_images(
     offset = np.array([*np.round(origin[:2], -2), 0.0])
     rows: list[dict[str, Any]] = []
     points, colours = [], []
+    # (2) Photo by photo. Every random number is drawn from seed and number of the photo, so the
+    # bytes do not depend on the order.
     for number, view in enumerate(flight.views):
         truck = None
         if options.truck:
@@ -243,6 +249,7 @@ def _write_images(
             }
         )
         watcher.advance(1)
+    # (3) The cameras, with some points of the surface, as COLMAP would write them.
     colmap = draft / "colmap"
     write_colmap(
         colmap,
@@ -255,6 +262,7 @@ def _write_images(
     (colmap / "points3D.txt").write_text(text, encoding="utf-8")
     text = offset_text(offset, quarry.epsg, survey)
     (colmap / "OFFSET.txt").write_text(text, encoding="utf-8")
+    # (4) What no camera knows.
     truth = {
         "quarry": quarry.to_dict(),
         "flight": asdict(options),

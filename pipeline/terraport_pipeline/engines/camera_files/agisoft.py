@@ -173,6 +173,7 @@ def _lens(path: Path, sensor: ET.Element) -> Lens:
     found = sensor.findall("calibration")
     adjusted = [one for one in found if one.get("class") == "adjusted"]
     calibration = next(iter(adjusted or found), None)
+    # (1) Kind and size; what is no perspective or fisheye lens is refused.
     if kind not in _MODELS:
         raise ReadError(
             path,
@@ -188,6 +189,7 @@ def _lens(path: Path, sensor: ET.Element) -> Lens:
     size = () if resolution is None else (resolution.get("width"), resolution.get("height"))
     width, height = (int(v) for v in _numbers(path, " ".join(map(str, size)), 2, place))
 
+    # (2) Its numbers.
     values = {
         one.tag: float(_numbers(path, one.text, 1, f"{place}, {one.tag}")[0])
         for one in calibration
@@ -201,6 +203,8 @@ def _lens(path: Path, sensor: ET.Element) -> Lens:
             "optimise the cameras in Metashape without p3 and p4, or export undistorted photos",
             place,
         )
+    # (3) PhotoScan before 1.2 wrote fx, fy, cx, cy and p1, p2 as OpenCV does; Metashape
+    # writes f, b1, b2, and cx, cy from the middle, p1 and p2 the other way round.
     old = "f" not in values
     middle = (0.0, 0.0) if old else (0.5 * width, 0.5 * height)
     focal = values.get("fy" if old else "f", 0.0)

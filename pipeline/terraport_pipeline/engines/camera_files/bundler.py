@@ -61,6 +61,7 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     PhotoError
         No aligned camera has a photo.
     """
+    # (1) The header: how many cameras; as many names beside it.
     lines = ((n, text) for n, text in text_lines(path) if text and not text.startswith("#"))
     number, first = next(lines, (1, ""))
     words = first.split()
@@ -72,6 +73,8 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     if not 0 < count <= MAX_CAMERAS:
         check_count(path, count, f"line {number:,}")
     names = _read_names(path, count)
+    # (2) Five lines a camera. Invariant: every camera's five lines are read before it is judged,
+    # so a camera that is left out does not shift the next.
     cameras = []
     without_photo: list[PhotoError] = []
     unaligned = 0
@@ -101,6 +104,7 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
             radial=(k1, k2),
         )
         cameras.append(RawCamera(name, lens, _FLIP @ rotation, -rotation.T @ translation))
+    # (3) What was left out, and the frame.
     if without_photo and not cameras:
         raise without_photo[0]
     check_count(path, len(cameras))

@@ -191,6 +191,7 @@ def _offset(path: Path, ending: str) -> Frame | None:
 
 def _internal(path: Path) -> Lens:
     found = sorted(path.parent.glob("*pix4d_calibrated_internal_camera_parameters.cam"))
+    # (1) The one lens file of the project.
     if len(found) != 1:
         raise ReadError(
             path,
@@ -199,6 +200,8 @@ def _internal(path: Path) -> Lens:
             "give the file *_calibrated_camera_parameters.txt instead, which needs no other",
         )
     cam = found[0]
+    # (2) Its size, then its numbers by name; a second lens would overwrite the first and is
+    # refused.
     text = read_small_text(cam)
     values: dict[str, float] = {}
     sensor = _SENSOR.search(text)
@@ -224,6 +227,7 @@ def _internal(path: Path) -> Lens:
     missing = [name for name in ("F", "Px", "Py") if name not in values]
     if missing:
         raise ReadError(cam, f"no {', '.join(missing)}", AGAIN)
+    # (3) From micrometres on the sensor to pixels.
     size = parse_numbers(cam, 1, sensor.groups(), 2, "a sensor")
     return make_lens(
         cam,

@@ -35,10 +35,12 @@ def main(key: str, folder: str, threads: int, depth: int) -> None:
     Leaves with an exit code that is not 0 when there is no surface; facts.json then says why, or
     said.txt what was printed.
     """
+    # (1) Standard error goes to a file from the start: a crash of native code prints there.
     place = Path(folder)
     with (place / "said.txt").open("wb") as said:
         os.dup2(said.fileno(), 2)
     numba.set_num_threads(max(1, min(threads, os.cpu_count() or 1)))
+    # (2) Input; kernels are compiled before the clock starts.
     with np.load(place / "samples.npz") as stored:
         samples = Samples(
             stored["points"],
@@ -51,6 +53,7 @@ def main(key: str, folder: str, threads: int, depth: int) -> None:
     algorithm = RECONSTRUCTORS[key]
     if key != "poisson":  # compiles, or loads what was compiled before
         algorithm.run(_ball(), Work(place, 1))
+    # (3) The run itself, measured as what it adds.
     before_bytes = psutil.Process().memory_info().rss
     before_s = _cpu_s()
     try:
@@ -59,6 +62,7 @@ def main(key: str, folder: str, threads: int, depth: int) -> None:
     except PipelineError as error:
         (place / "facts.json").write_text(json.dumps({"error": str(error)}))
         sys.exit(_FAILED)
+    # (4) Surface and facts; the parent reads them only after exit code 0.
     facts = {
         "cpu_s": _cpu_s() - before_s,
         "wall_s": measure.seconds,
