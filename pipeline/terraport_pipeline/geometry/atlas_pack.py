@@ -149,11 +149,11 @@ def _try(sizes: Float64, scale: float, width: int, height: int) -> Atlas | None:
         return None
     # High ones first: the skyline stays level. Ties by width, then by number.
     order = np.lexsort((np.arange(len(flat)), -flat[:, 0], -flat[:, 1]))
-    places = np.zeros((len(flat), 2), np.int64)
-    if not _skyline(flat, order, columns, rows, places):
+    corners = np.zeros((len(flat), 2), np.int64)
+    if not _skyline(flat, order, columns, rows, corners):
         return None
-    found = np.concatenate([places, flat], axis=1) * ALIGN
-    return Atlas(width, height, scale, found.astype(np.int32), turned)
+    placed = np.concatenate([corners, flat], axis=1) * ALIGN
+    return Atlas(width, height, scale, placed.astype(np.int32), turned)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -162,7 +162,7 @@ def _skyline(
     order: npt.NDArray[np.int64],
     columns: int,
     rows: int,
-    places: npt.NDArray[np.int64],
+    corners: npt.NDArray[np.int64],
 ) -> bool:
     """Put each rectangle where its upper rim is lowest, then leftmost; False when one is left."""
     height = np.zeros(columns, np.int64)
@@ -182,6 +182,6 @@ def _skyline(
             x = highest + 1  # until it is passed the ground cannot be lower
         if best_top > rows:
             return False
-        places[number, 0], places[number, 1] = best_x, best_top - high
+        corners[number, 0], corners[number, 1] = best_x, best_top - high
         height[best_x : best_x + wide] = best_top
     return True

@@ -56,23 +56,23 @@ def points_around(
         int((y - grid.low[1]) / reach),
         int((z - grid.low[2]) / reach),
     )
-    found = 0
+    count = 0
     for ix in range(max(cx - 1, 0), min(cx + 2, grid.shape[0])):
         for iy in range(max(cy - 1, 0), min(cy + 2, grid.shape[1])):
             first = (ix * grid.shape[1] + iy) * grid.shape[2] + max(cz - 1, 0)
             last = (ix * grid.shape[1] + iy) * grid.shape[2] + min(cz + 1, grid.shape[2] - 1)
-            place = np.searchsorted(grid.cells, first)
-            while place < len(grid.cells) and grid.cells[place] <= last:
-                for row in range(grid.starts[place], grid.starts[place + 1]):
+            slot = np.searchsorted(grid.cells, first)
+            while slot < len(grid.cells) and grid.cells[slot] <= last:
+                for row in range(grid.starts[slot], grid.starts[slot + 1]):
                     point = grid.order[row]
                     dx, dy, dz = (
                         points[point, 0] - x, points[point, 1] - y, points[point, 2] - z,
                     )  # fmt: skip
-                    if dx * dx + dy * dy + dz * dz <= reach * reach and found < len(out):
-                        out[found] = point
-                        found += 1
-                place += 1
-    return found
+                    if dx * dx + dy * dy + dz * dz <= reach * reach and count < len(out):
+                        out[count] = point
+                        count += 1
+                slot += 1
+    return count
 
 
 @numba.njit(cache=True, inline="always")
@@ -137,8 +137,8 @@ def is_empty(
 ) -> bool:  # pragma: no cover - compiled
     """Whether no sample of `near` but the three lies in the ball."""
     limit = radius * radius * (1.0 - _TOUCH)
-    for place in range(count):
-        point = near[place]
+    for slot in range(count):
+        point = near[slot]
         if point in (a, b, c):
             continue
         dx = points[point, 0] - centre[0]

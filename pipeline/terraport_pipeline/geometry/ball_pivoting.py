@@ -86,19 +86,19 @@ def pivot_balls(points: Float32, normals: Float32, radii_m: Sequence[float]) -> 
     """
     if not all(radius > 0 for radius in radii_m):
         raise ValueError(f"received radii {list(radii_m)} m, expected positive ones")
-    places = np.ascontiguousarray(points, np.float64)
-    places = places - places.mean(axis=0)
+    centred = np.ascontiguousarray(points, np.float64)
+    centred = centred - centred.mean(axis=0)
     sides = np.ascontiguousarray(normals, np.float64)
-    room = _FACES_PER_SAMPLE * len(places) + 16
+    room = _FACES_PER_SAMPLE * len(centred) + 16
     mesh = _Surface(
         np.empty((room, 3), np.int32),
         np.empty((3 * room, 5), np.int64),
         np.empty((3 * room, 3)),
-        np.full(len(places), -1, np.int64),
+        np.full(len(centred), -1, np.int64),
         np.zeros(2, np.int64),
     )
     for radius_m in sorted(radii_m):
-        _roll(places, sides, radius_m, grid_points(places, 2 * radius_m), mesh)
+        _roll(centred, sides, radius_m, grid_points(centred, 2 * radius_m), mesh)
     return mesh.faces[: mesh.counts[0]].copy()
 
 
@@ -160,11 +160,11 @@ def _pivot(
     edge: int | np.int64,
     near: _Int64,
     count: int,
-    found: Float64,
+    new_centre: Float64,
 ) -> int:  # pragma: no cover - compiled
     """Roll the ball over an open edge to the first sample it meets; -1 where it meets none.
 
-    Writes the ball's new centre to `found`.
+    Writes the ball's new centre to `new_centre`.
     """
     # (1) The axis of rotation: the edge's direction through its middle; the arm to the old
     # centre.
@@ -188,8 +188,8 @@ def _pivot(
     # sample; of equal angles the lower sample, so that the order of `near` does not matter.
     best, chosen = np.inf, -1
     centre = np.empty(3)
-    for place in range(count):
-        point = near[place]
+    for slot in range(count):
+        point = near[slot]
         if point in (a, b, opposite):
             continue
         if not rest_ball(points, b, a, point, radius, centre):
@@ -202,7 +202,7 @@ def _pivot(
             points, centre, radius, near, count, a, b, point
         ):
             best, chosen = angle, point
-            found[0], found[1], found[2] = centre[0], centre[1], centre[2]
+            new_centre[0], new_centre[1], new_centre[2] = centre[0], centre[1], centre[2]
     # (3) A face whose sides contradict the samples' normals ends the surface here.
     if chosen >= 0 and not agrees(points, normals, b, a, chosen):
         return -1
@@ -294,10 +294,10 @@ def _sow(
         points[a, 0], points[a, 1], points[a, 2], 2 * radius, points, grid, near,
     )  # fmt: skip
     away = np.empty(count)
-    for place in range(count):
-        away[place] = 0.0
+    for slot in range(count):
+        away[slot] = 0.0
         for axis in range(3):
-            away[place] += (points[near[place], axis] - points[a, axis]) ** 2
+            away[slot] += (points[near[slot], axis] - points[a, axis]) ** 2
     nearest = np.argsort(away)[: _SEED_NEIGHBOURS + 1]
     centre = np.empty(3)
     for first in range(1, len(nearest)):

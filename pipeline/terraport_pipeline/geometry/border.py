@@ -151,11 +151,11 @@ def _teeth_m(vertices: Float32, edges: Int32) -> npt.NDArray[np.float64]:
     rows = np.flatnonzero(simple)
     if not len(rows):
         return np.zeros(1)
-    place = vertices[rows].astype(np.float64)
+    position = vertices[rows].astype(np.float64)
     first = vertices[before[rows]].astype(np.float64)
     chord = vertices[after[rows]] - first
     length = np.linalg.norm(chord, axis=1)
-    away: npt.NDArray[np.float64] = np.linalg.norm(np.cross(place - first, chord), axis=1)
+    away: npt.NDArray[np.float64] = np.linalg.norm(np.cross(position - first, chord), axis=1)
     teeth: npt.NDArray[np.float64] = away / np.maximum(length, np.finfo(np.float64).tiny)
     return teeth
 
@@ -163,9 +163,9 @@ def _teeth_m(vertices: Float32, edges: Int32) -> npt.NDArray[np.float64]:
 def _is_in_sorted(values: _Int64, among: _Int64) -> npt.NDArray[np.bool_]:
     if not len(among):
         return np.zeros(len(values), dtype=bool)
-    place = np.minimum(np.searchsorted(among, values), len(among) - 1)
-    found: npt.NDArray[np.bool_] = among[place] == values
-    return found
+    index = np.minimum(np.searchsorted(among, values), len(among) - 1)
+    present: npt.NDArray[np.bool_] = among[index] == values
+    return present
 
 
 @numba.njit(cache=True, nogil=True)

@@ -116,10 +116,10 @@ def _lab_differences(
         u, v = pairs[i, 0], pairs[i, 1]
         square = 0.0
         for axis in range(3):
-            part = (lab[u, axis] / faces[u] - lab[v, axis] / faces[v]) / LAB_STEPS
+            step = (lab[u, axis] / faces[u] - lab[v, axis] / faces[v]) / LAB_STEPS
             if axis == 0:
-                part *= lightness
-            square += part * part
+                step *= lightness
+            square += step * step
         difference[i] = np.sqrt(square)
     return difference
 

@@ -235,9 +235,12 @@ def _laid_flat(
     across = np.cross(other, mean)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     up = np.cross(mean, across)
-    place = points[corners]
+    position = points[corners]
     flat: Float64 = np.stack(
-        [(place * across[chart][:, None]).sum(axis=2), (place * up[chart][:, None]).sum(axis=2)],
+        [
+            (position * across[chart][:, None]).sum(axis=2),
+            (position * up[chart][:, None]).sum(axis=2),
+        ],
         axis=2,
     )
     return flat

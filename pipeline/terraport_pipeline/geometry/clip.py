@@ -88,10 +88,10 @@ def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
     keys, first = np.unique(crossed, return_index=True)
     rank = np.empty(len(keys), dtype=np.int64)
     rank[np.argsort(first, kind="stable")] = np.arange(len(keys))
-    made, replaced, ends, share = _cut_points(points, values, keys, rank, len(points))
+    cuts, replaced, ends, share = _cut_points(points, values, keys, rank, len(points))
     pieces = _cut_faces(triangles, values, keys, replaced, len(crossed))
     return _used(
-        np.concatenate([points, made]),
+        np.concatenate([points, cuts]),
         pieces,
         np.concatenate([stayed, ends]),
         np.concatenate([np.zeros(len(points)), share]),
@@ -135,7 +135,7 @@ def _cut_points(
 
     Returns new vertices by rank, each key's vertex number, and by rank the ends and the share.
     """
-    made = np.zeros((len(keys), 3), np.float32)
+    cuts = np.zeros((len(keys), 3), np.float32)
     ends = np.empty((len(keys), 2), np.int64)
     shares = np.empty(len(keys))
     number = np.empty(len(keys), np.int64)
@@ -147,13 +147,13 @@ def _cut_points(
         ends[rank[k], 0], ends[rank[k], 1], shares[rank[k]] = a, b, share
         for axis in range(3):
             start, end = np.float64(vertices[a, axis]), np.float64(vertices[b, axis])
-            made[rank[k], axis] = start + share * (end - start)
+            cuts[rank[k], axis] = start + share * (end - start)
         number[k] = first_number + rank[k]
         if field[a] >= 0.0 and share < _NEAR:
             number[k] = a
         elif field[b] >= 0.0 and 1.0 - share < _NEAR:
             number[k] = b
-    return made, number, ends, shares
+    return cuts, number, ends, shares
 
 
 @numba.njit(cache=True, nogil=True)

@@ -129,7 +129,7 @@ def _to_box(
 
 @numba.njit(cache=True)
 def _on_triangle(
-    point: Float64, corners: Float64, place: int
+    point: Float64, corners: Float64, triangle: int
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled
     """Squared distance to a triangle, and the weights of its second and third corner there.
 
@@ -138,15 +138,15 @@ def _on_triangle(
     """
     # (1) Edges from the first corner, the point seen from there, and their products: d1..d6 are
     # the projections of the point on both edges from each of the three corners.
-    ab_x = corners[place, 1, 0] - corners[place, 0, 0]
-    ab_y = corners[place, 1, 1] - corners[place, 0, 1]
-    ab_z = corners[place, 1, 2] - corners[place, 0, 2]
-    ac_x = corners[place, 2, 0] - corners[place, 0, 0]
-    ac_y = corners[place, 2, 1] - corners[place, 0, 1]
-    ac_z = corners[place, 2, 2] - corners[place, 0, 2]
-    ap_x = point[0] - corners[place, 0, 0]
-    ap_y = point[1] - corners[place, 0, 1]
-    ap_z = point[2] - corners[place, 0, 2]
+    ab_x = corners[triangle, 1, 0] - corners[triangle, 0, 0]
+    ab_y = corners[triangle, 1, 1] - corners[triangle, 0, 1]
+    ab_z = corners[triangle, 1, 2] - corners[triangle, 0, 2]
+    ac_x = corners[triangle, 2, 0] - corners[triangle, 0, 0]
+    ac_y = corners[triangle, 2, 1] - corners[triangle, 0, 1]
+    ac_z = corners[triangle, 2, 2] - corners[triangle, 0, 2]
+    ap_x = point[0] - corners[triangle, 0, 0]
+    ap_y = point[1] - corners[triangle, 0, 1]
+    ap_z = point[2] - corners[triangle, 0, 2]
     bb = ab_x * ab_x + ab_y * ab_y + ab_z * ab_z
     bc = ab_x * ac_x + ab_y * ac_y + ab_z * ac_z
     cc = ac_x * ac_x + ac_y * ac_y + ac_z * ac_z
@@ -215,10 +215,10 @@ def _search(
             # (1) A leaf: every triangle in it.
             if node >= leaves - 1:
                 start = (node - leaves + 1) * _LEAF
-                for place in range(start, min(start + _LEAF, len(corners))):
-                    squared, v, w = _on_triangle(point, corners, place)
+                for triangle in range(start, min(start + _LEAF, len(corners))):
+                    squared, v, w = _on_triangle(point, corners, triangle)
                     if squared < best:
-                        best, chosen, second, third = squared, place, v, w
+                        best, chosen, second, third = squared, triangle, v, w
                 continue
             # (2) An inner node: the farther child goes on the stack first and so waits longer.
             left, right = 2 * node + 1, 2 * node + 2

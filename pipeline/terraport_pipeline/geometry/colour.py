@@ -160,14 +160,14 @@ def face_lab(
     return _lab_of_sums(face_colour_sums(colours, faces), _table(3), _TO_WHITE_XYZ, steps)
 
 
-def white_distance_of_sums(sums: npt.NDArray[np.uint16], parts: int) -> _Float32:
-    """CIEDE2000 difference to white of colours given as sums of ``parts`` 8-bit colours.
+def white_distance_of_sums(sums: npt.NDArray[np.uint16], summands: int) -> _Float32:
+    """CIEDE2000 difference to white of colours given as sums of ``summands`` 8-bit colours.
 
     Parameters
     ----------
     sums : ndarray of shape (N, 3), uint16
         Sums of sRGB values, 0..255 * parts.
-    parts : int
+    summands : int
         Number of colours in each sum (3 for :func:`face_colour_sums`), 1..257.
 
     Returns
@@ -180,7 +180,7 @@ def white_distance_of_sums(sums: npt.NDArray[np.uint16], parts: int) -> _Float32
     The sRGB curve becomes a table of ``255 * parts + 1`` entries, so a face costs three cube roots
     and no power.
     """
-    return _white_distance_of_sums(np.ascontiguousarray(sums), _table(parts), _TO_WHITE_XYZ)
+    return _white_distance_of_sums(np.ascontiguousarray(sums), _table(summands), _TO_WHITE_XYZ)
 
 
 def white_index(
@@ -219,9 +219,9 @@ def _validate_colours(colours: npt.NDArray[np.generic]) -> None:
         raise ValueError(msg)
 
 
-def _table(parts: int) -> _Float64:
-    """Linear light of every possible sum of ``parts`` 8-bit values."""
-    return _linear(np.arange(255 * parts + 1, dtype=np.float64) / (255.0 * parts))
+def _table(summands: int) -> _Float64:
+    """Linear light of every possible sum of ``summands`` 8-bit values."""
+    return _linear(np.arange(255 * summands + 1, dtype=np.float64) / (255.0 * summands))
 
 
 def _linear(encoded: _Float64) -> _Float64:

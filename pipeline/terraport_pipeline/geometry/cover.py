@@ -197,16 +197,16 @@ def build_cover(
     # (3) union per base face
     largest_gap_m = np.inf if max_gap_m is None else max_gap_m
     n_segments = int(segment.max()) + 1
-    parts = in_chunks(
+    chunks = in_chunks(
         lambda begin, end: _unite(
             *base, grid, reach, runs, largest_gap_m, far.offsets, far.segment, n_segments,
             hide_partly_covered, begin, end,
         ),
         n_base, threads=threads, chunk=_BASE_CHUNK,
     )  # fmt: skip
-    rows = np.concatenate([[0], np.cumsum(np.concatenate([part[0] for part in parts]))])
-    members = np.concatenate([part[1] for part in parts])
-    status = np.concatenate([part[2] for part in parts])
+    rows = np.concatenate([[0], np.cumsum(np.concatenate([chunk[0] for chunk in chunks]))])
+    members = np.concatenate([chunk[1] for chunk in chunks])
+    status = np.concatenate([chunk[2] for chunk in chunks])
     return BaseCover(
         rows.astype(np.uint32), members.astype(np.uint32), grid.cell_m, reach,
         int(np.count_nonzero(status == _BARE)), int(np.count_nonzero(status == _PARTLY)),
@@ -290,7 +290,7 @@ def _unite(
     members = np.empty(4 * (last - first) + 16, np.int32)
     status = np.full(last - first, _COVERED, np.uint8)
     seen = np.full(n_segments, -1, np.int64)
-    found = np.empty(n_segments, np.int32)
+    listed = np.empty(n_segments, np.int32)
     cell = grid.cell_m
     half = (0.5 * cell + grow) * (1.0 + 1e-6)
     begin = 0
@@ -326,14 +326,14 @@ def _unite(
                     gap = max(runs.low[e] - most, least - runs.high[e], 0.0)
                     if seen[s] != f and (gap <= max_gap or gap <= nearest):
                         seen[s] = f
-                        found[count] = s
+                        listed[count] = s
                         count += 1
         # (3) Rule 2: segments of far detail that this face stands in for.
         for e in range(extra_offsets[f], extra_offsets[f + 1]):
             s = extra_segment[e]
             if seen[s] != f:
                 seen[s] = f
-                found[count] = s
+                listed[count] = s
                 count += 1
         # (4) An empty list means "never hidden": for faces without detail and, by rule 3, at
         # rims.
@@ -357,10 +357,10 @@ def _unite(
         else:
             for i in range(count):
                 j = begin + i
-                while j > begin and members[j - 1] > found[i]:
+                while j > begin and members[j - 1] > listed[i]:
                     members[j] = members[j - 1]
                     j -= 1
-                members[j] = found[i]
+                members[j] = listed[i]
         begin += count
         lengths[f - first] = count
     return lengths, members[:begin].copy(), status

@@ -47,13 +47,13 @@ def distances_to_mesh(
     centres = vertices[faces].mean(axis=1)
     tree = cKDTree(centres, balanced_tree=False)
     count = min(candidates, len(faces))
-    places = as_kernel_input(points, np.float32)
+    samples = as_kernel_input(points, np.float32)
     corners, triangles = as_kernel_input(vertices, np.float32), as_kernel_input(faces, np.int32)
     out = np.empty(len(points), dtype=np.float32)
 
     def measure(begin: int, end: int) -> None:
         _, near = tree.query(points[begin:end], k=[*range(1, count + 1)])
-        _least_distances(places[begin:end], corners, triangles, near, out[begin:end])
+        _least_distances(samples[begin:end], corners, triangles, near, out[begin:end])
 
     in_chunks(measure, len(points), threads=workers, chunk=_CHUNK)
     return out
@@ -94,10 +94,10 @@ def _least_distances(
         for axis in range(3):
             point[axis] = points[p, axis]
         least = np.inf
-        for place in range(near.shape[1]):
+        for rank in range(near.shape[1]):
             for corner in range(3):
                 for axis in range(3):
-                    corners[corner, axis] = vertices[faces[near[p, place], corner], axis]
+                    corners[corner, axis] = vertices[faces[near[p, rank], corner], axis]
             least = min(least, _distance(point, corners))
         out[p] = least
 

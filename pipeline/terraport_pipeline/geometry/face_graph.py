@@ -255,18 +255,18 @@ def _measure_borders(vertices: _Float32, faces: _Int32, pairs: _Int32) -> _Float
 @numba.njit(cache=True)
 def _smooth(lab: npt.NDArray[np.int16], pairs: _Int32) -> npt.NDArray[np.int16]:
     total = lab.astype(np.int32)
-    parts = np.ones(len(lab), np.int32)
+    count = np.ones(len(lab), np.int32)
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]
-        parts[u] += 1
-        parts[v] += 1
+        count[u] += 1
+        count[v] += 1
         for axis in range(3):
             total[u, axis] += lab[v, axis]
             total[v, axis] += lab[u, axis]
     smooth = np.empty_like(lab)
     for u in range(len(lab)):
         for axis in range(3):
-            smooth[u, axis] = np.int16((2 * total[u, axis] + parts[u]) // (2 * parts[u]))
+            smooth[u, axis] = np.int16((2 * total[u, axis] + count[u]) // (2 * count[u]))
     return smooth
 
 

@@ -112,10 +112,10 @@ def main_labels(labels: _Int32, count: int, kinds: _Int32) -> tuple[_Int32, _Int
     """
     given = as_kernel_input(kinds, np.int32)
     limit = int(given.max()) + 1 if len(given) else 0
-    found: tuple[_Int32, _Int32] = _main_labels(
+    labels_and_counts: tuple[_Int32, _Int32] = _main_labels(
         as_kernel_input(labels, np.int32), count, given, limit
     )
-    return found
+    return labels_and_counts
 
 
 def dense_labels(labels: npt.NDArray[np.integer]) -> _Int32:

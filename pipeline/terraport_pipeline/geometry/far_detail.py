@@ -104,9 +104,9 @@ def far_detail(
     distance, nearest = cKDTree(base_vertices[vertex_ids]).query(
         face_centres(vertices, faces[far]), k=k, distance_upper_bound=limit, workers=threads
     )
-    found = np.isfinite(distance).reshape(len(far), k)
-    vertex = vertex_ids[nearest.reshape(len(far), k)[found]]
-    segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[found]
+    in_reach = np.isfinite(distance).reshape(len(far), k)
+    vertex = vertex_ids[nearest.reshape(len(far), k)[in_reach]]
+    segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[in_reach]
     wanted = np.unique(np.stack([vertex, segment], axis=1).astype(np.int64), axis=0)
     # (3) From vertices to the faces around them, each (face, segment) once and ascending.
     # every wanted (vertex, segment) becomes (face, segment) for all faces around the vertex

@@ -119,13 +119,13 @@ def common_slots(
             for s in range(SLOTS):
                 if views[f, s] < 0:
                     break
-                place = place_of_view(seen, n, views[f, s])
-                if place == n:
+                index = place_of_view(seen, n, views[f, s])
+                if index == n:
                     if n == _MAX_CELL_VIEWS:
                         continue
                     seen[n], saved[n] = views[f, s], 0.0
                     n += 1
-                saved[place] += area[f] * (1.0 - costs[f, s] / _UNIT)
+                saved[index] += area[f] * (1.0 - costs[f, s] / _UNIT)
         if n == 0:
             continue
         best = np.argmax(saved[:n])

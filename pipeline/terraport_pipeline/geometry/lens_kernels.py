@@ -111,7 +111,7 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
     goal_b = (v - packed[CY]) / packed[FY]
     goal_a = (u - packed[CX] - packed[SKEW] * goal_b) / packed[FX]
     a, b = _along_radius(packed, goal_a, goal_b)
-    found = False
+    converged = False
     # (2) Newton with halved steps. Invariant: a, b lies within the valid radius, and `miss` is
     # how far its image is from the goal; it only falls.
     da, db, aa, ab, ba, bb = _distort(packed, a, b)
@@ -123,7 +123,7 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
         step_a = (bb * (da - goal_a) - ab * (db - goal_b)) / det
         step_b = (aa * (db - goal_b) - ba * (da - goal_a)) / det
         if max(abs(step_a), abs(step_b)) <= _NEWTON_TOLERANCE * max(1.0, abs(a), abs(b)):
-            found = True
+            converged = True
             break
         share = 1.0
         for _ in range(_HALVINGS):
@@ -134,10 +134,10 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
                 break
             share *= 0.5
         if not new_miss < miss:  # as near as numbers go, or stuck at the limit
-            found = miss <= _NEAR * max(1.0, abs(goal_a), abs(goal_b))
+            converged = miss <= _NEAR * max(1.0, abs(goal_a), abs(goal_b))
             break
         a, b, miss = try_a, try_b, new_miss
-    if not found:
+    if not converged:
         return np.nan, np.nan, np.nan
     # (3) From the undistorted point to a direction: the plane at distance 1, or a fisheye's
     # angle.

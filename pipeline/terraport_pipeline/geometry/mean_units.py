@@ -201,16 +201,16 @@ def _join(choice: _Int32, faces: _Int64) -> tuple[_Int32, int]:
         if v >= 0 and ((choice[v] == u and v < u) or (star[u] and not star[v])):
             parent[u] = v
     nodes = np.full(count, -1, np.int32)
-    found = 0
+    n_unions = 0
     for u in range(count):
         root = u
         while parent[root] != root:
             root = parent[root]
         if nodes[root] < 0:
-            nodes[root] = found
-            found += 1
+            nodes[root] = n_unions
+            n_unions += 1
         nodes[u] = nodes[root]
-    return nodes, found
+    return nodes, n_unions
 
 
 @numba.njit(cache=True, nogil=True)

@@ -78,7 +78,7 @@ def merge_by_heap(
     cost = np.empty(n_edges, np.float64)
     tie = np.empty(n_edges, np.uint64)
     heap = np.empty(n_edges, np.int32)
-    place = np.full(n_edges, -1, np.int32)
+    slot_of = np.full(n_edges, -1, np.int32)
     size = 0
     for e in range(n_edges):
         a, b = ends[2 * e], ends[2 * e + 1]
@@ -86,12 +86,12 @@ def merge_by_heap(
         tie[e] = scramble(name[a], name[b])
         if min(area[a], area[b]) < small_area:
             heap[size] = e
-            place[e] = size
+            slot_of[e] = size
             size += 1
     for at in range((size - 2) // _ARITY, -1, -1):
-        _sift_down(heap, place, size, at, cost, tie)
+        _sift_down(heap, slot_of, size, at, cost, tie)
     # (3) Merge the first pair until the heap is empty. Invariant at the loop's head: of every
-    # edge of two living units exactly one is alive; `place[e]` is its index in the heap or -1;
+    # edge of two living units exactly one is alive; `slot_of[e]` is its index in the heap or -1;
     # `cost` and `tie` are those of its units as they are now; `seen` is -1 everywhere.
     merged = np.empty((max(n_units - 1, 0), 2), np.int32)
     paid = np.empty(max(n_units - 1, 0), np.float64)
@@ -109,7 +109,7 @@ def merge_by_heap(
         perimeter[keep] += perimeter[gone] - 2 * border[best]
         area[keep] += area[gone]
         name[keep] = min(name[keep], name[gone])
-        size = _remove(heap, place, size, best, cost, tie)
+        size = _remove(heap, slot_of, size, best, cost, tie)
         dead[best] = True
         # Then, for the union:
         # (1) one list, without dead edges, each neighbour once
@@ -126,8 +126,8 @@ def merge_by_heap(
                 if twice >= 0:
                     border[twice >> 1] += border[e]
                     dead[e] = True
-                    if place[e] >= 0:
-                        size = _remove(heap, place, size, e, cost, tie)
+                    if slot_of[e] >= 0:
+                        size = _remove(heap, slot_of, size, e, cost, tie)
                 else:
                     seen[other] = h
                     if last < 0:
@@ -148,15 +148,15 @@ def merge_by_heap(
             # One key changes at a time, and its edge finds its place before the next changes: keys
             # that changed together would leave the heap out of order.
             if min(area[keep], area[other]) >= small_area:
-                if place[e] >= 0:
-                    size = _remove(heap, place, size, e, cost, tie)
+                if slot_of[e] >= 0:
+                    size = _remove(heap, slot_of, size, e, cost, tie)
             else:
                 cost[e] = merge_cost(
                     perimeter[keep], area[keep], perimeter[other], area[other], border[e]
                 )
                 tie[e] = scramble(name[keep], name[other])
-                _sift_up(heap, place, place[e], cost, tie)
-                _sift_down(heap, place, size, place[e], cost, tie)
+                _sift_up(heap, slot_of, slot_of[e], cost, tie)
+                _sift_down(heap, slot_of, size, slot_of[e], cost, tie)
             h = following[h]
     return merged[:count].copy(), paid[:count].copy()
 
@@ -190,22 +190,22 @@ def _before(e: int, f: int, cost: _Float64, tie: _UInt64) -> bool:
 
 
 @numba.njit(cache=True)
-def _sift_up(heap: _Int32, place: _Int32, at: int, cost: _Float64, tie: _UInt64) -> None:
+def _sift_up(heap: _Int32, slot_of: _Int32, at: int, cost: _Float64, tie: _UInt64) -> None:
     e = heap[at]
     while at > 0:
         above = (at - 1) // _ARITY
         if not _before(e, heap[above], cost, tie):
             break
         heap[at] = heap[above]
-        place[heap[at]] = at
+        slot_of[heap[at]] = at
         at = above
     heap[at] = e
-    place[e] = at
+    slot_of[e] = at
 
 
 @numba.njit(cache=True)
 def _sift_down(
-    heap: _Int32, place: _Int32, size: int, at: int, cost: _Float64, tie: _UInt64
+    heap: _Int32, slot_of: _Int32, size: int, at: int, cost: _Float64, tie: _UInt64
 ) -> None:
     e = heap[at]
     while True:
@@ -219,21 +219,21 @@ def _sift_down(
         if not _before(heap[best], e, cost, tie):
             break
         heap[at] = heap[best]
-        place[heap[at]] = at
+        slot_of[heap[at]] = at
         at = best
     heap[at] = e
-    place[e] = at
+    slot_of[e] = at
 
 
 @numba.njit(cache=True)
-def _remove(heap: _Int32, place: _Int32, size: int, e: int, cost: _Float64, tie: _UInt64) -> int:
+def _remove(heap: _Int32, slot_of: _Int32, size: int, e: int, cost: _Float64, tie: _UInt64) -> int:
     """Take edge e out of the heap; returns the new size."""
-    at = place[e]
-    place[e] = -1
+    at = slot_of[e]
+    slot_of[e] = -1
     size -= 1
     if at < size:
         heap[at] = heap[size]
-        place[heap[at]] = at
-        _sift_down(heap, place, size, at, cost, tie)
-        _sift_up(heap, place, place[heap[at]], cost, tie)
+        slot_of[heap[at]] = at
+        _sift_down(heap, slot_of, size, at, cost, tie)
+        _sift_up(heap, slot_of, slot_of[heap[at]], cost, tie)
     return size

@@ -87,12 +87,12 @@ def mesh_blocks(vertices: Float32, faces: Int32) -> MeshBlocks:
         side *= 2
     block = _block_of_vertices(points, side)
     vertex_order, vertex_starts = _counting_sort(block, side * side)
-    place = np.empty(len(points), np.int32)
-    place[vertex_order] = np.arange(len(points), dtype=np.int32)
+    new_row = np.empty(len(points), np.int32)
+    new_row[vertex_order] = np.arange(len(points), dtype=np.int32)
     first = corners[:, 0] if len(corners) else np.zeros(0, np.int32)
     face_order, face_starts = _counting_sort(block[first], side * side)
     new_vertices = points[vertex_order]
-    new_faces = place[corners[face_order]] if len(corners) else np.zeros((0, 3), np.int32)
+    new_faces = new_row[corners[face_order]] if len(corners) else np.zeros((0, 3), np.int32)
     spheres = _spheres(new_vertices, new_faces, vertex_starts, face_starts)
     return MeshBlocks(
         new_vertices, new_faces, vertex_order, face_order, vertex_starts, face_starts, spheres

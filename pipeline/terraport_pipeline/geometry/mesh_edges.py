@@ -120,8 +120,8 @@ def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoo
     _, first, group = np.unique(label[dense[:, 0]], return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
     group = rank[group]
-    places = np.asarray(vertices, np.float64)[used]
-    start, end = places[dense[:, 0]], places[dense[:, 1]]
+    positions = np.asarray(vertices, np.float64)[used]
+    start, end = positions[dense[:, 0]], positions[dense[:, 1]]
     count = len(first)
     edges = np.bincount(group, minlength=count)
     centre = np.stack(
@@ -129,9 +129,9 @@ def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoo
     )
     cone = np.cross(start - centre[group], end - centre[group])
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    for place in (start, end):
-        np.minimum.at(low, group, place)
-        np.maximum.at(high, group, place)
+    for ends in (start, end):
+        np.minimum.at(low, group, ends)
+        np.maximum.at(high, group, ends)
     return OpenLoops(
         group.astype(np.int32),
         np.bincount(group, np.linalg.norm(end - start, axis=1), count).astype(np.float64),

@@ -121,9 +121,9 @@ def certain_mask(
     rise = -normals[:, ::2] / np.where(upright > 1e-3, normals[:, 1], 1e-3)[:, None]
     tolerance_m = _ROOF_SPACINGS * spacing_m
     for step in (-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1):
-        place = np.minimum(np.searchsorted(cells, cells + step), len(cells) - 1)
-        there = (cells[place] == cells + step)[cell]
-        offset = points[roof[place]][cell] - points
+        index = np.minimum(np.searchsorted(cells, cells + step), len(cells) - 1)
+        there = (cells[index] == cells + step)[cell]
+        offset = points[roof[index]][cell] - points
         above = offset[:, 1] - (offset[:, ::2] * rise).sum(axis=1)
         certain &= ~there | (above <= tolerance_m)
     return certain
@@ -193,9 +193,9 @@ def _fit_planes(
         mean = np.zeros(3)
         matrix = np.zeros((3, 3))
         offset = np.empty(3)
-        for place in range(k):
+        for rank in range(k):
             for axis in range(3):
-                offset[axis] = points[indices[point, place], axis] - points[point, axis]
+                offset[axis] = points[indices[point, rank], axis] - points[point, axis]
                 mean[axis] += offset[axis] / (k + 1)
             for row in range(3):
                 for col in range(row, 3):
@@ -253,15 +253,15 @@ def _reverse_graph(graph: Int32) -> tuple[npt.NDArray[np.int64], Int32]:  # prag
     count, k = graph.shape
     starts = np.zeros(count + 1, dtype=np.int64)
     for point in range(count):
-        for place in range(k):
-            starts[graph[point, place] + 1] += 1
+        for rank in range(k):
+            starts[graph[point, rank] + 1] += 1
     for point in range(count):
         starts[point + 1] += starts[point]
     fill = starts[:-1].copy()
     links = np.empty(count * k, dtype=np.int32)
     for point in range(count):
-        for place in range(k):
-            other = graph[point, place]
+        for rank in range(k):
+            other = graph[point, rank]
             links[fill[other]] = point
             fill[other] += 1
     return starts, links
@@ -320,8 +320,8 @@ def _offer(
     # ways.
     k = graph.shape[1]
     incoming = starts[point + 1] - starts[point]
-    for place in range(k + incoming):
-        other = graph[point, place] if place < k else links[starts[point] + place - k]
+    for link in range(k + incoming):
+        other = graph[point, link] if link < k else links[starts[point] + link - k]
         if settled[other]:
             continue
         # (2) Cost of the link: normals that differ, and a step that leaves either's plane.

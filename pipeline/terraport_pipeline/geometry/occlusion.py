@@ -116,12 +116,12 @@ def visible_faces(
     visible = ~unsure
     ask = np.flatnonzero(unsure).astype(np.int32)
     for first in range(0, len(ask), _CHUNK_FACES):
-        part = ask[first : first + _CHUNK_FACES]
+        rows = ask[first : first + _CHUNK_FACES]
         origins, owner = _face_rays(
-            packed, blocks.vertices, blocks.faces, rated.face, rated.area, offset_m, part
+            packed, blocks.vertices, blocks.faces, rated.face, rated.area, offset_m, rows
         )
         distance, _ = occluder.closest_hit(origins, view.position.astype(np.float32) - origins)
-        visible[part] = True
+        visible[rows] = True
         visible[owner[distance < 1.0]] = False
         cast += len(origins)
     return visible, cast

@@ -78,9 +78,9 @@ def rate(
         # (1) Mean colours of the cell by view, and a vote for each by the faces that it sees.
         first, last = starts[cell], starts[cell + 1]
         n = _means(views, colours, own, order, first, last, seen, faces, mean, grain)
-        for place in range(n):
-            cell_views[cell, place] = seen[place]
-            vote[place] = faces[place] / (last - first)  # a view of half the cell: half a vote
+        for row in range(n):
+            cell_views[cell, row] = seen[row]
+            vote[row] = faces[row] / (last - first)  # a view of half the cell: half a vote
         # (2) The cloud's own colour is one more voter, once each view's means are brought to its
         # light.
         count = n
@@ -94,11 +94,11 @@ def rate(
         # (3) Distance of every view from where most votes are, over the limit; above 1 it is out.
         mode = _mode(mean, vote, count)
         limit = _FAR_ALONE if n == 1 else _FAR
-        for place in range(n):
-            square = _square_distance(mode, mean[place])
-            if len(own) and faces[place] >= _GRAIN_FACES:
-                square += _GRAIN_WEIGHT * max(grain[place] - usual, 0.0) ** 2
-            far[cell, place] = np.sqrt(square) / limit
+        for row in range(n):
+            square = _square_distance(mode, mean[row])
+            if len(own) and faces[row] >= _GRAIN_FACES:
+                square += _GRAIN_WEIGHT * max(grain[row] - usual, 0.0) ** 2
+            far[cell, row] = np.sqrt(square) / limit
 
 
 @numba.njit(cache=True, nogil=True)
@@ -138,13 +138,13 @@ def drop(
             for s in range(SLOTS):
                 if views[f, s] < 0:
                     break
-                place = 0
-                while place < n and cell_views[cell, place] != views[f, s]:
-                    place += 1
-                if place < n and out[place]:
+                row = 0
+                while row < n and cell_views[cell, row] != views[f, s]:
+                    row += 1
+                if row < n and out[row]:
                     dropped += 1
                     continue
-                minus = less[place] if place < n else 0
+                minus = less[row] if row < n else 0
                 qualities[f, kept] = max(int(qualities[f, s]) - minus, 1)
                 if kept != s:
                     views[f, kept] = views[f, s]
@@ -163,11 +163,11 @@ def _far_around(cell_views: _Int16, far: Float32, around: Int32, view: int) -> b
     for other in around:
         if other < 0:
             continue
-        for place in range(MAX_VIEWS):
-            if cell_views[other, place] < 0:
+        for row in range(MAX_VIEWS):
+            if cell_views[other, row] < 0:
                 break
-            if cell_views[other, place] == view:
-                if far[other, place] > 1.0:
+            if cell_views[other, row] == view:
+                if far[other, row] > 1.0:
                     return True
                 break
     return False
@@ -208,22 +208,22 @@ def _means(
         for s in range(SLOTS):
             if views[f, s] < 0:
                 break
-            place = place_of_view(seen, n, views[f, s])
-            if place == n:
+            row = place_of_view(seen, n, views[f, s])
+            if row == n:
                 if n == MAX_VIEWS:
                     continue
                 seen[n] = views[f, s]
                 n += 1
-            faces[place] += 1.0
+            faces[row] += 1.0
             for k in range(3):
-                mean[place, k] += colours[f, s, k]
+                mean[row, k] += colours[f, s, k]
                 if len(own):
-                    grain[place] += (np.float64(colours[f, s, k]) - own[f, k]) ** 2 / 3.0
+                    grain[row] += (np.float64(colours[f, s, k]) - own[f, k]) ** 2 / 3.0
     # (2) Sums to means.
-    for place in range(n):
-        grain[place] /= faces[place]
+    for row in range(n):
+        grain[row] /= faces[row]
         for k in range(3):
-            mean[place, k] /= faces[place]
+            mean[row, k] /= faces[row]
     # (3) The cloud, in the row after the views.
     if len(own):
         for i in range(first, last):
@@ -236,11 +236,11 @@ def _means(
 def _take_off_means(mean: Float64, grain: Float64, faces: Float64, n: int) -> float:
     """Turn mean squares into grain, levels; returns the least that any view has, or the usual."""
     least = np.inf
-    for place in range(n):
-        square = grain[place] - _square_distance(mean[place], mean[n])
-        grain[place] = np.sqrt(max(square, 0.0))
-        if faces[place] >= _GRAIN_FACES:
-            least = min(least, grain[place])
+    for row in range(n):
+        square = grain[row] - _square_distance(mean[row], mean[n])
+        grain[row] = np.sqrt(max(square, 0.0))
+        if faces[row] >= _GRAIN_FACES:
+            least = min(least, grain[row])
     return max(least, _USUAL_GRAIN) if least < np.inf else _USUAL_GRAIN
 
 

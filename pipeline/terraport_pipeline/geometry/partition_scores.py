@@ -107,8 +107,8 @@ def rand_error(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None = 
     """
     table = _common(labels_a, labels_b, weights)
     if weights is None:
-        counts = [part.astype(np.int64) for part in (table.common, table.size_a, table.size_b)]
-        both, in_a, in_b = (int(np.dot(part, part)) for part in counts)
+        counts = [sizes.astype(np.int64) for sizes in (table.common, table.size_a, table.size_b)]
+        both, in_a, in_b = (int(np.dot(sizes, sizes)) for sizes in counts)
         n = len(labels_a)
         return (in_a + in_b - 2 * both) / (n * (n - 1)) if n > 1 else 0.0
     pairs = float(weights.sum()) ** 2 - float(np.dot(weights, weights))
@@ -177,8 +177,8 @@ def border_edges(
     differs = labels[pairs[:, 0]] != labels[pairs[:, 1]]
     if scored is not None:
         differs &= scored[pairs[:, 0]] & scored[pairs[:, 1]]
-    found: _Int32 = np.unique(edges[differs], axis=0).reshape(-1, 2)
-    return found
+    borders: _Int32 = np.unique(edges[differs], axis=0).reshape(-1, 2)
+    return borders
 
 
 def boundary_score(

@@ -183,14 +183,14 @@ def _start(view: Int32, value: Float32, n_views: int) -> Float64:
     """Most frequent log ratio of the cloud to each photo, (n_views, 3); 0 without a cloud."""
     start = np.zeros((n_views, 3))
     cloud = (view == n_views).argmax(axis=1)
-    place = np.arange(len(view))
-    known = view[place, cloud] == n_views
+    rows = np.arange(len(view))
+    has_cloud = view[rows, cloud] == n_views
     kernel = np.exp(-((np.arange(-30, 31) * 4.0 / _MODE_BINS / _MODE_WIDTH) ** 2))
     order = np.argsort(view, axis=None, kind="stable")
     first = np.searchsorted(view.ravel()[order], np.arange(n_views + 1))
     for number in range(n_views):
         row, column = np.divmod(order[first[number] : first[number + 1]], view.shape[1])
-        row, column = row[known[row]], column[known[row]]
+        row, column = row[has_cloud[row]], column[has_cloud[row]]
         if not len(row):
             continue
         ratio = value[row, cloud[row]] - value[row, column]

@@ -160,12 +160,12 @@ def _block_gradients(photo: UInt8, step: int) -> Float32:
     result = np.empty((rows, columns), np.float32)
     for r in range(rows):
         for c in range(columns):
-            part, n = 0.0, 0.0
+            total_step, n = 0.0, 0.0
             for i in range(max(r - 1, 0), min(r + 2, rows)):
                 for j in range(max(c - 1, 0), min(c + 2, columns)):
-                    part += total[i, j]
+                    total_step += total[i, j]
                     n += count[i, j]
-            result[r, c] = part / n if n > 0.0 else 0.0
+            result[r, c] = total_step / n if n > 0.0 else 0.0
     return result
 
 

@@ -141,8 +141,8 @@ def join_nearest(
     around = tree.query_ball_point(
         centres[lost_faces[tied]], distance[tied, 0] * _TIE, workers=threads
     )
-    for face, found in zip(lost_faces[tied], around, strict=True):
-        candidates = kept_faces[np.sort(found)]
+    for face, nearby in zip(lost_faces[tied], around, strict=True):
+        candidates = kept_faces[np.sort(nearby)]
         gap = centres[candidates] - centres[face]
         mapping[groups[face]] = groups[candidates[np.argmin((gap * gap).sum(axis=1))]]
     return np.take(mapping, groups)

@@ -143,7 +143,7 @@ def slope_percentile(
     order: _Int32, run: _Int64, weight: _Float64, slope: _Float64, share: float
 ) -> _Float64:
     """Slope that this share of each region's weight does not exceed, (R,) degrees."""
-    found = np.zeros(len(run) - 1, np.float64)
+    percentile = np.zeros(len(run) - 1, np.float64)
     for r in range(len(run) - 1):
         total = 0.0
         for i in range(run[r], run[r + 1]):
@@ -151,10 +151,10 @@ def slope_percentile(
         passed = 0.0
         for i in range(run[r], run[r + 1]):
             passed += weight[order[i]]
-            found[r] = slope[order[i]]
+            percentile[r] = slope[order[i]]
             if passed >= share * total:
                 break
-    return found
+    return percentile
 
 
 @numba.njit(cache=True, nogil=True)
@@ -162,10 +162,10 @@ def slope_histogram(
     regions: _Int32, weight: _Float64, slope: _Float64, count: int, bins: int
 ) -> _Float64:
     """Weight of every region's faces by slope, (R, bins); bins cut 0..90 degrees evenly."""
-    found = np.zeros((count, bins), np.float64)
+    histogram = np.zeros((count, bins), np.float64)
     for f in range(len(regions)):
-        found[regions[f], min(int(slope[f] * (bins / 90.0)), bins - 1)] += weight[f]
-    return found
+        histogram[regions[f], min(int(slope[f] * (bins / 90.0)), bins - 1)] += weight[f]
+    return histogram
 
 
 @numba.njit(cache=True, nogil=True)

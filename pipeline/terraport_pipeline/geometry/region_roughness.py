@@ -145,16 +145,16 @@ def roughness_moments(
 def roughness_of(region: _Int32, moments: _Float64, count: int) -> _Float64:
     """Roughness of every region 0..count-1 from the sums of its pieces, (count,) metres."""
     area = moments[:, 0]
-    known = area > 0.0
-    mean = moments[known, 1:4] / area[known, None]
-    second = moments[known, 4:] / area[known, None]
+    has_area = area > 0.0
+    mean = moments[has_area, 1:4] / area[has_area, None]
+    second = moments[has_area, 4:] / area[has_area, None]
     covariance = np.empty((len(mean), 3, 3))
     for column, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
         covariance[:, i, j] = covariance[:, j, i] = second[:, column] - mean[:, i] * mean[:, j]
     # Rounding can leave a flat piece with a tiny negative eigenvalue.
     square = np.maximum(np.linalg.eigvalsh(covariance)[:, 0], 0.0)
     total = np.bincount(region, weights=area, minlength=count)
-    deviation = np.bincount(region[known], weights=area[known] * square, minlength=count)
+    deviation = np.bincount(region[has_area], weights=area[has_area] * square, minlength=count)
     roughness: _Float64 = np.sqrt(
         np.divide(deviation, total, out=np.zeros(count), where=total > 0.0)
     )

@@ -223,7 +223,7 @@ def _measure_seams(
     raw = np.zeros((n, 3), np.float32)
     weight = np.empty(n, np.float32)
     trust = np.empty(n, np.float32)
-    known = np.ones(n, np.bool_)
+    measured = np.ones(n, np.bool_)
     total = 0.0
     for p in range(n):
         # (1) Length of the edge, and the node at each of its ends on each side.
@@ -259,7 +259,7 @@ def _measure_seams(
             s = _slot_of(views, pairs[p, 0], one)
             t = _slot_of(views, pairs[p, 1], two)
             if s < 0 or t < 0:
-                known[p], trust[p] = False, 0.0
+                measured[p], trust[p] = False, 0.0
                 continue
             for k in range(3):
                 a = _level(colour, own, pairs[p, 0], s, k)
@@ -280,5 +280,5 @@ def _measure_seams(
     if unit_m > 0.0:
         scale = 1.0 / unit_m
     for p in range(n):
-        weight[p] = weight[p] * scale if known[p] else 0.0
+        weight[p] = weight[p] * scale if measured[p] else 0.0
     return pairs.astype(np.int32), node, step, raw, weight, trust

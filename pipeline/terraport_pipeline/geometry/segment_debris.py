@@ -141,21 +141,21 @@ def _near_segments(
     centres = low + high
     centres *= np.float32(0.5)
     lost = np.flatnonzero(on_debris)
-    places = centres[lost].astype(np.float64)
-    near_lost = may_be_near(centres, places, np.full(len(lost), reach_m), threads=threads)
+    lost_centres = centres[lost].astype(np.float64)
+    near_lost = may_be_near(centres, lost_centres, np.full(len(lost), reach_m), threads=threads)
     kept = np.flatnonzero(near_lost & ~on_debris)
     if len(kept) == 0:
         return []
     k = min(_DEBRIS_CANDIDATES, len(kept))
     tree = cKDTree(centres[kept], balanced_tree=False, compact_nodes=False)
     distance, index = tree.query(
-        places, k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=threads
+        lost_centres, k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=threads
     )
     distance, index = distance.reshape(len(lost), k), index.reshape(len(lost), k)
-    found = np.isfinite(distance)
-    unit = np.repeat(labels[lost], k).reshape(index.shape)[found]
-    target = labels[kept[index[found]]]
-    order = np.lexsort((target, distance[found], unit))
+    in_reach = np.isfinite(distance)
+    unit = np.repeat(labels[lost], k).reshape(index.shape)[in_reach]
+    target = labels[kept[index[in_reach]]]
+    order = np.lexsort((target, distance[in_reach], unit))
     near: dict[int, list[int]] = {}
     for u, t in zip(unit[order].tolist(), target[order].tolist(), strict=True):
         targets = near.setdefault(u, [])

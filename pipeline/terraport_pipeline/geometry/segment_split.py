@@ -176,17 +176,17 @@ def _split(
                 if side[axis] > side[longest]:
                     longest = axis
             # (2) Into how many pieces; one is finished.
-            parts = (n + target - 1) // target if n > max_faces else 1
+            n_pieces = (n + target - 1) // target if n > max_faces else 1
             if side[longest] > max_extent_m:
-                parts = max(parts, 2)
-            if parts < 2 or n < 2:
+                n_pieces = max(n_pieces, 2)
+            if n_pieces < 2 or n < 2:
                 for i in range(start, end):
                     pieces[order[i]] = count
                 count += 1
                 continue
             # (3) The cut: as many whole pieces to the left as to the right, by a selection in
             # linear time. Ties of the key go left in face order until `rank` faces are there.
-            rank = n * (parts // 2) // parts  # below n, since parts // 2 < parts
+            rank = n * (n_pieces // 2) // n_pieces  # below n, since parts // 2 < parts
             if rank < 1:
                 rank += 1
             cut, below = _select(keys, longest, order, start, end, rank)

@@ -200,5 +200,5 @@ def segmenter_by_name(name: str, **options: Any) -> Segmenter:
     module, kind = SEGMENTERS[name]
     # Imported here: every engine imports this module for the interface.
     engine = getattr(import_module(f"{__package__}.{module}"), kind)
-    made: Segmenter = engine(**options)
-    return made
+    segmenter: Segmenter = engine(**options)
+    return segmenter

@@ -361,13 +361,13 @@ def _finish(
     size, least, most = size[order], least[order], most[order]
     main, region_counts = main_labels(labels, count, regions)
     pieces, n_pieces = components(len(labels), pairs, labels=labels)
-    parts = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)
+    n_components = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)
     exceptions = SegmentExceptions(
         below_min_faces=int(np.count_nonzero(size < options.min_faces)),
         above_max_faces=int(np.count_nonzero(size > options.max_faces)),
         above_max_extent=int(np.count_nonzero((most - least).max(axis=1) > extent_m)),
         across_regions=int(np.count_nonzero(region_counts > 1)),
-        disconnected=int(np.count_nonzero(parts > 1)),
+        disconnected=int(np.count_nonzero(n_components > 1)),
         debris_joined=debris.joined,
         debris_alone=debris.alone,
     )

@@ -111,15 +111,15 @@ def _origin(points: npt.NDArray[Any], faces: _Int32, origin: str, threads: int) 
     if origin == "first":
         return np.asarray(_reduce(points, faces, _SUM, 0, 1))
     kind = _SUM if origin == "centroid" else _LEAST
-    parts = np.stack(
+    chunks = np.stack(
         in_chunks(
             lambda begin, end: _reduce(points, faces, kind, begin, end), len(faces), threads=threads
         )
     )
     if origin == "centroid":
-        mean: _Float64 = parts.sum(axis=0) / len(faces)
+        mean: _Float64 = chunks.sum(axis=0) / len(faces)
         return mean
-    least: _Float64 = parts.min(axis=0)
+    least: _Float64 = chunks.min(axis=0)
     return least
 
 
@@ -133,12 +133,12 @@ def _centre(points: npt.NDArray[Any], faces: _Int32, f: int, axis: int) -> float
 @numba.njit(cache=True, nogil=True)
 def _reduce(points: npt.NDArray[Any], faces: _Int32, kind: int, begin: int, end: int) -> _Float64:
     """Least coordinates or sum of the centres of some faces."""
-    found = np.zeros(3) if kind == _SUM else np.full(3, np.inf)
+    total = np.zeros(3) if kind == _SUM else np.full(3, np.inf)
     for f in range(begin, end):
         for axis in range(3):
             value = _centre(points, faces, f, axis)
-            found[axis] = found[axis] + value if kind == _SUM else min(found[axis], value)
-    return found
+            total[axis] = total[axis] + value if kind == _SUM else min(total[axis], value)
+    return total
 
 
 @numba.njit(cache=True, nogil=True)

@@ -30,15 +30,15 @@ class SurfaceSamples:
     """(N,) square metres that the point stands for; per label they sum to its area."""
 
     @classmethod
-    def joined(cls, parts: Iterable[Self]) -> Self:
+    def joined(cls, pieces: Iterable[Self]) -> Self:
         """Put samples of several pieces together, in their order."""
-        listed = list(parts)
+        listed = list(pieces)
         if not listed:
             return cls(np.zeros((0, 3)), np.zeros(0, np.int32), np.zeros(0))
         return cls(
-            np.concatenate([part.points for part in listed]),
-            np.concatenate([part.labels for part in listed]),
-            np.concatenate([part.areas for part in listed]),
+            np.concatenate([piece.points for piece in listed]),
+            np.concatenate([piece.labels for piece in listed]),
+            np.concatenate([piece.areas for piece in listed]),
         )
 
 

@@ -57,9 +57,9 @@ class Banded:
     @property
     def is_own(self) -> npt.NDArray[np.bool_]:
         """Say of every face whether it is the tile's own, (F,)."""
-        found = np.zeros(len(self.faces), np.bool_)
-        found[self.own] = True
-        return found
+        own = np.zeros(len(self.faces), np.bool_)
+        own[self.own] = True
+        return own
 
 
 def touching(boxes: Float64, tile: int, reach_m: float) -> list[int]:
@@ -79,8 +79,8 @@ def touching(boxes: Float64, tile: int, reach_m: float) -> list[int]:
     """
     low, high = boxes[tile, :3] - reach_m, boxes[tile, 3:] + reach_m
     near = np.all((boxes[:, 3:] >= low) & (boxes[:, :3] <= high), axis=1)
-    found: list[int] = np.flatnonzero(near).tolist()
-    return [other for other in found if other != tile]
+    near_tiles: list[int] = np.flatnonzero(near).tolist()
+    return [other for other in near_tiles if other != tile]
 
 
 def part_near(
@@ -122,12 +122,12 @@ def part_near(
     return TilePart(tile, rows, vertices[used], local, colours[used], ids[used])
 
 
-def with_band(parts: Iterable[TilePart], tile: int) -> Banded:
+def with_band(pieces: Iterable[TilePart], tile: int) -> Banded:
     """Make one mesh of a tile and parts of others.
 
     Parameters
     ----------
-    parts : iterable of TilePart
+    pieces : iterable of TilePart
         In the order of the tiles; all faces of the tile itself.
     tile : int
 
@@ -142,26 +142,26 @@ def with_band(parts: Iterable[TilePart], tile: int) -> Banded:
     faces: list[Int32] = []
     listed: list[tuple[int, Int32]] = []
     count, face_count, own = 0, 0, slice(0, 0)
-    for part in parts:
-        row = np.empty(len(part.vertices), np.int64)
-        at = np.searchsorted(known_ids, part.ids)
+    for piece in pieces:
+        row = np.empty(len(piece.vertices), np.int64)
+        at = np.searchsorted(known_ids, piece.ids)
         at[at == len(known_ids)] = 0
-        known = np.zeros(len(row), np.bool_)
+        is_shared = np.zeros(len(row), np.bool_)
         if len(known_ids):
-            known = (part.ids >= 0) & (known_ids[at] == part.ids)
-            row[known] = known_rows[at[known]]
-        row[~known] = count + np.arange(int((~known).sum()))
-        count += int((~known).sum())
-        vertices.append(part.vertices[~known])
-        colours.append(part.colours[~known])
-        faces.append(row.astype(np.int32)[part.faces])
-        listed.append((part.tile, part.rows))
-        if part.tile == tile:
-            own = slice(face_count, face_count + len(part.faces))
-        face_count += len(part.faces)
-        new = ~known & (part.ids >= 0)
+            is_shared = (piece.ids >= 0) & (known_ids[at] == piece.ids)
+            row[is_shared] = known_rows[at[is_shared]]
+        row[~is_shared] = count + np.arange(int((~is_shared).sum()))
+        count += int((~is_shared).sum())
+        vertices.append(piece.vertices[~is_shared])
+        colours.append(piece.colours[~is_shared])
+        faces.append(row.astype(np.int32)[piece.faces])
+        listed.append((piece.tile, piece.rows))
+        if piece.tile == tile:
+            own = slice(face_count, face_count + len(piece.faces))
+        face_count += len(piece.faces)
+        new = ~is_shared & (piece.ids >= 0)
         ids, rows = (
-            np.concatenate([known_ids, part.ids[new]]),
+            np.concatenate([known_ids, piece.ids[new]]),
             np.concatenate([known_rows, row[new]]),
         )
         order = np.argsort(ids, kind="stable")

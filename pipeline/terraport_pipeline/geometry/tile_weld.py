@@ -117,11 +117,11 @@ def weld_tiles(borders: Sequence[TileBorder], neighbours: Sequence[tuple[int, in
     cells = np.concatenate([np.zeros((0, 3)), *(border.cells for border in borders)])
     walls = [_wall_pair(borders, starts, *pair) for pair in neighbours]
     # (1) match
-    found = [_match(cells, wall) for wall in walls]
-    pairs = np.concatenate([np.zeros((0, 2), np.int64), *(pair for pair, _ in found)])
-    gaps = np.concatenate([np.zeros(0), *(gap for _, gap in found)])
+    matches = [_match(cells, wall) for wall in walls]
+    pairs = np.concatenate([np.zeros((0, 2), np.int64), *(pair for pair, _ in matches)])
+    gaps = np.concatenate([np.zeros(0), *(gap for _, gap in matches)])
     unmatched = sum(
-        len(w.low) + len(w.high) - 2 * len(p) for w, (p, _) in zip(walls, found, strict=True)
+        len(w.low) + len(w.high) - 2 * len(p) for w, (p, _) in zip(walls, matches, strict=True)
     )
     # (2) classes
     order = np.lexsort((pairs[:, 1], pairs[:, 0], np.round(gaps, 9)))
@@ -154,12 +154,19 @@ class _Wall:
 def _wall_pair(
     borders: Sequence[TileBorder], starts: Int64, low: int, high: int, axis: int
 ) -> _Wall:
-    parts = []
+    sides_edges = []
     for tile, code in ((low, 2 * axis + 1), (high, 2 * axis)):
         border = borders[tile]
-        parts.append(border.edges[border.walls == code].astype(np.int64) + starts[tile])
-    side = np.repeat([0, 1], [len(part) for part in parts]).astype(np.uint8)
-    return _Wall(low, axis, np.unique(parts[0]), np.unique(parts[1]), np.concatenate(parts), side)
+        sides_edges.append(border.edges[border.walls == code].astype(np.int64) + starts[tile])
+    side = np.repeat([0, 1], [len(edges) for edges in sides_edges]).astype(np.uint8)
+    return _Wall(
+        low,
+        axis,
+        np.unique(sides_edges[0]),
+        np.unique(sides_edges[1]),
+        np.concatenate(sides_edges),
+        side,
+    )
 
 
 def _match(cells: Float64, wall: _Wall) -> tuple[Int64, Float64]:
@@ -175,13 +182,13 @@ def _match(cells: Float64, wall: _Wall) -> tuple[Int64, Float64]:
     return np.stack([wall.low[pairs[:, 0]], wall.high[pairs[:, 1]]], axis=1), gaps
 
 
-def _on_edges(places: Float64) -> Float64:
+def _on_edges(points: Float64) -> Float64:
     """Spread places (N, 2) so that only those on one edge of a lattice cell are near each other."""
-    off = np.abs(places - np.round(places))
+    off = np.abs(points - np.round(points))
     axis = off.argmin(axis=1)
-    rows = np.arange(len(places))
-    line = np.round(places[rows, axis])
-    along = places[rows, 1 - axis]
+    rows = np.arange(len(points))
+    line = np.round(points[rows, axis])
+    along = points[rows, 1 - axis]
     apart = 4.0 * EDGE_REACH_CELLS
     return np.stack([axis * _FAR, line * apart, np.floor(along) * apart, along], axis=1)
 
@@ -277,14 +284,14 @@ def _missing_loops(edges: Int64, side: UInt8, cells: Float64) -> tuple[list[Int6
     # Reversed: the fillers' own direction.
     turned = np.where((balance[left] > 0)[:, None], unique[left][:, ::-1], unique[left])
     repeated = np.repeat(turned, np.abs(balance[left]), axis=0)
-    place = {
+    side_of_edge = {
         tuple(sorted(edge)): int(s) for edge, s in zip(edges.tolist(), side.tolist(), strict=True)
     }
     loops, open_edges = directed_loops(repeated)
     kept = []
     for loop in loops:
         around = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
-        sides = {place[(min(u, v), max(u, v))] for u, v in around}
+        sides = {side_of_edge[(min(u, v), max(u, v))] for u, v in around}
         wide = float(np.ptp(cells[loop], axis=0).max())
         if len(loop) > _MAX_LOOP or (len(sides) == 1 and wide > _MAX_CAP_CELLS):
             open_edges += len(loop)

@@ -306,7 +306,7 @@ def _join_nearest(
     threads: int,
 ) -> _Int32:
     """Give every small union the union of the nearest place that is not small (tie: lower)."""
-    places = np.concatenate([tile.places for tile in tiles]).astype(np.float64)
+    centroids = np.concatenate([tile.places for tile in tiles]).astype(np.float64)
     union = labels[
         np.concatenate(
             [tile.place_unit + np.int32(at) for tile, at in zip(tiles, starts, strict=False)]
@@ -314,14 +314,14 @@ def _join_nearest(
     ]
     lost = small[union]
     kept = np.flatnonzero(~lost)
-    lost_places = np.flatnonzero(lost)
-    tree = cKDTree(places[kept], balanced_tree=False, compact_nodes=False)
-    distance, nearest = tree.query(places[lost_places], workers=threads)
-    order = np.lexsort((nearest, distance, union[lost_places]))
-    owner = union[lost_places][order]
+    lost_centroids = np.flatnonzero(lost)
+    tree = cKDTree(centroids[kept], balanced_tree=False, compact_nodes=False)
+    distance, nearest = tree.query(centroids[lost_centroids], workers=threads)
+    order = np.lexsort((nearest, distance, union[lost_centroids]))
+    owner = union[lost_centroids][order]
     chosen = order[np.concatenate([[True], owner[1:] != owner[:-1]])]
     mapping = np.arange(len(small), dtype=np.int32)
-    mapping[union[lost_places[chosen]]] = union[kept[nearest[chosen]]]
+    mapping[union[lost_centroids[chosen]]] = union[kept[nearest[chosen]]]
     joined: _Int32 = mapping[labels]
     return joined
 

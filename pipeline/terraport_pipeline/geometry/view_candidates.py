@@ -137,11 +137,11 @@ def median_area(
     blocks: MeshBlocks, packed: Float64, seen: npt.NDArray[np.intp], uv: Float32
 ) -> float:
     """Median projected area of faces inside a photo, square pixels, from a sample; 0: none."""
-    found = [
+    samples = [
         kernels.sample_areas(packed, blocks.faces, uv, first, last)
         for first, last in _pieces(blocks.face_starts, seen)
     ]
-    areas = np.concatenate(found) if found else np.zeros(0)
+    areas = np.concatenate(samples) if samples else np.zeros(0)
     return float(np.median(areas)) if len(areas) else 0.0
 
 
@@ -190,12 +190,12 @@ def rate_faces(
             for first, last in pieces[begin:end]
         ]
 
-    found = [
-        part for parts in in_chunks(work, len(pieces), threads=threads, chunk=8) for part in parts
+    columns = [
+        rows for chunk in in_chunks(work, len(pieces), threads=threads, chunk=8) for rows in chunk
     ]
-    if not found:
+    if not columns:
         return Rated(np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32))
-    return Rated(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    return Rated(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
 def insert(

@@ -87,7 +87,7 @@ def face_radii(
 @numba.njit(cache=True, nogil=True)
 def sample_areas(packed: Float64, faces: Int32, uv: Float32, begin: int, end: int) -> Float64:
     """Projected areas of every 61st face that lies inside the picture."""
-    found = np.empty((end - begin) // 61 + 1)
+    areas = np.empty((end - begin) // 61 + 1)
     n = 0
     for f in range(begin, end, 61):
         inside = True
@@ -96,9 +96,9 @@ def sample_areas(packed: Float64, faces: Int32, uv: Float32, begin: int, end: in
             if not (u >= 0.0 and u <= packed[WIDTH] and v >= 0.0 and v <= packed[HEIGHT]):
                 inside = False
         if inside:
-            found[n] = abs(_picture_area(faces, uv, f))
+            areas[n] = abs(_picture_area(faces, uv, f))
             n += 1
-    return found[:n]
+    return areas[:n]
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -139,9 +139,9 @@ def rate(
     width, height = packed[WIDTH], packed[HEIGHT]
     margin = _MARGIN * max(width, height)
     px, py, pz = packed[POSITION], packed[POSITION + 1], packed[POSITION + 2]
-    found_face = np.empty(end - begin, np.int32)
-    found_quality = np.empty(end - begin, np.float32)
-    found_area = np.empty(end - begin, np.float32)
+    rated_face = np.empty(end - begin, np.int32)
+    rated_quality = np.empty(end - begin, np.float32)
+    rated_area = np.empty(end - begin, np.float32)
     rows, columns = sharpness.shape
     n = 0
     for f in range(begin, end):
@@ -178,9 +178,9 @@ def rate(
             least = min(least, int(quality[f, s]))
         if quality_level(value) <= least:
             continue
-        found_face[n], found_quality[n], found_area[n] = f, value, area
+        rated_face[n], rated_quality[n], rated_area[n] = f, value, area
         n += 1
-    return found_face[:n], found_quality[:n], found_area[:n]
+    return rated_face[:n], rated_quality[:n], rated_area[:n]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -218,10 +218,10 @@ def insert(
 @numba.njit(cache=True, nogil=True, inline="always")
 def place_of_view(seen: npt.NDArray[np.int64], n: int, view: int) -> int:
     """Find a view among the first `n` of a cell's list; `n` where it is new."""
-    place = 0
-    while place < n and seen[place] != view:
-        place += 1
-    return place
+    index = 0
+    while index < n and seen[index] != view:
+        index += 1
+    return index
 
 
 @numba.njit(cache=True, nogil=True)
