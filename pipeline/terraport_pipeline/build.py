@@ -235,7 +235,7 @@ def _run_stages(
         textured = texture_step(
             runner, options.texture, photos, crs, cleaned, reconstructed, segmented
         )
-    made = build_info(recorded, input_info, runner.reports)
+    info = build_info(recorded, input_info, runner.reports)
     # (4) Pack; its key holds everything that the manifest says.
     pack_options = options.pack_options()
 
@@ -246,7 +246,7 @@ def _run_stages(
             crs=CrsInfo(**crs) if crs else None,
             points=len(cloud.points),
             has_colour=cloud.has_colour,
-            build=made,
+            build=info,
             spacing_m=cloud.spacing_m,
         )
         cleaned.release()
@@ -262,7 +262,7 @@ def _run_stages(
 
     key = key_of(
         pack.NAME,
-        {**asdict(pack_options), "build": made.model_dump(mode="json"), "crs": crs},
+        {**asdict(pack_options), "build": info.model_dump(mode="json"), "crs": crs},
         {
             "cloud": cleaned.record.digest,
             "meshes": reconstructed.record.digest,
@@ -301,7 +301,7 @@ def _run_tiled(
     check_tiled(options.segment)
     runner.progress.start("plan", None, "")
     runner.progress.done({"tiles": plan.why})
-    made = tiled_reconstruct.run(
+    reconstructed = tiled_reconstruct.run(
         runner,
         survey,
         f"{input_info.bytes}-{input_info.xxh3}",
@@ -311,27 +311,33 @@ def _run_tiled(
         tiles=options.tiles,
         check=lambda names: check_segment_by(options.segment.segment_by, names),
     )
-    crs = made.crs
+    crs = reconstructed.crs
 
     def about() -> pack.About:
-        recorded = {**options.recorded(), "tile_depth": made.tile_depth}
+        recorded = {**options.recorded(), "tile_depth": reconstructed.tile_depth}
         if options.texture is not None:
             recorded["texture"] = options.texture.recorded(photos)
         return pack.About(
-            origin=made.origin,
+            origin=reconstructed.origin,
             crs=CrsInfo(name=crs.name, wkt=crs.wkt, epsg=crs.epsg) if crs else None,
-            points=made.points,
-            has_colour=made.has_colour,
+            points=reconstructed.points,
+            has_colour=reconstructed.has_colour,
             build=build_info(recorded, input_info, runner.reports),
         )
 
     # (2) Segments, textures and the scene, tile by tile.
-    surface = TiledSurface(made.base, made.tiles, made.deviation_m, made.digest, made.spacing_m)
+    surface = TiledSurface(
+        reconstructed.base,
+        reconstructed.tiles,
+        reconstructed.deviation_m,
+        reconstructed.digest,
+        reconstructed.spacing_m,
+    )
     texturing = None
     if options.texture is not None:
         texturing = tiled_texturing(
-            options.texture, photos, made.samples, made.sample_colours, made.origin, made.crs,
-            runner.max_memory_bytes,
+            options.texture, photos, reconstructed.samples, reconstructed.sample_colours,
+            reconstructed.origin, reconstructed.crs, runner.max_memory_bytes,
         )  # fmt: skip
     return segment_and_pack(
         runner, scene, surface, options.segment, options.pack_options(), about, texturing

@@ -85,7 +85,7 @@ class BuildReport:
         for stage in self.stages:
             time = "taken up" if stage.taken_up else f"{stage.cost.seconds:.1f} s"
             memory = "" if stage.taken_up else f"{stage.cost.peak_bytes / 2**20:,.0f} MiB"
-            table.add_row(stage.name, time, memory, _told(stage))
+            table.add_row(stage.name, time, memory, _shown_facts(stage))
         table.add_row("all", f"{self.seconds:.1f} s", f"{self.peak_bytes / 2**20:,.0f} MiB", "")
         return table
 
@@ -132,12 +132,12 @@ def write_build_report(report: BuildReport) -> Path:
     return path
 
 
-def _told(stage: StageReport) -> str:
+def _shown_facts(stage: StageReport) -> str:
     counts = stage.facts.counts
-    return "  ".join(_fact(name, counts[name]) for name in _known(stage.name, counts))
+    return "  ".join(_fact(name, counts[name]) for name in _available(stage.name, counts))
 
 
-def _known(stage: str, counts: dict[str, Any]) -> Iterable[str]:
+def _available(stage: str, counts: dict[str, Any]) -> Iterable[str]:
     return (name for name in _SHOWN.get(stage, ()) if counts.get(name) is not None)
 
 

@@ -102,23 +102,23 @@ def segment_and_pack(
     """
     # (1) Regions, segments and cover; the scales that all payloads share.
     check_tiled(options)
-    known, segmented, labels, cuts = _Work(runner, surface, options).segmented()
-    scales = tiled_pack.scales_of(known, segmented, surface.base, surface.spacing_m)
-    made: TiledTextures | None = None
+    scene_facts, segmented, labels, cuts = _Work(runner, surface, options).segmented()
+    scales = tiled_pack.scales_of(scene_facts, segmented, surface.base, surface.spacing_m)
+    textures: TiledTextures | None = None
     # (2) Textures of every tile, where they are asked for.
     if texturing is not None:
-        made = texture_tiles(
+        textures = texture_tiles(
             runner,
             surface.tiles,
             surface.digest,
-            known,
+            scene_facts,
             surface.base,
             segmented.base_kept,
             lambda tile: runner.work.array(cuts.records[tile], "segments"),
             cuts.records,
             texturing,
         )
-    said = about()
+    described = about()
     # (3) Payloads of every tile. Its inputs name all that a payload holds, so a tile whose
     # surface, labels, cut and textures are unchanged is not encoded again.
     encoded = TilePass(
@@ -131,11 +131,11 @@ def segment_and_pack(
                 "tile": f"{surface.digest}-{i}",
                 "labels": labels.digest(i),
                 "cut": record.digest,
-                **({} if made is None else {"textures": made.records[i].digest}),
+                **({} if textures is None else {"textures": textures.records[i].digest}),
             }
             for i, record in enumerate(cuts.records)
         ],
-        known.faces,
+        scene_facts.faces,
         tiled_pack.ENCODE_BYTES_PER_FACE,
     )
     payloads = run_pass(
@@ -147,7 +147,7 @@ def segment_and_pack(
             labels.of(tile),
             scales,
             context,
-            None if made is None else made.tile(tile),
+            None if textures is None else textures.tile(tile),
         ),
     )
     # (4) One scene of them all, published in one act.
@@ -156,13 +156,13 @@ def segment_and_pack(
         code_digest(tiled_pack.__name__),
         {
             **asdict(pack_options),
-            "build": said.build.model_dump(mode="json"),
-            "crs": None if said.crs is None else said.crs.model_dump(mode="json"),
+            "build": described.build.model_dump(mode="json"),
+            "crs": None if described.crs is None else described.crs.model_dump(mode="json"),
         },
         {
             "payloads": _digest(payloads),
             "segments": _segments_digest(segmented),
-            **({} if made is None else {"base_texture": made.digest}),
+            **({} if textures is None else {"base_texture": textures.digest}),
         },
     )
     version, published = pack_once(
@@ -174,13 +174,21 @@ def segment_and_pack(
             surface.base,
             segmented,
             lambda tile: runner.work.mapped(payloads.records[tile]),
-            _Pieces(surface, runner.work, labels, cuts, known.face_count, said.origin, said.crs),
+            _Pieces(
+                surface,
+                runner.work,
+                labels,
+                cuts,
+                scene_facts.face_count,
+                described.origin,
+                described.crs,
+            ),
             scales,
             surface.deviation_m,
-            said,
+            described,
             pack_options,
             context,
-            None if made is None else (made.base, made.info),
+            None if textures is None else (textures.base, textures.info),
         ),
     )
     if published:  # to the reader, encoding and publishing are one stage
@@ -214,8 +222,8 @@ class _Labels:
 
     def of(self, tile: int) -> Int32:
         """Region of every face."""
-        found: Int32 = self.joined.region[tile][self.unit(tile)]
-        return found
+        regions: Int32 = self.joined.region[tile][self.unit(tile)]
+        return regions
 
     def unit(self, tile: int) -> Int32:
         """Read the unit of every face."""
@@ -251,7 +259,9 @@ class _Work:
             ),
             lambda tile, context: tiled_segment.measure(tiles.load(tile), context),
         )
-        known = tiled_segment.scene_of([work.looked_up(record) for record in measured.records])
+        scene_facts = tiled_segment.scene_of(
+            [work.looked_up(record) for record in measured.records]
+        )
         shared = {"measured": _digest(measured)}
         # (2) Units within every tile.
         united = run_pass(
@@ -264,7 +274,7 @@ class _Work:
                 shared,
             ),
             lambda tile, context: tiled_segment.units(
-                tiles.load(tile), tile, known, options, context
+                tiles.load(tile), tile, scene_facts, options, context
             ),
         )
         # (3) Regions over all tiles: in memory, as units are few.
@@ -273,7 +283,7 @@ class _Work:
             progress.start("segment: regions across tiles", None, "units")
             joined = tiled_segment.regions(
                 [work.looked_up(record) for record in united.records],
-                known,
+                scene_facts,
                 options,
                 runner.context(scratch),
             )
@@ -296,7 +306,7 @@ class _Work:
                 labels.unit(tile),
                 (joined.fine[tile], joined.region[tile]),
                 base,
-                known,
+                scene_facts,
                 options,
                 context,
                 region_count=joined.count,
@@ -316,9 +326,9 @@ class _Work:
             ),
             lambda _: tiled_join.join(
                 (work.mapped(record) for record in cuts.records),
-                known,
+                scene_facts,
                 joined,
-                self._seam_regions(known, labels),
+                self._seam_regions(scene_facts, labels),
                 base,
                 options,
                 tolerance_m,
@@ -329,10 +339,10 @@ class _Work:
         )
         last = runner.reports.pop()
         joined_cost = Cost(joining.seconds, joining.peak_bytes)
-        cost = _together(last.cost, joined_cost, *(found.cost for found in passes))
-        taken_up = last.taken_up and all(found.taken_up for found in passes)
+        cost = _together(last.cost, joined_cost, *(tile_pass.cost for tile_pass in passes))
+        taken_up = last.taken_up and all(tile_pass.taken_up for tile_pass in passes)
         runner.reports.append(StageReport(last.name, taken_up, cost, last.facts))
-        return known, step.value(), labels, cuts
+        return scene_facts, step.value(), labels, cuts
 
     def _pass(
         self,
@@ -355,15 +365,15 @@ class _Work:
         return TilePass(name, _SEGMENT_MODULE, title, options, inputs, self._faces, bytes_per_face)
 
     @staticmethod
-    def _seam_regions(known: tiled_segment.TiledScene, labels: _Labels) -> Int32:
-        seams = known.seams
-        found = np.zeros(seams.faces.shape, np.int32)
+    def _seam_regions(scene_facts: tiled_segment.TiledScene, labels: _Labels) -> Int32:
+        seams = scene_facts.seams
+        regions = np.zeros(seams.faces.shape, np.int32)
         for tile in np.unique(seams.tiles):
             of_faces = labels.of(int(tile))
             for side in (0, 1):
                 rows = np.flatnonzero(seams.tiles[:, side] == tile)
-                found[rows, side] = of_faces[seams.faces[rows, side]]
-        return found
+                regions[rows, side] = of_faces[seams.faces[rows, side]]
+        return regions
 
 
 @dataclass(frozen=True, slots=True, eq=False)

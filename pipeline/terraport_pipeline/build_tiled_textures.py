@@ -104,13 +104,15 @@ class _Passes:
 
         def compute(context: Context) -> _Base:
             opened = None if asked.open_photos is None else asked.opened()
-            made = texture.texture_base(base, opened, asked.options, context)
+            base_textures = texture.texture_base(base, opened, asked.options, context)
             warnings = () if opened is None else opened.warnings
-            gains = np.zeros((0, 0), np.float32) if made.gains is None else made.gains
-            counts = {f"base_{name}": value for name, value in made.made.facts.items()}
+            gains = (
+                np.zeros((0, 0), np.float32) if base_textures.gains is None else base_textures.gains
+            )
+            counts = {f"base_{name}": value for name, value in base_textures.atlases.facts.items()}
             if opened is not None:
                 counts |= {"photos": len(opened.views), "photos_left_out": opened.left_out}
-            return _Base(made.made.textures, gains, Facts(counts, warnings))
+            return _Base(base_textures.atlases.textures, gains, Facts(counts, warnings))
 
         return self._runner.step(
             "texture-base",
@@ -224,9 +226,9 @@ class _Passes:
             one,
         )
 
-    def _arrays(self, made: PassResult) -> list[Mapping[str, npt.NDArray[Any]]]:
+    def _arrays(self, result: PassResult) -> list[Mapping[str, npt.NDArray[Any]]]:
         """Map what a pass made of every tile."""
-        return [self._runner.work.looked_up(record).arrays for record in made.records]
+        return [self._runner.work.looked_up(record).arrays for record in result.records]
 
     def _pass(
         self,
@@ -300,26 +302,26 @@ def texture_tiles(
     kept = texture.faces_only(base, base_kept)
     before = len(runner.reports)
     first = work.base(kept, xxhash.xxh3_128_hexdigest(np.packbits(base_kept).data))
-    found = first.value()
+    base_result = first.value()
     chosen: PassResult | None = None
     levels: Step[Levels] | None = None
     passes: list[PassResult] = []
     # (2) With photos: the best views of every face, and smooth corrections over the whole
     # surface.
     if asked.open_photos is not None:
-        chosen = work.views(base, found.gains)
-        cells, levels = work.levels(chosen, found.gains)
+        chosen = work.views(base, base_result.gains)
+        cells, levels = work.levels(chosen, base_result.gains)
         passes = [chosen, cells]
     # (3) Atlases of every tile.
-    passes.append(drawn := work.draw(segments, cuts, chosen, levels, found.gains))
+    passes.append(drawn := work.draw(segments, cuts, chosen, levels, base_result.gains))
     # (4) Facts and cost of all passes, as one stage.
-    parts = [runner.work.looked_up(record) for record in drawn.records]
-    counts, info = _summary(parts, found, asked.options)
+    drawn_tiles = [runner.work.looked_up(record) for record in drawn.records]
+    counts, info = _summary(drawn_tiles, base_result, asked.options)
     if chosen is not None:
         counts |= choice_counts(chosen.records)
         counts["borrowed_share"] = round(counts["choice_faces_borrowed"] / sum(scene.faces), 4)
-    counts |= step_counts(parts)
-    warnings = (*found.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
+    counts |= step_counts(drawn_tiles)
+    warnings = (*base_result.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
     alone, runner.reports[before:] = runner.reports[before:], []
     costs = [*(report.cost for report in alone), *(result.cost for result in passes)]
     runner.reports.append(
@@ -330,31 +332,33 @@ def texture_tiles(
             Facts(counts, warnings),
         )
     )
-    return TiledTextures(found.textures, info, drawn.records, runner.work, first.record.digest)
+    return TiledTextures(
+        base_result.textures, info, drawn.records, runner.work, first.record.digest
+    )
 
 
 def _summary(
-    parts: Sequence[Stored], found: _Base, options: texture.Options
+    tiles: Sequence[Stored], base_result: _Base, options: texture.Options
 ) -> tuple[dict[str, Any], TextureInfo]:
-    sides = np.concatenate([np.array(part.arrays["sides"], np.int64) for part in parts])
+    sides = np.concatenate([np.array(tile.arrays["sides"], np.int64) for tile in tiles])
     texels = int((sides[:, 0] * sides[:, 1]).sum())
-    image_bytes = sum(int(part.arrays["offsets"][-1]) for part in parts)
-    measured = TextureTally.total(part.arrays for part in parts).facts()
+    image_bytes = sum(int(tile.arrays["offsets"][-1]) for tile in tiles)
+    measured = TextureTally.total(tile.arrays for tile in tiles).facts()
     counts: dict[str, Any] = {
         "images": len(sides),
         "image_bytes": image_bytes,
         "texels": texels,
         "longest_side": int(sides.max()),
-        "charts": sum(int(part.values["charts"]) for part in parts),
-        "cells_share": round(sum(float(part.values["used"]) for part in parts) / texels, 3),
+        "charts": sum(int(tile.values["charts"]) for tile in tiles),
+        "cells_share": round(sum(float(tile.values["used"]) for tile in tiles) / texels, 3),
         **measured,
-        **found.facts.counts,
+        **base_result.facts.counts,
     }
     info = TextureInfo(
         source=options.source,
-        media_types=(found.textures.texture(0).media_type,),
+        media_types=(base_result.textures.texture(0).media_type,),
         segments=len(sides),
-        base_side=int(found.textures.sides.max()),
+        base_side=int(base_result.textures.sides.max()),
         max_side=int(sides.max()),
         image_bytes=image_bytes,
         texels=texels,

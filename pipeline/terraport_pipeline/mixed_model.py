@@ -170,8 +170,8 @@ class Places:
         up = np.broadcast_to(np.array([0, 1, 0], dtype=np.float32), self._points.shape)
         points = self._points.astype(np.float32)
         above = np.isfinite(model.closest(points, np.ascontiguousarray(up)))
-        found: npt.NDArray[np.bool_] = above | np.isfinite(model.closest(points, -up))
-        return found
+        meets: npt.NDArray[np.bool_] = above | np.isfinite(model.closest(points, -up))
+        return meets
 
 
 def face_normals(vertices: Float32, faces: Int32, face: Int32) -> Float32:

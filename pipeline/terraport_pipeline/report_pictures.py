@@ -216,8 +216,8 @@ class PictureTaker:
             base_rays=self.base_rays,
         )
         scene, survey = (
-            ", ".join(f"{value:,.2f}" for value in place)
-            for place in (worst.target, to_survey(self._model.manifest.origin, worst.target))
+            ", ".join(f"{value:,.2f}" for value in position)
+            for position in (worst.target, to_survey(self._model.manifest.origin, worst.target))
         )
         return self._picture(
             "worst",
@@ -244,12 +244,12 @@ class PictureTaker:
             spacing_m=cloud.spacing_m * step**0.5,
         )
         shown = len(cloud.points[::step])
-        part = "" if shown == cloud.total else f", of which {shown:,} are drawn"
+        share = "" if shown == cloud.total else f", of which {shown:,} are drawn"
         return self._picture(
             "input",
             "Input",
             "The survey's point cloud, seen obliquely from above",
-            f"{cloud.total:,} points{part}.",
+            f"{cloud.total:,} points{share}.",
             image,
         )
 

@@ -158,20 +158,20 @@ def load_scene_model(
         )
         meshes = thinned
     # (3) One mesh. Invariant: faces stand in order of their segments, whatever was thinned.
-    parts = _Parts(*size, tuple(attribute.name for attribute in manifest.attributes))
+    builder = _Parts(*size, tuple(attribute.name for attribute in manifest.attributes))
     for number, mesh in meshes:
-        parts.add(number, mesh)
+        builder.add(number, mesh)
     base, base_parts = _decoded_base(scene, len(index))
     watcher.done({"faces": size[1]})
     return SceneModel(
         manifest,
-        parts.mesh(),
-        parts.segment_of_face,
-        parts.region_of_face,
+        builder.mesh(),
+        builder.segment_of_face,
+        builder.region_of_face,
         index.bounds.copy(),
         base,
         scene.cover,
-        _textures(scene, parts.textures, base_parts),
+        _textures(scene, builder.textures, base_parts),
     )
 
 
@@ -280,14 +280,14 @@ def _decoded_base(scene: Scene, image: int) -> tuple[Mesh, TextureParts]:
     except PayloadError as error:
         raise DamagedSceneError(scene.manifest.files["base.glb"].path, str(error)) from None
     count = len(mesh.positions)
-    parts = TextureParts(count, len(mesh.faces))
-    colours = parts.add(image, mesh, slice(0, count), slice(0, len(mesh.faces)))
+    textures = TextureParts(count, len(mesh.faces))
+    colours = textures.add(image, mesh, slice(0, count), slice(0, len(mesh.faces)))
     if colours is None:
         colours = mesh.colours
     if colours is None:
         colours = np.full((count, 3), GREY, np.uint8)
     faces = mesh.faces.astype(np.int32)
-    return Mesh(mesh.positions, faces, mesh.normals, colours, dict(mesh.attributes)), parts
+    return Mesh(mesh.positions, faces, mesh.normals, colours, dict(mesh.attributes)), textures
 
 
 def _textures(scene: Scene, detail: TextureParts, base: TextureParts) -> SceneTextures | None:

@@ -79,7 +79,7 @@ def prove_in_windows(
 
 
 def segments_around(
-    scene: Scene, place: tuple[float, float, float], max_faces: int = MAX_WINDOW_FACES
+    scene: Scene, point: tuple[float, float, float], max_faces: int = MAX_WINDOW_FACES
 ) -> _Int64:
     """Choose the segments nearest to a place, of so many faces in all; at least one.
 
@@ -87,7 +87,7 @@ def segments_around(
     ----------
     scene : Scene
         Open.
-    place : (float, float, float)
+    point : (float, float, float)
         Metres, scene frame.
     max_faces : int
 
@@ -96,7 +96,7 @@ def segments_around(
     ndarray of int64
         Ascending.
     """
-    distance = box_distances_m(scene.index.bounds, np.array(place))
+    distance = box_distances_m(scene.index.bounds, np.array(point))
     order = np.argsort(distance, kind="stable")
     passed = np.cumsum(scene.index.face_count[order].astype(np.int64))
     return np.sort(order[: max(1, int(np.searchsorted(passed, max_faces, side="right")))])
@@ -132,9 +132,11 @@ def _touches(
     bounds: npt.NDArray[np.float64], core: _Int64, others: _Int64
 ) -> npt.NDArray[np.bool_]:
     """Whether the boxes of some segments meet any box of the core's."""
-    found = np.zeros(len(others), np.bool_)
+    touches = np.zeros(len(others), np.bool_)
     own = bounds[core]
-    for place, other in enumerate(others):  # a few thousand segments
+    for number, other in enumerate(others):  # a few thousand segments
         box = bounds[other]
-        found[place] = bool(((own[:, :3] <= box[3:]) & (own[:, 3:] >= box[:3])).all(axis=1).any())
-    return found
+        touches[number] = bool(
+            ((own[:, :3] <= box[3:]) & (own[:, 3:] >= box[:3])).all(axis=1).any()
+        )
+    return touches

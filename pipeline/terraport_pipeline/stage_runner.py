@@ -93,8 +93,8 @@ class StageRunner:
                 cost = Cost(measure.seconds, measure.peak_bytes, tuple(clock.steps))
                 record = self.work.save(name, key, stored, facts_of(result), cost)
         self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
-        found = record
-        return Step(found, result, lambda: restore(self.work.load(found), found.facts))
+        saved = record
+        return Step(saved, result, lambda: restore(self.work.load(saved), saved.facts))
 
     def folder_step(
         self,

@@ -24,7 +24,7 @@ __all__ = ["texture_step", "tiled_texturing"]
 def texture_step(
     runner: StageRunner,
     asked: Texturing,
-    found: FoundPhotos | None,
+    photo_source: FoundPhotos | None,
     crs: dict[str, Any] | None,
     cleaned: Step[Cleaned],
     reconstructed: Step[Reconstructed],
@@ -36,7 +36,7 @@ def texture_step(
     ----------
     runner : StageRunner
     asked : Texturing
-    found : FoundPhotos or None
+    photo_source : FoundPhotos or None
         From ``asked.find``.
     crs : dict or None
         The survey's, as the read stage records it.
@@ -49,9 +49,9 @@ def texture_step(
 
     def compute(context: Context) -> Textured:
         opened = None
-        if found is not None:
+        if photo_source is not None:
             cloud = cleaned.value().cloud
-            opened = found.open(
+            opened = photo_source.open(
                 cloud.points,
                 cloud.colours if cloud.has_colour else None,
                 cloud.origin,
@@ -62,8 +62,12 @@ def texture_step(
         return texture.run(reconstructed.value(), segmented.value(), opened, asked.options, context)
 
     inputs = {"meshes": reconstructed.record.digest, "labels": segmented.record.digest}
-    if found is not None:
-        inputs |= {"photos": found.photos_xxh3, "cameras": found.cameras_xxh3, "code": _code()}
+    if photo_source is not None:
+        inputs |= {
+            "photos": photo_source.photos_xxh3,
+            "cameras": photo_source.cameras_xxh3,
+            "code": _code(),
+        }
     return runner.step(
         texture.NAME,
         key_of(
@@ -80,7 +84,7 @@ def texture_step(
 
 def tiled_texturing(
     asked: Texturing,
-    found: FoundPhotos | None,
+    photo_source: FoundPhotos | None,
     samples: Float32,
     colours: UInt8 | None,
     origin: Float64,
@@ -92,7 +96,7 @@ def tiled_texturing(
     Parameters
     ----------
     asked : Texturing
-    found : FoundPhotos or None
+    photo_source : FoundPhotos or None
         From ``asked.find``.
     samples : ndarray of shape (N, 3), float32
         Points of the survey, scene frame.
@@ -106,19 +110,19 @@ def tiled_texturing(
     -------
     TiledTexturing
     """
-    if found is None:
+    if photo_source is None:
         return TiledTexturing(asked.options, {})
-    told = None if crs is None else asdict(crs)
+    crs_values = None if crs is None else asdict(crs)
     return TiledTexturing(
         asked.options,
         {
             "camera_offset": asked.camera_offset,
-            "crs": told,
-            "photos": found.photos_xxh3,
-            "cameras": found.cameras_xxh3,
+            "crs": crs_values,
+            "photos": photo_source.photos_xxh3,
+            "cameras": photo_source.cameras_xxh3,
             "code": _code(),
         },
-        lambda: found.open(
+        lambda: photo_source.open(
             samples, colours, origin, crs, max_bytes=texture.photo_bytes(max_memory_bytes)
         ),
     )

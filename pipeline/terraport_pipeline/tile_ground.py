@@ -164,14 +164,14 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
     rows = thinning_rows(total, _THINNED_POINTS)
 
     def column(name: str) -> Any:
-        parts = []
+        blocks = []
         for first, block in NpyReader(source / f"{name}.npy").blocks(1_000_000):
             if rows is None:
-                parts.append(block)
+                blocks.append(block)
             else:
                 low, high = np.searchsorted(rows, (first, first + len(block)))
-                parts.append(block[rows[low:high] - first])
-        return np.concatenate(parts)
+                blocks.append(block[rows[low:high] - first])
+        return np.concatenate(blocks)
 
     crs = read.values["crs"]
     return Survey(
@@ -204,19 +204,19 @@ def _plan(
             source, lattice, origin, partition.BLOCK_CELLS, runner.context(scratch)
         )
     area_m2 = measured["points"] * measured["spacing_m"] ** 2
-    found = choose_depth(
+    choice = choose_depth(
         lambda depth: plan_tiles(lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS),
         points=measured["points"],
         area_m2=area_m2,
         max_memory_bytes=runner.max_memory_bytes,
         asked=tiles.depth,
     )
-    if found is None:
+    if choice is None:
         raise ResourceError(
             f"{runner.max_memory_bytes / 2**30:.1f} GiB are too little even for the smallest "
             "tile; raise --max-memory to 2G or more"
         )
-    plan = found
+    plan = choice
     return plan, forecast_tiles(
         plan, measured["points"], area_m2, runner.max_memory_bytes, runner.threads
     )

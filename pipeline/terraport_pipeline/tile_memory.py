@@ -130,15 +130,15 @@ def plan_memory(
     )
     segmenting = SEGMENT_BYTES_PER_FACE * faces
     whole = PROCESS_BYTES + max(reading, cleaning, solving, finishing, segmenting)
-    told = (
+    reason = (
         f"a build in one piece needs about {whole / 2**30:.1f} GiB for {points:,} points and "
         f"{faces:,} faces, allowed are {allowed_bytes / 2**30:.1f} GiB"
     )
     if force:
-        return MemoryPlan(True, whole, allowed_bytes, f"tiles were asked for ({told})")
+        return MemoryPlan(True, whole, allowed_bytes, f"tiles were asked for ({reason})")
     if whole <= allowed_bytes:
-        return MemoryPlan(False, whole, allowed_bytes, told)
-    return MemoryPlan(True, whole, allowed_bytes, f"{told}: it goes in tiles")
+        return MemoryPlan(False, whole, allowed_bytes, reason)
+    return MemoryPlan(True, whole, allowed_bytes, f"{reason}: it goes in tiles")
 
 
 def choose_depth(

@@ -141,8 +141,8 @@ def join_all(
         )
         seams = weld_tiles(borders, plan.neighbours())
         names, codes = tasks[0].attributes, tasks[0].codes
-        places = tuple(place for place, name in enumerate(names) if name in codes)
-        join = join_tiles.Join.of(seams, arrays, len(names), places, rules)
+        code_positions = tuple(position for position, name in enumerate(names) if name in codes)
+        join = join_tiles.Join.of(seams, arrays, len(names), code_positions, rules)
         del arrays
 
         def each(function: Callable[[LookJob], T], join: join_tiles.Join, name: str) -> list[T]:
@@ -150,14 +150,14 @@ def join_all(
             folder = context.scratch / name
             save_join(folder, join)
             jobs = [LookJob(work, tile, task, folder) for tile, task in enumerate(tasks)]
-            found: dict[int, T] = {}
+            results: dict[int, T] = {}
 
             def done(number: int, result: T) -> None:
-                found[number] = result
+                results[number] = result
                 context.progress.advance(1.0)
 
             pool.run(function, jobs, done)
-            return [found[tile] for tile in range(plan.count)]
+            return [results[tile] for tile in range(plan.count)]
 
         join = join_tiles.forgive(join, each(find_weak, join, "weak"))
         settled = join_tiles.settle(
@@ -194,11 +194,11 @@ def join_all(
         )
         for tile, task in enumerate(tasks)
     ]
-    made: dict[int, StageRecord] = {}
+    records: dict[int, StageRecord] = {}
     runner.progress.start("tiles: write", float(len(jobs)), "tiles")
 
     def finished(number: int, record: StageRecord) -> None:
-        made[number] = record
+        records[number] = record
         runner.progress.advance(1.0)
 
     waiting = []
@@ -208,7 +208,7 @@ def join_all(
             work.forget(tile_name(tile))
             waiting.append(job)
         else:
-            made[tile] = record
+            records[tile] = record
     pool.run(
         finish_tile,
         waiting,
@@ -219,20 +219,20 @@ def join_all(
     for stale in (*work.names("solve-"), *work.names("tile-")):
         if int(stale.split("-")[1]) >= plan.count:
             work.forget(stale)
-    kept = [tile for tile in range(plan.count) if made[tile].values["faces"]]
+    kept = [tile for tile in range(plan.count) if records[tile].values["faces"]]
     stored = StoredTiles(
         work.path,
         tuple(tile_name(tile) for tile in kept),
-        np.array([made[tile].values["box"] for tile in kept], dtype=np.float64).reshape(-1, 6),
-        tuple(int(made[tile].values["faces"]) for tile in kept),
-        tuple(int(made[tile].values["vertices"]) for tile in kept),
+        np.array([records[tile].values["box"] for tile in kept], dtype=np.float64).reshape(-1, 6),
+        tuple(int(records[tile].values["faces"]) for tile in kept),
+        tuple(int(records[tile].values["vertices"]) for tile in kept),
         tasks[0].attributes,
         int(joined.record.facts.counts["shared_vertices"]),
         stage_key(
-            "tiles", "", {}, {tile_name(tile): made[tile].digest for tile in range(plan.count)}
+            "tiles", "", {}, {tile_name(tile): records[tile].digest for tile in range(plan.count)}
         ),
         tuple(tile_name(tile) for tile in range(plan.count)),
-        tuple(int(made[tile].values["base_faces"]) for tile in range(plan.count)),
+        tuple(int(records[tile].values["base_faces"]) for tile in range(plan.count)),
     )
     return stored, joined.record.facts
 
@@ -254,7 +254,7 @@ def _seam_facts(seams: Seams, settled: join_tiles.Settled, rule: EdgeRule) -> Fa
         "seam_edges": settled.seam_edges,
         "seam_cracks": settled.cracks,
         "seam_rims": settled.rims,
-        "seam_fillers": sum(len(part) for part in seams.fillers),
+        "seam_fillers": sum(len(fillers) for fillers in seams.fillers),
         "seam_unmatched_vertices": seams.unmatched,
         "islands_dropped": settled.islands,
         "support_threshold": rule.threshold,

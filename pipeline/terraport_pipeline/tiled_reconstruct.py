@@ -128,7 +128,7 @@ def run(
         tiled_base.restore,
     )
     # (4) Facts of all steps.
-    made = base.value()
+    base_result = base.value()
     ground.cleaned.release()
     crs = ground.read.values["crs"]
     counts = [record.values for record in solved]
@@ -144,14 +144,14 @@ def run(
             "detail_vertices": sum(stored.vertices),
             "outliers_with_margins": lost,
             **joined.counts,
-            **made.facts.counts,
+            **base_result.facts.counts,
         },
-        (*ground.warnings, *joined.warnings, *made.facts.warnings),
+        (*ground.warnings, *joined.warnings, *base_result.facts.warnings),
     )
     return TiledReconstructed(
-        made.base,
+        base_result.base,
         stored,
-        made.deviation_m,
+        base_result.deviation_m,
         facts,
         ground.origin,
         Crs(**crs) if crs else None,

@@ -168,8 +168,8 @@ class StoredTiles:
 
     def box(self, i: int) -> Float64:
         """Box of its vertices."""
-        found: Float64 = self.boxes[i]
-        return found
+        box: Float64 = self.boxes[i]
+        return box
 
     def border(self, i: int) -> Border:
         """Vertices that it shares."""
@@ -195,12 +195,12 @@ def vertex_box(vertices: Float32) -> Float64:
 
 def _read(path: Path) -> npt.NDArray[Any]:
     try:
-        found: npt.NDArray[Any] = np.load(path, allow_pickle=False)
+        array: npt.NDArray[Any] = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise WorkDirectoryError(
             f"{path} cannot be read ({error}); build again with --no-resume"
         ) from None
-    return found
+    return array
 
 
 def _check(i: int, count: int) -> None:

@@ -116,9 +116,9 @@ def validate(
     try:
         findings = tuple(validate_scene(files, progress=_by_segment(watcher)))
         watcher.done({"findings": len(findings)})
-        found = _Looked(None, "left out")
+        looked = _Looked(None, "left out")
         if chosen.hand_off is not None:
-            found = _look(files, chosen.hand_off, chosen.picture, watcher)
+            looked = _look(files, chosen.hand_off, chosen.picture, watcher)
         gltf = GltfCheck(0, not_run="only with --khronos")
         if chosen.khronos:
             gltf = _judge(files, chosen.gltf_sample, watcher, announce)
@@ -132,12 +132,12 @@ def validate(
         scene_path,
         manifest,
         findings,
-        found.report,
-        found.why_not,
+        looked.report,
+        looked.why_not,
         gltf,
         chosen.khronos,
-        found.seconds,
-        found.picture,
+        looked.seconds,
+        looked.picture,
     )
 
 

@@ -161,10 +161,10 @@ class WorkDirectory:
 
     def array(self, record: StageRecord, name: str) -> npt.NDArray[Any]:
         """Read one array of a result."""
-        found: npt.NDArray[Any] = np.load(
+        array: npt.NDArray[Any] = np.load(
             self.path / record.name / f"{name}.npy", allow_pickle=False
         )
-        return found
+        return array
 
     def save(self, name: str, key: str, stored: Stored, facts: Facts, cost: Cost) -> StageRecord:
         """Write a result and put it in place of an older one.
@@ -175,7 +175,7 @@ class WorkDirectory:
             The disk is full; the older result stands.
         """
         values = json.loads(json.dumps(dict(stored.values), allow_nan=False))
-        told = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        plain_facts = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
         digests = {f"{n}.npy": _array_digest(array) for n, array in stored.arrays.items()}
         whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
         with self.beside(name) as folder:
@@ -186,7 +186,7 @@ class WorkDirectory:
                     _write_npy(file, np.ascontiguousarray(array))
                     _sync(file.fileno())
                 files[path.name] = path.stat().st_size
-            return _write_record(folder, name, key, whole, told, cost, values, files)
+            return _write_record(folder, name, key, whole, plain_facts, cost, values, files)
 
     def seal(
         self,
@@ -207,7 +207,7 @@ class WorkDirectory:
             As in :meth:`save`; the digest is the one that :meth:`save` computes.
         """
         values = json.loads(json.dumps(dict(values), allow_nan=False))
-        told = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        plain_facts = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
         digests, files = {}, {}
         for path in sorted(folder.glob("*.npy")):
             digests[path.name] = _npy_digest(path)
@@ -215,7 +215,7 @@ class WorkDirectory:
                 _sync(file.fileno())
             files[path.name] = path.stat().st_size
         whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
-        return _write_record(folder, name, key, whole, told, cost, values, files)
+        return _write_record(folder, name, key, whole, plain_facts, cost, values, files)
 
     def forget(self, name: str) -> None:
         """Delete a result; nothing happens when there is none."""
@@ -301,10 +301,10 @@ class _LookedUp(Mapping[str, npt.NDArray[Any]]):
 
 def _map(path: Path) -> npt.NDArray[Any]:
     try:
-        found: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
     except ValueError:  # an empty array cannot be mapped
-        found = np.load(path, allow_pickle=False)
-    return found
+        array = np.load(path, allow_pickle=False)
+    return array
 
 
 def file_digest(path: Path) -> str:
@@ -334,7 +334,7 @@ def _write_record(
     name: str,
     key: str,
     digest: str,
-    told: Json,
+    plain_facts: Json,
     cost: Cost,
     values: Json,
     files: Mapping[str, int],
@@ -343,7 +343,7 @@ def _write_record(
         "name": name,
         "key": key,
         "digest": digest,
-        "facts": told,
+        "facts": plain_facts,
         "cost": asdict(cost),
         "values": values,
         "files": dict(files),

@@ -55,7 +55,7 @@ def describe(worst: WorstRay) -> str:
 
 
 def to_survey(
-    origin: tuple[float, float, float], place: tuple[float, float, float]
+    origin: tuple[float, float, float], position: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Turn a place of the scene into easting, northing and height.
 
@@ -63,7 +63,7 @@ def to_survey(
     ----------
     origin : (float, float, float)
         E0, N0, H0 of the manifest, metres.
-    place : (float, float, float)
+    position : (float, float, float)
         x, y, z, metres, scene frame.
 
     Returns
@@ -75,7 +75,7 @@ def to_survey(
     >>> to_survey((500.0, 8000.0, 100.0), (1.0, 2.0, 3.0))
     (501.0, 7997.0, 102.0)
     """
-    return origin[0] + place[0], origin[1] - place[2], origin[2] + place[1]
+    return origin[0] + position[0], origin[1] - position[2], origin[2] + position[1]
 
 
 def sight_of(worst: WorstRay, tolerance_m: float) -> Camera:
@@ -241,8 +241,8 @@ def _side_by_side(panels: tuple[UInt8, ...], words: tuple[str, ...]) -> UInt8:
     height, width = panels[0].shape[:2]
     whole = Image.new("RGB", (len(panels) * (width + GAP_PX) - GAP_PX, height + LINE_PX), "white")
     draw, font = ImageDraw.Draw(whole), ImageFont.load_default(13)
-    for place, (panel, text) in enumerate(zip(panels, words, strict=True)):
-        left = place * (width + GAP_PX)
+    for number, (panel, text) in enumerate(zip(panels, words, strict=True)):
+        left = number * (width + GAP_PX)
         whole.paste(Image.fromarray(panel), (left, LINE_PX))
         draw.text((left + 4, 3), text, fill="black", font=font)
         middle, reach = (left + width / 2, LINE_PX + height / 2), height / 12

@@ -96,10 +96,10 @@ def check_gltf(
         return GltfCheck(0, not_run=reason)
     if not payloads:
         return GltfCheck(0)
-    with tempfile.TemporaryDirectory(prefix="terraport-gltf-") as place:
+    with tempfile.TemporaryDirectory(prefix="terraport-gltf-") as scratch:
         names = {}
         for number, (name, data) in enumerate(payloads.items()):
-            path = Path(place) / f"{number}.glb"
+            path = Path(scratch) / f"{number}.glb"
             path.write_bytes(data)
             names[str(path)] = name
         try:

@@ -81,9 +81,9 @@ def open_image(path: Path) -> Image.Image:
 
 
 def _unreadable(path: Path, error: Exception) -> PhotoError:
-    told = " ".join(str(error).split())[:120] or type(error).__name__
+    reason = " ".join(str(error).split())[:120] or type(error).__name__
     return PhotoError(
-        f"photo {path} cannot be read ({told}); copy it again from the camera, or remove it"
+        f"photo {path} cannot be read ({reason}); copy it again from the camera, or remove it"
     )
 
 

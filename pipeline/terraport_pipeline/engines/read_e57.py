@@ -22,7 +22,7 @@ from pyproj.exceptions import CRSError
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     tell_precision,
     thinning_rows,
     to_eight_bits,
@@ -84,7 +84,7 @@ class E57Stream:
     late_warnings: Callable[[], tuple[str, ...]]
     """Known when all parts were read."""
     colours: tuple[str, ...]
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
 
@@ -135,7 +135,7 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
 
     # (2) Scan after scan. Invariant: `start` is the number of points of the scans before, which
     # the rows of a thinned survey count from.
-    def parts() -> Iterator[StreamPart]:
+    def chunks() -> Iterator[StreamChunk]:
         nonlocal invalid
         start = 0
         for number, (header, count) in enumerate(zip(headers, counts, strict=True)):
@@ -155,8 +155,8 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
                 table["scan"] = np.full(len(points), number, dtype=np.float64)
                 nothing = np.full(len(points), np.nan)
                 columns = {name: table.get(name, nothing)[good] for name in names}
-                yield StreamPart(points[good], columns, got)
-            late[:] = late or precision.told()
+                yield StreamChunk(points[good], columns, got)
+            late[:] = late or precision.warnings()
             start += count
 
     def late_warnings() -> tuple[str, ...]:
@@ -173,7 +173,7 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
     if partial:
         warnings += (f"Not every scan has {', '.join(partial)}; it is NaN in the others.",)
     return E57Stream(
-        total, _find_crs(root), warnings, late_warnings, _COLOURS if has_colour else (), parts
+        total, _find_crs(root), warnings, late_warnings, _COLOURS if has_colour else (), chunks
     )
 
 
@@ -190,7 +190,7 @@ class _Precision:
             self._single &= np.array([(p.astype(np.float32) == p).all() for p in points.T])
             self._top = np.maximum(self._top, np.abs(points).max(axis=0))
 
-    def told(self) -> list[str]:
+    def warnings(self) -> list[str]:
         return list(tell_precision(self._single, self._top))
 
 
@@ -311,13 +311,16 @@ def _read_scan(
 ) -> tuple[dict[str, npt.NDArray[Any]], tuple[str, ...]]:
     """Read one scan: x, y, z in the file's frame and every other field; and warnings."""
     precision = _Precision()
-    parts = []
+    tables = []
     for points, table, got in _scan_parts(path, image, header, number, rows, precision):
         table["x"], table["y"], table["z"] = points.T
-        parts.append(table)
+        tables.append(table)
         advance(got)
-    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return whole, tuple(precision.told())
+    whole = {
+        name: np.concatenate([table_of_chunk[name] for table_of_chunk in tables])
+        for name in tables[0]
+    }
+    return whole, tuple(precision.warnings())
 
 
 def _from_spherical(values: Float64) -> Float64:
@@ -346,10 +349,10 @@ def _assemble(
     names = list(dict.fromkeys(name for table in tables for name in table))
     columns: dict[str, npt.NDArray[Any]] = {}
     for name in names:
-        parts = [
+        pieces = [
             table.get(name, np.full(len(table["x"]), np.nan, dtype=np.float64)) for table in tables
         ]
-        columns[name] = np.concatenate(parts)
+        columns[name] = np.concatenate(pieces)
     partial = [name for name in names if any(name not in table for table in tables)]
     points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
     colours = None

@@ -22,7 +22,7 @@ from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     find_colours,
     thinning_rows,
     to_eight_bits,
@@ -86,7 +86,7 @@ class PcdStream:
     count: int
     colours: tuple[str, ...]
     """Names of red, green, blue; of one column of three values; or none."""
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
 
@@ -112,7 +112,7 @@ def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
     packed = next((n for n in names if n.lower() in _PACKED and dtype[n].itemsize == 4), None)
     colours = (packed,) if packed is not None else (find_colours(names) or ())
 
-    def parts() -> Iterator[StreamPart]:
+    def chunks() -> Iterator[StreamChunk]:
         for first in range(0, meta.points, _CHUNK_POINTS):
             want = min(_CHUNK_POINTS, meta.points - first)
             offset = start + first * dtype.itemsize
@@ -124,9 +124,9 @@ def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
             columns = {n: np.ascontiguousarray(table[n]) for n in names if n not in ("x", "y", "z")}
             if packed is not None:
                 columns[packed] = _unpacked(columns[packed])
-            yield StreamPart(points, columns, want)
+            yield StreamChunk(points, columns, want)
 
-    return PcdStream(meta.points, colours, parts)
+    return PcdStream(meta.points, colours, chunks)
 
 
 def _unpacked(values: npt.NDArray[Any]) -> UInt8:
@@ -204,12 +204,12 @@ def _check_size(path: Path, meta: Any, start: int) -> None:
         need, have = 8 + packed, size - start
     if have < need:
         whole_points = have // length if meta.data == Encoding.BINARY else None
-        told = (
+        reason = (
             f"the file ends after {whole_points:,} of {meta.points:,} points"
             if whole_points is not None
             else f"{have:,} bytes of points, expected at least {need:,}"
         )
-        raise ReadError(path, told, _CUT, f"byte {size:,}")
+        raise ReadError(path, reason, _CUT, f"byte {size:,}")
 
 
 def _assemble(table: npt.NDArray[Any]) -> RawSurvey:
@@ -224,8 +224,8 @@ def _assemble(table: npt.NDArray[Any]) -> RawSurvey:
         colours, warnings = to_eight_bits(_unpacked(table[packed]), where=packed)
         used.add(packed)
     elif triple is not None:
-        parts = np.stack([table[name] for name in triple], axis=1)
-        colours, warnings = to_eight_bits(parts, where=", ".join(triple))
+        channels = np.stack([table[name] for name in triple], axis=1)
+        colours, warnings = to_eight_bits(channels, where=", ".join(triple))
         used |= set(triple)
     attributes = {name: np.ascontiguousarray(table[name]) for name in names if name not in used}
     return RawSurvey(points, colours, attributes, None, warnings)

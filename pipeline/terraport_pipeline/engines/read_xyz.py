@@ -24,7 +24,7 @@ from terraport_pipeline.engines.clean_text import CleanText
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     thinning_rows,
     to_eight_bits,
 )
@@ -106,7 +106,7 @@ class XyzStream:
     """Bytes of the file."""
     warnings: tuple[str, ...]
     colours: tuple[str, ...]
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
 
@@ -132,7 +132,7 @@ def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
         warnings.append(_bare(layout))
     has_colour = all(name in names for name in _COLOURS)
 
-    def parts() -> Iterator[StreamPart]:
+    def chunks() -> Iterator[StreamChunk]:
         first = 0
         for batch, read in _batches(path, layout, types):
             wanted: Any = slice(None)
@@ -143,10 +143,10 @@ def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
                 name: batch.column(name).to_numpy(zero_copy_only=False)[wanted] for name in names
             }
             points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
-            yield StreamPart(points, columns, read)
+            yield StreamChunk(points, columns, read)
             first += batch.num_rows
 
-    return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), parts)
+    return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), chunks)
 
 
 def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], int]:
@@ -163,20 +163,20 @@ def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], in
                 count += batch.num_rows
         except pa.ArrowInvalid as error:
             # A later row does not fit what the first block looked like: wider, and again.
-            place = re.search(r"column #(\d+)", str(error))
-            name = layout.names[int(place[1])] if place else ""
-            if not place or "conversion error" not in str(error) or name in _AXES:
+            match = re.search(r"column #(\d+)", str(error))
+            name = layout.names[int(match[1])] if match else ""
+            if not match or "conversion error" not in str(error) or name in _AXES:
                 raise _no_table(path, layout, error) from error
-            known = types.get(name)
-            types[name] = pa.string() if known == pa.float64() else pa.float64()
+            former = types.get(name)
+            types[name] = pa.string() if former == pa.float64() else pa.float64()
             continue
-        for name, found in seen.items():
-            whole = pa.types.is_integer(found)
-            if whole or pa.types.is_floating(found):
+        for name, kind in seen.items():
+            whole = pa.types.is_integer(kind)
+            if whole or pa.types.is_floating(kind):
                 # A gap in whole numbers makes them floats, as in a whole table.
                 types[name] = pa.int64() if whole and name not in nulls else pa.float64()
             else:
-                types[name] = pa.null() if pa.types.is_null(found) else pa.string()
+                types[name] = pa.null() if pa.types.is_null(kind) else pa.string()
         return types, count
 
 
@@ -226,14 +226,14 @@ def _csv_options(layout: _Layout, types: dict[str, pa.DataType]) -> tuple[Any, A
 def _no_table(path: Path, layout: _Layout, error: pa.ArrowInvalid) -> ReadError:
     reason = " ".join(str(error).split())[:200]
     row = re.search(r"Row #(\d+)", reason)
-    place = None
+    location = None
     if row is not None:
-        place = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
+        location = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
     return ReadError(
         path,
         f"the text is no table of {len(layout.names)} columns ({reason})",
         "repair the line or export the survey again",
-        place,
+        location,
     )
 
 
@@ -330,11 +330,11 @@ def _name_bare(path: Path, cells: list[list[str]], decimal: str) -> list[str]:
 
 def _refuse_degrees(path: Path, header: list[str]) -> None:
     labels = [name.strip().strip('"').lower() for name in header]
-    found = [name for name in labels if name in DEGREES]
-    if found and not {"x", "y"} <= set(name_header_columns(header)):
+    angles = [name for name in labels if name in DEGREES]
+    if angles and not {"x", "y"} <= set(name_header_columns(header)):
         raise ReadError(
             path,
-            f"the columns {', '.join(found)} are degrees, expected metres",
+            f"the columns {', '.join(angles)} are degrees, expected metres",
             "project the survey first, for example to its UTM zone",
             "line 1",
         )
@@ -387,8 +387,8 @@ def _assemble(columns: dict[str, npt.NDArray[Any]], layout: _Layout, text: list[
         warnings.append(_left_out(text))
     colours = None
     if all(name in columns for name in _COLOURS):
-        parts = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
-        colours, notes = to_eight_bits(parts, where="red, green, blue")
+        channels = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
+        colours, notes = to_eight_bits(channels, where="red, green, blue")
         warnings += notes
     if layout.bare:
         warnings.append(_bare(layout))

@@ -89,10 +89,10 @@ class ImageCache:
         key = (image, halvings)
         # Held while decoding: two threads that want the same image must not both decode it.
         with self._lock:
-            found = self._kept.get(key)
-            if found is not None:
+            cached = self._kept.get(key)
+            if cached is not None:
                 self._kept.move_to_end(key)
-                return found
+                return cached
             pixels = decode_halved(self._read(image), halvings)
             self._kept[key] = pixels
             self._bytes += pixels.nbytes

@@ -132,12 +132,12 @@ def sweep(
     extent_m = float(np.ptp(cloud.points, axis=0).max())
 
     def one(depth: int) -> DepthRow:
-        made = run("poisson", samples, scratch, depth=depth)
-        if made.surface is None:
-            return DepthRow(depth, 0, 0, made.cpu_s, made.added_bytes, made.error)
-        surface = made.surface
+        result = run("poisson", samples, scratch, depth=depth)
+        if result.surface is None:
+            return DepthRow(depth, 0, 0, result.cpu_s, result.added_bytes, result.error)
+        surface = result.surface
         return DepthRow(
-            depth, len(surface.faces), surface.solved_faces, made.cpu_s, made.added_bytes
+            depth, len(surface.faces), surface.solved_faces, result.cpu_s, result.added_bytes
         )
 
     # (3) Every depth in a process of its own.

@@ -85,9 +85,9 @@ def run(
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         # (2) The input goes through a file, the algorithm runs in a child: a crash, a leak or a
         # hang stays there.
-        place = Path(folder)
+        directory = Path(folder)
         np.savez(
-            place / "samples.npz",
+            directory / "samples.npz",
             points=samples.points,
             normals=samples.normals,
             colours=samples.colours,
@@ -95,7 +95,7 @@ def run(
             spacing_m=samples.spacing_m,
         )
         child = _SERVER.Process(
-            target=child_main, args=(key, str(place), threads, depth or 0), daemon=True
+            target=child_main, args=(key, str(directory), threads, depth or 0), daemon=True
         )
         child.start()
         child.join(time_limit_s)
@@ -104,12 +104,15 @@ def run(
             child.join()
             return Run(algorithm, None, None, error=f"not done after {time_limit_s:g} s: stopped")
         # (3) What came of it.
-        facts_path = place / "facts.json"
+        facts_path = directory / "facts.json"
         facts = json.loads(facts_path.read_text()) if facts_path.is_file() else {}
         if child.exitcode:
-            told = facts.get("error") or f"ended with exit code {child.exitcode}: {_said(place)}"
-            return Run(algorithm, None, None, error=told)
-        with np.load(place / "surface.npz") as stored:
+            reason = (
+                facts.get("error")
+                or f"ended with exit code {child.exitcode}: {_last_output(directory)}"
+            )
+            return Run(algorithm, None, None, error=reason)
+        with np.load(directory / "surface.npz") as stored:
             arrays = dict(stored)
     surface = Surface(
         arrays["vertices"],
@@ -130,11 +133,11 @@ def run(
     )
 
 
-def _said(place: Path) -> str:
+def _last_output(directory: Path) -> str:
     """Return the end of what a child printed."""
-    path = place / "said.txt"
-    said = path.read_bytes() if path.is_file() else b""
-    return said[-400:].decode("utf-8", "replace").strip() or "it printed nothing"
+    path = directory / "output.txt"
+    output = path.read_bytes() if path.is_file() else b""
+    return output[-400:].decode("utf-8", "replace").strip() or "it printed nothing"
 
 
 def _kill(pid: int | None) -> None:

@@ -102,9 +102,9 @@ def score(surface: Surface, colours: UInt8, subject: Subject) -> Scores:
     colour = np.percentile(apart, (50, 95, 100))
     # Distances, both ways
     rng = np.random.default_rng(len(surface.faces))
-    places, _ = sample_mesh(surface.vertices, surface.faces, _PLACES, rng)
+    surface_samples, _ = sample_mesh(surface.vertices, surface.faces, _PLACES, rng)
     true_tree = TriangleTree(subject.truth_vertices, subject.truth_faces)
-    to_truth = true_tree.nearest(places)
+    to_truth = true_tree.nearest(surface_samples)
     beyond = _beyond(to_truth.interpolate(subject.truth_faces, subject.truth_vertices), subject)
     away = to_truth.distance_m[~beyond] / spacing_m
     back = tree.nearest(subject.seen).distance_m / spacing_m

@@ -60,7 +60,7 @@ class Atlas:
     turned: npt.NDArray[np.bool_]
     """(C,) charts whose x and y are exchanged."""
 
-    def place(self, uvs: Float64, chart: Int32) -> Float64:
+    def to_texels(self, uvs: Float64, chart: Int32) -> Float64:
         """Turn coordinates within charts into texels of the image.
 
         Parameters

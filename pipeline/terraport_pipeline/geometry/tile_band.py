@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
-__all__ = ["Banded", "TilePart", "faces_outside", "part_near", "touching", "with_band"]
+__all__ = ["Banded", "TilePiece", "faces_outside", "piece_near", "touching", "with_band"]
 
 _Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TilePart:
+class TilePiece:
     """Some faces of a tile."""
 
     tile: int
@@ -51,7 +51,7 @@ class Banded:
     """(V, 3)"""
     own: slice
     """The tile's own faces, in their order."""
-    parts: tuple[tuple[int, Int32], ...]
+    rows_of_tiles: tuple[tuple[int, Int32], ...]
     """Tiles in their order, and which of their faces stand here, one tile behind the other."""
 
     @property
@@ -83,7 +83,7 @@ def touching(boxes: Float64, tile: int, reach_m: float) -> list[int]:
     return [other for other in near_tiles if other != tile]
 
 
-def part_near(
+def piece_near(
     tile: int,
     vertices: Float32,
     faces: Int32,
@@ -91,7 +91,7 @@ def part_near(
     border: tuple[npt.NDArray[np.integer], _Int64],
     box: Float64 | None = None,
     reach_m: float = 0.0,
-) -> TilePart:
+) -> TilePiece:
     """Take the faces of a tile that reach into the surroundings of a box.
 
     Parameters
@@ -108,26 +108,26 @@ def part_near(
 
     Returns
     -------
-    TilePart
+    TilePiece
     """
     ids = np.full(len(vertices), -1, np.int64)
     ids[border[0]] = border[1]
     if box is None:
-        return TilePart(tile, np.arange(len(faces), dtype=np.int32), vertices, faces, colours, ids)
+        return TilePiece(tile, np.arange(len(faces), dtype=np.int32), vertices, faces, colours, ids)
     inside = (vertices >= box[:3] - reach_m) & (vertices <= box[3:] + reach_m)
     near = np.flatnonzero(inside.all(axis=1))
     rows = np.flatnonzero(np.isin(faces, near).any(axis=1)).astype(np.int32)
     used, corner = np.unique(faces[rows], return_inverse=True)
     local = corner.reshape(-1, 3).astype(np.int32)
-    return TilePart(tile, rows, vertices[used], local, colours[used], ids[used])
+    return TilePiece(tile, rows, vertices[used], local, colours[used], ids[used])
 
 
-def with_band(pieces: Iterable[TilePart], tile: int) -> Banded:
+def with_band(pieces: Iterable[TilePiece], tile: int) -> Banded:
     """Make one mesh of a tile and parts of others.
 
     Parameters
     ----------
-    pieces : iterable of TilePart
+    pieces : iterable of TilePiece
         In the order of the tiles; all faces of the tile itself.
     tile : int
 

@@ -111,9 +111,9 @@ class TileUnits:
     """(U,) lowest face within the tile."""
     edge_steps: tuple[int, int]
     """Summed length of the edges between two faces of the tile, in steps, and their number."""
-    places: _Float32
+    centres: _Float32
     """(K, 3) centres of some faces, metres."""
-    place_unit: _Int32
+    centre_unit: _Int32
     """(K,) their units."""
 
 
@@ -306,22 +306,22 @@ def _join_nearest(
     threads: int,
 ) -> _Int32:
     """Give every small union the union of the nearest place that is not small (tie: lower)."""
-    centroids = np.concatenate([tile.places for tile in tiles]).astype(np.float64)
+    centroids = np.concatenate([tile.centres for tile in tiles]).astype(np.float64)
     union = labels[
         np.concatenate(
-            [tile.place_unit + np.int32(at) for tile, at in zip(tiles, starts, strict=False)]
+            [tile.centre_unit + np.int32(at) for tile, at in zip(tiles, starts, strict=False)]
         )
     ]
     lost = small[union]
     kept = np.flatnonzero(~lost)
-    lost_centroids = np.flatnonzero(lost)
+    lost_rows = np.flatnonzero(lost)
     tree = cKDTree(centroids[kept], balanced_tree=False, compact_nodes=False)
-    distance, nearest = tree.query(centroids[lost_centroids], workers=threads)
-    order = np.lexsort((nearest, distance, union[lost_centroids]))
-    owner = union[lost_centroids][order]
+    distance, nearest = tree.query(centroids[lost_rows], workers=threads)
+    order = np.lexsort((nearest, distance, union[lost_rows]))
+    owner = union[lost_rows][order]
     chosen = order[np.concatenate([[True], owner[1:] != owner[:-1]])]
     mapping = np.arange(len(small), dtype=np.int32)
-    mapping[union[lost_centroids[chosen]]] = union[kept[nearest[chosen]]]
+    mapping[union[lost_rows[chosen]]] = union[kept[nearest[chosen]]]
     joined: _Int32 = mapping[labels]
     return joined
 

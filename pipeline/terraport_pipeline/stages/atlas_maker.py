@@ -124,11 +124,19 @@ class AtlasMaker:
         if charts is not None:
             # Whole half texels, as payloads hold them, before anything is drawn: nothing shifts
             # later.
-            wedges[rows] = np.rint(atlas.place(charts.uvs, charts.chart) * 2.0)
-            part, places = colours.rows(rows), points[corners[rows]]
+            wedges[rows] = np.rint(atlas.to_texels(charts.uvs, charts.chart) * 2.0)
+            chart_colours, chart_points = colours.rows(rows), points[corners[rows]]
             for rim in (None, charts.rim):
                 self._bake(
-                    image, covered, wedges[rows] * 0.5, places, charts, atlas, part, packed, rim
+                    image,
+                    covered,
+                    wedges[rows] * 0.5,
+                    chart_points,
+                    charts,
+                    atlas,
+                    chart_colours,
+                    packed,
+                    rim,
                 )
             texels[rows], gsd_m[rows] = charts.texels * atlas.scale**2, charts.gsd_m
             surface_m2[rows] = charts.surface_m2
@@ -244,8 +252,8 @@ def _photo_scale(charts: Charts, atlas: Atlas, which: Int32) -> int:
     return scale
 
 
-def _areas(places: Float64) -> Float64:
+def _areas(triangles: Float64) -> Float64:
     """Areas of triangles (K, 3, 3), square metres."""
-    normal = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area: Float64 = 0.5 * np.linalg.norm(normal, axis=1)
     return area

@@ -173,22 +173,22 @@ def choose_views(
     options, progress = options or Options(), progress or NullProgress()
     del normals  # faces' own are what a photo sees
     blocks = mesh_blocks(mesh_vertices, faces)
-    found = choose_labels(
+    labelling = choose_labels(
         blocks, colours, views, photos, occluder, gains, options, threads, progress
     )
     # (4) seams
-    chosen, facts = found.view, found.facts
+    chosen, facts = labelling.view, labelling.facts
     if options.level_seams:
         progress.start("texture: seams", None, "faces")
         nodes = label_nodes(blocks.faces, chosen, len(blocks.vertices))
         seams = find_seams(
-            nodes, blocks.faces, chosen, found.candidates, found.own, gains, found.pairs,
-            found.edges, blocks.vertices,
+            nodes, blocks.faces, chosen, labelling.candidates, labelling.own, gains,
+            labelling.pairs, labelling.edges, blocks.vertices,
         )  # fmt: skip
         field, cell = level_field(blocks.vertices, nodes, seams)
         levels = node_levels(field, blocks.vertices, nodes, cell, threads=threads)
         blend = blend_seams(
-            nodes, seams, levels, found.candidates, rings=options.blend_rings, threads=threads
+            nodes, seams, levels, labelling.candidates, rings=options.blend_rings, threads=threads
         )
         steps = seam_steps(seams, levels, blend)
         facts |= steps
@@ -343,10 +343,10 @@ def collect(
         visible, cast = visible_faces(
             blocks, view, rated, occluder, offset_m=options.occluder_offset_m, threads=threads
         )
-        found = sample_faces(
+        photo_colours = sample_faces(
             photo, packed, gains[number], blocks.faces, uv, rated.face, threads=threads
         )
-        insert(candidates, number, rated, visible, found, threads=threads)
+        insert(candidates, number, rated, visible, photo_colours, threads=threads)
         rays, rated_faces = rays + cast, rated_faces + len(rated.face)
         progress.advance(1.0)
     # By number from here on: equal lists of views compare in one pass.

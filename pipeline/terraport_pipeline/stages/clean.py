@@ -144,8 +144,8 @@ def run(survey: Survey, options: Options, context: Context) -> Cleaned:
             "the survey is wider than 8 km: coordinates far from its middle keep less than half a "
             "millimetre; split it"
         )
-    attributes, codes, told = _convert_attributes(survey.attributes, stays)
-    warnings += told
+    attributes, codes, notes = _convert_attributes(survey.attributes, stays)
+    warnings += notes
     return Cleaned(
         cloud=Cloud(
             points=scene,
@@ -286,11 +286,11 @@ def _convert_attributes(
     """Convert attributes to float32; find those that hold codes; tell of what loses precision."""
     out: dict[str, Float32] = {}
     codes: list[str] = []
-    told: list[str] = []
+    notes: list[str] = []
     for name, column in attributes.items():
         values = np.asarray(column)[stays]
         if values.ndim != 1 or values.dtype.kind not in "biuf":
-            told.append(
+            notes.append(
                 f"attribute {name!r} is not one number per point ({values.dtype}): left out"
             )
             continue
@@ -298,25 +298,25 @@ def _convert_attributes(
         converted[~np.isfinite(converted)] = np.nan
         if values.dtype.kind in "biu":
             if len(values) and int(np.abs(values.astype(np.int64)).max()) > _EXACT_INTEGER:
-                told.append(f"attribute {name!r} exceeds 2^24: its last digits are lost")
+                notes.append(f"attribute {name!r} exceeds 2^24: its last digits are lost")
             if len(np.unique(values)) <= _CODE_VALUES:
                 codes.append(name)
         elif _is_coarse(values, converted):
-            told.append(
+            notes.append(
                 f"attribute {name!r} varies by less than 1e-7 of its size in places: its last "
                 "digits are lost"
             )
         out[name] = converted
-    return out, tuple(codes), told
+    return out, tuple(codes), notes
 
 
 def _is_coarse(values: npt.NDArray[np.generic], converted: Float32) -> bool:
     """Whether float32 is coarser than the payload's 65535 steps over the range."""
-    known = np.asarray(values, dtype=np.float64)[np.isfinite(converted)]
-    if not len(known) or known.min() == known.max():
+    valid = np.asarray(values, dtype=np.float64)[np.isfinite(converted)]
+    if not len(valid) or valid.min() == valid.max():
         return False
-    step = float(np.spacing(np.float32(np.abs(known).max())))
-    return step > float(known.max() - known.min()) / 65535
+    step = float(np.spacing(np.float32(np.abs(valid).max())))
+    return step > float(valid.max() - valid.min()) / 65535
 
 
 def _colours(colours: UInt8 | None, stays: npt.NDArray[np.int64]) -> UInt8:

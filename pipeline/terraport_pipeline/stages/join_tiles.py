@@ -113,8 +113,8 @@ class Join:
                 continue
             rows = seams.owner_row[mine]
             colours[mine] = arrays["colours"][rows]
-            for place, values in enumerate(attributes):
-                values[mine] = arrays[f"attribute-{place}"][rows]
+            for number, values in enumerate(attributes):
+                values[mine] = arrays[f"attribute-{number}"][rows]
         none = tuple(np.zeros(0, dtype=bool) for _ in tiles)
         return cls(
             seams.cells,
@@ -228,15 +228,15 @@ def settle(looks: Sequence[Look], count: int, *, min_faces: int) -> Settled:
     return Settled(pairs, unit_normals(total), dropped, islands, *_count_open(looks))
 
 
-def cut_ids(pairs: Int64, made: Int64, count: int) -> Int64:
-    """Ids of shared vertices by their ends: (S,) from (S, 2); those of `made` follow `count`."""
-    found = pairs[:, 0].copy()
+def cut_ids(pairs: Int64, cut_pairs: Int64, count: int) -> Int64:
+    """Ids of shared vertices (S,) by their ends (S, 2); those of `cut_pairs` follow `count`."""
+    ids = pairs[:, 0].copy()
     cut = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
     if len(cut):
-        span = int(made.max()) + 1
-        key, known = pairs[cut] @ [span, 1], made @ [span, 1]
-        found[cut] = count + np.searchsorted(known, key)
-    return found
+        span = int(cut_pairs.max()) + 1
+        key, cut_keys = pairs[cut] @ [span, 1], cut_pairs @ [span, 1]
+        ids[cut] = count + np.searchsorted(cut_keys, key)
+    return ids
 
 
 def to_stored(join: Join, settled: Settled | None) -> Stored:
@@ -269,9 +269,9 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         outline = rule.footprint
         field_m = np.zeros((0, 0), np.float32) if outline is None else outline.field_m
         arrays[f"{name}-footprint"] = field_m
-        place = None if outline is None else [*outline.low, outline.cell_m]
+        position = None if outline is None else [*outline.low, outline.cell_m]
         numbers = [rule.threshold, rule.largest, rule.spacing_m, rule.outward_m]
-        values[name] = {"numbers": numbers, "footprint": place}
+        values[name] = {"numbers": numbers, "footprint": position}
     arrays |= {f"attribute-{i}": values for i, values in enumerate(join.attributes)}
     # (3) One list per tile, as one array with its starts.
     lists: tuple[tuple[str, Sequence[npt.NDArray[Any]]], ...] = (
@@ -282,9 +282,9 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         ("base_forgiven", join.base_forgiven),
         ("dropped", settled.dropped),
     )
-    for name, parts in lists:
-        arrays[name] = np.concatenate(parts)
-        arrays[f"{name}-starts"] = np.cumsum([0, *(len(part) for part in parts)])
+    for name, per_tile in lists:
+        arrays[name] = np.concatenate(per_tile)
+        arrays[f"{name}-starts"] = np.cumsum([0, *(len(rows_of_tile) for rows_of_tile in per_tile)])
     return Stored(arrays, values)
 
 
@@ -292,16 +292,16 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
     """Turn arrays and values back."""
     arrays, values = stored.arrays, stored.values
 
-    def parts(name: str) -> tuple[Any, ...]:
+    def per_tile(name: str) -> tuple[Any, ...]:
         return tuple(np.split(arrays[name], arrays[f"{name}-starts"][1:-1]))
 
     def rule(name: str) -> EdgeRule:
-        told, outline = values[name], None
-        if told["footprint"] is not None:
-            x, z, cell_m = told["footprint"]
+        record, outline = values[name], None
+        if record["footprint"] is not None:
+            x, z, cell_m = record["footprint"]
             field_m = np.asarray(arrays[f"{name}-footprint"], np.float32)
             outline = Footprint((x, z), cell_m, field_m)
-        threshold, largest, spacing_m, outward_m = told["numbers"]
+        threshold, largest, spacing_m, outward_m = record["numbers"]
         return EdgeRule(threshold, largest, spacing_m, outline, outward_m)
 
     join = Join(
@@ -312,18 +312,18 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
             np.asarray(arrays[f"attribute-{i}"], np.float32) for i in range(values["attributes"])
         ),
         tuple(values["codes"]),
-        parts("rows"),
-        parts("ids"),
-        parts("fillers"),
+        per_tile("rows"),
+        per_tile("ids"),
+        per_tile("fillers"),
         rule("rule"),
         rule("base_rule"),
-        parts("forgiven"),
-        parts("base_forgiven"),
+        per_tile("forgiven"),
+        per_tile("base_forgiven"),
     )
     settled = Settled(
         np.asarray(arrays["pairs"], np.int64),
         np.asarray(arrays["normals"], np.float32),
-        parts("dropped"),
+        per_tile("dropped"),
         *values["counts"],
     )
     return join, settled

@@ -350,8 +350,8 @@ def _attribute_infos(
 
 
 def _range(values: Float32) -> tuple[float | None, float | None]:
-    known: npt.NDArray[np.float32] = values[~np.isnan(values)]
-    return (float(known.min()), float(known.max())) if len(known) else (None, None)
+    valid: npt.NDArray[np.float32] = values[~np.isnan(values)]
+    return (float(valid.min()), float(valid.max())) if len(valid) else (None, None)
 
 
 def _triple(values: Float64) -> tuple[float, float, float]:

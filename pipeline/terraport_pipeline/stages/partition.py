@@ -70,9 +70,9 @@ def count_blocks(
         block = np.floor(_cells(points, lattice, origin) / block_cells) + _KEY_SPAN // 2
         block = block[((block >= 0) & (block < _KEY_SPAN)).all(axis=1)].astype(np.int64)
         key = (block[:, 0] * _KEY_SPAN + block[:, 1]) * _KEY_SPAN + block[:, 2]
-        fresh, found = np.unique(key, return_counts=True)
+        fresh, fresh_counts = np.unique(key, return_counts=True)
         keys, which = np.unique(np.concatenate([keys, fresh]), return_inverse=True)
-        counts = np.bincount(which, np.concatenate([counts, found])).astype(np.int64)
+        counts = np.bincount(which, np.concatenate([counts, fresh_counts])).astype(np.int64)
         context.progress.advance(len(points))
     context.progress.done({"blocks": len(keys)})
     split = np.stack(
@@ -124,8 +124,8 @@ def run(
         rows["position"] = block
         if colours is not None:
             rows["colour"] = colours.read(first, last)
-        for place, column in enumerate(columns):
-            rows[f"a{place}"] = column.read(first, last)
+        for number, column in enumerate(columns):
+            rows[f"a{number}"] = column.read(first, last)
         for tile, mine in plan.members(_cells(block, plan.lattice, origin)):
             writers[tile].append(rows[mine])
         context.progress.advance(len(block))

@@ -149,12 +149,12 @@ def find_format(path: Path) -> str:
                 "it is damaged or has the wrong name: export it again",
                 "byte 0",
             )
-    known = ", ".join(ending for endings in FORMATS.values() for ending in endings)
+    readable = ", ".join(ending for endings in FORMATS.values() for ending in endings)
     raise ReadError(
         path,
         f"{suffix or 'a name without ending'} is no known kind of survey (the file starts with "
         f"{head[:8]!r})",
-        f"terraport reads {known}",
+        f"terraport reads {readable}",
     )
 
 

@@ -168,7 +168,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         return _dress(*surface, cleaned, ground.tree, context.threads)
 
     def make_base() -> tuple[Mesh, dict[str, Json]]:
-        told: dict[str, Json] = {}
+        base_counts: dict[str, Json] = {}
         if solved_base is None:
             thinned = thin_detail(
                 *trimmed.wide, max_faces=options.base_faces, threads=context.threads
@@ -176,7 +176,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         else:
             cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
             thinned = trim_base(*solved_base, detail[0], cell_m, threads=context.threads)
-            told |= {
+            base_counts |= {
                 "base_depth": base_depth,
                 "base_faces_solved": solved[1],
                 "base_faces_trimmed": len(thinned[1]),
@@ -189,13 +189,13 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
             margin_m=HEM_SPACINGS * cleaned.cloud.spacing_m,
             threads=context.threads,
         )
-        told["base_faces_patched"] = len(patch[1])
+        base_counts["base_faces_patched"] = len(patch[1])
         thinned = append_surface(thinned, patch)
         # Vertex cache order now: the cover names base faces by number.
         order = order_for_cache(thinned[1].astype(np.uint32))
-        return dress((thinned[0], thinned[1][order])), told
+        return dress((thinned[0], thinned[1][order])), base_counts
 
-    (base, told), detail_mesh = side_by_side(
+    (base, base_counts), detail_mesh = side_by_side(
         [make_base, lambda: dress(detail)], threads=context.threads
     )
     if len(base.faces) > 1.1 * options.base_faces:
@@ -211,7 +211,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         "detail_depth": detail_depth,
         "cell_m": poisson.SCALE * _extent_m(cleaned) / 2**detail_depth,
         "detail_faces_solved": solved[0],
-        **told,
+        **base_counts,
         "base_faces": len(base.faces),
         "detail_faces": len(detail_mesh.faces),
         "detail_vertices": len(detail_mesh.vertices),
@@ -373,6 +373,6 @@ def _measure(base: Mesh, detail: Mesh, context: Context) -> tuple[float, ...]:
     samples = detail.vertices[::step]
     context.progress.start("reconstruct: deviation", float(len(samples)), "samples")
     distances_m = distances_to_mesh(samples, base.vertices, base.faces, workers=context.threads)
-    found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
-    context.progress.done({"p99_m": found[2]})
-    return found
+    percentiles_m = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
+    context.progress.done({"p99_m": percentiles_m[2]})
+    return percentiles_m

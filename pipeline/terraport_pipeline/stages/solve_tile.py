@@ -211,19 +211,21 @@ def border_of(task: TileTask, vertices: Float32, faces: Int32, ratio: Float32) -
     is_open = ~np.isin(back, key)
     edges, common = edges[is_open], common[is_open]
     rows = np.unique(edges).astype(np.int32)
-    places = cells[rows]
+    border_cells = cells[rows]
     for axis in range(3):
         for high, side in ((0, -half), (1, half)):
             on = (wall[rows] >> (2 * axis + high)) & 1 == 1
-            places[on, axis] = side
-    places += np.array(task.centre_cells)
+            border_cells[on, axis] = side
+    border_cells += np.array(task.centre_cells)
     # An edge in two walls at once (along the line where four cores meet) counts for both.
     listed, walls = [], []
     for code in range(6):
         on = (common >> code) & 1 == 1
         listed.append(np.searchsorted(rows, edges[on]).astype(np.int32))
         walls.append(np.full(int(on.sum()), code, dtype=np.uint8))
-    return TileBorder(rows, places, ratio[rows], np.concatenate(listed), np.concatenate(walls))
+    return TileBorder(
+        rows, border_cells, ratio[rows], np.concatenate(listed), np.concatenate(walls)
+    )
 
 
 def _clean(
@@ -277,7 +279,7 @@ def _occupied(
     low = np.array(task.raster_low)
     corner = (task.centre_m[[0, 2]] - half_m - low) // task.raster_cell_m
     width = int(2 * half_m / task.raster_cell_m) + 3
-    part = Occupancy(
+    occupancy = Occupancy(
         (
             float(low[0] + corner[0] * task.raster_cell_m - task.centre_m[0]),
             float(low[1] + corner[1] * task.raster_cell_m - task.centre_m[2]),
@@ -286,12 +288,12 @@ def _occupied(
         task.spacing_m,
         np.zeros((width, width), dtype=np.float32),
     )
-    part.add(points[own], local_m[own])
-    i, j = np.nonzero(part.spacing_m)
+    occupancy.add(points[own], local_m[own])
+    i, j = np.nonzero(occupancy.spacing_m)
     row, column = i + int(corner[0]), j + int(corner[1])
     rows, columns = task.raster_shape
     inside = (row >= 0) & (column >= 0) & (row < rows) & (column < columns)
-    return (row * columns + column)[inside].astype(np.int64), part.spacing_m[i, j][inside]
+    return (row * columns + column)[inside].astype(np.int64), occupancy.spacing_m[i, j][inside]
 
 
 def _solve(

@@ -144,20 +144,22 @@ def run(
     base = faces_only(reconstructed.base, segmented.base_kept)
     views: tuple[View, ...] = () if opened is None else opened.views
     photos = None if opened is None else opened.photos
-    made_base = texture_base(base, opened, options, context)
+    base_textures = texture_base(base, opened, options, context)
     # (3) Views of the detail's faces, then its atlases.
-    gains, detail_choice = made_base.gains, None
+    gains, detail_choice = base_textures.gains, None
     if photos is not None and gains is not None:
         rays = RayScene(detail.vertices, detail.faces, threads=context.threads)
         detail_choice = _choose(detail, views, photos, rays, gains, context)
         del rays
-    made = texture_mesh(
+    detail_atlases = texture_mesh(
         detail, segmented.segments, views, photos, detail_choice, options,
         max_side=options.max_side, path=context.scratch / "detail.images",
         threads=context.threads, progress=context.progress, label="texture: atlases",
     )  # fmt: skip
     # (4) Facts of both.
-    counts = made.facts | {f"base_{name}": n for name, n in made_base.made.facts.items()}
+    counts = detail_atlases.facts | {
+        f"base_{name}": n for name, n in base_textures.atlases.facts.items()
+    }
     if detail_choice is not None:
         counts |= {f"choice_{name}": number for name, number in detail_choice.facts.items()}
         counts["borrowed_share"] = round(
@@ -168,11 +170,11 @@ def run(
         counts |= {"photos": len(views), "photos_left_out": opened.left_out}
         warnings = (*opened.warnings, *worth_warning(counts))
     return Textured(
-        made.textures,
-        made_base.made.textures,
+        detail_atlases.textures,
+        base_textures.atlases.textures,
         options.source,
-        made.facts["texel_m"],
-        made.facts["gsd_m"],
+        detail_atlases.facts["texel_m"],
+        detail_atlases.facts["gsd_m"],
         Facts(counts, warnings),
     )
 
@@ -190,7 +192,7 @@ class MadeTextures:
 class BaseTextures:
     """The base's texture, and the exposures that were found on the way."""
 
-    made: MadeTextures
+    atlases: MadeTextures
     gains: Float32 | None
     """(views + 1, GAIN_COLUMNS); None with textures from vertex colours."""
 
@@ -220,14 +222,14 @@ def texture_base(
         # Half of the charts that the image may hold: those without a photo are cut further.
         room = (options.base_side // SMALLEST_CELL) ** 2 // 8
         choice = _choose(base, views, photos, rays, gains, context, max_charts=room)
-    made = texture_mesh(
+    atlases = texture_mesh(
         base, np.zeros(len(base.faces), np.int32), views, photos, choice, options,
         max_side=options.base_side, path=context.scratch / "base.images",
         threads=context.threads, progress=context.progress, label="texture: base",
     )  # fmt: skip
     if choice is not None:
-        made.facts["borrowed_share"] = round(choice.facts["faces_borrowed"] / len(base.faces), 4)
-    return BaseTextures(made, gains)
+        atlases.facts["borrowed_share"] = round(choice.facts["faces_borrowed"] / len(base.faces), 4)
+    return BaseTextures(atlases, gains)
 
 
 def worth_warning(counts: Mapping[str, Any]) -> tuple[str, ...]:
@@ -315,12 +317,12 @@ def texture_mesh(
         return maker.make(faces, max_side=max_side)
 
     with path.open("wb") as file:
-        for faces, made in zip(rows, in_order(make, rows, threads), strict=True):
-            file.write(made.image)
-            offsets.append(offsets[-1] + len(made.image))
-            sides.append((made.width, made.height))
-            wedges[faces] = made.wedges
-            sums.add(faces, made)
+        for faces, atlas in zip(rows, in_order(make, rows, threads), strict=True):
+            file.write(atlas.image)
+            offsets.append(offsets[-1] + len(atlas.image))
+            sides.append((atlas.width, atlas.height))
+            wedges[faces] = atlas.wedges
+            sums.add(faces, atlas)
             progress.advance(1)
     facts = sums.facts(np.array(sides), offsets[-1])
     progress.done({"texel_m": facts["texel_m"]})

@@ -43,13 +43,13 @@ class TextureTally:
         }
 
     @classmethod
-    def total(cls, parts: Iterable[Mapping[str, npt.NDArray[Any]]]) -> TextureTally:
+    def total(cls, tallies: Iterable[Mapping[str, npt.NDArray[Any]]]) -> TextureTally:
         """Add up the arrays of several."""
         texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), np.zeros(2)
-        for part in parts:
-            texel = texel + part["tally_texel"]
-            gsd = gsd + part["tally_gsd"]
-            surface = surface + part["tally_surface"]
+        for tally in tallies:
+            texel = texel + tally["tally_texel"]
+            gsd = gsd + tally["tally_gsd"]
+            surface = surface + tally["tally_surface"]
         return cls(texel, gsd, float(surface[0]), float(surface[1]))
 
     def facts(self) -> dict[str, Any]:
@@ -75,15 +75,15 @@ class TextureSums:
         self.charts = 0
         self.used = 0.0
 
-    def add(self, faces: npt.NDArray[np.integer], made: MadeAtlas) -> None:
+    def add(self, faces: npt.NDArray[np.integer], atlas: MadeAtlas) -> None:
         """Add one piece's faces."""
-        self.surface_m2[faces] = made.surface_m2
-        self.texel_m[faces] = np.sqrt(made.surface_m2 / np.maximum(made.texels, 1e-12))
-        self.gsd_m[faces] = made.gsd_m
-        self.flat[faces] = made.flat
-        self.crowded[faces] = made.crowded
-        self.charts += made.charts
-        self.used += made.use * made.width * made.height
+        self.surface_m2[faces] = atlas.surface_m2
+        self.texel_m[faces] = np.sqrt(atlas.surface_m2 / np.maximum(atlas.texels, 1e-12))
+        self.gsd_m[faces] = atlas.gsd_m
+        self.flat[faces] = atlas.flat
+        self.crowded[faces] = atlas.crowded
+        self.charts += atlas.charts
+        self.used += atlas.use * atlas.width * atlas.height
 
     def tally(self) -> TextureTally:
         """Sum up so that several add up."""
@@ -121,23 +121,25 @@ class TextureSums:
         }
 
 
-def _share(part: float, whole: float) -> float:
-    return round(part / whole, 4) if whole > 0 else 0.0
+def _share(amount: float, whole: float) -> float:
+    return round(amount / whole, 4) if whole > 0 else 0.0
 
 
 def _median(values: Float32, weights: Float32) -> float:
     """Median by weight, to four digits."""
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weights[order], dtype=np.float64)
-    place = int(np.searchsorted(total, 0.5 * total[-1]))
-    return float(f"{values[order[min(place, len(order) - 1)]]:.4g}")
+    index = int(np.searchsorted(total, 0.5 * total[-1]))
+    return float(f"{values[order[min(index, len(order) - 1)]]:.4g}")
 
 
 def _histogram(lengths_m: Float32, areas_m2: Float32) -> Float64:
-    place = np.log10(np.maximum(lengths_m, _SHORTEST_M) / _SHORTEST_M) * _PER_DECADE
-    rows = np.clip(place, 0, _BINS - 1).astype(np.int64)
-    found: Float64 = np.bincount(rows, areas_m2.astype(np.float64), _BINS).astype(np.float64)
-    return found
+    bins = np.log10(np.maximum(lengths_m, _SHORTEST_M) / _SHORTEST_M) * _PER_DECADE
+    rows = np.clip(bins, 0, _BINS - 1).astype(np.int64)
+    areas_of_bins: Float64 = np.bincount(rows, areas_m2.astype(np.float64), _BINS).astype(
+        np.float64
+    )
+    return areas_of_bins
 
 
 def _bin_median(areas_m2: Float64) -> float:

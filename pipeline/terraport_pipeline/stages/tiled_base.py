@@ -114,8 +114,8 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     picked = np.concatenate([tiles.load(i).vertices[::step].copy() for i in range(tiles.count)])
     context.progress.start("base: deviation", float(len(picked)), "samples")
     distances_m = distances_to_mesh(picked, thin, triangles, workers=context.threads)
-    found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
-    context.progress.done({"p99_m": found[2]})
+    percentiles_m = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
+    context.progress.done({"p99_m": percentiles_m[2]})
     warnings: list[str] = []
     if len(triangles) > 1.1 * options.base_faces:
         warnings.append(
@@ -123,9 +123,9 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
             "alone needs more; raise --base-faces"
         )
     counts["base_faces"] = len(triangles)
-    for percentile, value in zip(_PERCENTILES, found, strict=True):
+    for percentile, value in zip(_PERCENTILES, percentiles_m, strict=True):
         counts[f"deviation_p{percentile:g}_m"] = value
-    return TiledBase(base, found, Facts(counts, tuple(warnings)))
+    return TiledBase(base, percentiles_m, Facts(counts, tuple(warnings)))
 
 
 def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tuple[Float32, Int32]:
@@ -134,7 +134,7 @@ def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tu
     wanted = _FIRST_SHARE * options.base_faces
     share = wanted / total if total > 2 * wanted else 1.0
     context.progress.start("base: tiles", float(len(tiles.base_names)), "tiles")
-    parts = []
+    pieces = []
     for i in range(len(tiles.base_names)):
         if tiles.base_faces[i]:
             vertices, faces = tiles.base_part(i)
@@ -143,12 +143,12 @@ def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tu
                 vertices, faces = thin_block(
                     vertices, faces, max_faces=kept, threads=context.threads
                 )
-            parts.append((vertices, faces))
+            pieces.append((vertices, faces))
         context.progress.advance(1.0)
-    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    numbered = [part[1] + np.int32(base) for part, base in zip(parts, first, strict=False)]
-    vertices, joined = weld(np.concatenate([v for v, _ in parts]), np.concatenate(numbered))
-    del parts, numbered
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+    numbered = [piece[1] + np.int32(base) for piece, base in zip(pieces, first, strict=False)]
+    vertices, joined = weld(np.concatenate([v for v, _ in pieces]), np.concatenate(numbered))
+    del pieces, numbered
     # Loose pieces that the detail dropped; half as strict, for thinning leaves each another share.
     least = max(1, int(0.5 * share * options.island_faces))
     keep, _ = island_mask(joined, len(vertices), min_faces=least)

@@ -77,12 +77,12 @@ class AttributeRange:
     @classmethod
     def of(cls, values: Float32) -> AttributeRange:
         """Look at the values of one mesh."""
-        known = values[~np.isnan(values)]
-        if not len(known):
+        valid = values[~np.isnan(values)]
+        if not len(valid):
             return cls(1.0, 0.0, None)
-        broken = known[known != np.rint(known)]
+        broken = valid[valid != np.rint(valid)]
         fraction = float(broken.min()) if len(broken) else None
-        return cls(float(known.min()), float(known.max()), fraction)
+        return cls(float(valid.min()), float(valid.max()), fraction)
 
     def plus(self, other: AttributeRange) -> AttributeRange:
         """Take in another part's values."""
@@ -195,12 +195,12 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
     values = [tile.values for tile in tiles]
     totals = None
     for tile in tiles:
-        part = ColourTotals(
+        totals_of_tile = ColourTotals(
             tile.values["faces"],
             np.array(tile.arrays["whole"], np.int64),
             np.array(tile.arrays["products"], np.int64),
         )
-        totals = part if totals is None else totals.plus(part)
+        totals = totals_of_tile if totals is None else totals.plus(totals_of_tile)
     assert totals is not None
     seams = match_seams(
         [
@@ -213,9 +213,11 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
     )
     attributes: dict[str, AttributeRange] = {}
     for value in values:
-        for name, told in value["attributes"].items():
-            found = AttributeRange(*told)
-            attributes[name] = attributes[name].plus(found) if name in attributes else found
+        for name, stored_range in value["attributes"].items():
+            value_range = AttributeRange(*stored_range)
+            attributes[name] = (
+                attributes[name].plus(value_range) if name in attributes else value_range
+            )
     return TiledScene(
         tuple(int(value["faces"]) for value in values),
         sum(int(value["vertices"]) for value in values),
@@ -232,7 +234,7 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
 def units(mesh: Mesh, tile: int, scene: TiledScene, options: Options, context: Context) -> Stored:
     """Unite one tile's faces up to the fine pools."""
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=context.threads)
-    made = tile_units(
+    united = tile_units(
         mesh.vertices,
         mesh.faces,
         mesh.colours,
@@ -241,11 +243,11 @@ def units(mesh: Mesh, tile: int, scene: TiledScene, options: Options, context: C
         scene.scale(options),
     )
     arrays = {
-        field.name: getattr(made, field.name)
-        for field in fields(made)
+        field.name: getattr(united, field.name)
+        for field in fields(united)
         if field.name != "edge_steps"
     }
-    return Stored(arrays, {"edge_steps": list(made.edge_steps)})
+    return Stored(arrays, {"edge_steps": list(united.edge_steps)})
 
 
 def regions(
@@ -268,7 +270,7 @@ def regions(
     """
     seams = scene.seams
     at_seams = np.zeros(seams.faces.shape, np.int32)
-    made = []
+    units_of_tile = []
     for number, tile in enumerate(tiles):
         labels = tile.arrays["labels"]
         for side in (0, 1):
@@ -277,8 +279,10 @@ def regions(
         arrays: dict[str, Any] = {name: np.asarray(a) for name, a in tile.arrays.items()}
         arrays["labels"] = np.zeros(0, np.int32)
         one, other = tile.values["edge_steps"]
-        made.append(TileUnits(**arrays, edge_steps=(int(one), int(other))))
-    joined = join_tiles(made, at_seams, seams, scene.scale(options), threads=context.threads)
+        units_of_tile.append(TileUnits(**arrays, edge_steps=(int(one), int(other))))
+    joined = join_tiles(
+        units_of_tile, at_seams, seams, scene.scale(options), threads=context.threads
+    )
     if joined.count > MAX_REGIONS:
         raise OptionError(
             f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: "
@@ -326,7 +330,7 @@ def cut(
     fine, region = of_unit
     faces_region: Int32 = region[labels]
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=threads)
-    found = build_segments(
+    segments = build_segments(
         mesh.vertices,
         mesh.faces,
         fine[labels],
@@ -341,7 +345,7 @@ def cut(
         threads=threads,
     )
     # (2) Shape of the segments, sums of the regions' facts; sums of tiles add up to the scene's.
-    ragged = raggedness(mesh.vertices, mesh.faces, found, threads=threads)
+    ragged = raggedness(mesh.vertices, mesh.faces, segments, threads=threads)
     present, dense = np.unique(faces_region, return_inverse=True)
     totals = tile_totals(
         mesh.vertices,
@@ -361,16 +365,16 @@ def cut(
         base.faces,
         mesh.vertices,
         mesh.faces,
-        found.labels,
+        segments.labels,
         tolerance_m=tolerance_m,
         threads=threads,
     )
     arrays: dict[str, npt.NDArray[Any]] = {
-        "segments": found.labels,
-        "face_counts": found.face_counts,
-        "bounds": found.bounds,
-        "main_region": found.main_region,
-        "region_counts": found.region_counts,
+        "segments": segments.labels,
+        "face_counts": segments.face_counts,
+        "bounds": segments.bounds,
+        "main_region": segments.main_region,
+        "region_counts": segments.region_counts,
         "ragged": ragged,
         "cover_face": cover.base_face,
         "cover_segment": cover.segment,
@@ -381,7 +385,7 @@ def cut(
         arrays,
         {
             "exceptions": {
-                f.name: getattr(found.exceptions, f.name) for f in fields(SegmentExceptions)
+                f.name: getattr(segments.exceptions, f.name) for f in fields(SegmentExceptions)
             },
             "far_faces": cover.far_faces,
             "baseless_faces": cover.baseless_faces,

@@ -21,9 +21,9 @@ from terraport_pipeline.geometry.mesh_blocks import mesh_blocks
 from terraport_pipeline.geometry.seam_levels import LevelGrid
 from terraport_pipeline.geometry.tile_band import (
     Banded,
-    TilePart,
+    TilePiece,
     faces_outside,
-    part_near,
+    piece_near,
     touching,
     with_band,
 )
@@ -79,16 +79,16 @@ def banded(tiles: DetailTiles, tile: int, reach_m: float) -> Banded:
     boxes = np.stack([tiles.box(number) for number in range(tiles.count)])
     numbers = sorted([tile, *touching(boxes, tile, reach_m)])
 
-    def parts() -> Iterator[TilePart]:
+    def pieces() -> Iterator[TilePiece]:
         for number in numbers:
             mesh, border = tiles.load(number), tiles.border(number)
             box = None if number == tile else boxes[tile]
-            yield part_near(
+            yield piece_near(
                 number, mesh.vertices, mesh.faces, mesh.colours, (border.rows, border.ids), box,
                 reach_m,
             )  # fmt: skip
 
-    return with_band(parts(), tile)
+    return with_band(pieces(), tile)
 
 
 def choose(
@@ -129,24 +129,24 @@ def choose(
         np.concatenate([piece.faces, base.faces[far] + np.int32(len(piece.vertices))]),
         threads=context.threads,
     )
-    found = choosing.choose_labels(
+    labelling = choosing.choose_labels(
         blocks, piece.colours, opened.views, opened.photos, rays, gains, choosing.Options(),
         context.threads, context.progress, grid=scale.cells,
     )  # fmt: skip
     own = blocks.face_places()[piece.own]
-    seen = found.candidates.view[own]
+    seen = labelling.candidates.view[own]
     return Stored(
         {
-            "view": found.view[own].astype(np.int16),
+            "view": labelling.view[own].astype(np.int16),
             "candidate_view": seen,
-            "candidate_colour": found.candidates.colour[own],
+            "candidate_colour": labelling.candidates.colour[own],
         },
         {
             "faces_seen": int((seen[:, 0] >= 0).sum()),
-            "faces_unseen": int((found.view[own] < 0).sum()),
-            "rays": int(found.facts["rays"]),
-            "faces_rated": int(found.facts["faces_rated"]),
-            "outliers": int(found.facts.get("outliers", 0)),
-            "faces_borrowed": int(found.borrowed[own].sum()),
+            "faces_unseen": int((labelling.view[own] < 0).sum()),
+            "rays": int(labelling.facts["rays"]),
+            "faces_rated": int(labelling.facts["faces_rated"]),
+            "outliers": int(labelling.facts.get("outliers", 0)),
+            "faces_borrowed": int(labelling.borrowed[own].sum()),
         },
     )

@@ -126,8 +126,8 @@ def trim_detail(
     # (1) Support of every vertex, and from its distribution where to cut.
     spacing_m, local_m = cleaned.cloud.spacing_m, cleaned.local_spacing_m
 
-    def ratio_of(places: Float32) -> Float32:
-        return support_ratio(places, ground.tree, local_m, spacing_m, workers=threads)
+    def ratio_of(points: Float32) -> Float32:
+        return support_ratio(points, ground.tree, local_m, spacing_m, workers=threads)
 
     ratio = ratio_of(vertices)
     threshold = support_threshold(support_histogram(vertices, faces, ratio), largest=largest)

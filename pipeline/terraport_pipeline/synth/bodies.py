@@ -38,14 +38,14 @@ def torus() -> Body:
         np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij"
     )
     radius = 0.36 + 0.14 * np.cos(across)
-    places = np.stack(
+    vertices = np.stack(
         [radius * np.cos(around), 0.14 * np.sin(across), radius * np.sin(around)], axis=-1
     )
     i, j = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
     a, b = i * m + j, (i + 1) % n * m + j
     c, d = i * m + (j + 1) % m, (i + 1) % n * m + (j + 1) % m
     faces = np.stack([a, c, b, b, c, d], axis=-1).reshape(-1, 3)
-    return places.reshape(-1, 3), faces.astype(np.int32)
+    return vertices.reshape(-1, 3), faces.astype(np.int32)
 
 
 def block() -> Body:
@@ -73,7 +73,7 @@ def stairs() -> Body:
     following = (rim + 1) % count
     plan = np.concatenate([outline, middle])
     size = len(plan)
-    places = np.concatenate(
+    vertices = np.concatenate(
         [np.column_stack([plan, np.full(size, z)]) for z in (-0.4, 0.4)]
     )  # lower, then upper end along z
     front = np.stack([rim, following, np.full(count, count)], axis=1) + size
@@ -84,7 +84,7 @@ def stairs() -> Body:
             np.stack([rim, following + size, rim + size], axis=1),
         ]
     )
-    return places, np.concatenate([front, back, walls]).astype(np.int32)
+    return vertices, np.concatenate([front, back, walls]).astype(np.int32)
 
 
 def _extruded(outer: Float64, hole_radius: float, *, height: float) -> Body:

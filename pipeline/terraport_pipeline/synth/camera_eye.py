@@ -135,10 +135,10 @@ class CameraEye:
         step = max(1, _BAND_PIXELS // width) * width
 
         def draw(first: int) -> None:
-            part = slice(first, first + step)
-            headings = local[part] @ view.rotation.astype(np.float32)
-            found = self._trace(view, headings, truck)
-            colours[part], what[part], body[part], distance[part] = found
+            chunk = slice(first, first + step)
+            headings = local[chunk] @ view.rotation.astype(np.float32)
+            traced = self._trace(view, headings, truck)
+            colours[chunk], what[chunk], body[chunk], distance[chunk] = traced
 
         def refine(rows: Int64) -> None:
             total = colours[rows].astype(np.float64)
@@ -249,10 +249,10 @@ class CameraEye:
         colours = np.tile(_HAZE, (len(headings), 1))
         down = np.flatnonzero(headings[:, 1] < -0.02)
         t = view.position[1] / -headings[down, 1].astype(np.float64)
-        places = (view.position + headings[down] * t[:, None]) / self.options.scale
+        on_plain = (view.position + headings[down] * t[:, None]) / self.options.scale
         count, zero = len(down), np.zeros(len(down))
         points = SurfacePoints(
-            np.stack([places[:, 0], -places[:, 2], zero], axis=1),
+            np.stack([on_plain[:, 0], -on_plain[:, 2], zero], axis=1),
             np.tile([0.0, 0.0, 1.0], (count, 1)),
             np.full(count, Material.GRASSLAND, dtype=np.uint8),
             zero,
@@ -319,12 +319,12 @@ def _sun_past(truck: Truck, positions: Float64) -> Float64:
 def _vertex_table(surface: Surface, body: Int64, parameters: Float64) -> Float32:
     table = np.empty((len(body), FIELDS), dtype=np.float32)
     for first in range(0, len(body), _CHUNK):
-        part = slice(first, first + _CHUNK)
-        points = surface.evaluate_at(body[part], parameters[part])
-        table[part, :3], table[part, 3:6] = points.positions, points.normals
-        table[part, 6], table[part, 7] = points.lane, points.inside
-        table[part, 8:10], table[part, 10] = 0.0, -1.0
-        ground = first + np.flatnonzero(body[part] == GROUND)
+        chunk = slice(first, first + _CHUNK)
+        points = surface.evaluate_at(body[chunk], parameters[chunk])
+        table[chunk, :3], table[chunk, 3:6] = points.positions, points.normals
+        table[chunk, 6], table[chunk, 7] = points.lane, points.inside
+        table[chunk, 8:10], table[chunk, 10] = 0.0, -1.0
+        ground = first + np.flatnonzero(body[chunk] == GROUND)
         sample = surface.terrain.sample(parameters[ground, 0], parameters[ground, 1])
         table[ground, 8], table[ground, 9] = sample.road, sample.water
         table[ground, 10] = sample.pile

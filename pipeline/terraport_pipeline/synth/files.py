@@ -113,12 +113,12 @@ def write_quarry(
     truth = np.empty((options.points, 3), dtype=np.float32)
     # (2) Chunk by chunk into drafts. Invariant: the first `start` points are in the file, and
     # their material and truth in the arrays. Both files get their names when both are whole.
-    with _renamed_when_whole(path, truth_file) as (part, truth_part):
+    with _renamed_when_whole(path, truth_file) as (draft, truth_part):
         report.start("synth: points", options.points, "points")
         start = 0
         header = _make_header(options, maker)
         with laspy.open(
-            part,
+            draft,
             mode="w",
             header=header,
             do_compress=path.suffix.lower() == ".laz",
@@ -173,21 +173,21 @@ def _validate_target(
 def _renamed_when_whole(*targets: Path) -> Iterator[tuple[Path, ...]]:
     """Give names to write to; rename them on success, delete them on any failure."""
     token = secrets.token_hex(4)
-    parts = tuple(
+    drafts = tuple(
         target.with_name(f".{target.stem}.{token}.part{target.suffix}") for target in targets
     )
     try:
-        yield parts
-        for part, target in zip(parts, targets, strict=True):
-            part.replace(target)
+        yield drafts
+        for draft, target in zip(drafts, targets, strict=True):
+            draft.replace(target)
     except (OSError, laspy.LaspyException) as error:
         raise ResourceError(
             f"{targets[0]}: cannot be written: {error}; nothing was left behind, check the disk "
             "and try again"
         ) from error
     finally:
-        for part in parts:
-            part.unlink(missing_ok=True)
+        for draft in drafts:
+            draft.unlink(missing_ok=True)
 
 
 def _make_header(options: QuarryOptions, maker: QuarryMaker) -> Any:

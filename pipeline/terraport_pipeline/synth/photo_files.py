@@ -218,7 +218,7 @@ def _write_images(
 ) -> list[dict[str, Any]]:
     # (1) What all photos share: the surface, where trucks park, exposures, the frame.
     eye = CameraEye(quarry, photo_edge_m(flight, quarry), threads=threads)
-    places = parking_places(eye.surface, quarry.seed, quarry.scale)
+    parking = parking_places(eye.surface, quarry.seed, quarry.scale)
     gains = exposures(options, quarry.seed)
     origin = np.array([quarry.easting_m, quarry.northing_m, quarry.elevation_m])
     offset = np.array([*np.round(origin[:2], -2), 0.0])
@@ -229,7 +229,7 @@ def _write_images(
     for number, view in enumerate(flight.views):
         truck = None
         if options.truck:
-            trucks = place_truck(view, number, places, quarry.seed, quarry.scale)
+            trucks = place_truck(view, number, parking, quarry.seed, quarry.scale)
             truck = _first_seen(eye, view.position, trucks)
         seen = eye.look(view, truck)
         photo = develop(seen.colours, gains[number], options, quarry.seed * 100_003 + number)
@@ -237,8 +237,8 @@ def _write_images(
             draft / "images" / view.name, "JPEG", quality=options.quality, subsampling=0
         )
         _write_mask(draft / "truth" / "masks" / f"{Path(view.name).stem}.png", seen.what)
-        place, colour = _some_points(seen, view, quarry.seed, number)
-        points.append(place)
+        position, colour = _some_points(seen, view, quarry.seed, number)
+        points.append(position)
         colours.append(colour)
         rows.append(
             {
@@ -304,13 +304,13 @@ def _some_points(seen: Seen, view: View, seed: int, number: int) -> tuple[Float6
     good = np.isfinite(seen.distance_m[row, column]) & (seen.what[row, column] < TRUCK_SHADOW)
     row, column = row[good], column[good]
     rays = view.rays(np.stack([column + 0.5, row + 0.5], axis=1))
-    places = view.position + rays * seen.distance_m[row, column][:, None]
+    points = view.position + rays * seen.distance_m[row, column][:, None]
     colours = np.clip(np.rint(seen.colours[row, column]), 0, 255).astype(np.uint8)
-    return places, colours
+    return points, colours
 
 
-def _to_world(places: Float64) -> Float64:
-    x, y, z = places.T
+def _to_world(points: Float64) -> Float64:
+    x, y, z = points.T
     return np.stack([x, -z, y], axis=1)
 
 

@@ -119,18 +119,18 @@ def read_raw_cameras(path: Path, photo_size: PhotoSize | None = None) -> RawCame
     ------
     ReadError
     """
-    found = path
+    source = path
     if path.is_dir():
         candidates = list(_inside(path))
         if not candidates:
             raise ReadError(path, "no file of cameras is in this folder", _ADVICE)
-        found = candidates[0]
+        source = candidates[0]
     elif not path.is_file():
         raise ReadError(path, "there is no such file", _ADVICE)
-    raw = _reader(found, photo_size)()
+    raw = _reader(source, photo_size)()
     (twice, times), *_ = Counter(camera.name for camera in raw.cameras).most_common(1)
     if times > 1:
-        raise ReadError(found, f"photo {twice!r} has two poses", "give one reconstruction")
+        raise ReadError(source, f"photo {twice!r} has two poses", "give one reconstruction")
     return raw
 
 
@@ -178,8 +178,10 @@ def _reader(path: Path, photo_size: PhotoSize | None) -> Callable[[], RawCameras
         return partial(read_pix4d, path)
     if head.startswith(PIX4D_EXTERNAL_MAGIC.encode()):
         return partial(read_pix4d_external, path)
-    told = "XML of another program" if head.startswith(b"<") else f"it begins with {head[:24]!r}"
-    raise ReadError(path, f"this is no file of cameras: {told}", _ADVICE)
+    contents = (
+        "XML of another program" if head.startswith(b"<") else f"it begins with {head[:24]!r}"
+    )
+    raise ReadError(path, f"this is no file of cameras: {contents}", _ADVICE)
 
 
 def _no_photos(path: Path, name: str) -> tuple[int, int]:

@@ -142,18 +142,20 @@ def _read_names(path: Path, count: int) -> list[str]:
     tried = []
     for folder in (path.parent, path.parent.parent):
         for name in ("list.txt", f"{path.stem}.list.txt", f"{path.name}.list.txt"):
-            place = folder / name
-            if not place.is_file():
+            candidate = folder / name
+            if not candidate.is_file():
                 continue
-            check_size(place, _MAX_LIST_BYTES, "give Bundler's list of photos")
+            check_size(candidate, _MAX_LIST_BYTES, "give Bundler's list of photos")
             # "name", or "name 0 focal" where Bundler knew the focal length
-            names = [_photo_name(text) for _, text in text_lines(place) if text]
+            names = [_photo_name(text) for _, text in text_lines(candidate) if text]
             if len(names) == count:
                 return names
-            tried.append(f"{place} has {len(names):,}")
-    told = "; ".join(tried) or "no list.txt beside it or one folder above"
+            tried.append(f"{candidate} has {len(names):,}")
+    attempts = "; ".join(tried) or "no list.txt beside it or one folder above"
     raise ReadError(
-        path, f"{count:,} cameras need as many names ({told})", "put Bundler's list.txt beside it"
+        path,
+        f"{count:,} cameras need as many names ({attempts})",
+        "put Bundler's list.txt beside it",
     )
 
 

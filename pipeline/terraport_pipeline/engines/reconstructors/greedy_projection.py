@@ -53,9 +53,9 @@ def _run(samples: Samples, work: Work) -> Surface:
     except subprocess.TimeoutExpired as error:
         raise EngineError(f"{PROGRAM} did not end within {_TIMEOUT_S} s") from error
     if done.returncode or not target.is_file():
-        said = (done.stderr + done.stdout)[-500:].decode("utf-8", "replace").strip()
+        output = (done.stderr + done.stdout)[-500:].decode("utf-8", "replace").strip()
         raise EngineError(
-            f"{PROGRAM} ended with exit code {done.returncode}; it printed: {said or 'nothing'}"
+            f"{PROGRAM} ended with exit code {done.returncode}; it printed: {output or 'nothing'}"
         )
     faces = _read_vtk(target, len(samples.points))
     return Surface(
