@@ -50,7 +50,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class BuildOptions:
-    """Everything a build is asked for."""
+    """Inputs and options of a build, one group a stage."""
 
     survey: Path
     scene: Path
@@ -78,7 +78,7 @@ class BuildOptions:
         self.pack_options()  # refused before any work, not after an hour
 
     def pack_options(self) -> pack.Options:
-        """Options of the last stage."""
+        """Options of the pack stage, made from the scene's name."""
         name = self.scene.absolute().name if self.name is None else self.name
         return pack.Options(name)
 

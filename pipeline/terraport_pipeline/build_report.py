@@ -43,7 +43,7 @@ _SHOWN: Final = {
 
 @dataclass(frozen=True, slots=True)
 class StageReport:
-    """One stage of one build."""
+    """What one stage of a build cost and reported, and whether its result was taken up."""
 
     name: str
     taken_up: bool
@@ -54,7 +54,7 @@ class StageReport:
 
 @dataclass(frozen=True, slots=True)
 class BuildReport:
-    """One build."""
+    """Outcome of one build: the published version, and a report of every stage."""
 
     scene: Path
     version: str
@@ -76,7 +76,7 @@ class BuildReport:
         )
 
     def table(self) -> Table:
-        """Lay the stages out for the terminal."""
+        """Make a table of the stages for the terminal: time, memory, facts."""
         table = Table(title=f"{self.scene.name} {self.version[:12]}")
         table.add_column("stage")
         table.add_column("time", justify="right")
@@ -90,7 +90,7 @@ class BuildReport:
         return table
 
     def to_json(self) -> dict[str, Any]:
-        """Lay everything out for ``build.json``."""
+        """Convert to the plain values of ``build.json``."""
         return {
             "format": "terraport-build",
             "version": self.version,

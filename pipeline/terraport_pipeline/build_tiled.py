@@ -49,7 +49,7 @@ class TiledSurface:
     deviation_m: tuple[float, ...]
     """50th, 95th, 99th and 99.9th percentile of the distance of detail to base."""
     digest: str
-    """Of base and tiles."""
+    """Hash of base and tiles; in the keys of all passes."""
     spacing_m: float = 0.0
     """Typical distance between the points; see :class:`pack.About`."""
 
@@ -199,12 +199,12 @@ def segment_and_pack(
 
 
 def _together(*costs: Cost) -> Cost:
-    """Cost of one thing after another."""
+    """Add up the cost of passes that ran one after another: seconds add, peaks do not."""
     return Cost(sum(cost.seconds for cost in costs), max(cost.peak_bytes for cost in costs))
 
 
 def _segments_digest(segmented: tiled_join.TiledSegmented) -> str:
-    """Hash what the join of all tiles found."""
+    """Hash the joined segmentation: what the manifest and the index will say of segments."""
     stored = tiled_join.store(segmented)
     digest = xxhash.xxh3_128(json.dumps(dict(stored.values), sort_keys=True).encode())
     for name in sorted(stored.arrays):
@@ -221,23 +221,23 @@ class _Labels:
     joined: JoinedRegions
 
     def of(self, tile: int) -> Int32:
-        """Region of every face."""
+        """Read the units of a tile's faces and look up the region of each, (F,)."""
         regions: Int32 = self.joined.region[tile][self.unit(tile)]
         return regions
 
     def unit(self, tile: int) -> Int32:
-        """Read the unit of every face."""
+        """Read the unit of every face of a tile, (F,), numbered within the tile."""
         return self.work.array(self.units.records[tile], "labels")
 
     def digest(self, tile: int) -> str:
-        """Of the tile's units and their regions."""
+        """Hash a tile's units together with their regions, for the keys of later passes."""
         digest = xxhash.xxh3_128(np.ascontiguousarray(self.joined.region[tile]).data)
         digest.update(np.ascontiguousarray(self.joined.fine[tile]).data)
         return f"{self.units.records[tile].digest}-{digest.hexdigest()}"
 
 
 class _Work:
-    """The passes of segmentation."""
+    """Runs the passes of segmentation over all tiles, each taken up where it is unchanged."""
 
     def __init__(
         self, runner: StageRunner, surface: TiledSurface, options: segment.Options
@@ -248,7 +248,7 @@ class _Work:
     def segmented(
         self,
     ) -> tuple[tiled_segment.TiledScene, tiled_join.TiledSegmented, _Labels, PassResult]:
-        """Do all passes; one report."""
+        """Run all passes of segmentation and add one report for them together."""
         runner, surface, options = self._runner, self._surface, self._options
         work, tiles, base = runner.work, surface.tiles, surface.base
         # (1) What only the whole scene knows (extents, densities, colours), from sums by tile.

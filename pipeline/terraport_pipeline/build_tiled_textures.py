@@ -38,7 +38,7 @@ __all__ = ["TiledTextures", "TiledTexturing", "texture_tiles"]
 
 @dataclass(slots=True, eq=False)
 class TiledTexturing:
-    """What textures of tiles are made of."""
+    """Options and inputs of texturing in tiles, and how to open the photos when they are needed."""
 
     options: texture.Options
     inputs: Mapping[str, Any]
@@ -64,10 +64,10 @@ class TiledTextures:
     base: TextureSet
     info: TextureInfo
     records: tuple[StageRecord, ...]
-    """One per tile."""
+    """Records of the drawn tiles, in their order."""
     work: WorkDirectory
     digest: str
-    """Of exposures and the base's texture."""
+    """Hash of the exposures and the base's texture."""
 
     def tile(self, tile: int) -> TextureSet:
         """Open the textures of one tile's segments; images stay on disk."""
@@ -76,7 +76,7 @@ class TiledTextures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Base:
-    """What is found once for the scene."""
+    """Result of texturing the base: its atlas and the photos' exposures, once for the scene."""
 
     textures: TextureSet
     gains: Float32
@@ -84,7 +84,7 @@ class _Base:
 
 
 class _Passes:
-    """The passes of texturing."""
+    """Runs the passes of texturing over all tiles, each taken up where it is unchanged."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class _Passes:
         self._scale = TextureScale.of(scene)
 
     def base(self, base: Mesh, digest: str) -> Step[_Base]:
-        """Find exposures and texture the base."""
+        """Solve the photos' exposures and make the base's atlas; kept as one step."""
         asked = self._asked
 
         def compute(context: Context) -> _Base:
@@ -133,7 +133,7 @@ class _Passes:
         )
 
     def views(self, base: Mesh, gains: Float32) -> PassResult:
-        """Choose the photos of every tile."""
+        """Choose the photo of every face, tile by tile, each with a band of its neighbours."""
         return run_pass(
             self._runner,
             self._pass(
@@ -149,7 +149,7 @@ class _Passes:
         )
 
     def levels(self, chosen: PassResult, gains: Float32) -> tuple[PassResult, Step[Levels]]:
-        """Level the seams of the scene."""
+        """Sum up the seams of every tile, then solve the corrections of the whole scene."""
         views = self._arrays(chosen)
         cells = run_pass(
             self._runner,
@@ -187,7 +187,7 @@ class _Passes:
         levels: Step[Levels] | None,
         gains: Float32,
     ) -> PassResult:
-        """Make the atlases of every tile."""
+        """Bake the atlases of every tile's segments."""
         asked, tiles = self._asked, self._tiles
         views = (
             []
@@ -227,7 +227,7 @@ class _Passes:
         )
 
     def _arrays(self, result: PassResult) -> list[Mapping[str, npt.NDArray[Any]]]:
-        """Map what a pass made of every tile."""
+        """Map the arrays that a pass stored of every tile."""
         return [self._runner.work.looked_up(record).arrays for record in result.records]
 
     def _pass(

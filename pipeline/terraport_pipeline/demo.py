@@ -39,10 +39,10 @@ POINT_RANGE: Final = (20_000, 20_000_000)
 
 @dataclass(frozen=True, slots=True)
 class DemoScene:
-    """What was made, and what it took."""
+    """Files of the demo (cloud, photos, scene, report), and the seconds that each step took."""
 
     scenes_dir: Path
-    """What a server serves."""
+    """Root folder for ``terraport serve``."""
     scene: Path
     quarry: WrittenQuarry
     report: ReportResult

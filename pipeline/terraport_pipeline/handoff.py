@@ -191,7 +191,7 @@ class _Tally:
         return segments if self.segments is None else self.segments[segments]
 
     def report(self, tolerance_m: float, seed: int, windows: int = 1) -> HandOffReport:
-        """Sum up."""
+        """Turn the counts and distances of all rays into a report."""
         kinds = tuple(
             KindReport(kind.name.lower(), *(int(n) for n in self.counts[kind])) for kind in RayKind
         )

@@ -58,7 +58,7 @@ class HandOffModel:
     cover_offsets: npt.NDArray[np.integer]
     """(B + 1,) where each base face's segments begin in ``cover_segments``."""
     cover_segments: npt.NDArray[np.integer]
-    """Segment ids."""
+    """Segment ids of all lists, one after another."""
     tolerance_m: float
     """How far apart the two levels may lie (the manifest's ``hand_off.tolerance_m``)."""
 
@@ -132,7 +132,7 @@ class BuiltModel:
         self._rays = RayScene(np.concatenate([model.detail_vertices, model.base_vertices]), faces)
 
     def closest(self, origins: Float32, directions: Float32) -> Float32:
-        """Distance to the nearest face; (R,)."""
+        """Distance along each ray to the nearest face, (R,); infinite where it meets none."""
         return self._rays.closest_hit(origins, directions)[0]
 
 

@@ -92,7 +92,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sampled:
-    """What a photo shows of some points."""
+    """Brightness of a photo around the points that it sees, and where they lie in it."""
 
     picture: Float32
     rows: npt.NDArray[np.intp]
@@ -104,7 +104,7 @@ class _Sampled:
 
     @property
     def levels(self) -> Float32:
-        """Level of every point."""
+        """Brightness at every point that the photo sees, (P,)."""
         levels: Float32 = self.picture[self.row, self.column]
         return levels
 

@@ -111,7 +111,7 @@ class Texturing:
 
 @dataclass(frozen=True, slots=True)
 class FoundPhotos:
-    """Cameras and photos that are there."""
+    """Cameras whose photos were located and hashed, before they are placed in a scene."""
 
     asked: Texturing
     cameras: Path
@@ -218,7 +218,7 @@ def _beside(photos: Path) -> Path:
 
 
 def _digest_of_cameras(raw: RawCameras) -> str:
-    """Hash what was read, to the last bit."""
+    """Hash lenses, poses and frames to the last bit: a key for the textures."""
     digest = xxhash.xxh3_64()
     for camera in raw.cameras:
         digest.update(f"{camera.name}\0{astuple(camera.lens)!r}\0".encode())

@@ -65,16 +65,16 @@ class Progress(Protocol):
 
 
 class NullProgress:
-    """Says nothing."""
+    """Progress for callers that watch nothing."""
 
     def start(self, stage: str, total: float | None, unit: str) -> None:
-        """Do nothing."""
+        """Ignore the start of a step."""
 
     def advance(self, n: float) -> None:
-        """Do nothing."""
+        """Ignore the progress of a step."""
 
     def done(self, facts: Mapping[str, object]) -> None:
-        """Do nothing."""
+        """Ignore the end of a step."""
 
 
 class RichProgress:

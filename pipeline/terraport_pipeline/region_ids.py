@@ -57,17 +57,17 @@ class Surface(Protocol):
 
     @property
     def face_count(self) -> int:
-        """Faces of the detail."""
+        """Number of faces of the detail."""
         ...
 
     @property
     def origin(self) -> Float64:
-        """(3,) E0, N0, H0."""
+        """Easting, northing and height of the scene's origin, (3,) metres."""
         ...
 
     @property
     def crs(self) -> CrsInfo | None:
-        """Of the survey."""
+        """Coordinate reference system of the survey; None where it states none."""
         ...
 
     def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
@@ -80,7 +80,7 @@ class Surface(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewSurface:
-    """A surface that is in memory."""
+    """The new version's detail, held in memory as a whole."""
 
     detail: Mesh
     segments: Int32
@@ -93,7 +93,7 @@ class NewSurface:
 
     @property
     def face_count(self) -> int:
-        """Faces of the detail."""
+        """Number of faces of the detail."""
         return len(self.segments)
 
     def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
@@ -119,7 +119,7 @@ class NumberedRegions:
 
 @dataclass(slots=True)
 class _Before:
-    """What is known of the version before."""
+    """Ids, samples and labels of the version before, as far as they could be read."""
 
     first_free: int = 0
     ids: npt.NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))

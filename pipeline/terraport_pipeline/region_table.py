@@ -173,7 +173,7 @@ def _rows(path: Path) -> Iterator[tuple[int, str, str]]:
 
 
 def _columns(path: Path, line: int, header: list[str]) -> tuple[int, int]:
-    """Places of the two columns that count."""
+    """Find the columns of stable id and label in a table's header."""
     names = [cell.strip().lower() for cell in header]
     for wanted in ("stable_id", "label"):
         if names.count(wanted) != 1:

@@ -48,7 +48,7 @@ THINNED_FACES: Final = 6_000_000
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
-    """What goes into a report."""
+    """Size of the pictures and effort of the proof."""
 
     pictures: PictureOptions = field(default_factory=PictureOptions)
     rays: int = 200_000
@@ -59,7 +59,7 @@ class ReportOptions:
 
 @dataclass(frozen=True, slots=True)
 class ReportResult:
-    """What was written."""
+    """The page that was written, its pictures, and the proof's report."""
 
     path: Path
     bytes: int
@@ -151,12 +151,12 @@ def write_report(
 
 @dataclass(frozen=True, slots=True)
 class _Beside:
-    """What a textured scene is shown beside."""
+    """Photos and vertex colours that a textured scene is compared with."""
 
     photos: Callable[[SceneModel], OpenPhotos]
     plain: VertexColours | None
     pictures: list[Picture]
-    """Filled."""
+    """Gets the pictures that were drawn."""
 
 
 def _look_at(

@@ -51,7 +51,7 @@ MAX_POINTS: Final = 3_000_000
 
 @dataclass(frozen=True, slots=True)
 class Legend:
-    """What a ramp's ends mean."""
+    """Ends, unit and colours of a ramp, for the words under a picture."""
 
     low: float
     high: float
@@ -61,7 +61,7 @@ class Legend:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One picture and its words."""
+    """One picture as JPEG, with title, alternative text, caption and legend."""
 
     key: str
     title: str
@@ -76,13 +76,13 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class PictureOptions:
-    """Size and fineness."""
+    """Pixels, rays per pixel and JPEG quality of the pictures."""
 
     width: int = 1280
     height: int = 720
     supersample: int = 2
     quality: int = 84
-    """JPEG, 1..95."""
+    """Quality of the JPEG files, 1..95."""
 
 
 @dataclass(frozen=True, slots=True)

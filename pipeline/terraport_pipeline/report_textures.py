@@ -57,7 +57,7 @@ GAP_PX: Final = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VertexColours:
-    """The detail as it was before textures."""
+    """The detail's mesh with the vertex colours that it had before texturing."""
 
     vertices: Float32
     faces: Int32

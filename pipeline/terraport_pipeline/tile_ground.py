@@ -46,7 +46,7 @@ _THINNED_POINTS: Final = 1_500_000
 
 @dataclass(frozen=True, slots=True)
 class TileOptions:
-    """How to go about a survey in tiles."""
+    """Whether to build in tiles, how large these are, and who works on them."""
 
     force: bool = False
     """Tiles although the whole would fit."""
@@ -62,7 +62,7 @@ class TileOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
-    """What is known before the first tile."""
+    """Everything that is the same for all tiles: lattice, plan, samples, forecast of memory."""
 
     read: StageRecord
     cleaned: Step[Cleaned]

@@ -28,13 +28,13 @@ _BASE_BYTES: Final = 300 * 2**20
 
 @dataclass(frozen=True, slots=True)
 class TilePass:
-    """One pass over all tiles."""
+    """One pass over all tiles: its key per tile, its size, its need of memory."""
 
     name: str
     module: str
     """Where its code stands, for the keys."""
     title: str
-    """For the progress bar."""
+    """Title of the step on the progress bar."""
     options: Mapping[str, Any]
     inputs: Sequence[Mapping[str, str]]
     """For every tile the digests of what goes in."""
@@ -48,7 +48,7 @@ class TilePass:
 
 @dataclass(frozen=True, slots=True)
 class PassResult:
-    """Results of all tiles, on disk."""
+    """Records of a pass's results, one a tile, and what the pass cost."""
 
     records: tuple[StageRecord, ...]
     taken_up: bool

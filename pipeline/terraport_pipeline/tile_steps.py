@@ -113,7 +113,7 @@ def join_all(
     options: reconstruct.Options,
     pool: TilePool,
 ) -> tuple[StoredTiles, Facts]:
-    """Weld, look, settle, finish."""
+    """Weld the tiles, settle what only all of them decide, and write each as it will be."""
     # (1) Nothing to join: say so before anything is decided.
     work, plan = runner.work, ground.plan
     if not any(int(record.values["faces"]) for record in solved):
@@ -146,7 +146,7 @@ def join_all(
         del arrays
 
         def each(function: Callable[[LookJob], T], join: join_tiles.Join, name: str) -> list[T]:
-            """Look at every tile."""
+            """Run a function over every tile in the pool; results in order of the tiles."""
             folder = context.scratch / name
             save_join(folder, join)
             jobs = [LookJob(work, tile, task, folder) for tile, task in enumerate(tasks)]

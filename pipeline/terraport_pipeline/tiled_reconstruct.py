@@ -57,7 +57,7 @@ class TiledReconstructed:
     cell_m: float
     tile_depth: int
     digest: str
-    """Of base and tiles."""
+    """Hash of base and tiles."""
 
 
 def run(

@@ -35,7 +35,7 @@ GLTF_SAMPLE: Final = 32
 
 @dataclass(frozen=True, slots=True)
 class ValidationOptions:
-    """What is checked, and how hard."""
+    """Which checks run beyond the files, and with how many samples."""
 
     hand_off: HandOffOptions | None = field(default_factory=HandOffOptions)
     """None leaves the rays out."""
@@ -48,13 +48,13 @@ class ValidationOptions:
 
 @dataclass(frozen=True, slots=True)
 class ValidationResult:
-    """What was found."""
+    """Findings about a scene's files, payloads and hand-off, and which checks did not run."""
 
     path: Path | str
     manifest: Manifest | None
     """None when it cannot be read."""
     findings: tuple[Finding, ...]
-    """Of the store's check."""
+    """Findings of the store's check of files, index and cover."""
     hand_off: HandOffReport | None
     hand_off_not_run: str
     """Why the rays were not cast; empty when they were."""

@@ -61,17 +61,17 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class StageRecord:
-    """What ``stage.json`` says."""
+    """Key, digest, facts and cost of a kept result: the content of ``stage.json``."""
 
     name: str
     key: str
     digest: str
-    """Of the result: arrays and values, not costs."""
+    """Hash of the result: arrays and values, not costs."""
     facts: Facts
     cost: Cost
     values: Mapping[str, Json]
     files: Mapping[str, int]
-    """Bytes by file name."""
+    """Size of every file, bytes, by name."""
 
 
 class WorkDirectory:
@@ -160,7 +160,7 @@ class WorkDirectory:
         return Stored(_LookedUp({Path(f).stem: folder / f for f in record.files}), record.values)
 
     def array(self, record: StageRecord, name: str) -> npt.NDArray[Any]:
-        """Read one array of a result."""
+        """Load one array of a kept result into memory."""
         array: npt.NDArray[Any] = np.load(
             self.path / record.name / f"{name}.npy", allow_pickle=False
         )

@@ -58,7 +58,7 @@ class CleanText(io.RawIOBase):
         self._at = 0
 
     def readable(self) -> bool:
-        """Say that it is."""
+        """Return True: :class:`io.RawIOBase` asks before it reads."""
         return True
 
     def readinto(self, buffer: Buffer, /) -> int:

@@ -45,7 +45,7 @@ const validator = require('gltf-validator');
 
 @dataclass(frozen=True, slots=True)
 class GltfMessage:
-    """One thing the validator said."""
+    """One message of the Khronos validator about one file."""
 
     name: str
     """Which payload, as the caller called it."""
@@ -57,7 +57,7 @@ class GltfMessage:
 
 @dataclass(frozen=True, slots=True)
 class GltfCheck:
-    """What the validator found."""
+    """Counts and messages of the Khronos validator, or why it did not run."""
 
     checked: int
     """Payloads looked at; 0 when it was not run."""

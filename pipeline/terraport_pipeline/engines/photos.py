@@ -54,7 +54,7 @@ class Named(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the photo."""
+        """Name of the photo as the file of cameras states it; may be a path."""
         ...
 
 
@@ -251,7 +251,7 @@ def open_photos(views: Sequence[View], directory: Path, *, max_bytes: int) -> Op
 
 
 def named(names: Sequence[str]) -> str:
-    """Name some photos in a message."""
+    """List the first few photo names for a message, and how many more there are."""
     return ", ".join(names[:_NAMED]) + (", .." if len(names) > _NAMED else "")
 
 

@@ -60,7 +60,7 @@ class RawSurvey:
     crs: Any | None
     """pyproj.CRS as the file states it."""
     warnings: tuple[str, ...] = ()
-    """Whole sentences."""
+    """Whole sentences about what was assumed or left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ class StreamChunk:
 
     @property
     def kept(self) -> int:
-        """Points in the part."""
+        """Number of points in the chunk; fewer than were read where the survey is thinned."""
         return len(self.points)
 
 

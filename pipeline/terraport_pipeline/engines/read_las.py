@@ -108,7 +108,7 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LasStream:
-    """An open file; its points come in parts."""
+    """An open LAS, LAZ or COPC file that yields its points chunk by chunk."""
 
     count: int
     """Points in the file."""

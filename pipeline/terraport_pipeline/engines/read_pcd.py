@@ -81,7 +81,7 @@ def read_pcd(path: Path, *, advance: Advance, max_points: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PcdStream:
-    """An open file; its points come in parts."""
+    """An open binary PCD file that yields its points chunk by chunk."""
 
     count: int
     colours: tuple[str, ...]
@@ -130,7 +130,7 @@ def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
 
 
 def _unpacked(values: npt.NDArray[Any]) -> UInt8:
-    """Red, green, blue (n, 3) of 0x00RRGGBB."""
+    """Unpack 0x00RRGGBB to red, green, blue (n, 3)."""
     bits = np.ascontiguousarray(values).view(np.uint32)
     return (np.stack([bits >> 16, bits >> 8, bits], axis=1) & 0xFF).astype(np.uint8)
 

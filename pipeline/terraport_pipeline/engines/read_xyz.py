@@ -100,7 +100,7 @@ def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class XyzStream:
-    """An open file; its points come in parts."""
+    """An open text of points that yields them chunk by chunk."""
 
     size: int
     """Bytes of the file."""

@@ -34,13 +34,13 @@ _BYTES_PER_POINT: Final = {"xyz": 40, "e57": 20, "pcd": 20, "ply": 27}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurveyStream:
-    """An open survey."""
+    """A survey of any format, open for reading chunk by chunk in bounded memory."""
 
     format: str
     total: int
     """What all parts' ``read`` add up to."""
     unit: str
-    """Of `total`: ``"points"`` or ``"bytes"``."""
+    """Unit of `total`: ``"points"`` or ``"bytes"``."""
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once. Every part has the same columns with the same dtypes."""
     crs: Any | None = None

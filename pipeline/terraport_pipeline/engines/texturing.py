@@ -39,7 +39,7 @@ CACHE_BYTES: Final = 256 << 20
 
 
 class TextureImages(Protocol):
-    """Where the images of textures come from."""
+    """Source of decoded texture images by number; they may be decoded only when asked for."""
 
     def size(self, image: int) -> tuple[int, int]:
         """Return the width and height of an image at full size."""
@@ -103,7 +103,7 @@ class ImageCache:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Texturing:
-    """The textures of one mesh."""
+    """Texture coordinates of a mesh's corners, and the image that each face reads."""
 
     uvs: Float32
     """(V, 2) 0..1 from the image's upper left."""

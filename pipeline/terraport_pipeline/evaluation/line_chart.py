@@ -23,7 +23,7 @@ _STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of a chart."""
+    """One polyline of a chart, with its title and an x to mark."""
 
     title: str
     points: tuple[tuple[float, float], ...]

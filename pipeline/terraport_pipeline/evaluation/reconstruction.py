@@ -48,7 +48,7 @@ _PACKAGES: Final = ("terraport", "numpy", "scipy", "numba", "pycolmap", "embreex
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What to compare."""
+    """Algorithms, models, sizes and limits of a comparison."""
 
     algorithms: tuple[str, ...] = tuple(RECONSTRUCTORS)
     models: tuple[str, ...] = MODELS
@@ -84,7 +84,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """One algorithm on one cloud."""
+    """Run and scores of one algorithm on one cloud."""
 
     algorithm: str
     run: Run
@@ -94,7 +94,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compared:
-    """All algorithms on one cloud."""
+    """One cloud and the results of all algorithms on it."""
 
     key: str
     title: str
@@ -109,13 +109,13 @@ class Compared:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """The whole comparison."""
+    """Results of a comparison: all algorithms on all clouds, verdicts, and what was left out."""
 
     options: Options
     ground: Compared | None
     """The quarry: Table 3.1."""
     models: tuple[Compared, ...]
-    """Table 3.2."""
+    """Subjects of Table 3.2, with the results of every algorithm."""
     colour: dict[str, ColourVerdict]
     shape: dict[str, ShapeVerdict]
     scenes: tuple[DepthScene, ...]

@@ -33,7 +33,7 @@ _SERVER.set_forkserver_preload(["terraport_pipeline.engines.reconstructors.child
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What one algorithm did with one cloud."""
+    """Surface, cost or error of one algorithm on one cloud."""
 
     algorithm: Reconstructor
     surface: Surface | None
@@ -134,7 +134,7 @@ def run(
 
 
 def _last_output(directory: Path) -> str:
-    """Return the end of what a child printed."""
+    """Return the last 400 bytes that a child printed to standard error."""
     path = directory / "output.txt"
     output = path.read_bytes() if path.is_file() else b""
     return output[-400:].decode("utf-8", "replace").strip() or "it printed nothing"

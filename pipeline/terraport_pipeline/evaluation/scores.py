@@ -32,7 +32,7 @@ _PLACES: Final = 40_000
 
 @dataclass(frozen=True, slots=True)
 class Distances:
-    """Distances in spacings of the samples."""
+    """Mean, percentiles and maximum of distances, in spacings of the samples."""
 
     mean: float
     p50: float
@@ -66,7 +66,7 @@ class Scores:
     holes: int
     """Groups of open edges away from the truth's own end."""
     hole_area: float
-    """Their area, as a share of the truth's."""
+    """Area of the holes, as a share of the truth's."""
     truth_lost: float
     """Share of the truth without surface within two spacings."""
     open_edges: int

@@ -48,7 +48,7 @@ _LEAST_SCALE: Final = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
-    """Places of C charts in one image."""
+    """Size of an image, and the cell of each of C charts in it."""
 
     width: int
     height: int

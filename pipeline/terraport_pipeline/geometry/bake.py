@@ -54,7 +54,7 @@ class FaceColours:
     """(F, 3, 3) vertex colours of the corners."""
 
     def rows(self, which: npt.NDArray[np.integer]) -> FaceColours:
-        """Take some faces."""
+        """Select faces; (K, ...) of every field."""
         return FaceColours(
             self.view[which],
             self.blend_view[which],

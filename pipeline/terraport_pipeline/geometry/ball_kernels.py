@@ -22,7 +22,7 @@ _TOUCH: Final = 1e-6
 
 
 class PointGrid(NamedTuple):
-    """Points by cells."""
+    """Points sorted by the cells of a regular grid: those of a cell are one run of `order`."""
 
     cells: _Int64
     """Keys of the cells that hold any, ascending."""
@@ -36,7 +36,7 @@ class PointGrid(NamedTuple):
 
 
 def grid_points(points: Float64, cell_m: float) -> PointGrid:
-    """Put points in cells."""
+    """Sort points into the cells of a grid over their bounding box."""
     low = points.min(axis=0, initial=np.inf) - cell_m
     cell = ((points - low) / cell_m).astype(np.int64)
     shape = cell.max(axis=0, initial=0) + 2
@@ -79,7 +79,7 @@ def points_around(
 def _sides(
     points: Float64, a: int, b: int, c: int
 ) -> tuple[float, float, float, float, float, float]:  # pragma: no cover - compiled
-    """From a to b and from a to c."""
+    """Edge vectors from a to b and from a to c, as six scalars."""
     return (
         points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2],
         points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2],

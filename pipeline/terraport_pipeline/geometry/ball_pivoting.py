@@ -57,7 +57,7 @@ class _Surface(NamedTuple):
     heads: _Int64
     """Each sample's first edge, -1 for none."""
     counts: _Int64
-    """Faces, edges."""
+    """(2,) faces and edges so far."""
 
 
 def pivot_balls(points: Float32, normals: Float32, radii_m: Sequence[float]) -> Int32:

@@ -28,7 +28,7 @@ _CHUNK: Final = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class BorderFacts:
-    """How clean a surface ends."""
+    """How far a surface reaches beyond its outline, and how ragged its border is."""
 
     outside_m2: float
     """Area of the surface outside the footprint."""

@@ -48,14 +48,14 @@ class RoomyCharts:
     charts: Charts | None
     """Of the faces `rows`; None where there are none."""
     rows: npt.NDArray[np.intp]
-    """Ascending."""
+    """(R,) faces that are in charts, ascending."""
     crowded: npt.NDArray[np.bool_]
     """(F,) faces that have no chart for want of room."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlatColours:
-    """Shared colours of K faces."""
+    """A few colours that K faces without a photo share, and which is whose."""
 
     of_face: Int32
     """(K,) row of each face's colour."""

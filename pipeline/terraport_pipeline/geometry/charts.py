@@ -60,7 +60,7 @@ _CUTS: Final = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Charts:
-    """Charts of a mesh of F faces."""
+    """Charts of F faces with a photo each: connected faces of one view, laid out flat."""
 
     view: Int32
     """(F,) photo that colours each face; -1: none asked for, or not wholly in its picture."""
@@ -83,7 +83,7 @@ class Charts:
 
     @property
     def count(self) -> int:
-        """Number of charts, C."""
+        """Number of charts C; `chart` numbers them from 0."""
         return len(self.sizes)
 
 

@@ -99,7 +99,7 @@ def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
 
 
 def _used(vertices: Float32, faces: Int32, ends: _Int64, share: npt.NDArray[np.float64]) -> Clip:
-    """Drop vertices that no face uses."""
+    """Drop vertices that no face uses, and renumber the others in their order."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.ravel()] = True
     number = np.cumsum(used, dtype=np.int64) - 1

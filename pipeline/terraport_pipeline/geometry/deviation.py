@@ -135,7 +135,7 @@ def _distance(point: Float64, corners: Float64) -> float:
 def _cross(
     from_1: Float64, to_1: Float64, from_2: Float64, to_2: Float64
 ) -> tuple[float, float, float]:
-    """Cross product of two differences."""
+    """Cross product of two edge vectors, given by their ends; scalars for the kernel."""
     x1, y1, z1 = to_1[0] - from_1[0], to_1[1] - from_1[1], to_1[2] - from_1[2]
     x2, y2, z2 = to_2[0] - from_2[0], to_2[1] - from_2[1], to_2[2] - from_2[2]
     return y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2

@@ -190,7 +190,7 @@ def _scalar_as_hue(scalar: npt.NDArray[np.floating]) -> npt.NDArray[np.int16]:
 
 
 def _in_steps(values: _Float64, largest: float) -> _Int64:
-    """Whole steps, at least 1."""
+    """Quantise lengths or areas to whole steps of the largest, at least 1."""
     if largest <= 0.0:
         return np.ones(len(values), np.int64)
     return np.maximum(np.rint(values * (_STEPS / largest)), 1.0).astype(np.int64)

@@ -60,7 +60,7 @@ class FelzenszwalbSegmenter:
 
     @property
     def name(self) -> str:
-        """``"felzenszwalb"``."""
+        """Name of the engine in options and manifests: ``"felzenszwalb"``."""
         return "felzenszwalb"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:

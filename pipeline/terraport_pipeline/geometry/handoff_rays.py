@@ -49,7 +49,7 @@ Bool = npt.NDArray[np.bool_]
 
 
 class RayKind(IntEnum):
-    """From where a ray looks."""
+    """Vantage point of a ray: straight above, obliquely above, or at eye height."""
 
     DOWN = 0
     """Straight down from over the scene."""

@@ -185,7 +185,7 @@ def _along_radius(packed: Float64, goal_a: float, goal_b: float) -> tuple[float,
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _within(a: float, b: float, limit: float) -> tuple[float, float]:
-    """Shorten (a, b) to the limit."""
+    """Shorten (a, b) to the valid radius, in its own direction."""
     radius = np.hypot(a, b)
     scale = limit / radius if radius > limit else 1.0
     return a * scale, b * scale
@@ -255,7 +255,7 @@ def project_rows(packed: Float64, points: Float64) -> Float64:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def unproject_rows(packed: Float64, pixels: Float64) -> Float64:
-    """Find the rays (N, 3) of pixels (N, 2)."""
+    """Find the unit rays (N, 3), scene frame, of pixels (N, 2)."""
     rays = np.empty((len(pixels), 3))
     for i in range(len(pixels)):
         x, y, z = ray_packed(packed, pixels[i, 0], pixels[i, 1])

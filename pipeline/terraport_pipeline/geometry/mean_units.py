@@ -36,7 +36,7 @@ two squares has two."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanUnits:
-    """What the surface has been united to."""
+    """Units of a surface: labels of the faces, and sums, sizes and neighbours of the units."""
 
     labels: _Int32
     """(F,) unit of every face."""

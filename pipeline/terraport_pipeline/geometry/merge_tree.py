@@ -37,7 +37,7 @@ class MergeTree:
     """
 
     leaf_count: int
-    """F."""
+    """Number of leaves, F: the faces."""
     children: _Int32
     """(M, 2) nodes united by every merge, the one with the lowest face first; M <= F - 1. Both are
     below F + m: a merge unites what is there."""

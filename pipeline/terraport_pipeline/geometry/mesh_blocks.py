@@ -33,7 +33,7 @@ _Int64 = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshBlocks:
-    """A mesh sorted into blocks; B blocks."""
+    """A mesh sorted into B compact blocks of faces, each with a bounding sphere."""
 
     vertices: Float32
     """(V, 3) metres, in the new order."""

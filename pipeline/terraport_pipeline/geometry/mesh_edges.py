@@ -21,10 +21,10 @@ _Int64 = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeFacts:
-    """What the edges of a mesh say about it."""
+    """Counts of open, non-manifold and inconsistently wound edges of a mesh."""
 
     edges: int
-    """Different edges."""
+    """Number of distinct edges."""
     open_edges: Int32
     """(E, 2) edges with one face, in that face's direction."""
     non_manifold: int

@@ -360,7 +360,7 @@ def _push(heap: _Heap, cost: np.float32, point: np.int32) -> None:  # pragma: no
 
 @numba.njit(cache=True)
 def _pop(heap: _Heap) -> tuple[np.float32, np.int32]:  # pragma: no cover - compiled
-    """Take the smallest entry."""
+    """Remove the entry of least cost and return it; the heap must not be empty."""
     first = heap[0]
     last = heap.pop()
     size = len(heap)

@@ -59,7 +59,7 @@ class ConsistencyErrors(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BoundaryScore:
-    """Agreement of borders, by length."""
+    """Recall and precision of region borders, weighted by edge length."""
 
     recall: float
     """Share of the true border's length with a found border within the distance; 1 where there is

@@ -85,7 +85,7 @@ class Sightings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exposures:
-    """Gains and how well they fit."""
+    """Gains of every view and the cloud, and the spread of what they leave."""
 
     gains: Float32
     """(n_views + 1, GAIN_COLUMNS); the last row is the cloud's."""

@@ -55,7 +55,7 @@ _Float16 = npt.NDArray[np.float16]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blend:
-    """How every face is finished."""
+    """Second view, its weight and the correction of every face and node."""
 
     view: Int32
     """(F,) second view, -1 none."""

@@ -43,7 +43,7 @@ things."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nodes:
-    """Vertices as photos see them; N nodes."""
+    """N nodes: vertices, once for every view that colours a face around them."""
 
     corner: Int32
     """(F, 3) node of every corner."""

@@ -33,7 +33,7 @@ the debris."""
 
 @dataclass(frozen=True, slots=True)
 class DebrisCounts:
-    """What became of debris."""
+    """How many debris units joined a segment or each other, and how many stayed alone."""
 
     joined: int = 0
     """Pieces that joined a segment or each other."""

@@ -64,7 +64,7 @@ tried."""
 
 @dataclass(frozen=True, slots=True)
 class SegmentOptions:
-    """Size bounds of streamable segments."""
+    """Bounds on the faces and extent of streamable segments."""
 
     min_faces: int = 2000
     """Fewer faces only as a counted exception: below it, request and draw call cost more than the
@@ -216,7 +216,7 @@ def build_segments(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _MeshFacts:
-    """What every step reads and none changes."""
+    """Per-face facts and bounds that every step reads and none changes."""
 
     pairs: _Int32
     lengths: _Int64
@@ -232,7 +232,7 @@ class _MeshFacts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """The units at one moment."""
+    """Labels of the faces, and the graph and facts of their units, after some step."""
 
     labels: _Int32
     graph: UnitGraph
@@ -267,7 +267,7 @@ def _validate_inputs(
 
 
 def _measure(mesh: _MeshFacts, labels: _Int32, count: int, region: _Int32) -> Units:
-    """Facts of units from their faces."""
+    """Sum up the facts of units from those of their faces."""
     size, total = label_sums(labels, count, mesh.similarity)
     low, high = label_boxes(labels, size, mesh.low, mesh.high)
     return Units(size, total, region, low, high)
@@ -289,7 +289,7 @@ def _moved(parent: _Int32) -> bool:
 
 
 def _merge_pools(mesh: _MeshFacts, pools: _Int32) -> _State:
-    """Do steps 1 and 2."""
+    """Merge fine pools: steps 1 and 2 of the module's list."""
     labels, count = components(len(pools), mesh.pairs, labels=pools, also=mesh.regions)
     region = mesh.regions[first_faces(labels, count)]
     graph = unit_graph(labels, count, mesh.pairs, mesh.lengths)
@@ -315,7 +315,7 @@ def _join_in_bounds(mesh: _MeshFacts, state: _State, *, across_regions: bool) ->
 
 
 def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
-    """Do steps 3 and 4."""
+    """Split large units and mend what that leaves: steps 3 and 4 of the module's list."""
     for attempt in range(_REPAIR_ROUNDS):
         pieces, _ = split_units(
             state.labels,
@@ -349,7 +349,7 @@ def _finish(
     extent_m: float,
     debris: DebrisCounts,
 ) -> Segments:
-    """Do step 6, and measure every segment."""
+    """Order the segments along a curve (step 6) and measure every one."""
     size = np.bincount(labels).astype(np.int64)
     count = len(size)
     least, most = label_boxes(labels, size, low, high)

@@ -107,7 +107,7 @@ def similarity_index(
 
 
 def _origin(points: npt.NDArray[Any], faces: _Int32, origin: str, threads: int) -> _Float64:
-    """Point that d is measured from."""
+    """Choose the point that the distance d of equation (3.2) is measured from."""
     if origin == "first":
         return np.asarray(_reduce(points, faces, _SUM, 0, 1))
     kind = _SUM if origin == "centroid" else _LEAST

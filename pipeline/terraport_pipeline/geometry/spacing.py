@@ -180,7 +180,7 @@ def _query(
     workers: int,
     advance: Callable[[float], None] = lambda _: None,
 ) -> Neighbours:
-    """Find neighbours of some of the points."""
+    """Find the k nearest neighbours of some of the points, without the points themselves."""
     count = len(wanted)
     indices = np.empty((count, k), dtype=np.int32)
     distances = np.empty((count, k), dtype=np.float32)

@@ -20,7 +20,7 @@ _Int32 = npt.NDArray[np.int32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceSamples:
-    """N points on a surface."""
+    """N points spread over a surface, each with its face's label and a share of the area."""
 
     points: _Float64
     """(N, 3) metres."""

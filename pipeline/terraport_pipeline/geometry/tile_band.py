@@ -24,7 +24,7 @@ _Int64 = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TilePiece:
-    """Some faces of a tile."""
+    """Some faces of a tile, with only the vertices that they use."""
 
     tile: int
     rows: Int32
@@ -41,7 +41,7 @@ class TilePiece:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Banded:
-    """One tile and the band around it."""
+    """One mesh of a tile and of the faces of its neighbours that lie near it."""
 
     vertices: Float32
     """(V, 3) metres, scene frame."""

@@ -95,7 +95,7 @@ class TileShape:
 
     @property
     def side(self) -> int:
-        """Width of the cube."""
+        """Width of a tile's cube in cells: core and both margins."""
         return 1 << self.depth
 
     @property
@@ -106,7 +106,7 @@ class TileShape:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TilePlan:
-    """Which tiles there are."""
+    """Which tiles cover a survey, on one lattice, and how many samples each holds."""
 
     lattice: Lattice
     shape: TileShape
@@ -119,7 +119,7 @@ class TilePlan:
 
     @property
     def count(self) -> int:
-        """Number of tiles."""
+        """Number of tiles T; `indices` has a row for each."""
         return len(self.indices)
 
     def core(self, tile: int) -> tuple[Int64, Int64]:

@@ -54,7 +54,7 @@ _FAR: Final = 1e7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileBorder:
-    """What one tile shows its neighbours."""
+    """Vertices and edges of a tile that lie in the walls of its core."""
 
     rows: Int32
     """(B,) vertices of the tile that lie in a wall of its core, ascending."""

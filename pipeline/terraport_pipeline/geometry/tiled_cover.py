@@ -31,7 +31,7 @@ _UInt32 = npt.NDArray[np.uint32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileCover:
-    """What one tile puts over the base."""
+    """Which of one tile's segments lie over which base faces."""
 
     base_face: _Int32
     """(N,) base faces, ascending."""

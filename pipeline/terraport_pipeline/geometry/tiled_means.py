@@ -87,13 +87,13 @@ class MeansScale:
 
     @property
     def least(self) -> int:
-        """Faces below which a region is small."""
+        """Number of faces below which a region is small and joins another."""
         return self.segmenter.least_faces(self.totals.faces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileUnits:
-    """One tile, united up to the fine pools."""
+    """Units of one tile, united up to the fine pools, and their graph within the tile."""
 
     labels: _Int32
     """(F,) unit of every face, numbered by first face."""
@@ -119,7 +119,7 @@ class TileUnits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JoinedRegions:
-    """Regions of the units of all tiles."""
+    """Region and fine pool of every tile's units, numbered over all tiles."""
 
     region: tuple[_Int32, ...]
     """For every tile (U,) the region of its units; numbered by first face in order of the tiles."""
@@ -132,7 +132,7 @@ class JoinedRegions:
     pools: int
     """Units left when no colours were alike any more."""
     islands: int
-    """Of these, small ones that touched nothing."""
+    """Units that stayed small because they touch no other."""
 
 
 def colours_of_faces(colours: _UInt8, faces: npt.NDArray[np.integer]) -> _Int32:

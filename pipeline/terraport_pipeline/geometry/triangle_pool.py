@@ -65,7 +65,7 @@ _Int32 = npt.NDArray[np.int32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrianglePools:
-    """What the algorithm found."""
+    """Pool and similarity index of every face, and the numbers of pools at the levels before."""
 
     labels: _Int32
     """(F,) pool of every face, numbered 0.. by each pool's first face."""

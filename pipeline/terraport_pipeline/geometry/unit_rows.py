@@ -150,7 +150,7 @@ def pairs_of_rows(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[
 
 @numba.njit(cache=True, nogil=True)
 def row_sums(offsets: _Int64, border: _Int64) -> _Int64:
-    """Perimeter of every unit."""
+    """Sum up the borders of every unit: its perimeter, in steps."""
     perimeter = np.zeros(len(offsets) - 1, np.int64)
     for u in range(len(perimeter)):
         for e in range(offsets[u], offsets[u + 1]):

@@ -52,7 +52,7 @@ _UInt16 = npt.NDArray[np.uint16]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """The best views of each face."""
+    """The best views of each face by quality, in a fixed number of slots."""
 
     view: _Int16
     """(F, SLOTS) view, -1 in empty places."""

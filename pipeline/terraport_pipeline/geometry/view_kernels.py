@@ -48,7 +48,7 @@ _UInt16 = npt.NDArray[np.uint16]
 
 @numba.njit(cache=True, nogil=True)
 def project(packed: Float64, vertices: Float32, uv: Float32, begin: int, end: int) -> None:
-    """Project vertices begin..end."""
+    """Project vertices begin..end to pixels of a photo, into `uv`."""
     for i in range(begin, end):
         u, v, _ = project_packed(
             packed,

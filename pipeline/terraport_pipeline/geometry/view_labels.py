@@ -86,7 +86,7 @@ class FaceNeighbours:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labelled:
-    """Chosen views, and how the choice went."""
+    """Chosen slot of every face, and the energy after every round."""
 
     slot: _Int8
     """(F,) chosen place among the face's candidates, -1 where it has none."""

@@ -45,7 +45,7 @@ class MadeAtlas:
     wedges: UInt16
     """(F, 3, 2) corners in the image, half texels from its upper left."""
     image: bytes
-    """The file."""
+    """Bytes of the encoded image file."""
     width: int
     height: int
     surface_m2: Float64

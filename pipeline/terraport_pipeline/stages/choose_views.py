@@ -86,7 +86,7 @@ class Photos(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How photos are chosen."""
+    """Angle, smoothness, seams and occlusion: how photos are chosen."""
 
     max_angle_degrees: float = 80.0
     """Faces seen at flatter angles than this from their normal are not coloured by that photo."""

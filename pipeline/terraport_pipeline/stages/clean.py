@@ -50,7 +50,7 @@ _WIDE_M: Final = 8192.0
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How strictly to clean."""
+    """Outlier rule and number of neighbours: how strictly to clean."""
 
     outlier_ratio: float = 3.0
     """A point goes when it stands this many times farther from its neighbours than they do from
@@ -224,7 +224,7 @@ def _check_finite(points: Float64) -> None:
 
 
 def _check_shape(points: Float64, read: int) -> None:
-    """Refuse what cannot be a surface."""
+    """Refuse clouds with too few points, or none that span a surface."""
     if len(points) < MIN_POINTS:
         raise SurveyError(
             f"{len(points)} different points (of {read} read); a surface needs at least "
@@ -251,7 +251,7 @@ def _choose_origin(points: Float64) -> Float64:
 def _orient(
     scene: Float32, neighbours: Neighbours, options: Options, context: Context
 ) -> tuple[Float32, Float32, dict[str, float]]:
-    """Estimate spacing and oriented normals."""
+    """Estimate the spacing, and normals that consistently point out of the ground."""
     context.progress.start("clean: normals", None, "points")
     spacing = estimate_spacing(neighbours)
     normals, curvature = estimate_normals(scene, neighbours, k=options.normal_neighbours)

@@ -133,7 +133,7 @@ class Join:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weak:
-    """Connected weak places of a tile."""
+    """Connected faces of little support in a tile, and whether they reach its walls."""
 
     farthest: Float32
     """(W,) largest support ratio in each."""
@@ -143,7 +143,7 @@ class Weak:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """What a tile will be like."""
+    """Facts of a tile as it will be after the join, from which all tiles settle what stays."""
 
     sizes: Int64
     """(P,) faces of each of its loose pieces."""
@@ -162,7 +162,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settled:
-    """What all looks together decide."""
+    """Decisions over all tiles: shared normals, cut vertices, and which pieces are islands."""
 
     pairs: Int64
     """(C, 2) ends of shared vertices that the cut made, ascending; their ids follow the join's."""
@@ -289,7 +289,7 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
 
 
 def from_stored(stored: Stored) -> tuple[Join, Settled]:
-    """Turn arrays and values back."""
+    """Turn arrays and values back into the join and what was settled."""
     arrays, values = stored.arrays, stored.values
 
     def per_tile(name: str) -> tuple[Any, ...]:

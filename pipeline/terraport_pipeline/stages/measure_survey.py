@@ -94,7 +94,7 @@ def run(points_file: Path, thinned: Cloud, neighbours: int, context: Context) ->
 
 
 def facts_of(stored: Stored) -> Facts:
-    """Tell what was measured."""
+    """Take the reported facts from the stored measurements."""
     return Facts(dict(stored.values))
 
 

@@ -37,7 +37,7 @@ _KEY_SPAN: Final = 1 << 20
 
 
 def samples_name(tile: int) -> str:
-    """File of a tile's samples."""
+    """Stem of the file that holds a tile's samples."""
     return f"samples-{tile:05d}"
 
 

@@ -67,7 +67,7 @@ _PERCENTILES: Final = (50.0, 95.0, 99.0, 99.9)
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How finely to reconstruct."""
+    """Octree depths, faces of the base and where to cut: how finely to reconstruct."""
 
     base_from: Literal["detail", "poisson"] = "detail"
     """"detail" thins the detail: ten times nearer to it, and the same outline. "poisson" solves the
@@ -106,7 +106,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Reconstructed:
-    """Two meshes of one surface."""
+    """Base and detail of one surface, and how far they deviate."""
 
     base: Mesh
     detail: Mesh

@@ -50,7 +50,7 @@ class TileTask:
     """What a tile needs to know; plain values."""
 
     depth: int
-    """Of the tile's octree."""
+    """Depth of the tile's octree."""
     cell_m: float
     centre_cells: tuple[float, float, float]
     """Middle of the core, in cells of the lattice; whole numbers."""
@@ -59,7 +59,7 @@ class TileTask:
     core_cells: int
     margin_cells: float
     origin: tuple[float, float, float]
-    """Of the scene, CRS frame."""
+    """Scene origin: easting, northing, height in the CRS."""
     spacing_m: float
     """Areal spacing of the whole survey."""
     usual: tuple[float, float]
@@ -181,7 +181,7 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
 
 
 def facts_of(stored: Stored) -> Facts:
-    """Tell the counts."""
+    """Take the reported counts from a stored tile."""
     return Facts(dict(stored.values))
 
 

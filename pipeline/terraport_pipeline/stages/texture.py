@@ -79,7 +79,7 @@ class Options:
     an edge). Never finer than a photo's pixel; coarser where a segment would not fit."""
     kind: ImageFormat = "jpeg"
     quality: int = 85
-    """Of the image format, 1 to 100."""
+    """Quality of the image format, 1 to 100."""
     max_side: int = 2048
     """Longest side of a segment's image."""
     base_side: int = 2048
@@ -387,5 +387,5 @@ def _choose(
 
 
 def faces_only(mesh: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
-    """Keep some faces, and all vertices."""
+    """Select faces of a mesh; vertices that only others use stay."""
     return Mesh(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.colours, mesh.attributes)

@@ -35,7 +35,7 @@ class TextureTally:
     """Surface of flat colours, for want of room."""
 
     def arrays(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Give arrays to store."""
+        """Convert to named arrays, as a work directory stores them."""
         return {
             "tally_texel": self.texel_m2,
             "tally_gsd": self.gsd_m2,
@@ -44,7 +44,7 @@ class TextureTally:
 
     @classmethod
     def total(cls, tallies: Iterable[Mapping[str, npt.NDArray[Any]]]) -> TextureTally:
-        """Add up the arrays of several."""
+        """Add up the stored tallies of several tiles."""
         texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), np.zeros(2)
         for tally in tallies:
             texel = texel + tally["tally_texel"]
@@ -76,7 +76,7 @@ class TextureSums:
         self.used = 0.0
 
     def add(self, faces: npt.NDArray[np.integer], atlas: MadeAtlas) -> None:
-        """Add one piece's faces."""
+        """Record area, texel size and sampling distance of one atlas's faces."""
         self.surface_m2[faces] = atlas.surface_m2
         self.texel_m[faces] = np.sqrt(atlas.surface_m2 / np.maximum(atlas.texels, 1e-12))
         self.gsd_m[faces] = atlas.gsd_m
@@ -86,7 +86,7 @@ class TextureSums:
         self.used += atlas.use * atlas.width * atlas.height
 
     def tally(self) -> TextureTally:
-        """Sum up so that several add up."""
+        """Convert to histograms, which those of other tiles can be added to."""
         seen = ~np.isnan(self.gsd_m)
         drawn = ~self.flat
         return TextureTally(
@@ -97,7 +97,7 @@ class TextureSums:
         )
 
     def facts(self, sides: npt.NDArray[np.integer], image_bytes: int) -> dict[str, Any]:
-        """Tell of all; *sides* is (S, 2)."""
+        """Summarise all atlases; *sides* is (S, 2), texels."""
         seen, drawn = ~np.isnan(self.gsd_m), ~self.flat
         area = float(self.surface_m2.sum(dtype=np.float64))
         unseen = float(self.surface_m2[~seen].sum(dtype=np.float64))
@@ -126,7 +126,7 @@ def _share(amount: float, whole: float) -> float:
 
 
 def _median(values: Float32, weights: Float32) -> float:
-    """Median by weight, to four digits."""
+    """Weighted median, to four significant digits."""
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weights[order], dtype=np.float64)
     index = int(np.searchsorted(total, 0.5 * total[-1]))

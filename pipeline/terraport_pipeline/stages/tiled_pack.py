@@ -56,11 +56,11 @@ class Scales:
 
     step_m: float
     ranges: dict[str, AttributeRange]
-    """Of detail and base."""
+    """Range of every attribute over detail and base."""
 
     @property
     def attributes(self) -> dict[str, AttributeScale]:
-        """Scale of every attribute."""
+        """Quantisation of every attribute, from its range over all tiles."""
         return {
             n: choose_attribute_scale(value_range.values())
             for n, value_range in self.ranges.items()
@@ -75,7 +75,7 @@ class Scales:
 
 
 class PayloadFiles(Protocol):
-    """Where the payloads of tiles lie."""
+    """Access to the encoded payloads of every tile, in the work directory."""
 
     def __call__(self, tile: int) -> Stored:
         """Give what :func:`encode` made of one tile; arrays may be mapped."""
@@ -88,7 +88,7 @@ def scales_of(
     base: Mesh,
     spacing_m: float = 0.0,
 ) -> Scales:
-    """Choose the rounding for a scene."""
+    """Choose the quantisation that all payloads of a scene share."""
     sides = segmented.bounds[:, 3:].astype(np.float64) - segmented.bounds[:, :3]
     farthest = max(
         float(np.abs(scene.low).max()),

@@ -66,7 +66,7 @@ CUT_BYTES_PER_FACE: Final = 350
 
 @dataclass(frozen=True, slots=True)
 class AttributeRange:
-    """Values of one attribute, NaN left out."""
+    """Least and largest value of one attribute, NaN left out, and whether all are whole."""
 
     low: float
     high: float
@@ -76,7 +76,7 @@ class AttributeRange:
 
     @classmethod
     def of(cls, values: Float32) -> AttributeRange:
-        """Look at the values of one mesh."""
+        """Measure the range of one mesh's values."""
         valid = values[~np.isnan(values)]
         if not len(valid):
             return cls(1.0, 0.0, None)
@@ -85,7 +85,7 @@ class AttributeRange:
         return cls(float(valid.min()), float(valid.max()), fraction)
 
     def plus(self, other: AttributeRange) -> AttributeRange:
-        """Take in another part's values."""
+        """Unite it with the range of another piece of the surface."""
         if self.high < self.low:
             return other
         if other.high < other.low:
@@ -105,10 +105,10 @@ class AttributeRange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TiledScene:
-    """What is known of all tiles together."""
+    """Sums and bounds over all tiles that the passes need before they start."""
 
     faces: tuple[int, ...]
-    """Of every tile."""
+    """Number of faces of every tile."""
     vertices: int
     area_m2: float
     low: Float64
@@ -122,7 +122,7 @@ class TiledScene:
 
     @property
     def face_count(self) -> int:
-        """Of all tiles."""
+        """Number of faces of the detail over all tiles."""
         return sum(self.faces)
 
     def scale(self, options: Options) -> MeansScale:
@@ -131,7 +131,7 @@ class TiledScene:
         return MeansScale(segmenter, self.totals, self.longest_m)
 
     def max_extent_m(self, options: Options) -> float:
-        """Bound that segments are cut to."""
+        """Longest side of a segment's box: as asked for, or chosen by the density of faces."""
         widest = float((self.high - self.low).max())
         return options.max_extent_m or extent_of_area(
             self.area_m2, self.face_count, widest, options.max_faces
@@ -394,7 +394,7 @@ def cut(
 
 
 def totals_of(arrays: Mapping[str, npt.NDArray[Any]]) -> RegionTotals:
-    """Read a tile's sums back."""
+    """Rebuild a tile's region totals from its stored arrays."""
     return RegionTotals(
         **{f.name: np.asarray(arrays[f"totals_{f.name}"]) for f in fields(RegionTotals)}
     )

@@ -51,7 +51,7 @@ class TextureScale:
     """(3,) lowest corner of the scene."""
     extent_m: float
     edge_m: float
-    """Mean edge."""
+    """Mean length of the detail's edges, metres."""
 
     @classmethod
     def of(cls, scene: TiledScene) -> TextureScale:
@@ -60,7 +60,7 @@ class TextureScale:
         return cls(scene.low, float((scene.high - scene.low).max()), edge_m)
 
     def recorded(self) -> dict[str, Any]:
-        """Plain values, for keys."""
+        """Convert to plain values, for the keys of the passes."""
         return {"low": self.low.tolist(), "extent_m": self.extent_m, "edge_m": self.edge_m}
 
     @property
@@ -70,7 +70,7 @@ class TextureScale:
 
     @property
     def levels(self) -> LevelGrid:
-        """Cells of the smooth corrections."""
+        """Grid of the cells that global levelling has an unknown for."""
         return LevelGrid.over(self.low, self.extent_m, self.edge_m)
 
 

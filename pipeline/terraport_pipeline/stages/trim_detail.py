@@ -51,7 +51,7 @@ through the wall. (Without this the base of a quarry's highwall had holes of sev
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrimmedDetail:
-    """A detail surface between its edges."""
+    """The detail cut to its edges, the wider cut for the base, and how clean the edge is."""
 
     vertices: Float32
     faces: Int32
@@ -70,9 +70,9 @@ class SampledGround:
     tree: cKDTree
     """Over the cloud's points."""
     outline: Footprint
-    """Of the detail."""
+    """Outline that the detail is cut to."""
     wide: Footprint
-    """Of the surface with a hem."""
+    """Outline of the surface that the base is thinned from, with its hem."""
 
 
 def sampled_ground(cleaned: Cleaned) -> SampledGround:

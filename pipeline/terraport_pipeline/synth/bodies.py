@@ -26,13 +26,13 @@ _ROUND: Final = 192
 
 
 def sphere() -> Body:
-    """Make a ball of half a metre radius."""
+    """Make a sphere of half a metre radius."""
     unit, faces = icosphere(5)
     return 0.5 * unit, faces.astype(np.int32)
 
 
 def torus() -> Body:
-    """Make a ring: radii 0.36 and 0.14."""
+    """Make a torus: radii 0.36 and 0.14 metres."""
     n, m = _ROUND, _ROUND // 2
     around, across = np.meshgrid(
         np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij"
@@ -64,7 +64,7 @@ def gear() -> Body:
 
 
 def stairs() -> Body:
-    """Make three steps."""
+    """Make three steps of a stair, as a closed body."""
     outline = np.array([[0, 0], [3, 0], [3, 1], [2, 1], [2, 2], [1, 2], [1, 3], [0, 3]], np.float64)
     outline = (outline - 1.5) / 3.2
     count = len(outline)

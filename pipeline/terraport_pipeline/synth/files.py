@@ -50,7 +50,7 @@ _FILE_DATE: Final = dt.date(2026, 1, 1)
 
 @dataclass(frozen=True, slots=True)
 class WrittenQuarry:
-    """What was written."""
+    """Files of a synthetic survey and its truth, with sizes, counts and bounds."""
 
     survey_path: Path
     truth_path: Path

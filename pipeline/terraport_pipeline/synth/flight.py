@@ -63,7 +63,7 @@ class FlightOptions:
     """Photos; at most :data:`MAX_PHOTOS`."""
     width: int = 2000
     height: int = 1500
-    """Pixels."""
+    """Height of a photo, pixels."""
     overlap: float = 0.7
     """Of neighbouring nadir photos on the plateau, along and across the flight."""
     exposure_drift_ev: float = 0.35
@@ -73,7 +73,7 @@ class FlightOptions:
     sensor_noise: float = 1.2
     """Standard deviation in grey levels of 255."""
     quality: int = 92
-    """Of the JPEG files."""
+    """Quality of the JPEG files."""
     truck: bool = True
     """A truck drives through the scene: in every photo at another place."""
 
@@ -104,14 +104,14 @@ class FlightOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """Where the photos were taken."""
+    """Views of a photo flight, its height and ground sampling distance."""
 
     views: tuple[View, ...]
     """Named ``DJI_0001.JPG`` and so on."""
     nadir: int
     """The first so many look straight down."""
     height_m: float
-    """Of the nadir photos above the plateau."""
+    """Height of the nadir photos above the plateau."""
     gsd_m: float
     """Ground sampling distance of the nadir photos on the plateau."""
 

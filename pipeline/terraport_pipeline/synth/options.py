@@ -141,7 +141,7 @@ class QuarryOptions:
 
     @property
     def scale(self) -> float:
-        """Metres per design metre."""
+        """Metres per design metre: how much the quarry's plan is enlarged."""
         return self.size_m / DESIGN_SIZE_M
 
     @property

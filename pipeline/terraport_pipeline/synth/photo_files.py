@@ -47,7 +47,7 @@ _STREAM: Final = 7
 
 @dataclass(frozen=True, slots=True)
 class WrittenPhotos:
-    """What was written."""
+    """Folder, counts and sizes of synthetic photos, and how they were flown."""
 
     directory: Path
     photos: int
@@ -60,7 +60,7 @@ class WrittenPhotos:
     truck_photos: int
     """Photos that show the truck."""
     exposure_ev: tuple[float, float]
-    """Least and most."""
+    """Least and largest exposure offset, in stops."""
 
 
 def photo_edge_m(flight: Flight, quarry: QuarryOptions) -> float:

@@ -42,7 +42,7 @@ _MAX_REDRAWS: Final = 40
 
 @dataclass(frozen=True, slots=True)
 class QuarryChunk:
-    """A run of consecutive points."""
+    """Consecutive points of a synthetic survey, with their material and true position."""
 
     ticks: Int32
     """(N, 3) coordinates in :data:`POINT_STEP_M` about the maker's origin."""

@@ -48,7 +48,7 @@ REACH: Final = 12.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truck:
-    """A truck at one place."""
+    """A truck parked in one photo: position, heading and size."""
 
     position: Float64
     """(3,) on the ground, metres, scene frame."""

@@ -25,7 +25,7 @@ spends its faces so."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruthMesh:
-    """A mesh with truth."""
+    """The true surface as a triangle mesh, with the material of every face."""
 
     vertices: Float32
     """(V, 3) metres, scene frame: x east, y up, z south."""

@@ -52,7 +52,7 @@ _PLACES: Final = (
 
 @dataclass(frozen=True, slots=True)
 class CameraSet:
-    """The cameras of a survey's photos."""
+    """Views of a survey's photos in the scene frame, and how they were georeferenced."""
 
     views: tuple[View, ...]
     """Scene frame, in the order of the file."""

@@ -49,7 +49,7 @@ _Turned = tuple[Float64, Float64]
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """Cameras in the scene."""
+    """Views in the scene frame, and how their file's frame was understood."""
 
     views: tuple[View, ...]
     frame: Frame

@@ -92,7 +92,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawCamera:
-    """One photo in the file's world frame."""
+    """Lens and pose of one photo in the file's world frame."""
 
     name: str
     lens: Lens
@@ -104,7 +104,7 @@ class RawCamera:
 
 @dataclass(frozen=True, slots=True)
 class RawCameras:
-    """What a reader returns."""
+    """Cameras in the coordinates of their file, with every frame these may be in."""
 
     format: str
     cameras: tuple[RawCamera, ...]
