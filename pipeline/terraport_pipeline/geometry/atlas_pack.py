@@ -165,6 +165,8 @@ def _skyline(
     corners: npt.NDArray[np.int64],
 ) -> bool:
     """Put each rectangle where its upper rim is lowest, then leftmost; False when one is left."""
+    # Invariant: `height[c]` is the upper rim of what stands in column c; nothing lies above it,
+    # so a rectangle at or above the highest rim of its columns overlaps none.
     height = np.zeros(columns, np.int64)
     for number in order:
         wide, high = cells[number, 0], cells[number, 1]

@@ -270,10 +270,12 @@ def _bake_plain(
     level = np.zeros((3, 3))
     for index in range(len(which)):
         f = which[index]
+        # (1) Levels at the corners, with exposure and correction; inside they are interpolated.
         for c in range(3):
             for k in range(3):
                 level[c, k] = apply_gain(np.float64(colours[f, c, k]), gain[k])
                 level[c, k] += correction[f, c, k]
+        # (2) Every texel whose middle lies in the face; of the margin only those that nobody has.
         box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
         sides, least = _frame(texels[f], margin)
@@ -287,6 +289,7 @@ def _bake_plain(
                         continue
                     drawn = True
                     _write_plain(image, covered, i, j, l0, l1, l2, level)
+        # (3) Smaller than a texel: its middle takes the texel that nobody has.
         if not drawn and margin == 0.0:
             third = 1.0 / 3.0
             i, j = _middle(texels[f], sides)

@@ -51,6 +51,7 @@ def points_around(
     x: float, y: float, z: float, reach: float, points: Float64, grid: PointGrid, out: _Int64
 ) -> int:  # pragma: no cover - compiled
     """Collect the points within `reach` (at most a cell) of a place; returns how many."""
+    # Cells are as wide as `reach`, so all points within it lie in the 27 cells around the place.
     cx, cy, cz = (
         int((x - grid.low[0]) / reach),
         int((y - grid.low[1]) / reach),
@@ -59,6 +60,7 @@ def points_around(
     count = 0
     for ix in range(max(cx - 1, 0), min(cx + 2, grid.shape[0])):
         for iy in range(max(cy - 1, 0), min(cy + 2, grid.shape[1])):
+            # Cells along z have consecutive keys: three of them are one search and one run.
             first = (ix * grid.shape[1] + iy) * grid.shape[2] + max(cz - 1, 0)
             last = (ix * grid.shape[1] + iy) * grid.shape[2] + min(cz + 1, grid.shape[2] - 1)
             slot = np.searchsorted(grid.cells, first)

@@ -133,6 +133,8 @@ def _add_face(
         c,
     )
     mesh.counts[0] += 1
+    # Each side either closes an edge that waits for it or opens a new one at the ball's centre.
+    # Invariant: an edge is listed once, under its lower end, with the face on its left.
     for start, end, across in ((a, b, c), (b, c, a), (c, a, b)):
         edge = _find_edge(mesh, start, end)
         if edge >= 0:
@@ -290,6 +292,7 @@ def _sow(
     a: int,
 ) -> None:  # pragma: no cover - compiled
     """Look for a first triangle at a free sample: with the nearest two that hold a ball."""
+    # (1) The samples nearest to the seed.
     count = points_around(
         points[a, 0], points[a, 1], points[a, 2], 2 * radius, points, grid, near,
     )  # fmt: skip
@@ -299,6 +302,8 @@ def _sow(
         for axis in range(3):
             away[slot] += (points[near[slot], axis] - points[a, axis]) ** 2
     nearest = np.argsort(away)[: _SEED_NEIGHBOURS + 1]
+    # (2) Pairs of them, nearer ones first; wound as the normals say, on sides that are still
+    # free.
     centre = np.empty(3)
     for first in range(1, len(nearest)):
         for second in range(1, first):
@@ -313,6 +318,7 @@ def _sow(
                 continue
             if mesh.counts[0] >= len(mesh.faces) or not rest_ball(points, a, b, c, radius, centre):
                 continue
+            # (3) The ball that rests on all three must hold no other sample.
             around = np.empty(4096, np.int64)
             held = points_around(
                 centre[0], centre[1], centre[2], 2 * radius, points, grid, around,

@@ -141,6 +141,8 @@ def _cut_points(
     number = np.empty(len(keys), np.int64)
     for k in range(len(keys)):
         a, b = keys[k] >> 32, keys[k] & 0xFFFFFFFF
+        # The cut depends on the ends' positions alone: two tiles that share the edge compute the
+        # same.
         if _comes_after(vertices, a, b):
             a, b = b, a
         share = np.float64(field[a]) / (np.float64(field[a]) - np.float64(field[b]))
@@ -148,6 +150,7 @@ def _cut_points(
         for axis in range(3):
             start, end = np.float64(vertices[a, axis]), np.float64(vertices[b, axis])
             cuts[rank[k], axis] = start + share * (end - start)
+        # Close to a kept end that end is taken instead, lest slivers arise.
         number[k] = first_number + rank[k]
         if field[a] >= 0.0 and share < _NEAR:
             number[k] = a
@@ -170,6 +173,9 @@ def _cut_faces(faces: Int32, field: Float32, keys: _Int64, number: _Int64, cross
     out = np.empty((len(faces) + crossings, 3), np.int32)
     corners = np.empty(4, np.int64)
     count = 0
+    # Walk around the face: corners on the kept side, and the cut of every edge that changes
+    # sides. Invariant: corners[:n] is the kept polygon so far, without repeats; it has four at
+    # most.
     for f in range(len(faces)):
         n = 0
         for corner in range(3):
@@ -183,6 +189,7 @@ def _cut_faces(faces: Int32, field: Float32, keys: _Int64, number: _Int64, cross
                 if n == 0 or corners[n - 1] != cut:
                     corners[n] = cut
                     n += 1
+        # Two triangles at most; a sliver whose corners met is no face.
         if n > 1 and corners[n - 1] == corners[0]:
             n -= 1
         if n >= 3:

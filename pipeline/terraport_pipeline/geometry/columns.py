@@ -147,6 +147,8 @@ def rasterise(vertices: _Float64, faces: _Int32, grid: Grid, grow: float) -> tup
     entries : ndarray of shape (N,), int32
         Face numbers, descending within a column.
     """
+    # Invariant of the second pass: entries from starts[cell] to the row's end are written; at
+    # last `starts` has moved down to where each row begins, and rows run from high to low faces.
     starts = np.zeros(grid.nx * grid.nz + 1, np.int64)
     entries = np.empty(0, np.int32)
     half = (0.5 * grid.cell_m + grow) * (1.0 + _SLACK)
@@ -200,6 +202,8 @@ def segment_runs(
 def _runs(
     starts: _Int64, entries: _Int32, vertices: _Float64, faces: _Int32, segment_of_face: _Int32
 ) -> tuple[_Int64, _Int32, _Float32, _Float32]:
+    # Invariant: `last[s] >= begin` exactly if segment s has a run in the column at hand, so
+    # nothing is cleared between columns.
     offsets = np.zeros(len(starts), np.int64)
     last = np.full(segment_of_face.max() + 1, -1, np.int64)  # the segment's latest run
     segment = np.empty(0, np.int32)

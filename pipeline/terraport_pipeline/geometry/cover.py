@@ -222,6 +222,7 @@ def _validate_inputs(
     segment_of_face: npt.NDArray[np.integer],
     tolerance_m: float,
 ) -> None:
+    # (1) Both meshes: shapes, indices, finite coordinates.
     for name, vertices, faces in (
         ("base", base_vertices, base_faces),
         ("detail", detail_vertices, detail_faces),
@@ -238,6 +239,7 @@ def _validate_inputs(
         if not np.isfinite(vertices).all():
             msg = f"{name}: some vertices are not finite, expected finite coordinates"
             raise ValueError(msg)
+    # (2) Segments and tolerance.
     if segment_of_face.shape != (len(detail_faces),):
         msg = f"segment_of_face has shape {segment_of_face.shape}, expected ({len(detail_faces)},)"
         raise ValueError(msg)

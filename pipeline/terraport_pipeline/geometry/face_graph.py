@@ -208,6 +208,8 @@ def _measure_faces(
     n = np.empty(3, np.float64)
     for f in range(len(faces)):
         for c in range(3):
+            # Products of differences in float64; rounded to whole steps at last, so that merging
+            # adds up integers.
             for axis in range(3):
                 p[c, axis] = vertices[faces[f, c], axis]
         for axis in range(3):
@@ -234,6 +236,7 @@ def _measure_borders(vertices: _Float32, faces: _Int32, pairs: _Int32) -> _Float
         total = 0.0
         for c in range(3):
             a, b = faces[f, c], faces[f, (c + 1) % 3]
+            # Faces with repeated corners walk an edge twice; it counts once.
             repeated = (c == 1 and faces[f, 2] == faces[f, 0]) or (
                 c == 2 and (faces[f, 2] == faces[f, 1] or faces[f, 0] == faces[f, 1])
             )

@@ -267,6 +267,7 @@ def _label_sums(labels: _Int32, count: int, values: _Float32) -> tuple[_Int64, _
 
 @numba.njit(cache=True, nogil=True)
 def _main_labels(labels: _Int32, count: int, kinds: _Int32, limit: int) -> tuple[_Int32, _Int32]:
+    # (1) Sort faces by label, as CSR.
     starts = np.zeros(count + 1, np.int64)
     for f in range(len(labels)):
         starts[labels[f] + 1] += 1
@@ -277,6 +278,8 @@ def _main_labels(labels: _Int32, count: int, kinds: _Int32, limit: int) -> tuple
     for f in range(len(labels)):
         by_label[cursor[labels[f]]] = kinds[f]
         cursor[labels[f]] += 1
+    # (2) Count kinds label by label. Invariant: `seen` is 0 everywhere between labels; only what
+    # was counted is cleared. Of kinds with as many faces the lower wins.
     main = np.full(count, -1, np.int32)
     n_kinds = np.zeros(count, np.int32)
     seen = np.zeros(limit, np.int64)

@@ -155,6 +155,8 @@ def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> flo
         d4 += ac * (p[k] - b[k])
         d5 += ab * (p[k] - c[k])
         d6 += ac * (p[k] - c[k])
+    # Weights of corners b and c at the nearest point of the triangle: which of its seven regions
+    # holds the projection.
     v = w = 0.0
     va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
     if d1 <= 0.0 and d2 <= 0.0:  # corner a

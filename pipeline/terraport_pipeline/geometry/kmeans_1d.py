@@ -98,6 +98,7 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
     >>> clusters.means.tolist(), clusters.assign(np.array([9, 0], dtype=np.float32)).tolist()
     ([0.5, 10.0], [1, 0])
     """
+    # (1) Equal values stay together, so there are no more clusters than distinct values.
     if len(ordered) == 0 or k < 1:
         msg = f"received {len(ordered)} values and k = {k}, expected at least one of each"
         raise ValueError(msg)
@@ -107,6 +108,8 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
         msg = f"value {bad} is {ordered[bad]} after {ordered[bad - 1]}, expected ascending"
         raise ValueError(msg)
     k = min(k, distinct)
+    # (2) Exact where that is affordable; else exact on a histogram, or an even start, and polished
+    # from there.
     if distinct <= EXACT_VALUES and k <= MAX_EXACT_CLUSTERS:
         firsts = _firsts(values)
         starts = firsts[_optimal_starts(*_grouped(values, firsts), k)]
@@ -121,6 +124,7 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
             k_bins = min(k, len(bins))
             starts = bins[_optimal_starts(*_grouped(values, bins), k_bins)]
         starts = _polish(values, starts)
+    # (3) Borders and means of the runs.
     ends = np.append(starts[1:], len(values))
     _, sums, _ = _grouped_sums(values, starts, 0.0)
     return Clusters1D(ordered[ends - 1].copy(), sums / (ends - starts))

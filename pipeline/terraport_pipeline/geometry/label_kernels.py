@@ -39,6 +39,8 @@ def neighbour_rows(
     length = np.zeros((n_faces, 3), np.float32)
     area = np.empty(n_faces, np.float32)
     total = 0.0
+    # (1) Rows of at most three neighbours. Invariant: g stands in the row of f if and only if f
+    # stands in the row of g, also where more than two faces share an edge.
     for p in range(len(pairs)):
         a, b = edges[p, 0], edges[p, 1]
         square = 0.0
@@ -57,6 +59,7 @@ def neighbour_rows(
             if rows[g, s] < 0:
                 rows[g, s], length[g, s] = f, edge
                 break
+    # (2) Lengths and areas relative to their means: the weights do not depend on the mesh's unit.
     scale = len(pairs) / total if total > 0.0 else 1.0
     whole = 0.0
     for f in range(n_faces):
@@ -114,6 +117,8 @@ def common_slots(
     saved = np.empty(_MAX_CELL_VIEWS)
     for cell in range(begin, end):
         n = 0
+        # (1) What each view would save in the cell: area times what its cost is below the
+        # highest.
         for i in range(starts[cell], starts[cell + 1]):
             f = order[i]
             for s in range(SLOTS):
@@ -128,6 +133,7 @@ def common_slots(
                 saved[index] += area[f] * (1.0 - costs[f, s] / _UNIT)
         if n == 0:
             continue
+        # (2) The best view, where a face has it; the others keep their own.
         best = np.argmax(saved[:n])
         for i in range(starts[cell], starts[cell + 1]):
             f = order[i]

@@ -57,6 +57,7 @@ def project_packed(packed: Float64, x: float, y: float, z: float) -> tuple[float
     u, v, depth_m : float
         Pixels (NaN where the photo cannot see the point) and depth along the axis.
     """
+    # (1) Into the camera's axes; behind it there is no picture.
     dx = x - packed[POSITION]
     dy = y - packed[POSITION + 1]
     dz = z - packed[POSITION + 2]
@@ -67,6 +68,7 @@ def project_packed(packed: Float64, x: float, y: float, z: float) -> tuple[float
     if not depth > 0.0:
         return np.nan, np.nan, depth
     radius = np.hypot(a, b)
+    # (2) Onto the plane at distance 1, or a fisheye's angle.
     if packed[KIND] == 0.0:
         a /= depth
         b /= depth
@@ -77,6 +79,7 @@ def project_packed(packed: Float64, x: float, y: float, z: float) -> tuple[float
         a *= scale
         b *= scale
         radius = angle
+    # (3) Beyond the valid radius the distortion folds back: no pixel there can be trusted.
     if not radius <= packed[LIMIT]:
         return np.nan, np.nan, depth
     a, b, _, _, _, _ = _distort(packed, a, b)
@@ -163,6 +166,8 @@ def _along_radius(packed: Float64, goal_a: float, goal_b: float) -> tuple[float,
     goal = np.hypot(goal_a, goal_b)
     if not goal > 0.0:
         return goal_a, goal_b
+    # Newton's method. Invariant: the root lies in low..high; a step that leaves the bracket is
+    # replaced by halving it.
     low, high = 0.0, packed[LIMIT]
     radius = min(goal, 0.5 * high)
     for _ in range(_NEWTON_STEPS):

@@ -40,9 +40,12 @@ def directed_loops(edges: Int64) -> tuple[list[Int64], int]:
     >>> directed_loops(np.array([[0, 1], [1, 2], [2, 0], [2, 5]]))
     ([array([0, 1, 2])], 1)
     """
+    # (1) Edges by their start, highest end first, so that the lowest is taken first.
     following: dict[int, list[int]] = {}
     for u, v in sorted(map(tuple, edges.tolist()), reverse=True):
         following.setdefault(u, []).append(v)
+    # (2) Walk on until a vertex comes again; what lies between is a loop. Invariant: `path` is
+    # simple, `index_on_path` its inverse, and every edge is walked once.
     loops, lost = [], 0
     for start in sorted(following):
         while following[start]:

@@ -191,10 +191,14 @@ def _choose(
 def _join(choice: _Int32, faces: _Int64) -> tuple[_Int32, int]:
     """Unite units that chose each other, and stars with their middles."""
     count = len(choice)
+    # (1) A unit whose choice is at least four times as large, and chose another, may join it all
+    # the same: else large ones would grow by one neighbour a round.
     star = np.zeros(count, np.bool_)
     for u in range(count):
         v = choice[u]
         star[u] = v >= 0 and choice[v] != u and faces[v] >= 4 * faces[u]
+    # (2) Who joins whom. Invariant: a mutual pair hangs on its lower unit, a star on a unit that is
+    # none, so a root is two steps away at most.
     parent = np.arange(count).astype(np.int32)
     for u in range(count):
         v = choice[u]

@@ -40,6 +40,7 @@ def mutual_partners(
     Only unions of at most ``most_faces`` faces are considered.
     """
     count = len(offsets) - 1
+    # (1) Every unit's cheapest merge; of equal ones that with the lower scrambled name.
     choice = np.full(count, -1, np.int32)
     cost = np.full(count, np.inf)
     for u in range(count):
@@ -53,6 +54,8 @@ def mutual_partners(
             ):
                 choice[u] = v
                 cost[u] = d
+    # (2) Mutual choices. Any order of merging them gives the same result: they are disjoint
+    # pairs.
     partner = np.full(count, -1, np.int32)
     for u in range(count):
         if choice[u] >= 0 and choice[choice[u]] == u:

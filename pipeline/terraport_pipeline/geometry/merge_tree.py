@@ -149,6 +149,8 @@ def _complete(
     faces = np.ones(n_nodes, np.int32)
     whole = np.empty(n_nodes, np.int64)
     whole[:leaf_count] = area
+    # Children come before parents. Invariant: height[m] is at least that of everything below it,
+    # so cutting the tree at a height gives whole subtrees.
     for m in range(len(children)):
         node = leaf_count + m
         a, b = children[m, 0], children[m, 1]

@@ -143,6 +143,8 @@ def _spheres(points: Float32, faces: Int32, vertex_starts: _Int64, face_starts: 
     low, high = np.empty(3), np.empty(3)
     for b in range(n_blocks):
         low[:], high[:] = np.inf, -np.inf
+        # The box of the block's own vertices, and of those that its faces borrow from other
+        # blocks.
         for v in range(vertex_starts[b], vertex_starts[b + 1]):
             for k in range(3):
                 low[k], high[k] = min(low[k], points[v, k]), max(high[k], points[v, k])
@@ -156,6 +158,7 @@ def _spheres(points: Float32, faces: Int32, vertex_starts: _Int64, face_starts: 
             spheres[b, k] = 0.5 * (low[k] + high[k])
             square += (0.5 * (high[k] - low[k])) ** 2
         spheres[b, 3] = np.sqrt(square)
+        # An empty block has radius -1: no test of visibility passes it.
         if low[0] > high[0]:
             spheres[b] = 0.0
             spheres[b, 3] = -1.0

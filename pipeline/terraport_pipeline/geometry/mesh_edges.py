@@ -111,6 +111,7 @@ def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoo
     if len(open_edges) == 0:
         nothing = np.zeros(0)
         return OpenLoops(np.zeros(0, np.int32), nothing, nothing, nothing)
+    # (1) Components of the open edges, numbered by their first edge.
     used, dense = np.unique(open_edges, return_inverse=True)
     dense = dense.reshape(-1, 2)
     links = coo_matrix(
@@ -120,6 +121,7 @@ def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoo
     _, first, group = np.unique(label[dense[:, 0]], return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
     group = rank[group]
+    # (2) Length, middle, and area: the sum of the triangles from the middle to every edge.
     positions = np.asarray(vertices, np.float64)[used]
     start, end = positions[dense[:, 0]], positions[dense[:, 1]]
     count = len(first)

@@ -283,9 +283,13 @@ def _spread_signs(
     parent = np.full(count, -1, dtype=np.int32)
     heap = [(np.float32(0.0), np.int32(-1))]
     heap.pop()
+    # (1) Points whose sign is certain begin.
     for point in range(count):
         if certain[point]:
             _offer(point, points, normals, settled, graph, starts, links, best, parent, heap)
+    # (2) The cheapest link first, as in Prim's minimum spanning tree. Invariant: settled points
+    # have their final sign; `best[p]` is the cheapest link from a settled point to p, and entries
+    # of another cost are stale.
     while len(heap) > 0:
         cost, nearest = _pop(heap)
         point = int(nearest)
@@ -368,6 +372,7 @@ def _pop(heap: _Heap) -> tuple[np.float32, np.int32]:  # pragma: no cover - comp
         return first
     heap[0] = last
     node = 0
+    # Invariant: every entry is at most its children but for `node`, which sinks.
     while True:
         child = 2 * node + 1
         if child >= size:

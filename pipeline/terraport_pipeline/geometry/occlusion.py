@@ -243,6 +243,7 @@ def _face_rays(
 ) -> tuple[Float32, Int32]:
     """Where the exact rays of some faces begin, and which face each belongs to."""
     px, py, pz = packed[POSITION], packed[POSITION + 1], packed[POSITION + 2]
+    # (1) One ray for a small face, four for a large one, which may be hidden in part.
     count = 0
     for c in ask:
         count += 4 if area[c] > _LARGE_PX else 1
@@ -250,6 +251,8 @@ def _face_rays(
     owner = np.empty(count, np.int32)
     n = 0
     for c in ask:
+        # (2) From just above the face, by its own size, the distance (float32) and the surface's
+        # noise.
         f = face[c]
         x, y, z, nx, ny, nz, width = _face_frame(vertices, faces, f)
         distance = np.sqrt((x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2)

@@ -247,6 +247,7 @@ def _take_off_means(mean: Float64, grain: Float64, faces: Float64, n: int) -> fl
 @numba.njit(cache=True, nogil=True)
 def _mode(mean: Float64, vote: Float64, count: int) -> Float64:
     """Mode of the density of so many colours: from the densest of them uphill."""
+    # (1) Start at the colour of most density, by a Gaussian kernel.
     best, most = 0, -1.0
     for a in range(count):
         density = 0.0
@@ -255,6 +256,7 @@ def _mode(mean: Float64, vote: Float64, count: int) -> Float64:
             density += vote[b] * np.exp(-0.5 * square / (_SIGMA * _SIGMA))
         if density > most:
             best, most = a, density
+    # (2) Mean shift: uphill to the weighted mean of what is around.
     mode: Float64 = mean[best].copy()
     total = np.empty(3)
     for _ in range(_SHIFTS):

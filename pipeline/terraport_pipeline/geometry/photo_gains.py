@@ -242,6 +242,8 @@ def _residuals(
 ) -> Float32:
     """Mean over the channels of |difference to the place's mean|; 0 where there is no sighting."""
     residual = np.zeros(view.shape, np.float32)
+    # The place's own level is the weighted mean of its sightings, each with its view's offset
+    # taken in.
     for i in range(view.shape[0]):
         for k in range(3):
             total, mass = 0.0, 0.0

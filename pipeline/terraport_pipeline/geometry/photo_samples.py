@@ -150,6 +150,7 @@ def _block_gradients(photo: UInt8, step: int) -> Float32:
     rows, columns = -(-photo.shape[0] // step), -(-photo.shape[1] // step)
     total = np.zeros((rows, columns), np.float64)
     count = np.zeros((rows, columns), np.float64)
+    # (1) Gradient of the green channel, summed by block.
     for y in range(photo.shape[0] - 1):
         for x in range(photo.shape[1] - 1):
             here = np.int32(photo[y, x, 1])
@@ -157,6 +158,7 @@ def _block_gradients(photo: UInt8, step: int) -> Float32:
             dy = np.int32(photo[y + 1, x, 1]) - here
             total[y // step, x // step] += np.sqrt(np.float64(dx * dx + dy * dy))
             count[y // step, x // step] += 1.0
+    # (2) Mean over the nine blocks around, so that one sharp edge does not make a block sharp.
     result = np.empty((rows, columns), np.float32)
     for r in range(rows):
         for c in range(columns):

@@ -165,6 +165,7 @@ def number_by_first(labels: _Int32) -> tuple[_Int32, int]:
 @numba.njit(cache=True, nogil=True)
 def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int32]:
     """Neighbouring pools as CSR; a neighbour appears once per shared edge."""
+    # (1) Count neighbours; then, as running sums, where each row begins.
     offsets = np.zeros(count + 1, np.int64)
     for i in range(len(pairs)):
         a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
@@ -173,6 +174,7 @@ def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int
             offsets[b + 1] += 1
     for i in range(count):
         offsets[i + 1] += offsets[i]
+    # (2) Fill the rows in order of the pairs.
     neighbours = np.empty(offsets[count], np.int32)
     cursor = offsets[:-1].copy()
     for i in range(len(pairs)):
@@ -292,6 +294,7 @@ def _join_most_similar(
     for p in range(count):
         if not loose[p]:
             continue
+        # (1) The most similar loose neighbour, by means as they were at the start of the round.
         best, best_difference, best_size = -1, np.inf, 0
         for e in range(offsets[p], offsets[p + 1]):
             q = neighbours[e]
@@ -300,6 +303,7 @@ def _join_most_similar(
             difference = abs(mean[q] - mean[p])
             if _better(difference, size[q], q, best_difference, best_size, best):
                 best, best_difference, best_size = q, difference, size[q]
+        # (2) Unite. Invariant: a root is the lowest pool of its tree.
         if best >= 0:
             moved = True
             a, b = p, best

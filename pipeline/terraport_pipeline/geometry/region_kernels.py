@@ -47,6 +47,8 @@ def face_areas(
     plan = np.zeros(count, np.float64)
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        # (1) The normal with the face's area as its length; y is up, so its share is the plan
+        # area.
         ux = np.float64(vertices[b, 0]) - vertices[a, 0]
         uy = np.float64(vertices[b, 1]) - vertices[a, 1]
         uz = np.float64(vertices[b, 2]) - vertices[a, 2]
@@ -57,6 +59,7 @@ def face_areas(
         ny = 0.5 * (uz * wx - ux * wz)
         nz = 0.5 * (ux * wy - uy * wx)
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
+        # (2) 0 level, 90 vertical or overhanging; quantised for sorting.
         steepness = 0.0
         if size > 0.0:
             steepness = np.degrees(np.arccos(min(max(ny / size, 0.0), 1.0)))
@@ -91,6 +94,7 @@ def region_sums(
     for f in range(len(faces)):
         r, w = regions[f], weight[f]
         sums[r, 0] += w
+        # Each face counts at its middle: the mean of its corners' positions and colours.
         for axis in range(3):
             centre = 0.0
             colour = 0.0
@@ -115,6 +119,7 @@ def order_by_slope(regions: _Int32, step: _UInt16, count: int) -> tuple[_Int32, 
 
     Two stable counting sorts, the less important key first: linear.
     """
+    # (1) Counting sort by slope.
     starts = np.zeros(65537, np.int64)
     for f in range(len(step)):
         starts[np.int64(step[f]) + 1] += 1
@@ -124,6 +129,7 @@ def order_by_slope(regions: _Int32, step: _UInt16, count: int) -> tuple[_Int32, 
     for f in range(len(step)):
         by_slope[starts[step[f]]] = f
         starts[step[f]] += 1
+    # (2) Counting sort by region. It is stable, so faces of a region stay in order of slope.
     run = np.zeros(count + 1, np.int64)
     for f in range(len(regions)):
         run[regions[f] + 1] += 1

@@ -252,12 +252,14 @@ def _moments(
     s = np.empty(3, np.float64)
     for f in range(len(faces)):
         k = piece[f]
+        # (1) Corners relative to the cube: moments about a far origin would lose their digits.
         for axis in range(3):
             corner = cells[k, axis] * scale_m
             s[axis] = 0.0
             for i in range(3):
                 p[i, axis] = np.float64(vertices[faces[f, i], axis]) - corner
                 s[axis] += p[i, axis]
+        # (2) Area and first moments.
         ux, uy, uz = p[1, 0] - p[0, 0], p[1, 1] - p[0, 1], p[1, 2] - p[0, 2]
         wx, wy, wz = p[2, 0] - p[0, 0], p[2, 1] - p[0, 1], p[2, 2] - p[0, 2]
         nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
@@ -266,6 +268,8 @@ def _moments(
         column = 4
         for axis in range(3):
             moments[k, 1 + axis] += area * s[axis] / 3.0
+            # (3) Second moments of a triangle, exactly: area / 12 times (s s^T + sum of p p^T),
+            # with s the sum of the corners; the diagonal here, the other three below.
             square = s[axis] * s[axis]
             for i in range(3):
                 square += p[i, axis] * p[i, axis]

@@ -99,11 +99,14 @@ def blend_seams(
     """
     if not 1 <= rings <= 16:
         raise ValueError(f"{rings} rings, expected 1 to 16")
+    # (1) What is left at the seams themselves.
     n_faces, n_nodes = len(nodes.corner), len(nodes.vertex)
     left, partner, twin = _left_at_seams(
         seams.node, seams.step, seams.weight, seams.trust, levels, nodes.view, n_nodes
     )
+    # (2) The band: faces within so many rings of a seam, and the seam node nearest to each.
     distance, source = _rings_around(nodes.corner, np.unique(seams.node), n_nodes, rings)
+    # (3) A second view for each, where it sees the face, with a weight that falls off.
     second = np.full(n_faces, -1, np.int32)
     in_chunks(
         lambda begin, end: _second_views(
@@ -111,6 +114,7 @@ def blend_seams(
         ),
         n_faces, threads=threads,
     )  # fmt: skip
+    # (4) Smooth correction, rest and blend of every node; then in rows by face.
     blends = _blends(nodes.corner, second, source, partner)
     weight, level = _finish_nodes(levels, left, distance, source, twin, blends, rings)
     np.clip(level, -_MAX_CORRECTION, _MAX_CORRECTION, out=level)

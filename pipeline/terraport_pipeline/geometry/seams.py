@@ -145,6 +145,9 @@ def find_seams(
 
 @numba.njit(cache=True, nogil=True)
 def _label_nodes(faces: Int32, view: Int32, n_vertices: int) -> tuple[Int32, Int32, Int32]:
+    # Invariant: node v < n_vertices is vertex v in the view that came first; further views of a
+    # vertex are a linked list from following[v]. Usually there is none, so memory is that of the
+    # vertices.
     first = np.full(n_vertices, -2, np.int32)
     following = np.full(n_vertices, -1, np.int32)  # next node of the same vertex
     corner = np.empty((len(faces), 3), np.int32)

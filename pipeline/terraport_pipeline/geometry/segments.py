@@ -350,6 +350,7 @@ def _finish(
     debris: DebrisCounts,
 ) -> Segments:
     """Order the segments along a curve (step 6) and measure every one."""
+    # (1) Number the segments along a Morton curve: neighbours in space are neighbours on disk.
     size = np.bincount(labels).astype(np.int64)
     count = len(size)
     least, most = label_boxes(labels, size, low, high)
@@ -359,6 +360,7 @@ def _finish(
     number[order] = np.arange(count, dtype=np.int32)
     labels = number[labels]
     size, least, most = size[order], least[order], most[order]
+    # (2) Main region of each, and what breaks a bound all the same.
     main, region_counts = main_labels(labels, count, regions)
     pieces, n_pieces = components(len(labels), pairs, labels=labels)
     n_components = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)

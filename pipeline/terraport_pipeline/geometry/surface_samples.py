@@ -87,6 +87,7 @@ def surface_samples(
         raise ValueError(msg)
     if len(faces) == 0:
         return SurfaceSamples.joined([])
+    # (1) Runs of faces with one label, their areas; a label without any area counts faces alike.
     order = np.argsort(labels, kind="stable")
     sorted_labels = labels[order]
     starts = np.flatnonzero(np.append(True, sorted_labels[1:] != sorted_labels[:-1]))
@@ -97,7 +98,9 @@ def surface_samples(
     whole = np.add.reduceat(area, starts)
     weight = np.where(np.repeat(whole, sizes) > 0.0, area, 1.0)
     total = np.add.reduceat(weight, starts)
+    # (2) How many samples each label gets.
     counts = np.minimum(sizes, np.maximum(-(-sizes // faces_per_sample), at_least))
+    # (3) Faces at evenly spaced steps of the running area, within each label's own run.
     passed = np.cumsum(weight)
     ends = starts + sizes - 1
     before = np.concatenate([[0.0], passed[ends[:-1]]])

@@ -143,6 +143,8 @@ def with_band(pieces: Iterable[TilePiece], tile: int) -> Banded:
     listed: list[tuple[int, Int32]] = []
     count, face_count, own = 0, 0, slice(0, 0)
     for piece in pieces:
+        # (1) Vertices that an earlier piece brought are used again. Invariant: known_ids is
+        # sorted, and known_rows[i] is where the vertex of known_ids[i] stands.
         row = np.empty(len(piece.vertices), np.int64)
         at = np.searchsorted(known_ids, piece.ids)
         at[at == len(known_ids)] = 0
@@ -152,6 +154,7 @@ def with_band(pieces: Iterable[TilePiece], tile: int) -> Banded:
             row[is_shared] = known_rows[at[is_shared]]
         row[~is_shared] = count + np.arange(int((~is_shared).sum()))
         count += int((~is_shared).sum())
+        # (2) Append what is new, and the faces in the new numbers.
         vertices.append(piece.vertices[~is_shared])
         colours.append(piece.colours[~is_shared])
         faces.append(row.astype(np.int32)[piece.faces])
@@ -159,6 +162,7 @@ def with_band(pieces: Iterable[TilePiece], tile: int) -> Banded:
         if piece.tile == tile:
             own = slice(face_count, face_count + len(piece.faces))
         face_count += len(piece.faces)
+        # (3) Remember the new shared vertices.
         new = ~is_shared & (piece.ids >= 0)
         ids, rows = (
             np.concatenate([known_ids, piece.ids[new]]),

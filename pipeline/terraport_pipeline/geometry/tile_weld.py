@@ -210,6 +210,8 @@ def _classes(pairs: Int64, tile_of: Int64, count: int) -> Int64:  # pragma: no c
 
     Returns the smallest member of every vertex's class.
     """
+    # Invariant: a class is a linked list that starts at its lowest vertex, `root` of all of it, and
+    # holds no two vertices of one tile: as many as tiles meet there, so walking it is cheap.
     root = np.arange(count)
     following = np.full(count, -1)
     for at in range(len(pairs)):

@@ -168,6 +168,8 @@ def tile_units(
     -------
     TileUnits
     """
+    # (1) Faces near a seam are held back: what they would join may lie in the next tile. Their
+    # borders count as outer ones, which unite nothing but lengthen the perimeter.
     n_faces = len(faces)
     neighbours, edges = pairs
     steps = edge_steps(vertices, edges, longest=scale.longest_m)
@@ -177,6 +179,7 @@ def tile_units(
     held = near[neighbours].any(axis=1)
     for side in (0, 1):
         np.add.at(outer, neighbours[held, side], steps[held])
+    # (2) The rounds up to the fine pools, on all other edges.
     units = MeanUnits(
         np.arange(n_faces, dtype=np.int32),
         rows_of_pairs(n_faces, neighbours[~held], steps[~held]),
@@ -190,6 +193,7 @@ def tile_units(
     for level in range(1, FINE_LEVEL + 1):
         limit = scale.limit * level / LEVELS
         units = unite(units, weight, limit, scale.least, segmenter.leak, 0)
+    # (3) The units' graph, held edges included, for the join of all tiles.
     rows = combine_rows(*rows_of_labels(units.labels, len(units.faces), neighbours, steps))
     shown = np.unique(np.concatenate([units.name, np.arange(0, n_faces, _SAMPLE_EVERY)]))
     return TileUnits(

@@ -323,6 +323,7 @@ def _validate_inputs(
     colours: npt.NDArray[np.uint8] | None,
     scalar: npt.NDArray[np.floating] | None,
 ) -> None:
+    # (1) The mesh.
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         msg = f"vertices {vertices.shape} and faces {faces.shape}, expected (V, 3) and (F, 3)"
         raise ValueError(msg)
@@ -333,6 +334,7 @@ def _validate_inputs(
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
         msg = f"vertex {bad} is {vertices[bad].tolist()}, expected finite coordinates"
         raise ValueError(msg)
+    # (2) Exactly one of colours and scalar, of the mesh's size.
     if (colours is None) == (scalar is None):
         given = "neither" if colours is None else "both"
         msg = f"received {given} of colours and scalar, expected exactly one"
