@@ -142,16 +142,19 @@ def _parse(output: str, names: Mapping[str, str]) -> GltfCheck:
 
 def _find_package(node: str, announce: Callable[[str], None] | None) -> tuple[Path | None, str]:
     """Find a folder from which Node can load the package, or say why there is none."""
+    # (1) The folder that the environment names; only that one then.
     named = os.environ.get(FOLDER_VARIABLE)
     if named:
         folder = Path(named)
         if _loads(node, folder):
             return folder, ""
         return None, f"{FOLDER_VARIABLE}={named} holds no gltf-validator"
+    # (2) The cache, filled by an earlier run.
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = cache / "terraport" / PACKAGE.replace("@", "-")
     if _loads(node, folder):
         return folder, ""
+    # (3) The registry, said before it is asked.
     npm = shutil.which("npm")
     if npm is None:
         return None, "the npm package gltf-validator is not installed, and npm is not there"

@@ -213,6 +213,7 @@ def open_photos(views: Sequence[View], directory: Path, *, max_bytes: int) -> Op
     path_of_view = find_photos(directory, views)
     kept, paths, turned, scaled = [], [], [], 0
     refused: dict[str, PhotoError] = {}
+    # (1) Fit each lens to its photo's size and turn.
     for view in views:
         path = path_of_view.get(view.name)
         if path is None:
@@ -228,6 +229,7 @@ def open_photos(views: Sequence[View], directory: Path, *, max_bytes: int) -> Op
         turned.append(turn)
     if not kept:
         raise none_usable(refused)
+    # (2) What is missing, unusable or scaled, in words.
     warnings = []
     missing = [view.name for view in views if view.name not in path_of_view]
     if missing:

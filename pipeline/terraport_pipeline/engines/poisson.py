@@ -287,6 +287,7 @@ def _write_ply(path: Path, points: Float32, normals: Float32) -> None:
 def _read_ply(path: Path) -> tuple[Float32, Int32]:
     """Read what PoissonRecon writes: float positions first, then lists of three int indices."""
     with path.open("rb") as file:
+        # (1) The header, within bounds.
         header: list[str] = []
         while not header or header[-1] != "end_header":
             line = file.readline(256)
@@ -304,6 +305,8 @@ def _read_ply(path: Path) -> tuple[Float32, Int32]:
             "property list int int vertex_indices" not in header
         ):
             raise EngineError(f"{path.name}: unexpected PLY layout {header[1:]}")
+        # (2) Positions stand first in a vertex; each face is a count, always 3, and three
+        # indices.
         raw = np.fromfile(file, dtype=np.uint8, count=stride * count["vertex"])
         lists = np.fromfile(file, dtype="<i4", count=4 * count["face"])
     if len(raw) != stride * count["vertex"] or len(lists) != 4 * count["face"]:

@@ -280,11 +280,13 @@ def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None
         if count == 0:
             continue
         own = None
+        # Rows of a thinned survey count over all scans.
         if rows is not None:
             low, high = np.searchsorted(rows, (start, start + count))
             own = rows[low:high] - start
         table, notes = _read_scan(path, image, header, number, own, lambda n: advance(n, total))
         coarse = coarse or notes
+        # Points that the scanner marked invalid.
         bad = next((table.pop(name) for name in _INVALID if name in table), None)
         for name in _INVALID:
             table.pop(name, None)

@@ -64,12 +64,14 @@ def read_obj(path: Path) -> tuple[ObjPiece, ...]:
         raise ReadError(path, "there is no such file", _ADVICE)
     if size > MAX_OBJ_BYTES:
         raise ReadError(path, f"{size} bytes, more than {MAX_OBJ_BYTES}", "cut it into tiles")
+    # (1) Tables of the whole file; lines that end in a backslash go on.
     lines = path.read_bytes().replace(b"\\\n", b" ").splitlines()
     positions = _table(path, [line[2:] for line in lines if line.startswith(b"v ")], 3, "v")
     texture = [line[3:] for line in lines if line.startswith(b"vt ")]
     wedge_table = _table(path, texture, 2, "vt") if texture else np.zeros((0, 2))
     images = _images(path, lines)
     pieces = []
+    # (2) One piece per material. OBJ counts v from the bottom, images from the top.
     for material, rows in _by_material(lines).items():
         corners = _corners(path, rows, len(positions), len(wedge_table))
         vertex, wedge = corners[:, :, 0], corners[:, :, 1]

@@ -184,6 +184,7 @@ def _read_header(path: Path) -> tuple[Any, int]:
 def _check_size(path: Path, meta: Any, start: int) -> None:
     size = path.stat().st_size
     length = sum(s * c for s, c in zip(meta.size, meta.count, strict=True))
+    # The least size of each kind of data; text has a digit and a blank a value.
     if meta.data == Encoding.ASCII:
         need = meta.points * 2 * sum(meta.count) - 1
         have = size - start

@@ -270,6 +270,8 @@ def _ascii_tables(
     rows: npt.NDArray[np.int64] | None,
 ) -> Iterator[tuple[npt.NDArray[Any], int]]:
     """Yield (vertices that are kept, vertices read)."""
+    # (1) Refuse a header that promises more than the file can hold, before memory is taken for
+    # it.
     dtype = _row_type(vertex, "ascii")
     columns = len(vertex.properties)
     size = path.stat().st_size
@@ -280,6 +282,7 @@ def _ascii_tables(
             f"{size:,} bytes",
             "it is cut off: copy or export it again",
         )
+    # (2) Skip what stands before the vertices, then read them chunk by chunk.
     with path.open("rb") as file:
         file.seek(header.length)
         for _ in range(sum(element.count for element in before)):

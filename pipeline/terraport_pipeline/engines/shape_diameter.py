@@ -61,6 +61,7 @@ def shape_diameter(vertices: Float32, faces: Int32, *, threads: int = 1) -> Floa
     diameter = np.full(len(faces), np.nan)
     if len(faces) == 0:
         return diameter
+    # (1) Normals and middles of all faces.
     scene = RayScene(vertices, faces, threads=threads)
     corners = vertices[faces].astype(np.float64)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -68,6 +69,7 @@ def shape_diameter(vertices: Float32, faces: Int32, *, threads: int = 1) -> Floa
     normals /= np.where(size > 0.0, size, 1.0)[:, None]
     centres = corners.mean(axis=1)
     del corners
+    # (2) A cone of rays inwards from each.
     cone, weights = cone_directions(RAYS, OPENING_DEGREES)
     lift = _LIFT * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     for first in range(0, len(faces), CHUNK_FACES):
@@ -77,6 +79,7 @@ def shape_diameter(vertices: Float32, faces: Int32, *, threads: int = 1) -> Floa
         origins = np.repeat((centres[chunk] + lift * inward)[:, None], RAYS, axis=1)
         length, face = scene.closest_hit(origins.reshape(-1, 3), directions.reshape(-1, 3))
         met = face >= 0
+        # (3) Hits on faces that look the same way are its own side seen again: not a thickness.
         same_way = np.einsum(
             "ij,ij->i", normals[np.where(met, face, 0)], np.repeat(normals[chunk], RAYS, axis=0)
         )

@@ -93,6 +93,8 @@ def metre_factors(
     ReadError
         By rule 1.
     """
+    # (1) Nothing stated, degrees, or Earth-centred: refused where the numbers agree, taken as
+    # metres with a warning where they do not.
     if crs is None:
         return None, None, _suspect_degrees(low, high)
     if crs.is_geographic:
@@ -111,6 +113,7 @@ def metre_factors(
                 _DEGREES_ADVICE,
             )
         return None, None, [_wrong_crs(crs, "Earth-centred", low, high)]
+    # (2) Projected: metres already, or to be scaled.
     factors = _unit_factors(crs)
     if factors == (1.0, 1.0, 1.0):
         return None, Crs(crs.name, crs.to_wkt(), crs.to_epsg()), []

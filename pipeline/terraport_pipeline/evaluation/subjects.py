@@ -124,10 +124,13 @@ def mesh_subject(
     The normals' directions are estimated from the noisy samples; their signs are the truth's, since
     a scanner knows the side that it saw.
     """
+    # (1) A body of standard size, faces turned outwards.
     rng = np.random.default_rng([len(faces), points])
     vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     vertices = vertices * (BODY_SIZE_M / float(np.ptp(vertices, axis=0).max()))
     faces = _turned_out(vertices, faces)
+    # (2) Even samples with noise; normals are estimated from them, as of a scan, and turned
+    # outwards.
     samples, face = sample_mesh(vertices, faces, points, rng)
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -139,6 +142,7 @@ def mesh_subject(
     normals, _ = estimate_normals(measured, neighbours, k=NORMAL_NEIGHBOURS)
     inward = np.einsum("ij,ij->i", normals, normal[face]) < 0
     normals = np.where(inward[:, None], -normals, normals)
+    # (3) Points of the truth to measure against.
     checks, _ = sample_mesh(vertices, faces, min(_CHECKS, 2 * points), rng)
     open_edges = edge_facts(faces).open_edges
     colours = _painted(samples, vertices)

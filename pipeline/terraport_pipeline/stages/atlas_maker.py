@@ -209,6 +209,7 @@ class AtlasMaker:
 
         With *rim* those faces alone, and only beyond their edges.
         """
+        # (1) Faces without a photo, in the cloud's colours under the cloud's exposure.
         margin = 0.0 if rim is None else _RIM_TEXELS
         drawn = np.ones(len(charts.view), np.bool_) if rim is None else rim
         gains = neutral_gains(0) if self.choice is None else self.choice.gains
@@ -217,6 +218,8 @@ class AtlasMaker:
             bake_plain_faces(image, covered, texels, plain, colours, gains[-1], margin)
         if self.photos is None:
             return
+        # (2) The others grouped by (photo, second photo), so that no more than two are decoded at
+        # once.
         blend = np.where(charts.view >= 0, colours.blend_view, -1)
         order = np.lexsort((np.arange(len(blend)), blend, charts.view))
         order = order[(charts.view[order] >= 0) & drawn[order]]

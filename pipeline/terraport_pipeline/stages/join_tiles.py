@@ -107,6 +107,8 @@ class Join:
         count = len(seams.cells)
         colours = np.zeros((count, 3), np.uint8)
         attributes = tuple(np.zeros(count, np.float32) for _ in range(names))
+        # Every shared vertex has one owner; all tiles take its values, so that they agree bit by
+        # bit.
         for tile, arrays in enumerate(tiles):
             mine = np.flatnonzero(seams.owner_tile == tile)
             if not len(mine):

@@ -248,10 +248,13 @@ def _segment_makers(
     region_count = int(regions.max()) + 1
 
     def make(segment: int, chosen: npt.NDArray[np.int64]) -> SegmentMesh:
+        # A vertex that several regions of the segment share is split: a payload has one region a
+        # vertex.
         keys = detail.faces[chosen].astype(np.int64) * region_count + regions[chosen, None]
         unique, corner = np.unique(keys, return_inverse=True)
         faces = corner.reshape(-1, 3)
         vertex, region = np.divmod(unique, region_count)
+        # Split again at texture seams.
         uvs = None
         if textures is not None:
             split = split_wedges(faces, textures.uvs(chosen, segment), len(unique))

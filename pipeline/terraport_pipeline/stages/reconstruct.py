@@ -297,6 +297,7 @@ def _solve(
     cleaned: Cleaned, options: Options, depths: tuple[int, ...], context: Context
 ) -> tuple[list[tuple[Float32, Int32]], list[poisson.Forecast]]:
     """Run the reconstructions, the detail's first, within the memory allowed."""
+    # (1) Refuse what cannot fit, before an hour of work.
     cloud = cleaned.cloud
     area_m2 = len(cloud.points) * cloud.spacing_m**2
     forecasts = [
@@ -310,6 +311,7 @@ def _solve(
             f"are {allowed / 2**30:.1f} GiB; lower --detail-depth (one less needs about a "
             "quarter), thin the survey with --max-points, or raise --max-memory"
         )
+    # (2) Both depths at once where they fit together.
     together = sum(forecast.memory_bytes for forecast in forecasts)
     side_by_side = (
         context.threads > 1 and len(depths) > 1 and (allowed is None or together <= allowed)

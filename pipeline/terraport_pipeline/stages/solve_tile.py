@@ -232,15 +232,18 @@ def _clean(
     task: TileTask, samples: Samples, counts: dict[str, Json], context: Context
 ) -> tuple[Float32, Float32, Float32, npt.NDArray[np.int64]] | None:
     """Drop copies and outliers, estimate normals: (points, normals, local spacing, rows)."""
+    # (1) Copies of a point have no normal of their own.
     stays = np.flatnonzero(~duplicate_mask(np.ascontiguousarray(samples["position"])))
     counts["duplicates"] = len(samples) - len(stays)
     if len(stays) < clean.MIN_POINTS:
         return None
+    # (2) About the core's middle: float32 holds a tile's coordinates, not a survey's.
     local = samples["position"][stays] - np.array(task.origin)
     east, north, up = local.T
     points64 = np.stack([east, up, -north], axis=1) - task.centre_m
     workers = context.threads
     k = task.normal_neighbours
+    # (3) Outliers by the whole survey's spacing (`usual`), so that tiles agree in their margins.
     neighbours = nearest_neighbours(points64, k, workers=workers)
     removed = outlier_mask(
         neighbours,
@@ -254,6 +257,7 @@ def _clean(
             return None
         neighbours = remaining_neighbours(points64, neighbours, removed, workers=workers)
         stays, points64 = stays[~removed], points64[~removed]
+    # (4) Normals; their signs are decided on the lattice of the whole survey for the same reason.
     points = points64.astype(np.float32)
     del points64, local
     normals, _ = estimate_normals(points, neighbours, k=k)

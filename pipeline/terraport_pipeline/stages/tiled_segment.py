@@ -192,6 +192,7 @@ def measure(mesh: Mesh, context: Context) -> Stored:
 
 def scene_of(tiles: Sequence[Stored]) -> TiledScene:
     """Add up what :func:`measure` found in every tile."""
+    # (1) Sums of colours, which add up exactly.
     values = [tile.values for tile in tiles]
     totals = None
     for tile in tiles:
@@ -202,6 +203,7 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
         )
         totals = totals_of_tile if totals is None else totals.plus(totals_of_tile)
     assert totals is not None
+    # (2) Open edges of different tiles at the same place are one seam.
     seams = match_seams(
         [
             OpenEdges(
@@ -211,6 +213,7 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
             for tile in tiles
         ]
     )
+    # (3) Ranges of the attributes.
     attributes: dict[str, AttributeRange] = {}
     for value in values:
         for name, stored_range in value["attributes"].items():

@@ -148,6 +148,7 @@ class CameraEye:
                 total += self._trace(view, view.rays(pixels).astype(np.float32), truck)[0]
             colours[rows] = total / (1 + len(_AROUND))
 
+        # One ray a pixel, then more along outlines only, where one ray would leave steps.
         with ThreadPoolExecutor(self._threads) as pool:
             list(pool.map(draw, range(0, height * width, step)))
             edge = np.flatnonzero(_outline(what, body, distance, height, width))
@@ -198,6 +199,7 @@ class CameraEye:
     ) -> tuple[Float32, UInt8, Int32, Float32]:
         count = len(headings)
         origin = view.position.astype(np.float32)
+        # (1) What meets nothing shows the land around or the sky.
         hits = self.rays.intersect(np.broadcast_to(origin, headings.shape), headings)
         colours = np.empty((count, 3), dtype=np.float32)
         missed = np.flatnonzero(hits.face < 0)
@@ -205,6 +207,7 @@ class CameraEye:
         what = np.full(count, NOTHING, dtype=np.uint8)
         body = np.full(count, -2, dtype=np.int32)
         distance = hits.t.copy()
+        # (2) Material and light of what is met, by the width of a pixel there.
         met = np.flatnonzero(hits.face >= 0)
         if len(met):
             face = hits.face[met]
@@ -225,6 +228,7 @@ class CameraEye:
                 footprint=wide / self.options.scale,
                 unblocked=free,
             )
+        # (3) The truck in front of it.
         if truck is not None:
             self._draw_truck(view, headings, truck, colours, what, body, distance)
         return colours, what, body, distance

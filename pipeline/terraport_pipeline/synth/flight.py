@@ -129,6 +129,7 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
     -------
     Flight
     """
+    # (1) The grid straight down, at the height that makes it fit the count.
     lens = _lens(options)
     half = np.array([HALF_X, HALF_Y]) * quarry.scale * _SIDE
     columns, rows, height = _grid(options, half, lens)
@@ -136,12 +137,14 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
     shown = np.array([lens.height, lens.width]) * height / lens.fx
     positions, looks, ups = _nadir(half, shown, columns, rows, height)
     nadir = len(positions)
+    # (2) Two orbits of oblique photos.
     outer = (options.count - nadir + 1) // 2
     for count, ring in ((outer, _outer), (options.count - nadir - outer, _inner)):
         more = ring(count, quarry)
         positions, looks, ups = (
             np.concatenate([a, b]) for a, b in zip((positions, looks, ups), more, strict=True)
         )
+    # (3) Drift and sway, as of a real drone; from the seed alone.
     positions = positions + rng.normal(0.0, _DRIFT * height, positions.shape)
     sway = np.radians(rng.normal(0.0, _SWAY_DEG, (len(positions), 3)))
     views = tuple(

@@ -159,6 +159,7 @@ def _reader(path: Path, photo_size: PhotoSize | None) -> Callable[[], RawCameras
     """Choose by content, and by name where the content cannot tell."""
     name, head = path.name.lower(), _head(path)
     stem = name.rpartition(".")[0]
+    # (1) COLMAP's files have no first bytes of their own: by name.
     if stem in ("cameras", "images") and path.suffix in (".txt", ".bin"):
         for one in ("cameras", "images"):
             if not path.with_stem(one).is_file():
@@ -168,6 +169,7 @@ def _reader(path: Path, photo_size: PhotoSize | None) -> Callable[[], RawCameras
                     "give the whole model",
                 )
         return partial(read_colmap, path.parent, binary=path.suffix == ".bin")
+    # (2) The others by their first bytes.
     if head.startswith((b"{", b"[")):
         return partial(read_shots if b"FeatureCollection" in head else read_opensfm, path)
     if _looks_like_agisoft(head):

@@ -98,10 +98,12 @@ def _parse(path: Path) -> ET.Element:
 
 
 def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:
+    # (1) Sensors, and the transforms of components and chunk.
     lenses = {one.get("id", ""): one for one in chunk.findall("sensors/sensor")}
     lens_of_sensor: dict[str, Lens] = {}
     moves = {
         one.get("id", ""): _move(path, one.find("transform"), f"component {one.get('id')}")
+        # (2) Cameras; the component's transform stands in for the chunk's.
         for one in chunk.findall("components/component")
     }
     whole = _move(path, chunk.find("transform"), "the chunk's transform")

@@ -73,6 +73,7 @@ def read_opensfm(path: Path) -> RawCameras:
     cameras: dict[str, RawCamera] = {}
     references: list[Mapping[str, Any]] = []
     warnings: list[str] = []
+    # (1) All reconstructions of the file; a photo in several keeps its first pose.
     for index, reconstruction in enumerate(reconstructions):
         location = f"reconstruction {index}"
         lenses = {
@@ -89,6 +90,7 @@ def read_opensfm(path: Path) -> RawCameras:
         if reference is not None and reference not in references:
             references.append(reference)
     check_count(path, len(cameras))
+    # (2) Pieces that were never joined may lie in frames of their own.
     if len(reconstructions) > 1:
         warnings.append(
             f"{path.name} holds {len(reconstructions)} reconstructions that OpenSfM could not "
@@ -193,6 +195,7 @@ def _lens(path: Path, location: str, values: Mapping[str, Any]) -> Lens:
             location,
         )
     model, terms = MODELS[kind]
+    # Lengths are in units of the photo's longer side, the principal point from its middle.
     try:
         width, height = int(values["width"]), int(values["height"])
         side = max(width, height)

@@ -74,6 +74,7 @@ def read_pix4d(path: Path) -> RawCameras:
     lines = _after_heading(path)
     cameras = []
     for number, text in lines:
+        # (1) Ten lines a photo: name and size, then K, distortion, position and rotation.
         words = text.rsplit(maxsplit=2)
         if len(words) != 3 or not (words[1].isdecimal() and words[2].isdecimal()):
             raise ReadError(
@@ -82,6 +83,7 @@ def read_pix4d(path: Path) -> RawCameras:
         rows = [_next(path, lines, what, count) for what, count in _BLOCK]
         location = f"photo {words[0]!r} after line {number:,}"
         k, rotation = np.array(rows[:3]), np.array(rows[6:])
+        # (2) Matrices that are none.
         if abs(k[2, 2] - 1.0) > 1e-9 or k[1, 0] != 0.0 or (k[2, :2] != 0.0).any():
             raise ReadError(path, f"K is {k.tolist()}", AGAIN, location)
         if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
