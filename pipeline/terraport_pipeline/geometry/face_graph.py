@@ -208,10 +208,10 @@ def _measure_faces(
     n = np.empty(3, np.float64)
     for f in range(len(faces)):
         for c in range(3):
-            # Products of differences in float64; rounded to whole steps at last, so that merging
-            # adds up integers.
             for axis in range(3):
                 p[c, axis] = vertices[faces[f, c], axis]
+        # Products of differences in float64; rounded to whole steps at last, so that merging adds
+        # up integers.
         for axis in range(3):
             u, v = (axis + 1) % 3, (axis + 2) % 3
             n[axis] = (p[1, u] - p[0, u]) * (p[2, v] - p[0, v]) - (p[1, v] - p[0, v]) * (

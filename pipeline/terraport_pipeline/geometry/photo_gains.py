@@ -125,10 +125,10 @@ def solve_gains(
     """
     if n_views > MAX_VIEWS:
         raise ValueError(f"{n_views} views, expected at most {MAX_VIEWS}")
-    # (1) Sightings that compare something: neither black nor burnt, and two at least of one
-    # place.
     gains = np.zeros((n_views + 1, GAIN_COLUMNS), np.float32)
     gains[:, :3] = 1.0
+    # (1) Sightings that compare something: neither black nor burnt, and two at least of one
+    # place.
     valid = (sightings.view >= 0) & (
         (sightings.level >= _LOW) & (sightings.level <= _HIGH)
     ).all(axis=2)  # fmt: skip
@@ -149,7 +149,6 @@ def solve_gains(
     # (3) Reweighted least squares: what does not fit counts less, by a limit that narrows.
     width = _FIRST_WIDTH
     for _ in range(_ROUNDS):
-        # (4) Gains relative to the reference; views without a sighting keep 1.
         residual = _residuals(view, value, sightings.radius, weight, lens, n_views, x)
         near = np.maximum(1.0 - (residual / width) ** 2, 0.0)  # Tukey's biweight
         weight = np.where(valid, near * near, 0.0).astype(np.float32)
@@ -164,6 +163,7 @@ def solve_gains(
         # one vignetting for all channels: a lens darkens them alike
         x[n_views + 1 :] = x[n_views + 1 :].mean(axis=1)[:, None]
         width = max(width * _NARROWING, _LAST_WIDTH)
+    # (4) Gains relative to the reference; views without a sighting keep 1.
     residual = _residuals(view, value, sightings.radius, weight, lens, n_views, x)
     shift = _reference(x[: n_views + 1], view, n_views)
     gains[:, :3] = np.exp(x[: n_views + 1] - shift)

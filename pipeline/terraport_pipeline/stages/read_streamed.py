@@ -184,7 +184,7 @@ def _finish(
     folder: Path,
 ) -> tuple[Mapping[str, Json], Facts]:
     """Decide what only the whole survey can decide, and bring the columns to their last form."""
-    # (1) Nothing to build of.
+    # (1) Refuse a survey without a single point.
     warnings = [*stream.late_warnings(), *stream.warnings]
     count = points.writer.rows
     if not count:

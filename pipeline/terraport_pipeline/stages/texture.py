@@ -313,7 +313,6 @@ def texture_mesh(
     progress.start(label, float(count), "segments")
 
     def make(faces: npt.NDArray[np.integer]) -> MadeAtlas:
-        # (3) Images stay in the file.
         return maker.make(faces, max_side=max_side)
 
     with path.open("wb") as file:
@@ -324,6 +323,7 @@ def texture_mesh(
             wedges[faces] = atlas.wedges
             sums.add(faces, atlas)
             progress.advance(1)
+    # (3) The images stay in the file; the result maps it.
     facts = sums.facts(np.array(sides), offsets[-1])
     progress.done({"texel_m": facts["texel_m"]})
     return MadeTextures(

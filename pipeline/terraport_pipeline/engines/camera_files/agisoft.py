@@ -103,10 +103,10 @@ def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:
     lens_of_sensor: dict[str, Lens] = {}
     moves = {
         one.get("id", ""): _move(path, one.find("transform"), f"component {one.get('id')}")
-        # (2) Cameras; the component's transform stands in for the chunk's.
         for one in chunk.findall("components/component")
     }
     whole = _move(path, chunk.find("transform"), "the chunk's transform")
+    # (2) Cameras; the component's transform stands in for the chunk's.
     cameras, unaligned = [], 0
     for one in chunk.iterfind("cameras//camera"):
         name = one.get("label") or f"camera {one.get('id')}"
