@@ -62,7 +62,7 @@ def _fill_cell(
     value = np.zeros((starts[levels], 3), np.float32)
     filled = np.zeros(starts[levels], np.uint8)
     # (2) Upwards: each texel is the mean of the covered ones of its four children. Invariant: a
-    # texel is known exactly where something below it is covered.
+    # texel is filled exactly where something below it is covered.
     for level in range(1, levels):
         fine_w, fine_h = sides[level - 1]
         for j in range(sides[level, 1]):
@@ -88,7 +88,7 @@ def _fill_cell(
                     texel = starts[level] + j * sides[level, 0] + i
                     value[texel, 0], value[texel, 1], value[texel, 2] = r / n, g / n, b / n
                     filled[texel] = 1
-    # (3) Downwards: unknown texels take their parent's colour, so every level is full before the
+    # (3) Downwards: unfilled texels take their parent's colour, so every level is full before the
     # next.
     if not filled[starts[levels - 1]]:
         return  # nothing at all in this cell
