@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64
+from terraport_payload.types import AnyArray, AnyInt, Float32, Float64
 from terraport_pipeline.stages.atlas_maker import MadeAtlas
 
 __all__ = ["TextureSums", "TextureTally"]
@@ -34,7 +33,7 @@ class TextureTally:
     crowded_m2: float
     """Surface of flat colours, for want of room."""
 
-    def arrays(self) -> dict[str, npt.NDArray[np.float64]]:
+    def arrays(self) -> dict[str, Float64]:
         """Convert to named arrays, as a work directory stores them."""
         return {
             "tally_texel": self.texel_m2,
@@ -43,7 +42,7 @@ class TextureTally:
         }
 
     @classmethod
-    def total(cls, tallies: Iterable[Mapping[str, npt.NDArray[Any]]]) -> TextureTally:
+    def total(cls, tallies: Iterable[Mapping[str, AnyArray]]) -> TextureTally:
         """Add up the stored tallies of several tiles."""
         texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), np.zeros(2)
         for tally in tallies:
@@ -75,7 +74,7 @@ class TextureSums:
         self.charts = 0
         self.used = 0.0
 
-    def add(self, faces: npt.NDArray[np.integer], atlas: MadeAtlas) -> None:
+    def add(self, faces: AnyInt, atlas: MadeAtlas) -> None:
         """Record area, texel size and sampling distance of one atlas's faces."""
         self.surface_m2[faces] = atlas.surface_m2
         self.texel_m[faces] = np.sqrt(atlas.surface_m2 / np.maximum(atlas.texels, 1e-12))
@@ -96,7 +95,7 @@ class TextureSums:
             float(self.surface_m2[self.crowded].sum(dtype=np.float64)),
         )
 
-    def facts(self, sides: npt.NDArray[np.integer], image_bytes: int) -> dict[str, Any]:
+    def facts(self, sides: AnyInt, image_bytes: int) -> dict[str, Any]:
         """Summarise all atlases; *sides* is (S, 2), texels."""
         seen, drawn = ~np.isnan(self.gsd_m), ~self.flat
         area = float(self.surface_m2.sum(dtype=np.float64))
