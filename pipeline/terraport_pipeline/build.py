@@ -22,7 +22,7 @@ from terraport_pipeline.engines.survey_stream import survey_size
 from terraport_pipeline.errors import OptionError, PipelineError, SurveyError
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.model import Survey
-from terraport_pipeline.photo_input import FoundPhotos, Texturing
+from terraport_pipeline.photo_input import LocatedPhotos, Texturing
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.publish_step import build_info, pack_once
 from terraport_pipeline.scene_lock import scene_locked
@@ -294,7 +294,7 @@ def _run_tiled(
     options: BuildOptions,
     input_info: InputInfo,
     plan: MemoryPlan,
-    photos: FoundPhotos | None,
+    photos: LocatedPhotos | None,
 ) -> tuple[str, bool]:
     """Run all stages over tiles; as :func:`_run_stages`."""
     # (1) Refuse now what cannot be done by tiles; then everything up to tiles and base.

@@ -28,7 +28,7 @@ from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import texture
 from terraport_pipeline.workdir import file_digest
 
-__all__ = ["FoundPhotos", "Texturing", "camera_samples"]
+__all__ = ["LocatedPhotos", "Texturing", "camera_samples"]
 
 _MAX_SAMPLES: Final = 20_000
 """Points of the cloud that the cameras are tried on."""
@@ -55,7 +55,7 @@ class Texturing:
         if self.options.source == "photos" and self.photos is None:
             raise OptionError("cameras without photos; give the folder of the photos with --photos")
 
-    def find(self, progress: Progress) -> FoundPhotos | None:
+    def find(self, progress: Progress) -> LocatedPhotos | None:
         """Find cameras and photos and hash them; None with textures from vertex colours.
 
         Raises
@@ -91,7 +91,7 @@ class Texturing:
             progress.advance(1)
         left_out = len(raw.cameras) - len(path_of_photo) + len(refused)
         progress.done({"photos": len(path_of_photo) - len(refused), "left out": left_out})
-        return FoundPhotos(
+        return LocatedPhotos(
             self,
             cameras,
             len(path_of_photo),
@@ -100,7 +100,7 @@ class Texturing:
             raw.format,
         )
 
-    def recorded(self, photos: FoundPhotos | None) -> dict[str, Any]:
+    def recorded(self, photos: LocatedPhotos | None) -> dict[str, Any]:
         """Return what changes the published bytes, as the manifest records it."""
         values: dict[str, Any] = asdict(self.options)
         if photos is not None:
@@ -111,7 +111,7 @@ class Texturing:
 
 
 @dataclass(frozen=True, slots=True)
-class FoundPhotos:
+class LocatedPhotos:
     """Cameras whose photos were located and hashed, before they are placed in a scene."""
 
     asked: Texturing

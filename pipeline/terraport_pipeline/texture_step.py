@@ -10,7 +10,7 @@ from terraport_pipeline import photo_input
 from terraport_pipeline.build_tiled_textures import TiledTexturing
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.model import Crs
-from terraport_pipeline.photo_input import FoundPhotos, Texturing
+from terraport_pipeline.photo_input import LocatedPhotos, Texturing
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import texture
 from terraport_pipeline.stages.clean import Cleaned
@@ -25,7 +25,7 @@ __all__ = ["texture_step", "tiled_texturing"]
 def texture_step(
     runner: StageRunner,
     asked: Texturing,
-    photo_source: FoundPhotos | None,
+    photo_source: LocatedPhotos | None,
     crs: dict[str, Any] | None,
     cleaned: Step[Cleaned],
     reconstructed: Step[Reconstructed],
@@ -37,7 +37,7 @@ def texture_step(
     ----------
     runner : StageRunner
     asked : Texturing
-    photo_source : FoundPhotos or None
+    photo_source : LocatedPhotos or None
         From ``asked.find``.
     crs : dict or None
         The survey's, as the read stage records it.
@@ -85,7 +85,7 @@ def texture_step(
 
 def tiled_texturing(
     asked: Texturing,
-    photo_source: FoundPhotos | None,
+    photo_source: LocatedPhotos | None,
     samples: Float32,
     colours: UInt8 | None,
     origin: Float64,
@@ -97,7 +97,7 @@ def tiled_texturing(
     Parameters
     ----------
     asked : Texturing
-    photo_source : FoundPhotos or None
+    photo_source : LocatedPhotos or None
         From ``asked.find``.
     samples : ndarray of shape (N, 3), float32
         Points of the survey, scene frame.

@@ -306,7 +306,7 @@ def to_json(evaluation: Evaluation) -> str:
             "results": [
                 {
                     "algorithm": result.algorithm,
-                    "made_by": result.run.algorithm.made_by,
+                    "made_by": result.run.algorithm.implementation,
                     "note": result.run.surface.note if result.run.surface else "",
                     "error": result.run.error,
                     "cpu_s": round(result.run.cpu_s, 3),

@@ -133,22 +133,22 @@ def with_band(pieces: Iterable[TilePiece], tile: int) -> Banded:
     Banded
         Vertices of one number are one vertex.
     """
-    known_ids, known_rows = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    shared_ids, shared_rows = np.zeros(0, np.int64), np.zeros(0, np.int64)
     vertices: list[Float32] = []
     colours: list[UInt8] = []
     faces: list[Int32] = []
     listed: list[tuple[int, Int32]] = []
     count, face_count, own = 0, 0, slice(0, 0)
     for piece in pieces:
-        # (1) Vertices that an earlier piece brought are used again. Invariant: known_ids is
-        # sorted, and known_rows[i] is where the vertex of known_ids[i] stands.
+        # (1) Vertices that an earlier piece brought are used again. Invariant: shared_ids is
+        # sorted, and shared_rows[i] is where the vertex of shared_ids[i] stands.
         row = np.empty(len(piece.vertices), np.int64)
-        at = np.searchsorted(known_ids, piece.ids)
-        at[at == len(known_ids)] = 0
+        at = np.searchsorted(shared_ids, piece.ids)
+        at[at == len(shared_ids)] = 0
         is_shared = np.zeros(len(row), np.bool_)
-        if len(known_ids):
-            is_shared = (piece.ids >= 0) & (known_ids[at] == piece.ids)
-            row[is_shared] = known_rows[at[is_shared]]
+        if len(shared_ids):
+            is_shared = (piece.ids >= 0) & (shared_ids[at] == piece.ids)
+            row[is_shared] = shared_rows[at[is_shared]]
         row[~is_shared] = count + np.arange(int((~is_shared).sum()))
         count += int((~is_shared).sum())
         # (2) Append what is new, and the faces in the new numbers.
@@ -162,11 +162,11 @@ def with_band(pieces: Iterable[TilePiece], tile: int) -> Banded:
         # (3) Remember the new shared vertices.
         new = ~is_shared & (piece.ids >= 0)
         ids, rows = (
-            np.concatenate([known_ids, piece.ids[new]]),
-            np.concatenate([known_rows, row[new]]),
+            np.concatenate([shared_ids, piece.ids[new]]),
+            np.concatenate([shared_rows, row[new]]),
         )
         order = np.argsort(ids, kind="stable")
-        known_ids, known_rows = ids[order], rows[order]
+        shared_ids, shared_rows = ids[order], rows[order]
     return Banded(
         np.concatenate(vertices),
         np.concatenate(faces),

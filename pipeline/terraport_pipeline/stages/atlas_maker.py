@@ -26,7 +26,7 @@ from terraport_pipeline.geometry.view_choice import ViewChoice
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.choose_views import Photos
 
-__all__ = ["AtlasMaker", "MadeAtlas"]
+__all__ = ["AtlasMaker", "BakedAtlas"]
 
 
 _RIM_TEXELS: Final = 1.5
@@ -38,7 +38,7 @@ _MAX_PHOTO_SCALE: Final = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MadeAtlas:
+class BakedAtlas:
     """The texture of one mesh of F faces."""
 
     wedges: UInt16
@@ -78,7 +78,7 @@ class AtlasMaker:
     kind: ImageFormat
     quality: int
 
-    def make(self, faces: AnyInt, *, max_side: int) -> MadeAtlas:
+    def make(self, faces: AnyInt, *, max_side: int) -> BakedAtlas:
         """Make the atlas of some faces.
 
         Parameters
@@ -90,7 +90,7 @@ class AtlasMaker:
 
         Returns
         -------
-        MadeAtlas
+        BakedAtlas
             In the order of *faces*.
         """
         # (1) The piece alone: its vertices renumbered, its faces' colours.
@@ -149,7 +149,7 @@ class AtlasMaker:
             wedges[flat] = (2 * cells[:, :2] + cells[:, 2:])[shared.of_face][:, None, :]
         # (6) Gutters from the charts, so that filtering at their edges reads no black.
         fill_cells(image, covered, atlas.cells)
-        return MadeAtlas(
+        return BakedAtlas(
             wedges=wedges.astype(np.uint16),
             image=encode_image(image, self.kind, self.quality),
             width=atlas.width,

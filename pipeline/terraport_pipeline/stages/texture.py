@@ -27,7 +27,7 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import choose_views as choosing
-from terraport_pipeline.stages.atlas_maker import AtlasMaker, MadeAtlas
+from terraport_pipeline.stages.atlas_maker import AtlasMaker, BakedAtlas
 from terraport_pipeline.stages.choose_views import Photos
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
@@ -38,8 +38,8 @@ from terraport_pipeline.stages.view_gains import view_gains
 
 __all__ = [
     "NAME",
+    "BakedTextures",
     "BaseTextures",
-    "MadeTextures",
     "Options",
     "faces_only",
     "photo_bytes",
@@ -178,7 +178,7 @@ def run(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MadeTextures:
+class BakedTextures:
     """Textures of one mesh, and numbers about them."""
 
     textures: TextureSet
@@ -190,7 +190,7 @@ class MadeTextures:
 class BaseTextures:
     """The base's texture, and the exposures that were found on the way."""
 
-    atlases: MadeTextures
+    atlases: BakedTextures
     gains: Float32 | None
     """(views + 1, GAIN_COLUMNS); None with textures from vertex colours."""
 
@@ -271,7 +271,7 @@ def texture_mesh(
     threads: int,
     progress: Progress,
     label: str,
-) -> MadeTextures:
+) -> BakedTextures:
     """Make the atlases of a mesh's pieces: of a whole detail, of one tile, or of a base.
 
     Parameters
@@ -295,7 +295,7 @@ def texture_mesh(
 
     Returns
     -------
-    MadeTextures
+    BakedTextures
     """
     # (1) Faces of every piece.
     maker = AtlasMaker(mesh, views, photos, choice, options.texel_m, options.kind, options.quality)
@@ -310,7 +310,7 @@ def texture_mesh(
     offsets, sides = [0], []
     progress.start(label, float(count), "segments")
 
-    def make(faces: AnyInt) -> MadeAtlas:
+    def make(faces: AnyInt) -> BakedAtlas:
         return maker.make(faces, max_side=max_side)
 
     with path.open("wb") as file:
@@ -324,7 +324,7 @@ def texture_mesh(
     # (3) The images stay in the file; the result maps it.
     facts = sums.facts(np.array(sides), offsets[-1])
     progress.done({"texel_m": facts["texel_m"]})
-    return MadeTextures(
+    return BakedTextures(
         TextureSet(
             wedges,
             np.memmap(path, np.uint8, "r"),

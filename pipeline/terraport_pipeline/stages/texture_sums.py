@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import AnyArray, AnyInt, Float32, Float64
-from terraport_pipeline.stages.atlas_maker import MadeAtlas
+from terraport_pipeline.stages.atlas_maker import BakedAtlas
 
 __all__ = ["TextureSums", "TextureTally"]
 
@@ -74,7 +74,7 @@ class TextureSums:
         self.charts = 0
         self.used = 0.0
 
-    def add(self, faces: AnyInt, atlas: MadeAtlas) -> None:
+    def add(self, faces: AnyInt, atlas: BakedAtlas) -> None:
         """Record area, texel size and sampling distance of one atlas's faces."""
         self.surface_m2[faces] = atlas.surface_m2
         self.texel_m[faces] = np.sqrt(atlas.surface_m2 / np.maximum(atlas.texels, 1e-12))

@@ -72,7 +72,7 @@ class Reconstructor:
     """Name on the command line."""
     title: str
     """As the thesis calls it."""
-    made_by: str
+    implementation: str
     """The implementation used here."""
     thesis_used: str
     """The implementation that the thesis used."""

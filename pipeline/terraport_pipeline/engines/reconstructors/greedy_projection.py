@@ -109,7 +109,7 @@ def _turned(faces: Int32, samples: Samples) -> Int32:
 GREEDY_PROJECTION: Final = Reconstructor(
     key="greedy-projection",
     title="Fast surface reconstruction",
-    made_by="Point Cloud Library (pcl_gp3_surface)",
+    implementation="Point Cloud Library (pcl_gp3_surface)",
     thesis_used="Point Cloud Library",
     paper="Marton, Rusu and Beetz 2009",
     one_sheet=False,
