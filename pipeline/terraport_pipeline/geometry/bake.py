@@ -137,6 +137,7 @@ def _bake_photo(
     margin: float,
     blends: bool,
 ) -> None:
+    """Draw faces of one photo; see :func:`bake_photo_faces`. `second` is the other photo."""
     scale_x, scale_y = photo.shape[1] / packed[WIDTH], photo.shape[0] / packed[HEIGHT]
     second_x = second.shape[1] / second_packed[WIDTH]
     second_y = second.shape[0] / second_packed[HEIGHT]
@@ -210,6 +211,25 @@ def _write_photo(
     second_gain: Float32,
     mixing: bool,
 ) -> None:
+    """Colour texel (i, j) from photos at barycentric weights l0, l1, l2 of the face's corners.
+
+    Parameters
+    ----------
+    image, covered : ndarray of shape (H, W, 3), (H, W)
+        Written.
+    i, j : int
+        Column and row of the texel.
+    l0, l1, l2 : float
+        Weights; they sum to 1.
+    at : ndarray of shape (3, 7), float64
+        Per corner: x, y in the photo and vignetting; the same of the second photo; its weight.
+    correction : ndarray of shape (3, 3), float32
+        Levels to add, by corner and channel.
+    photo, gain, second, second_gain : ndarray
+        The two photos, and their gains by channel.
+    mixing : bool
+        Whether the second photo counts.
+    """
     # (1) Corner values, weighted by the texel's barycentric coordinates.
     x = l0 * at[0, 0] + l1 * at[1, 0] + l2 * at[2, 0]
     y = l0 * at[0, 1] + l1 * at[1, 1] + l2 * at[2, 1]

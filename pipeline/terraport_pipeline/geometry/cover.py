@@ -278,6 +278,25 @@ def _unite(
     """Unite the runs of some base faces' columns; returns their lists and each face's status.
 
     Lists come one after the other, ascending, with their lengths.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        The base, metres.
+    grid : Grid
+    grow : float
+        How far a base face is grown, metres.
+    runs : Runs
+        Detail segments in every column.
+    max_gap : float
+        Rule 1; infinite without one.
+    extra_offsets, extra_segment : ndarray
+        Rule 2: further segments of every base face, as CSR.
+    n_segments : int
+    hide_partly_covered : bool
+        True leaves rule 3 out.
+    first, last : int
+        Base faces.
     """
     # Invariant: `members[:begin]` are the lists of faces first..f-1; `seen[s] == f` exactly where
     # segment s stands in the list of face f, which spares clearing it for every face.

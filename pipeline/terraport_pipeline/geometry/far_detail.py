@@ -197,6 +197,24 @@ def _match(
     Neighbours in the file mostly lie over one base face, so the one that was close last is tried
     first. That changes no answer: where the limit is within reach (``hint_counts``), a base face
     within the limit of a centre is entered in the centre's column.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        The detail, metres.
+    base_vertices, base_faces : ndarray
+        The base.
+    starts, entries : ndarray
+        Base faces in every column of `grid`, as CSR.
+    grid : Grid
+    limit : float
+        Largest distance of a close face, metres.
+    hint_counts : bool
+        See above.
+    state : ndarray of shape (F,), uint8
+        Written: ``_CLOSE``, ``_ALONE`` or ``_BASELESS``.
+    begin, end : int
+        Detail faces.
     """
     p = np.empty(3)
     hint = -1

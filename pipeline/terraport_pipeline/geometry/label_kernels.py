@@ -149,7 +149,21 @@ def energy(
     begin: int,
     end: int,
 ) -> float:
-    """Sum costs and seams of faces begin..end; an edge counts at its lower face."""
+    """Sum costs and seams of faces begin..end; an edge counts at its lower face.
+
+    Parameters
+    ----------
+    views, costs : ndarray of shape (F, SLOTS)
+        Candidates of every face and their costs, in units of 1 / ``_UNIT``.
+    neighbour, length, area
+        As :func:`neighbour_rows` returns them.
+    slot : ndarray of shape (F,), int8
+        Chosen slot, -1 none.
+    smoothness : float
+        Cost of a seam as long as the mean edge.
+    begin, end : int
+        Faces.
+    """
     total = 0.0
     for f in range(begin, end):
         if slot[f] < 0:
@@ -249,7 +263,21 @@ def solve_piece(
     first: int,
     last: int,
 ) -> None:
-    """Best labels of a forest in faces first..last, the labels of all other faces given."""
+    """Best labels of a forest in faces first..last, the labels of all other faces given.
+
+    Parameters
+    ----------
+    views, costs, neighbour, length, area, smoothness
+        As for :func:`energy`.
+    old : ndarray of shape (F,), int8
+        Slots before the round; all that is read of other pieces.
+    slot : ndarray of shape (F,), int8
+        Slots after it; written in first..last only.
+    round_number : int
+        Chooses the forest.
+    first, last : int
+        Faces of the piece.
+    """
     # Exact on the forest by dynamic programming: no labels of these faces, all others given, have
     # less energy. Invariant of (1): when face i is reached, total[i] holds the messages of all
     # its children, because children stand after their parents in `order`.

@@ -148,7 +148,31 @@ def _choose(
     begin: int,
     end: int,
 ) -> None:
-    """Choose a neighbour for some units; -1 stays where none is near enough."""
+    """Choose a neighbour for some units; -1 stays where none is near enough.
+
+    Parameters
+    ----------
+    offsets, neighbours, border : ndarray
+        Neighbours of every unit as CSR, with the length of the border in steps.
+    perimeter, sums, faces, name : ndarray of shape (U,), (U, C), (U,), (U,)
+        Of every unit: border in all, summed colours, number of faces, lowest face.
+    small : ndarray of shape (U,), bool
+        Units that are too small to stay.
+    weight : ndarray of shape (C,), float64
+        Weights of the colour's components.
+    limit : float
+        Largest distance of two means.
+    least : int
+        Faces below which a unit is brought nearer.
+    leak : float
+        Exponent against short borders; 0 leaves it out.
+    small_only : bool
+        Whether only small units unite, by colour alone.
+    choice : ndarray of shape (U,), int32
+        Written in begin..end.
+    begin, end : int
+        Units.
+    """
     for u in range(begin, end):
         # Invariant: `choice[u]` is the neighbour of least squared distance so far, or -1. Ties
         # fall to the scrambled names, not to the order of neighbours, so that flat areas do not

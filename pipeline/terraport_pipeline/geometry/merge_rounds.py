@@ -74,8 +74,24 @@ def unite_partners(
 ) -> tuple[Int32, Int32, Int64, Int32, Int32]:
     """Unite mutual partners; merge ``done`` and the next are written to ``children`` and ``paid``.
 
-    Returns the union of every unit, numbered by lowest unit, and every union's node, area, faces
-    and name. Merges of one round are numbered by their lower unit.
+    Parameters
+    ----------
+    partner, cost : ndarray of shape (U,)
+        As :func:`mutual_partners` returns them.
+    node, area, faces, name : ndarray of shape (U,)
+        Node of the tree, area, number of faces and lowest face of every unit.
+    children, paid : ndarray of shape (M, 2), (M,)
+        The tree's merges and their costs; written from ``done`` on.
+    n_faces : int
+        Leaves of the tree: merge m is node ``n_faces + m``.
+    done : int
+        Merges before this round.
+
+    Returns
+    -------
+    tuple
+        The union of every unit, numbered by lowest unit, and every union's node, area, faces and
+        name. Merges of one round are numbered by their lower unit.
     """
     # (1) How many units are left: a pair counts at its lower unit.
     count = 0

@@ -315,7 +315,23 @@ def _offer(
     parent: Int32,
     heap: _Heap,
 ) -> None:  # pragma: no cover - compiled
-    """Offer a settled point's sign to the neighbours that still lack one."""
+    """Offer a settled point's sign to the neighbours that still lack one.
+
+    Parameters
+    ----------
+    point : int
+        Settled.
+    points, normals : ndarray of shape (N, 3), float32
+    settled : ndarray of shape (N,), bool
+    graph : ndarray of shape (N, k), int32
+        Neighbours of every point.
+    starts, links : ndarray of shape (N + 1,), (N k,)
+        The reverse graph as CSR: points that have a point as neighbour.
+    best, parent : ndarray of shape (N,)
+        Cheapest link to every point so far, and where it comes from; written.
+    heap : list
+        Links by cost; written.
+    """
     # (1) Neighbours of the point, and the points it is a neighbour of: the graph is used both
     # ways.
     k = graph.shape[1]

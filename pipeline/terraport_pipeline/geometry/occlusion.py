@@ -189,7 +189,25 @@ def _find_unsure(
     begin: int,
     end: int,
 ) -> None:
-    """Mark the faces that the depth grid does not show to be clear."""
+    """Mark the faces that the depth grid does not show to be clear.
+
+    Parameters
+    ----------
+    packed : ndarray of shape (PACKED,), float64
+        The view.
+    vertices, faces : ndarray
+        The mesh, metres.
+    face, area : ndarray of shape (C,)
+        Columns of :class:`~.view_candidates.Rated`.
+    depth, rays : ndarray of shape (rows, columns), (rows, columns, 3)
+        Distance at which the rays of a coarse grid over the picture end, and their directions.
+    offset_m : float
+        Height above the surface that hides nothing.
+    unsure : ndarray of shape (C,), bool
+        Written: cleared where the face is seen for certain.
+    begin, end : int
+        Rows of the columns.
+    """
     # (1) Width of a grid cell in pixels; where the camera stands.
     rows, columns = depth.shape
     step_u, step_v = packed[WIDTH] / (columns - 1), packed[HEIGHT] / (rows - 1)

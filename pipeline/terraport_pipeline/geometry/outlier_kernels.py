@@ -63,7 +63,23 @@ def rate(
     begin: int,
     end: int,
 ) -> None:
-    """Find how far each view of the cells begin..end is from the rest, over the limit."""
+    """Find how far each view of the cells begin..end is from the rest, over the limit.
+
+    Parameters
+    ----------
+    views, colours : ndarray of shape (F, SLOTS), (F, SLOTS, 3)
+        Candidates of every face, and its colour in each.
+    own : ndarray of shape (F, 3), uint8
+        Colours of the cloud; (0, 3) where it has none.
+    order, starts : ndarray
+        Faces sorted by cell, and where each cell's begin.
+    cell_views : ndarray of shape (C, MAX_VIEWS), int16
+        Written: the views of every cell, -1 after the last.
+    far : ndarray of shape (C, MAX_VIEWS), float32
+        Written: distance of each over the limit; above 1 it is out.
+    begin, end : int
+        Cells.
+    """
     seen = np.empty(MAX_VIEWS, np.int64)
     faces = np.empty(MAX_VIEWS)
     mean = np.empty((MAX_VIEWS + 1, 3))
@@ -109,7 +125,19 @@ def drop(
     begin: int,
     end: int,
 ) -> int:
-    """Drop views of the cells begin..end; returns the pairs of face and view dropped."""
+    """Drop views of the cells begin..end; returns the pairs of face and view dropped.
+
+    Parameters
+    ----------
+    views, qualities, colours : ndarray of shape (F, SLOTS), (F, SLOTS), (F, SLOTS, 3)
+        Candidates; written, in the cells' own faces only.
+    order, starts, cell_views, far
+        As :func:`rate` left them.
+    around : ndarray of shape (C, 27), int32
+        Neighbouring cells of every cell, -1 none.
+    begin, end : int
+        Cells.
+    """
     dropped = 0
     out = np.empty(MAX_VIEWS, np.bool_)
     less = np.empty(MAX_VIEWS, np.int64)
@@ -188,9 +216,17 @@ def _means(
     mean: Float64,
     grain: Float64,
 ) -> int:
-    """Mean colour of a cell in each of its n views, and in the cloud at place n.
+    """Mean colour of a cell in each of its n views, and of the cloud in row n; returns n.
 
-    Also the faces of each view, and the mean square of what the faces differ from the cloud's.
+    Parameters
+    ----------
+    views, colours, own, order
+        As for :func:`rate`.
+    first, last : int
+        The cell's faces in `order`.
+    seen, faces, mean, grain : ndarray
+        Written, a row a view: its number, its faces, their mean colour, and the mean square of what
+        they differ from the cloud's.
     """
     # (1) Sums over the cell's faces. Invariant: seen[:n] are the views met so far, each once;
     # faces, mean and grain have one row for each. Views beyond MAX_VIEWS are left out.

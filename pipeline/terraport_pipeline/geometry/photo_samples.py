@@ -183,6 +183,22 @@ def _sample_faces(
     begin: int,
     end: int,
 ) -> None:
+    """Sample one photo on faces ``which[begin:end]``, into `colours`.
+
+    Parameters
+    ----------
+    photo : ndarray of shape (H, W, 3), uint8
+    packed, gain : ndarray of shape (PACKED,), (GAIN_COLUMNS,)
+        The view and its exposure.
+    faces, uv : ndarray of shape (F, 3), (V, 2)
+        The mesh, and the pixels of its vertices.
+    which : ndarray of shape (C,), int32
+        Faces to sample.
+    colours : ndarray of shape (C, 3), uint8
+        Written.
+    begin, end : int
+        Rows of `which`.
+    """
     scale_x, scale_y = photo.shape[1] / packed[WIDTH], photo.shape[0] / packed[HEIGHT]
     for c in range(begin, end):
         # (1) The face's middle, in pixels of the lens.

@@ -273,6 +273,25 @@ def _interpolate(
     begin: int,
     end: int,
 ) -> None:
+    """Interpolate the field at nodes begin..end, into `levels`.
+
+    Parameters
+    ----------
+    level : ndarray of shape (C', 3), float64
+        Correction of every solved cell.
+    near : ndarray of shape (C, 27), int32
+        Cells of the same view around every cell, -1 none.
+    origin, size : ndarray of shape (3,), float
+        The grid, metres.
+    vertices, vertex : ndarray of shape (V, 3), (N,)
+        Positions, and the vertex of every node.
+    cell : ndarray of shape (N,), int32
+        Cell of every node.
+    levels : ndarray of shape (N, 3), float32
+        Written.
+    begin, end : int
+        Nodes.
+    """
     fraction = np.empty(3)
     side = np.empty(3, np.int64)
     for n in range(begin, end):

@@ -219,6 +219,27 @@ def _measure_seams(
     vertices: Float32,
     unit_m: float,
 ) -> tuple[Int32, Int32, Float32, Float32, Float32, Float32]:
+    """Measure the edges of `pairs`; the fields of :class:`Seams`.
+
+    Parameters
+    ----------
+    corner : ndarray of shape (F, 3), int32
+        Node of every corner.
+    faces, vertices : ndarray
+        The mesh, metres.
+    view : ndarray of shape (F,), int32
+        Chosen view, -1 for vertex colours.
+    views, colour : ndarray of shape (F, SLOTS), (F, SLOTS, 3)
+        Candidates sorted by view, and the face's colour in each.
+    own : ndarray of shape (F, 3), uint8
+        Vertex colours of the faces.
+    gains : ndarray of shape (n_views + 1, 3), float32
+        To undo for the raw step.
+    pairs, edges : ndarray of shape (S, 2), int32
+        Faces of different views, and the edge between them.
+    unit_m : float
+        Length that weighs 1; 0 for the mean of these edges.
+    """
     n = len(pairs)
     node = np.empty((n, 2, 2), np.int32)
     step = np.zeros((n, 3), np.float32)

@@ -171,6 +171,7 @@ def _combine(
     begin: int,
     end: int,
 ) -> None:
+    """Equation (3.1) for faces begin..end, from the stretched index and the distance."""
     for f in range(begin, end):
         # (1) The index, stretched and weighted.
         value = (np.float64(index[f]) - shift) * scale * mu

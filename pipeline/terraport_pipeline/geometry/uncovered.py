@@ -148,6 +148,21 @@ def _find(
     it is covered. (2) Else every face of the cover in these cells is subtracted from it, from one
     list of pieces into the other. Invariant: the pieces are convex, do not overlap, and together
     are the face without what was subtracted.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        The surface to judge, metres.
+    plan : ndarray of shape (G, 6), float64
+        Corners x, z of every face of the cover.
+    grid, starts, entries
+        Faces of the cover in every cell, as CSR.
+    covered : ndarray of shape (cells,), bool
+        Cells that the cover holds whole.
+    uncovered : ndarray of shape (F,), bool
+        Written in begin..end.
+    begin, end : int
+        Faces.
     """
     pieces = np.empty((2, _PIECES, _CORNERS, 2))
     sizes = np.zeros((2, _PIECES), np.int64)
@@ -224,6 +239,22 @@ def _subtract(
 
     A piece is cut along the line of each edge in turn: what lies outside is left as a piece of its
     own, what lies inside all three goes. Pieces of at most `least` square metres go too.
+
+    Parameters
+    ----------
+    pieces, sizes : ndarray of shape (_PIECES, _CORNERS, 2), (_PIECES,)
+        Convex polygons seen from above, and their corners; the first `count` are there.
+    count : int
+    left, left_sizes : ndarray
+        Written: what is left, likewise.
+    scratch : ndarray of shape (2, _CORNERS, 2), float64
+        Overwritten.
+    plan : ndarray of shape (G, 6), float64
+        Corners x, z of every face of the cover.
+    g : int
+        The face to subtract.
+    least : float
+        Area below which a piece counts as covered.
     """
     result = 0
     for piece in range(count):

@@ -193,6 +193,21 @@ def _join_small(
     across_regions: bool,
     compactness: float,
 ) -> Int32:
+    """Unite every small unit with its most similar neighbour; lowest unit of every unit's union.
+
+    Parameters
+    ----------
+    offsets, neighbours, border : ndarray
+        The units' graph as CSR, with the length of every border in steps.
+    size, mean, region : ndarray of shape (U,)
+        Faces, mean similarity index and region of every unit.
+    min_faces : int
+        Units below this are small.
+    across_regions : bool
+        Whether a unit may join one of another region.
+    compactness : float
+        Weight of the border's share of the perimeter beside the difference of the means.
+    """
     count = len(size)
     parent = np.arange(count).astype(np.int32)
     for u in range(count):
@@ -236,6 +251,21 @@ def _join_within_bounds(
     max_extent_m: float,
     across_regions: bool,
 ) -> Int32:
+    """Unite units in pairs, small ones first, within both bounds; the lower unit of every pair.
+
+    Parameters
+    ----------
+    offsets, neighbours, border, size, mean, region, across_regions
+        As for :func:`_join_small`.
+    low, high : ndarray of shape (U, 3), float32
+        Box of every unit, metres.
+    order : ndarray, int64
+        Units that may choose, in their order.
+    max_faces : int
+        Largest union.
+    max_extent_m : float
+        Longest side of its box.
+    """
     # Invariant: a unit takes part in one join at most (then it is locked), so sizes and boxes are
     # those of the start of the round and no join breaks a bound.
     count = len(size)

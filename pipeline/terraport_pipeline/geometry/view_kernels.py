@@ -130,7 +130,25 @@ def rate(
     begin: int,
     end: int,
 ) -> tuple[Int32, Float32, Float32]:
-    """Rate faces begin..end; the three columns of :class:`Rated`."""
+    """Rate faces begin..end; the three columns of :class:`Rated`.
+
+    Parameters
+    ----------
+    packed : ndarray of shape (PACKED,), float64
+        The view.
+    vertices, faces : ndarray
+        The mesh, metres.
+    uv : ndarray of shape (V, 2), float32
+        Pixels of the vertices; NaN outside the picture.
+    sharpness : ndarray of shape (rows, columns), float32
+        Sharpness of the photo by blocks.
+    quality : ndarray of shape (F, SLOTS), uint16
+        Qualities of the candidates so far.
+    min_cosine : float
+        Of the angle between normal and line of sight.
+    begin, end : int
+        Faces.
+    """
     # Invariant: the first n rows of the three columns are the faces rated, ascending.
     width, height = packed[WIDTH], packed[HEIGHT]
     margin = _MARGIN * max(width, height)
@@ -192,7 +210,23 @@ def insert(
     begin: int,
     end: int,
 ) -> None:
-    """Put a view among the best of rated faces begin..end."""
+    """Put a view among the best of rated faces begin..end.
+
+    Parameters
+    ----------
+    views, qualities, slot_colours : ndarray of shape (F, SLOTS), (F, SLOTS), (F, SLOTS, 3)
+        Candidates; written.
+    view : int
+        The view's number.
+    face, quality : ndarray of shape (C,)
+        Columns of :class:`Rated`.
+    visible : ndarray of shape (C,), bool
+        Whether nothing hides the face.
+    colours : ndarray of shape (C, 3), uint8
+        The face in this view.
+    begin, end : int
+        Rows of the columns.
+    """
     for c in range(begin, end):
         if not visible[c]:
             continue
