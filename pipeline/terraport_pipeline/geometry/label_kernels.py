@@ -13,7 +13,7 @@ import numpy as np
 from terraport_payload.types import Float32, Int8, Int16, Int32, Int64, UInt16
 from terraport_pipeline.geometry.face_vector import face_vector
 from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS
-from terraport_pipeline.geometry.view_kernels import place_of_view
+from terraport_pipeline.geometry.view_kernels import index_of_view
 
 __all__ = ["best_slots", "common_slots", "costs", "energy", "neighbour_rows", "solve_piece"]
 
@@ -119,7 +119,7 @@ def common_slots(
             for s in range(SLOTS):
                 if views[f, s] < 0:
                     break
-                index = place_of_view(seen, n, views[f, s])
+                index = index_of_view(seen, n, views[f, s])
                 if index == n:
                     if n == _MAX_CELL_VIEWS:
                         continue

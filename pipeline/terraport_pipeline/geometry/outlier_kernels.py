@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int16, Int32, Int64, UInt8, UInt16
-from terraport_pipeline.geometry.view_kernels import QUALITY_STEPS, SLOTS, place_of_view
+from terraport_pipeline.geometry.view_kernels import QUALITY_STEPS, SLOTS, index_of_view
 
 __all__ = ["MAX_VIEWS", "drop", "rate"]
 
@@ -239,7 +239,7 @@ def _means(
         for s in range(SLOTS):
             if views[f, s] < 0:
                 break
-            row = place_of_view(seen, n, views[f, s])
+            row = index_of_view(seen, n, views[f, s])
             if row == n:
                 if n == MAX_VIEWS:
                     continue

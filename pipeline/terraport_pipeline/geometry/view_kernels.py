@@ -18,8 +18,8 @@ __all__ = [
     "QUALITY_STEPS",
     "SLOTS",
     "face_radii",
+    "index_of_view",
     "insert",
-    "place_of_view",
     "project",
     "rate",
     "sample_areas",
@@ -246,7 +246,7 @@ def insert(
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def place_of_view(seen: Int64, n: int, view: int) -> int:
+def index_of_view(seen: Int64, n: int, view: int) -> int:
     """Find a view among the first `n` of a cell's list; `n` where it is new."""
     index = 0
     while index < n and seen[index] != view:
