@@ -48,6 +48,7 @@ def texture_step(
     Step of Textured
     """
 
+    # (1) Photos are opened, and the cloud loaded, only if the stage is not taken up.
     def compute(context: Context) -> Textured:
         opened = None
         if photo_source is not None:
@@ -62,6 +63,7 @@ def texture_step(
             cleaned.release()
         return texture.run(reconstructed.value(), segmented.value(), opened, asked.options, context)
 
+    # (2) The key: meshes, labels, and photos and cameras by their content, wherever they lie.
     inputs = {"meshes": reconstructed.record.digest, "labels": segmented.record.digest}
     if photo_source is not None:
         inputs |= {
