@@ -22,7 +22,7 @@ from terraport_pipeline.engines.survey_stream import survey_size
 from terraport_pipeline.errors import OptionError, PipelineError, SurveyError
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.model import Survey
-from terraport_pipeline.photo_input import FoundPhotos, Texturing
+from terraport_pipeline.photo_input import LocatedPhotos, Texturing
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.publish_step import build_info, pack_once
 from terraport_pipeline.scene_lock import scene_locked
@@ -50,7 +50,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class BuildOptions:
-    """Everything a build is asked for."""
+    """Inputs and options of a build, one group a stage."""
 
     survey: Path
     scene: Path
@@ -78,7 +78,7 @@ class BuildOptions:
         self.pack_options()  # refused before any work, not after an hour
 
     def pack_options(self) -> pack.Options:
-        """Options of the last stage."""
+        """Options of the pack stage, made from the scene's name."""
         name = self.scene.absolute().name if self.name is None else self.name
         return pack.Options(name)
 
@@ -178,12 +178,16 @@ def _run_stages(
     """Run all stages; return the scene's version and whether it was published now."""
     # Photos that are not there are told of now, not after the reconstruction.
     photos = None if options.texture is None else options.texture.find(runner.progress)
+    # (1) What the survey is, and whether it fits into memory; if not, all goes by tiles.
     runner.progress.start("read: checksum", None, "bytes")
     input_info = InputInfo(name=survey.name, bytes=survey.stat().st_size, xxh3=file_digest(survey))
     runner.progress.done({})
     plan = _plan_memory(runner, survey, options)
     if plan.tiled:
         return _run_tiled(runner, survey, scene, options, input_info, plan, photos)
+    # (2) Cloud, meshes, segments. Invariant: a stage's key holds its options and the digest of
+    # its input, so a stage whose key is unchanged is taken up and its value is never loaded
+    # unless asked for.
     read = _read(runner, survey, input_info, options)
     if photos is not None and not runner.reports[-1].taken_up:
         photos.try_on(read.value(), runner.progress)
@@ -222,6 +226,7 @@ def _run_stages(
         segment.store,
         segment.restore,
     )
+    # (3) Textures, if asked for.
     crs = read.record.values["crs"]
     recorded = options.recorded()
     textured = None
@@ -230,7 +235,8 @@ def _run_stages(
         textured = texture_step(
             runner, options.texture, photos, crs, cleaned, reconstructed, segmented
         )
-    made = build_info(recorded, input_info, runner.reports)
+    info = build_info(recorded, input_info, runner.reports)
+    # (4) Pack; its key holds everything that the manifest says.
     pack_options = options.pack_options()
 
     def publish(context: Context) -> pack.Packed:
@@ -240,7 +246,7 @@ def _run_stages(
             crs=CrsInfo(**crs) if crs else None,
             points=len(cloud.points),
             has_colour=cloud.has_colour,
-            build=made,
+            build=info,
             spacing_m=cloud.spacing_m,
         )
         cleaned.release()
@@ -256,7 +262,7 @@ def _run_stages(
 
     key = key_of(
         pack.NAME,
-        {**asdict(pack_options), "build": made.model_dump(mode="json"), "crs": crs},
+        {**asdict(pack_options), "build": info.model_dump(mode="json"), "crs": crs},
         {
             "cloud": cleaned.record.digest,
             "meshes": reconstructed.record.digest,
@@ -288,13 +294,14 @@ def _run_tiled(
     options: BuildOptions,
     input_info: InputInfo,
     plan: MemoryPlan,
-    photos: FoundPhotos | None,
+    photos: LocatedPhotos | None,
 ) -> tuple[str, bool]:
     """Run all stages over tiles; as :func:`_run_stages`."""
+    # (1) Refuse now what cannot be done by tiles; then everything up to tiles and base.
     check_tiled(options.segment)
     runner.progress.start("plan", None, "")
     runner.progress.done({"tiles": plan.why})
-    made = tiled_reconstruct.run(
+    reconstructed = tiled_reconstruct.run(
         runner,
         survey,
         f"{input_info.bytes}-{input_info.xxh3}",
@@ -304,26 +311,33 @@ def _run_tiled(
         tiles=options.tiles,
         check=lambda names: check_segment_by(options.segment.segment_by, names),
     )
-    crs = made.crs
+    crs = reconstructed.crs
 
     def about() -> pack.About:
-        recorded = {**options.recorded(), "tile_depth": made.tile_depth}
+        recorded = {**options.recorded(), "tile_depth": reconstructed.tile_depth}
         if options.texture is not None:
             recorded["texture"] = options.texture.recorded(photos)
         return pack.About(
-            origin=made.origin,
+            origin=reconstructed.origin,
             crs=CrsInfo(name=crs.name, wkt=crs.wkt, epsg=crs.epsg) if crs else None,
-            points=made.points,
-            has_colour=made.has_colour,
+            points=reconstructed.points,
+            has_colour=reconstructed.has_colour,
             build=build_info(recorded, input_info, runner.reports),
         )
 
-    surface = TiledSurface(made.base, made.tiles, made.deviation_m, made.digest, made.spacing_m)
+    # (2) Segments, textures and the scene, tile by tile.
+    surface = TiledSurface(
+        reconstructed.base,
+        reconstructed.tiles,
+        reconstructed.deviation_m,
+        reconstructed.digest,
+        reconstructed.spacing_m,
+    )
     texturing = None
     if options.texture is not None:
         texturing = tiled_texturing(
-            options.texture, photos, made.samples, made.sample_colours, made.origin, made.crs,
-            runner.max_memory_bytes,
+            options.texture, photos, reconstructed.samples, reconstructed.sample_colours,
+            reconstructed.origin, reconstructed.crs, runner.max_memory_bytes,
         )  # fmt: skip
     return segment_and_pack(
         runner, scene, surface, options.segment, options.pack_options(), about, texturing

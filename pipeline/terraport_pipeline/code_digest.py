@@ -56,17 +56,17 @@ def modules_behind(module: str) -> list[str]:
     >>> "terraport_pipeline.model" in modules_behind("terraport_pipeline.stages.clean")
     True
     """
-    found: set[str] = set()
+    modules: set[str] = set()
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        if name in found or name in _NO_RESULT:
+        if name in modules or name in _NO_RESULT:
             continue
         source = _source(name)
         if source is not None:
-            found.add(name)
+            modules.add(name)
             waiting += _named(source.decode("utf-8"))
-    return sorted(found)
+    return sorted(modules)
 
 
 def _named(source: str) -> Iterator[str]:
@@ -92,8 +92,8 @@ def _source(name: str) -> bytes | None:
         return None
     if not parent:
         return Path(spec.origin).read_bytes()
-    for place in spec.submodule_search_locations or ():
-        for path in (Path(place) / f"{last}.py", Path(place) / last / "__init__.py"):
+    for folder in spec.submodule_search_locations or ():
+        for path in (Path(folder) / f"{last}.py", Path(folder) / last / "__init__.py"):
             if path.is_file():
                 return path.read_bytes()
     return None

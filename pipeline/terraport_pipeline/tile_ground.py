@@ -47,7 +47,7 @@ _THINNED_POINTS: Final = 1_500_000
 
 @dataclass(frozen=True, slots=True)
 class TileOptions:
-    """How to go about a survey in tiles."""
+    """Whether to build in tiles, how large these are, and who works on them."""
 
     force: bool = False
     """Tiles although the whole would fit."""
@@ -63,7 +63,7 @@ class TileOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
-    """What is known before the first tile."""
+    """Everything that is the same for all tiles: lattice, plan, samples, forecast of memory."""
 
     read: StageRecord
     cleaned: Step[Cleaned]
@@ -92,6 +92,7 @@ def prepare(
     runner, survey, file_key, max_points, clean_options, options, tiles
         As :func:`terraport_pipeline.tiled_reconstruct.run`.
     """
+    # (1) The survey as columns on disk.
     read = runner.folder_step(
         read_streamed.NAME,
         stage_key(
@@ -103,6 +104,7 @@ def prepare(
         lambda folder, context: read_streamed.run(survey, folder, context, max_points=max_points),
     )
     source = runner.work.path / read.name
+    # (2) A thinned copy in memory, for the origin, colours and the scene's frame.
     cleaned = runner.step(
         clean.NAME,
         stage_key(
@@ -117,6 +119,7 @@ def prepare(
         clean.restore,
     )
     cloud = cleaned.value().cloud
+    # (3) Extent and spacing of all samples.
     measured = runner.step(
         measure_survey.NAME,
         stage_key(
@@ -133,6 +136,8 @@ def prepare(
         lambda stored, _facts: stored,
     ).value()
     values = dict(measured.values)
+    # (4) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
+    # on one lattice: their surfaces meet at the same planes.
     depth, warnings = reconstruct.choose_detail_depth(
         options, values["extent_m"], values["spacing_m"]
     )
@@ -160,14 +165,14 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
     rows = thinning_rows(total, _THINNED_POINTS)
 
     def column(name: str) -> Any:
-        parts = []
+        blocks = []
         for first, block in NpyReader(source / f"{name}.npy").blocks(1_000_000):
             if rows is None:
-                parts.append(block)
+                blocks.append(block)
             else:
                 low, high = np.searchsorted(rows, (first, first + len(block)))
-                parts.append(block[rows[low:high] - first])
-        return np.concatenate(parts)
+                blocks.append(block[rows[low:high] - first])
+        return np.concatenate(blocks)
 
     crs = read.values["crs"]
     return Survey(
@@ -200,19 +205,19 @@ def _plan(
             source, lattice, origin, partition.BLOCK_CELLS, runner.context(scratch)
         )
     area_m2 = measured["points"] * measured["spacing_m"] ** 2
-    found = choose_depth(
+    choice = choose_depth(
         lambda depth: plan_tiles(lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS),
         points=measured["points"],
         area_m2=area_m2,
         max_memory_bytes=runner.max_memory_bytes,
         asked=tiles.depth,
     )
-    if found is None:
+    if choice is None:
         raise ResourceError(
             f"{runner.max_memory_bytes / 2**30:.1f} GiB are too little even for the smallest "
             "tile; raise --max-memory to 2G or more"
         )
-    plan = found
+    plan = choice
     return plan, forecast_tiles(
         plan, measured["points"], area_m2, runner.max_memory_bytes, runner.threads
     )

@@ -48,7 +48,7 @@ _PACKAGES: Final = ("terraport", "numpy", "scipy", "numba", "pycolmap", "embreex
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What to compare."""
+    """Algorithms, models, sizes and limits of a comparison."""
 
     algorithms: tuple[str, ...] = tuple(RECONSTRUCTORS)
     models: tuple[str, ...] = MODELS
@@ -84,7 +84,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """One algorithm on one cloud."""
+    """Run and scores of one algorithm on one cloud."""
 
     algorithm: str
     run: Run
@@ -94,7 +94,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compared:
-    """All algorithms on one cloud."""
+    """One cloud and the results of all algorithms on it."""
 
     key: str
     title: str
@@ -109,13 +109,13 @@ class Compared:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """The whole comparison."""
+    """Results of a comparison: all algorithms on all clouds, verdicts, and what was left out."""
 
     options: Options
     ground: Compared | None
     """The quarry: Table 3.1."""
     models: tuple[Compared, ...]
-    """Table 3.2."""
+    """Subjects of Table 3.2, with the results of every algorithm."""
     colour: dict[str, ColourVerdict]
     shape: dict[str, ShapeVerdict]
     scenes: tuple[DepthScene, ...]
@@ -146,7 +146,9 @@ def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
         Before any work.
     """
     watcher = progress or NullProgress()
-    missing = {key: told for key in options.algorithms if (told := RECONSTRUCTORS[key].missing())}
+    missing = {
+        key: reason for key in options.algorithms if (reason := RECONSTRUCTORS[key].missing())
+    }
     skipped: list[str] = []
     compared: list[Compared] = []
     with tempfile.TemporaryDirectory(prefix="terraport-evaluate-") as folder:
@@ -219,13 +221,15 @@ def _compare(subject: Subject, options: Options, scratch: Path, watcher: Progres
     )
 
 
-def _measured(key: str, made: Run, subject: Subject, options: Options) -> Result:
-    if made.surface is None or made.colours is None:
-        return Result(key, made, None)
+def _measured(key: str, outcome: Run, subject: Subject, options: Options) -> Result:
+    if outcome.surface is None or outcome.colours is None:
+        return Result(key, outcome, None)
     picture = None
     if options.pictures:
-        picture = picture_of_mesh(subject, made.surface.vertices, made.surface.faces, made.colours)
-    return Result(key, made, score(made.surface, made.colours, subject), picture)
+        picture = picture_of_mesh(
+            subject, outcome.surface.vertices, outcome.surface.faces, outcome.colours
+        )
+    return Result(key, outcome, score(outcome.surface, outcome.colours, subject), picture)
 
 
 def _sweeps(
@@ -267,25 +271,25 @@ def _shape_table(options: Options, models: tuple[Compared, ...]) -> dict[str, Sh
     table = {}
     for key in options.algorithms:
         scores = [one.scores for model in models for one in model.results if one.algorithm == key]
-        known = [one for one in scores if one is not None]
-        if known and len(known) == len(scores):
-            table[key] = judge_shape(key, known)
+        valid = [one for one in scores if one is not None]
+        if valid and len(valid) == len(scores):
+            table[key] = judge_shape(key, valid)
     return table
 
 
 def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version(), "cores": str(os.cpu_count())}
+    versions = {"python": platform.python_version(), "cores": str(os.cpu_count())}
     for name in _PACKAGES:
         try:
-            found[name] = importlib.metadata.version(name)
+            versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            found[name] = "not installed"
+            versions[name] = "not installed"
     if shutil.which(PROGRAM) and shutil.which("dpkg-query"):
         asked = ["dpkg-query", "-W", "-f", "${Version}", "pcl-tools"]
         done = subprocess.run(asked, capture_output=True, text=True, check=False)
         if done.returncode == 0:
-            found["pcl-tools"] = done.stdout
-    return found
+            versions["pcl-tools"] = done.stdout
+    return versions
 
 
 def to_json(evaluation: Evaluation) -> str:
@@ -302,7 +306,7 @@ def to_json(evaluation: Evaluation) -> str:
             "results": [
                 {
                     "algorithm": result.algorithm,
-                    "made_by": result.run.algorithm.made_by,
+                    "made_by": result.run.algorithm.implementation,
                     "note": result.run.surface.note if result.run.surface else "",
                     "error": result.run.error,
                     "cpu_s": round(result.run.cpu_s, 3),

@@ -68,7 +68,7 @@ _PERCENTILES: Final = (50.0, 95.0, 99.0, 99.9)
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How finely to reconstruct."""
+    """Octree depths, faces of the base and where to cut: how finely to reconstruct."""
 
     base_from: Literal["detail", "poisson"] = "detail"
     """"detail" thins the detail: ten times nearer to it, and the same outline. "poisson" solves the
@@ -107,7 +107,7 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Reconstructed:
-    """Two meshes of one surface."""
+    """Base and detail of one surface, and how far they deviate."""
 
     base: Mesh
     detail: Mesh
@@ -169,7 +169,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         return _dress(*surface, cleaned, ground.tree, context.threads)
 
     def make_base() -> tuple[Mesh, dict[str, Json]]:
-        told: dict[str, Json] = {}
+        base_counts: dict[str, Json] = {}
         if solved_base is None:
             thinned = thin_detail(
                 *trimmed.wide, max_faces=options.base_faces, threads=context.threads
@@ -177,7 +177,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         else:
             cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
             thinned = trim_base(*solved_base, detail[0], cell_m, threads=context.threads)
-            told |= {
+            base_counts |= {
                 "base_depth": base_depth,
                 "base_faces_solved": solved[1],
                 "base_faces_trimmed": len(thinned[1]),
@@ -190,13 +190,13 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
             margin_m=HEM_SPACINGS * cleaned.cloud.spacing_m,
             threads=context.threads,
         )
-        told["base_faces_patched"] = len(patch[1])
+        base_counts["base_faces_patched"] = len(patch[1])
         thinned = append_surface(thinned, patch)
         # Vertex cache order now: the cover names base faces by number.
         order = order_for_cache(thinned[1].astype(np.uint32))
-        return dress((thinned[0], thinned[1][order])), told
+        return dress((thinned[0], thinned[1][order])), base_counts
 
-    (base, told), detail_mesh = side_by_side(
+    (base, base_counts), detail_mesh = side_by_side(
         [make_base, lambda: dress(detail)], threads=context.threads
     )
     if len(base.faces) > 1.1 * options.base_faces:
@@ -212,7 +212,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         "detail_depth": detail_depth,
         "cell_m": poisson.SCALE * _extent_m(cleaned) / 2**detail_depth,
         "detail_faces_solved": solved[0],
-        **told,
+        **base_counts,
         "base_faces": len(base.faces),
         "detail_faces": len(detail_mesh.faces),
         "detail_vertices": len(detail_mesh.vertices),
@@ -298,6 +298,7 @@ def _solve(
     cleaned: Cleaned, options: Options, depths: tuple[int, ...], context: Context
 ) -> tuple[list[tuple[Float32, Int32]], list[poisson.Forecast]]:
     """Run the reconstructions, the detail's first, within the memory allowed."""
+    # (1) Refuse what cannot fit, before an hour of work.
     cloud = cleaned.cloud
     area_m2 = len(cloud.points) * cloud.spacing_m**2
     forecasts = [
@@ -311,6 +312,7 @@ def _solve(
             f"are {allowed / 2**30:.1f} GiB; lower --detail-depth (one less needs about a "
             "quarter), thin the survey with --max-points, or raise --max-memory"
         )
+    # (2) Both depths at once where they fit together.
     together = sum(forecast.memory_bytes for forecast in forecasts)
     side_by_side = (
         context.threads > 1 and len(depths) > 1 and (allowed is None or together <= allowed)
@@ -374,6 +376,6 @@ def _measure(base: Mesh, detail: Mesh, context: Context) -> tuple[float, ...]:
     samples = detail.vertices[::step]
     context.progress.start("reconstruct: deviation", float(len(samples)), "samples")
     distances_m = distances_to_mesh(samples, base.vertices, base.faces, workers=context.threads)
-    found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
-    context.progress.done({"p99_m": found[2]})
-    return found
+    percentiles_m = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
+    context.progress.done({"p99_m": percentiles_m[2]})
+    return percentiles_m

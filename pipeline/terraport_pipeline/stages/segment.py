@@ -149,7 +149,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     # (1) regions and fine pools
     progress.start("segment: regions", None, "faces")
     pairs = face_pairs(detail.faces, len(detail.vertices), threads=context.threads)
-    found = make_segmenter(
+    segmentation = make_segmenter(
         options.engine,
         segment_by=options.segment_by,
         region_threshold=options.region_threshold,
@@ -165,25 +165,31 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
             threads=context.threads,
         )
     )
-    progress.done({"regions": found.region_count, "pools": found.fine_count})
-    if found.region_count > MAX_REGIONS:
+    progress.done({"regions": segmentation.region_count, "pools": segmentation.fine_count})
+    if segmentation.region_count > MAX_REGIONS:
         raise OptionError(
-            f"{found.region_count} regions; at most {MAX_REGIONS} can be told apart at run time: "
-            "change --region-threshold or raise --region-small"
+            f"{segmentation.region_count} regions; at most {MAX_REGIONS} can be told apart at run "
+            "time: change --region-threshold or raise --region-small"
         )
+    # (2) Segments and cover.
     # The regions' facts need neither segments nor cover: they are gathered beside them.
     facts, (segments, shapes, cover, base_kept, tolerance_m) = side_by_side(
         [
             lambda: region_facts(
-                *mesh, detail.colours, found.regions, attributes=detail.attributes, pairs=pairs
+                *mesh,
+                detail.colours,
+                segmentation.regions,
+                attributes=detail.attributes,
+                pairs=pairs,
             ),
-            lambda: _cut_and_cover(reconstructed, found, pairs, options, context),
+            lambda: _cut_and_cover(reconstructed, segmentation, pairs, options, context),
         ],
         threads=context.threads,
     )
+    # (3) Counts, and what is worth a warning.
     counts: dict[str, Any] = {
-        "regions": found.region_count,
-        "pools": found.fine_count,
+        "regions": segmentation.region_count,
+        "pools": segmentation.fine_count,
         "segments": segments.count,
         "largest_segment_faces": int(segments.face_counts.max()),
         "smallest_segment_faces": int(segments.face_counts.min()),
@@ -196,11 +202,11 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         "detail_faces_without_base": cover.baseless_detail_faces,
     }
     counts |= shapes
-    counts |= {"engine": options.engine, "segment_by": options.segment_by, **found.facts}
+    counts |= {"engine": options.engine, "segment_by": options.segment_by, **segmentation.facts}
     counts |= {f"segments_{name}": n for name, n in asdict(segments.exceptions).items()}
     warnings = []
     one_colour = options.segment_by == "colour" and not np.ptp(detail.colours, axis=0).any()
-    if one_colour and found.region_count == 1:
+    if one_colour and segmentation.region_count == 1:
         warnings.append(
             "the surface has one colour and is therefore one region: --engine graph --segment-by "
             "shape tells regions apart by how the surface folds"
@@ -211,7 +217,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
             "is nothing to see there until they are loaded"
         )
     return Segmented(
-        regions=found.regions,
+        regions=segmentation.regions,
         segments=segments.labels,
         base_kept=base_kept,
         cover_offsets=cover.offsets[np.append(True, base_kept)],
@@ -228,7 +234,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
 
 def _cut_and_cover(
     reconstructed: Reconstructed,
-    found: Segmentation,
+    segmentation: Segmentation,
     pairs: tuple[Int32, Int32],
     options: Options,
     context: Context,
@@ -240,9 +246,9 @@ def _cut_and_cover(
     progress.start("segment: segments", None, "faces")
     segments = build_segments(
         *mesh,
-        found.fine,
-        found.similarity,
-        found.regions,
+        segmentation.fine,
+        segmentation.similarity,
+        segmentation.regions,
         SegmentOptions(
             min_faces=options.min_faces,
             max_faces=options.max_faces,

@@ -27,7 +27,7 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import choose_views as choosing
-from terraport_pipeline.stages.atlas_maker import AtlasMaker, MadeAtlas
+from terraport_pipeline.stages.atlas_maker import AtlasMaker, BakedAtlas
 from terraport_pipeline.stages.choose_views import Photos
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
@@ -38,8 +38,8 @@ from terraport_pipeline.stages.view_gains import view_gains
 
 __all__ = [
     "NAME",
+    "BakedTextures",
     "BaseTextures",
-    "MadeTextures",
     "Options",
     "faces_only",
     "photo_bytes",
@@ -77,7 +77,7 @@ class Options:
     an edge). Never finer than a photo's pixel; coarser where a segment would not fit."""
     kind: ImageFormat = "jpeg"
     quality: int = 85
-    """Of the image format, 1 to 100."""
+    """Quality of the image format, 1 to 100."""
     max_side: int = 2048
     """Longest side of a segment's image."""
     base_side: int = 2048
@@ -131,27 +131,33 @@ def run(
     OptionError
         Photos are asked for and none are given, or the other way round.
     """
+    # (1) Photos if and only if the source needs them.
     if (opened is None) != (options.source == "vertex"):
         raise OptionError(
             f"textures from {options.source} {'without' if opened is None else 'with'} photos; "
             "expected photos for the one and none for the other"
         )
+    # (2) The base first: it is small, and its faces tell the photos' gains.
     detail = reconstructed.detail
     base = faces_only(reconstructed.base, segmented.base_kept)
     views: tuple[View, ...] = () if opened is None else opened.views
     photos = None if opened is None else opened.photos
-    made_base = texture_base(base, opened, options, context)
-    gains, detail_choice = made_base.gains, None
+    base_textures = texture_base(base, opened, options, context)
+    # (3) Views of the detail's faces, then its atlases.
+    gains, detail_choice = base_textures.gains, None
     if photos is not None and gains is not None:
         rays = RayScene(detail.vertices, detail.faces, threads=context.threads)
         detail_choice = _choose(detail, views, photos, rays, gains, context)
         del rays
-    made = texture_mesh(
+    detail_atlases = texture_mesh(
         detail, segmented.segments, views, photos, detail_choice, options,
         max_side=options.max_side, path=context.scratch / "detail.images",
         threads=context.threads, progress=context.progress, label="texture: atlases",
     )  # fmt: skip
-    counts = made.facts | {f"base_{name}": n for name, n in made_base.made.facts.items()}
+    # (4) Facts of both.
+    counts = detail_atlases.facts | {
+        f"base_{name}": n for name, n in base_textures.atlases.facts.items()
+    }
     if detail_choice is not None:
         counts |= {f"choice_{name}": number for name, number in detail_choice.facts.items()}
         counts["borrowed_share"] = round(
@@ -162,17 +168,17 @@ def run(
         counts |= {"photos": len(views), "photos_left_out": opened.left_out}
         warnings = (*opened.warnings, *worth_warning(counts))
     return Textured(
-        made.textures,
-        made_base.made.textures,
+        detail_atlases.textures,
+        base_textures.atlases.textures,
         options.source,
-        made.facts["texel_m"],
-        made.facts["gsd_m"],
+        detail_atlases.facts["texel_m"],
+        detail_atlases.facts["gsd_m"],
         Facts(counts, warnings),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MadeTextures:
+class BakedTextures:
     """Textures of one mesh, and numbers about them."""
 
     textures: TextureSet
@@ -184,7 +190,7 @@ class MadeTextures:
 class BaseTextures:
     """The base's texture, and the exposures that were found on the way."""
 
-    made: MadeTextures
+    atlases: BakedTextures
     gains: Float32 | None
     """(views + 1, GAIN_COLUMNS); None with textures from vertex colours."""
 
@@ -214,14 +220,14 @@ def texture_base(
         # Half of the charts that the image may hold: those without a photo are cut further.
         room = (options.base_side // SMALLEST_CELL) ** 2 // 8
         choice = _choose(base, views, photos, rays, gains, context, max_charts=room)
-    made = texture_mesh(
+    atlases = texture_mesh(
         base, np.zeros(len(base.faces), np.int32), views, photos, choice, options,
         max_side=options.base_side, path=context.scratch / "base.images",
         threads=context.threads, progress=context.progress, label="texture: base",
     )  # fmt: skip
     if choice is not None:
-        made.facts["borrowed_share"] = round(choice.facts["faces_borrowed"] / len(base.faces), 4)
-    return BaseTextures(made, gains)
+        atlases.facts["borrowed_share"] = round(choice.facts["faces_borrowed"] / len(base.faces), 4)
+    return BaseTextures(atlases, gains)
 
 
 def worth_warning(counts: Mapping[str, Any]) -> tuple[str, ...]:
@@ -265,7 +271,7 @@ def texture_mesh(
     threads: int,
     progress: Progress,
     label: str,
-) -> MadeTextures:
+) -> BakedTextures:
     """Make the atlases of a mesh's pieces: of a whole detail, of one tile, or of a base.
 
     Parameters
@@ -289,32 +295,36 @@ def texture_mesh(
 
     Returns
     -------
-    MadeTextures
+    BakedTextures
     """
+    # (1) Faces of every piece.
     maker = AtlasMaker(mesh, views, photos, choice, options.texel_m, options.kind, options.quality)
     order = np.argsort(pieces, kind="stable")
     count = int(pieces.max()) + 1
     starts = np.searchsorted(pieces[order], np.arange(count + 1))
     rows = [order[begin:end] for begin, end in itertools.pairwise(starts)]
+    # (2) Atlases by several threads, written in order. Invariant: offsets[n] is the file's length
+    # after n images; memory holds no more images than threads.
     wedges = np.empty((len(pieces), 3, 2), np.uint16)
     sums = TextureSums(len(pieces))
     offsets, sides = [0], []
     progress.start(label, float(count), "segments")
 
-    def make(faces: AnyInt) -> MadeAtlas:
+    def make(faces: AnyInt) -> BakedAtlas:
         return maker.make(faces, max_side=max_side)
 
     with path.open("wb") as file:
-        for faces, made in zip(rows, in_order(make, rows, threads), strict=True):
-            file.write(made.image)
-            offsets.append(offsets[-1] + len(made.image))
-            sides.append((made.width, made.height))
-            wedges[faces] = made.wedges
-            sums.add(faces, made)
+        for faces, atlas in zip(rows, in_order(make, rows, threads), strict=True):
+            file.write(atlas.image)
+            offsets.append(offsets[-1] + len(atlas.image))
+            sides.append((atlas.width, atlas.height))
+            wedges[faces] = atlas.wedges
+            sums.add(faces, atlas)
             progress.advance(1)
+    # (3) The images stay in the file; the result maps it.
     facts = sums.facts(np.array(sides), offsets[-1])
     progress.done({"texel_m": facts["texel_m"]})
-    return MadeTextures(
+    return BakedTextures(
         TextureSet(
             wedges,
             np.memmap(path, np.uint8, "r"),
@@ -375,5 +385,5 @@ def _choose(
 
 
 def faces_only(mesh: Mesh, kept: Bool) -> Mesh:
-    """Keep some faces, and all vertices."""
+    """Select faces of a mesh; vertices that only others use stay."""
     return Mesh(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.colours, mesh.attributes)

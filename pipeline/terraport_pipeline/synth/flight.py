@@ -63,7 +63,7 @@ class FlightOptions:
     """Photos; at most :data:`MAX_PHOTOS`."""
     width: int = 2000
     height: int = 1500
-    """Pixels."""
+    """Height of a photo, pixels."""
     overlap: float = 0.7
     """Of neighbouring nadir photos on the plateau, along and across the flight."""
     exposure_drift_ev: float = 0.35
@@ -73,7 +73,7 @@ class FlightOptions:
     sensor_noise: float = 1.2
     """Standard deviation in grey levels of 255."""
     quality: int = 92
-    """Of the JPEG files."""
+    """Quality of the JPEG files."""
     truck: bool = True
     """A truck drives through the scene: in every photo at another place."""
 
@@ -104,14 +104,14 @@ class FlightOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """Where the photos were taken."""
+    """Views of a photo flight, its height and ground sampling distance."""
 
     views: tuple[View, ...]
     """Named ``DJI_0001.JPG`` and so on."""
     nadir: int
     """The first so many look straight down."""
     height_m: float
-    """Of the nadir photos above the plateau."""
+    """Height of the nadir photos above the plateau."""
     gsd_m: float
     """Ground sampling distance of the nadir photos on the plateau."""
 
@@ -129,29 +129,32 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
     -------
     Flight
     """
+    # (1) The grid straight down, at the height that makes it fit the count.
     lens = _lens(options)
     half = np.array([HALF_X, HALF_Y]) * quarry.scale * _SIDE
     columns, rows, height = _grid(options, half, lens)
     rng = np.random.default_rng([quarry.seed, _STREAM])
     shown = np.array([lens.height, lens.width]) * height / lens.fx
-    places, looks, ups = _nadir(half, shown, columns, rows, height)
-    nadir = len(places)
+    positions, looks, ups = _nadir(half, shown, columns, rows, height)
+    nadir = len(positions)
+    # (2) Two orbits of oblique photos.
     outer = (options.count - nadir + 1) // 2
     for count, ring in ((outer, _outer), (options.count - nadir - outer, _inner)):
         more = ring(count, quarry)
-        places, looks, ups = (
-            np.concatenate([a, b]) for a, b in zip((places, looks, ups), more, strict=True)
+        positions, looks, ups = (
+            np.concatenate([a, b]) for a, b in zip((positions, looks, ups), more, strict=True)
         )
-    places = places + rng.normal(0.0, _DRIFT * height, places.shape)
-    sway = np.radians(rng.normal(0.0, _SWAY_DEG, (len(places), 3)))
+    # (3) Drift and sway, as of a real drone; from the seed alone.
+    positions = positions + rng.normal(0.0, _DRIFT * height, positions.shape)
+    sway = np.radians(rng.normal(0.0, _SWAY_DEG, (len(positions), 3)))
     views = tuple(
         View(
             f"DJI_{number + 1:04d}.JPG",
             lens,
             _tilt(sway[number]) @ _look(looks[number], ups[number]),
-            places[number],
+            positions[number],
         )
-        for number in range(len(places))
+        for number in range(len(positions))
     )
     return Flight(views, nadir, height, height / lens.fx)
 
@@ -208,37 +211,37 @@ def _nadir(
     reach = np.maximum(half - 0.5 * shown, 0.0)
     east = np.linspace(-reach[0], reach[0], columns) if columns > 1 else np.zeros(1)
     north = np.linspace(-reach[1], reach[1], rows) if rows > 1 else np.zeros(1)
-    places, ups = [], []
+    positions, ups = [], []
     for row, y in enumerate(north):
         way = 1.0 if row % 2 == 0 else -1.0
         line = east[:: int(way)]
-        places.append(np.stack([line, np.full(columns, height), np.full(columns, -y)], axis=1))
+        positions.append(np.stack([line, np.full(columns, height), np.full(columns, -y)], axis=1))
         ups.append(np.tile([way, 0.0, 0.0], (columns, 1)))
     looks = np.tile([0.0, -1.0, 0.0], (rows * columns, 1))
-    return np.concatenate(places), looks, np.concatenate(ups)
+    return np.concatenate(positions), looks, np.concatenate(ups)
 
 
 def _outer(count: int, quarry: QuarryOptions) -> tuple[Float64, Float64, Float64]:
     """From over the site's edge across the pit, 40 degrees down."""
     turn = 2 * np.pi * (np.arange(count) + 0.25) / max(count, 1)
     ring = np.stack([np.cos(turn) * HALF_X, np.zeros(count), np.sin(turn) * HALF_Y], axis=1)
-    places = ring * 0.92 + np.array([0.0, 105.0, 0.0])
+    positions = ring * 0.92 + np.array([0.0, 105.0, 0.0])
     aim = np.array([0.0, -0.6 * quarry.depth_design_m, 0.0]) - 0.15 * ring
-    return _as_rows(places, aim - places, quarry.scale)
+    return _as_rows(positions, aim - positions, quarry.scale)
 
 
 def _inner(count: int, quarry: QuarryOptions) -> tuple[Float64, Float64, Float64]:
     """From over the pit at the wall on its other side, 35 degrees down."""
     turn = 2 * np.pi * (np.arange(count) + 0.5) / max(count, 1)
     ring = np.stack([np.cos(turn), np.zeros(count), np.sin(turn)], axis=1)
-    places = ring * 40.0 + np.array([0.0, 42.0, 0.0])
+    positions = ring * 40.0 + np.array([0.0, 42.0, 0.0])
     aim = -ring * 95.0 + np.array([0.0, -0.6 * quarry.depth_design_m, 0.0])
-    return _as_rows(places, aim - places, quarry.scale)
+    return _as_rows(positions, aim - positions, quarry.scale)
 
 
-def _as_rows(places: Float64, looks: Float64, scale: float) -> tuple[Float64, Float64, Float64]:
+def _as_rows(positions: Float64, looks: Float64, scale: float) -> tuple[Float64, Float64, Float64]:
     length = np.linalg.norm(looks, axis=1, keepdims=True)
-    return places * scale, looks / length, np.tile([0.0, 1.0, 0.0], (len(places), 1))
+    return positions * scale, looks / length, np.tile([0.0, 1.0, 0.0], (len(positions), 1))
 
 
 def _look(forward: Float64, up: Float64) -> Float64:

@@ -141,7 +141,7 @@ class QuarryOptions:
 
     @property
     def scale(self) -> float:
-        """Metres per design metre."""
+        """Metres per design metre: how much the quarry's plan is enlarged."""
         return self.size_m / DESIGN_SIZE_M
 
     @property
@@ -168,15 +168,15 @@ class QuarryOptions:
             raise OptionError(f"{path}: cannot be read as JSON: {error}") from error
         if not isinstance(values, dict):
             raise OptionError(f"{path}: expected a JSON object of options")
-        known = {field.name: field.type for field in fields(cls)}
-        unknown = sorted(set(values) - set(known))
+        types = {field.name: field.type for field in fields(cls)}
+        unknown = sorted(set(values) - set(types))
         if unknown:
             raise OptionError(
-                f"{path}: unknown option {', '.join(unknown)}; known are {', '.join(sorted(known))}"
+                f"{path}: unknown option {', '.join(unknown)}; known are {', '.join(sorted(types))}"
             )
         for name, value in values.items():
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 raise OptionError(f"{path}: {name} is {value!r}, expected a number")
-            if known[name] == "int" and not isinstance(value, int):
+            if types[name] == "int" and not isinstance(value, int):
                 raise OptionError(f"{path}: {name} is {value!r}, expected a whole number")
         return cls(**values)
