@@ -19,9 +19,9 @@ from rich.table import Table
 
 import terraport.sync
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.cli.synth import parse_count
 from terraport_pipeline.demo import FLIGHT, SCENE_ID, DemoScene, prepare_demo
 from terraport_pipeline.errors import PipelineError, StageFailedError
+from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
 from terraport_server.errors import ServerError
@@ -90,7 +90,7 @@ def demo(
         _listening(port) as listeners,
         _directory(keep) as directory,
     ):
-        count = parse_count(points)
+        count = parse_count(points, "points")
         with RichProgress(errors) as progress:
             made = prepare_demo(
                 directory, points=count, flight=FLIGHT if photos else None, progress=progress

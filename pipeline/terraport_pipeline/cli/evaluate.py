@@ -12,7 +12,6 @@ from rich.table import Table
 from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.cli.synth import parse_count
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.evaluation.page import write_page
 from terraport_pipeline.evaluation.reconstruction import (
@@ -23,6 +22,7 @@ from terraport_pipeline.evaluation.reconstruction import (
     evaluate,
     to_json,
 )
+from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import NullProgress, RichProgress
 from terraport_pipeline.report_facts import format_bytes
 
@@ -117,9 +117,9 @@ def reconstruction(
         options = Options(
             algorithms=_names(algorithms),
             models=_names(models),
-            points=_QUICK_POINTS if quick else parse_count(points),
+            points=_QUICK_POINTS if quick else parse_count(points, "points"),
             depths=_QUICK_DEPTHS if quick else _numbers(depths),
-            depth_points=_QUICK_POINTS if quick else parse_count(depth_points),
+            depth_points=_QUICK_POINTS if quick else parse_count(depth_points, "depth points"),
             scenes=_names(scenes),
             data=data,
             threads=threads or os.cpu_count() or 1,

@@ -12,13 +12,14 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from terraport_pipeline.camera_inspection import inspect_cameras, inspect_photos, parse_offset
+from terraport_pipeline.camera_inspection import inspect_cameras, inspect_photos
 from terraport_pipeline.cli.camera_tables import camera_tables
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.label import regions_table
 from terraport_pipeline.engines.camera_files import has_cameras
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.inspection import inspect_scene
+from terraport_pipeline.option import parse_offset
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
 from terraport_pipeline.scene_colour import SceneColour
@@ -79,12 +80,13 @@ def inspect(
     console = Console(stderr=True)
     with reporting_errors(console):
         if cameras is not None:
+            offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
             with RichProgress(console) as progress:
                 found = inspect_photos(
                     target,
                     cameras,
                     photos=photos,
-                    offset=parse_offset(camera_offset),
+                    offset=offset,
                     progress=progress,
                 )
             drawn = camera_tables(found, cameras.name)

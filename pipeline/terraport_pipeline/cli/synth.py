@@ -14,18 +14,17 @@ from rich.table import Table
 
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.photo_files import WrittenPhotos, write_photos
 
-__all__ = ["parse_count", "parse_size", "register", "synth"]
+__all__ = ["parse_size", "register", "synth"]
 
 _DEFAULTS: Final = QuarryOptions()
 _FLIGHT: Final = FlightOptions()
-
-_SUFFIXES: Final = {"": 1, "k": 1_000, "m": 1_000_000}
 
 
 def register(app: typer.Typer) -> None:
@@ -151,7 +150,7 @@ def synth(
     console = Console(stderr=True, soft_wrap=True)
     with reporting_errors(console):
         values: dict[str, Any] = {
-            "points": None if points is None else parse_count(points),
+            "points": None if points is None else parse_count(points, "points"),
             "seed": seed,
             "size_m": size,
             "noise_m": noise,
@@ -201,26 +200,6 @@ def synth(
             f"--photos {taken.directory / 'images'} --cameras {taken.directory / 'colmap'}"
         )
     Console(soft_wrap=True).print(table)
-
-
-def parse_count(text: str) -> int:
-    """Read a number of points such as ``300000``, ``300_000``, ``300k`` or ``1.5M``.
-
-    Raises
-    ------
-    OptionError
-        When the text is none of these.
-
-    Examples
-    --------
-    >>> parse_count("1.5M")
-    1500000
-    """
-    match = re.fullmatch(r"([0-9][0-9_,]*(?:\.[0-9]+)?)\s*([kKmM]?)", text.strip())
-    if match is None:
-        raise OptionError(f"points is {text!r}, expected a number such as 300000, 300k or 5M")
-    number = float(match[1].replace("_", "").replace(",", ""))
-    return round(number * _SUFFIXES[match[2].lower()])
 
 
 def parse_size(text: str) -> dict[str, int]:
