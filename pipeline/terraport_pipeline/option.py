@@ -311,9 +311,8 @@ def _mark(hint: Any) -> Option | None:
 def _option_field(name: str, hint: Any, default: Any, text: str) -> OptionField:
     mark, type_ = _mark(hint), get_args(hint)[0]
     assert mark is not None
-    one = [member for member in get_args(type_) if member is not type(None)]
     if get_origin(type_) is not Literal and type(None) in get_args(type_):
-        [type_] = one
+        [type_] = [member for member in get_args(type_) if member is not type(None)]
     choices = get_args(type_) if get_origin(type_) is Literal else ()
     return OptionField(name, str if choices else type_, choices, default, text, mark)
 

@@ -114,6 +114,7 @@ def reconstruction(
     """
     errors, console = Console(stderr=True, soft_wrap=True), Console()
     with reporting_errors(errors):
+        # (1) options are refused before anything is made
         options = Options(
             algorithms=_names(algorithms),
             models=_names(models),
@@ -126,35 +127,37 @@ def reconstruction(
             time_limit_s=time_limit_s,
         )
         output.mkdir(parents=True, exist_ok=True)
+        # (2) minutes of work; an algorithm that fails or takes too long is a result, no error
         if quiet:
-            found = evaluate(options, NullProgress())
+            evaluation = evaluate(options, NullProgress())
         else:
             with RichProgress(errors) as progress:
-                found = evaluate(options, progress)
-        _write(found, output)
+                evaluation = evaluate(options, progress)
+        # (3) files first, so that nothing is lost to a closed terminal
+        _write(evaluation, output)
         if not quiet:
-            _tell(console, found)
+            _print_tables(console, evaluation)
             console.print(f"written: {output / 'reconstruction.html'}", highlight=False)
 
 
 def _names(text: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in text.split(",") if part.strip())
+    names = tuple(word.strip() for word in text.split(",") if word.strip())
     return () if names == ("none",) else names
 
 
 def _numbers(text: str) -> tuple[int, ...]:
     try:
-        return tuple(sorted({int(part) for part in _names(text)}))
+        return tuple(sorted({int(word) for word in _names(text)}))
     except ValueError as error:
         raise OptionError(f"depths {text!r}; expected whole numbers, for example 8,9,10") from error
 
 
-def _write(found: Evaluation, output: Path) -> None:
-    write_page(found, output / "reconstruction.html")
-    (output / "reconstruction.json").write_text(to_json(found), encoding="utf-8")
+def _write(evaluation: Evaluation, output: Path) -> None:
+    write_page(evaluation, output / "reconstruction.html")
+    (output / "reconstruction.json").write_text(to_json(evaluation), encoding="utf-8")
     pictures = output / "pictures"
     pictures.mkdir(exist_ok=True)
-    for compared in (*([found.ground] if found.ground else []), *found.models):
+    for compared in (*([evaluation.ground] if evaluation.ground else []), *evaluation.models):
         for name, jpeg in (("cloud", compared.picture), ("truth", compared.truth_picture)):
             if jpeg is not None:
                 (pictures / f"{compared.key}-{name}.jpg").write_bytes(jpeg)
@@ -163,18 +166,18 @@ def _write(found: Evaluation, output: Path) -> None:
                 (pictures / f"{compared.key}-{result.algorithm}.jpg").write_bytes(result.picture)
 
 
-def _tell(console: Console, found: Evaluation) -> None:
-    for told in (*found.skipped, *found.missing.values()):
-        console.print(Text(f"not run: {told}", style="yellow"))
-    if found.ground is not None:
-        console.print(_colour_table(found))
-        console.print(_measured(found.ground))
-    if found.models:
-        console.print(_shape_table(found))
-        for one in found.models:
-            console.print(_measured(one))
-    if found.scenes:
-        console.print(_depth_table(found))
+def _print_tables(console: Console, evaluation: Evaluation) -> None:
+    for reason in (*evaluation.skipped, *evaluation.missing.values()):
+        console.print(Text(f"not run: {reason}", style="yellow"))
+    if evaluation.ground is not None:
+        console.print(_colour_table(evaluation))
+        console.print(_measured(evaluation.ground))
+    if evaluation.models:
+        console.print(_shape_table(evaluation))
+        for compared in evaluation.models:
+            console.print(_measured(compared))
+    if evaluation.scenes:
+        console.print(_depth_table(evaluation))
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -188,12 +191,12 @@ def _yes(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def _colour_table(found: Evaluation) -> Table:
+def _colour_table(evaluation: Evaluation) -> Table:
     table = _table(
         "Is the colour kept? (Table 3.1, grey levels)",
         *("algorithm", "95 % differ by", "allowed", "lost", "kept", "thesis: kept"),
     )
-    for key, row in found.colour.items():
+    for key, row in evaluation.colour.items():
         table.add_row(
             key,
             f"{row.difference_p95:.0f}",
@@ -205,12 +208,12 @@ def _colour_table(found: Evaluation) -> Table:
     return table
 
 
-def _shape_table(found: Evaluation) -> Table:
+def _shape_table(evaluation: Evaluation) -> Table:
     table = _table(
         "Holes and likeness on all models (Table 3.2, distances in spacings)",
         *("algorithm", "holes", "to truth p95", "from truth p95", "verdict", "thesis"),
     )
-    for key, row in found.shape.items():
+    for key, row in evaluation.shape.items():
         thesis = "not tried"
         if row.thesis is not None:
             thesis = "proceed" if row.thesis[1] and not row.thesis[0] else "eliminated"
@@ -225,13 +228,13 @@ def _shape_table(found: Evaluation) -> Table:
     return table
 
 
-def _measured(one: Compared) -> Table:
+def _measured(compared: Compared) -> Table:
     table = _table(
-        f"{one.title}: {one.points:,} samples, distances in spacings",
+        f"{compared.title}: {compared.points:,} samples, distances in spacings",
         *("algorithm", "faces", "to truth p95", "from truth p95", "most", "holes"),
         *("CPU s", "memory"),
     )
-    for result in one.results:
+    for result in compared.results:
         scores = result.scores
         if scores is None:
             table.add_row(result.algorithm, *["-"] * 7)
@@ -249,12 +252,12 @@ def _measured(one: Compared) -> Table:
     return table
 
 
-def _depth_table(found: Evaluation) -> Table:
+def _depth_table(evaluation: Evaluation) -> Table:
     table = _table(
         "Poisson by octree depth (Figure 5.8; * what a build takes)",
         *("scene", "depth", "faces", "per point", "CPU s", "memory"),
     )
-    for scene in found.scenes:
+    for scene in evaluation.scenes:
         for row in scene.rows:
             mark = " *" if row.depth == scene.our_depth else ""
             table.add_row(

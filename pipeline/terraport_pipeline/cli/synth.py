@@ -149,6 +149,7 @@ def synth(
     """
     console = Console(stderr=True, soft_wrap=True)
     with reporting_errors(console):
+        # (1) the quarry: defaults, over them the file of parameters, over it what was stated here
         values: dict[str, Any] = {
             "points": None if points is None else parse_count(points, "points"),
             "seed": seed,
@@ -163,9 +164,10 @@ def synth(
             "detail": detail,
             "uneven": uneven,
         }
-        given = {name: value for name, value in values.items() if value is not None}
+        stated = {name: value for name, value in values.items() if value is not None}
         base = _DEFAULTS if parameters is None else QuarryOptions.from_json(parameters)
-        options = dataclasses.replace(base, **given)
+        options = dataclasses.replace(base, **stated)
+        # (2) the flight: its photos also decide how finely the ground is coloured
         flight = None
         if photos is not None:
             flight = FlightOptions(
@@ -176,14 +178,15 @@ def synth(
                 truck=truck,
             )
             options = seen_by(flight, options)
-        taken = None
+        # (3) write; nothing that is there is overwritten without --force
+        photo_set = None
         with RichProgress(console) as progress:
             start = time.perf_counter()
-            written = write_quarry(options, output, overwrite=force, progress=progress)
+            quarry = write_quarry(options, output, overwrite=force, progress=progress)
             seconds = time.perf_counter() - start
             start = time.perf_counter()
             if flight is not None and photos is not None:
-                taken = write_photos(
+                photo_set = write_photos(
                     options,
                     flight,
                     photos,
@@ -192,12 +195,12 @@ def synth(
                     progress=progress,
                 )
             photo_seconds = time.perf_counter() - start
-    table = _make_table(written, options, seconds)
-    if taken is not None:
-        _add_photos(table, taken, photo_seconds)
+    table = _make_table(quarry, options, seconds)
+    if photo_set is not None:
+        _add_photos(table, photo_set, photo_seconds)
         table.caption = (
             f"Next: terraport build {output} -o scenes/quarry "
-            f"--photos {taken.directory / 'images'} --cameras {taken.directory / 'colmap'}"
+            f"--photos {photo_set.directory / 'images'} --cameras {photo_set.directory / 'colmap'}"
         )
     Console(soft_wrap=True).print(table)
 
@@ -221,31 +224,34 @@ def parse_size(text: str) -> dict[str, int]:
     return {"width": int(match[1]), "height": int(match[2])}
 
 
-def _add_photos(table: Table, taken: WrittenPhotos, seconds: float) -> None:
-    low, high = taken.exposure_ev
-    table.add_row("photos", f"{taken.directory}  {taken.bytes / 1e6:,.1f} MB")
-    table.add_row("  number", f"{taken.photos} ({taken.nadir} nadir), {taken.megapixels:,.0f} Mpx")
+def _add_photos(table: Table, photo_set: WrittenPhotos, seconds: float) -> None:
+    low, high = photo_set.exposure_ev
+    table.add_row("photos", f"{photo_set.directory}  {photo_set.bytes / 1e6:,.1f} MB")
     table.add_row(
-        "  flight", f"{taken.height_m:,.0f} m above the plateau, {taken.gsd_m * 100:.1f} cm a pixel"
+        "  number", f"{photo_set.photos} ({photo_set.nadir} nadir), {photo_set.megapixels:,.0f} Mpx"
+    )
+    table.add_row(
+        "  flight",
+        f"{photo_set.height_m:,.0f} m above the plateau, {photo_set.gsd_m * 100:.1f} cm a pixel",
     )
     table.add_row("  exposure", f"{low:+.2f} to {high:+.2f} stops")
-    table.add_row("  with the truck", f"{taken.truck_photos}")
-    table.add_row("  time", f"{seconds:,.1f} s  ({taken.megapixels / seconds:,.2f} Mpx/s)")
+    table.add_row("  with the truck", f"{photo_set.truck_photos}")
+    table.add_row("  time", f"{seconds:,.1f} s  ({photo_set.megapixels / seconds:,.2f} Mpx/s)")
 
 
-def _make_table(written: WrittenQuarry, options: QuarryOptions, seconds: float) -> Table:
+def _make_table(quarry: WrittenQuarry, options: QuarryOptions, seconds: float) -> Table:
     table = Table(title="Synthetic quarry", show_header=False, title_justify="left")
     table.add_column()
     table.add_column(justify="right")
-    west, south, low, east, north, high = written.bounds_m
-    table.add_row("survey", f"{written.survey_path}  {written.survey_bytes / 1e6:,.1f} MB")
-    table.add_row("truth", f"{written.truth_path}  {written.truth_bytes / 1e6:,.1f} MB")
-    table.add_row("points", f"{written.points:,}")
+    west, south, low, east, north, high = quarry.bounds_m
+    table.add_row("survey", f"{quarry.survey_path}  {quarry.survey_bytes / 1e6:,.1f} MB")
+    table.add_row("truth", f"{quarry.truth_path}  {quarry.truth_bytes / 1e6:,.1f} MB")
+    table.add_row("points", f"{quarry.points:,}")
     table.add_row("easting", f"{west:,.2f} .. {east:,.2f} m  (EPSG:{options.epsg})")
     table.add_row("northing", f"{south:,.2f} .. {north:,.2f} m")
     table.add_row("height", f"{low:,.2f} .. {high:,.2f} m")
-    for name, count in written.material_points.items():
-        table.add_row(f"  {name}", f"{count:,}  {100.0 * count / written.points:5.1f} %")
-    table.add_row("time", f"{seconds:,.1f} s  ({written.points / seconds:,.0f} points/s)")
-    table.caption = f"Next: terraport build {written.survey_path} -o scenes/quarry"
+    for name, count in quarry.material_points.items():
+        table.add_row(f"  {name}", f"{count:,}  {100.0 * count / quarry.points:5.1f} %")
+    table.add_row("time", f"{seconds:,.1f} s  ({quarry.points / seconds:,.0f} points/s)")
+    table.caption = f"Next: terraport build {quarry.survey_path} -o scenes/quarry"
     return table
