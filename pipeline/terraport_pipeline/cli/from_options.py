@@ -24,38 +24,45 @@ __all__ = ["command_of", "options_of"]
 
 
 def command_of(function: Callable[..., None]) -> Callable[..., None]:
-    """Make a typer command of a function that takes options as a dataclass.
+    """Make a typer command of a function that takes options as dataclasses.
 
     Parameters
     ----------
     function : callable
-        Its first parameter is annotated with the dataclass, the others as typer wants them.
+        Parameters annotated with a dataclass become its options; the others are as typer wants
+        them.
 
     Returns
     -------
     callable
-        Takes every option by its own name, makes the dataclass and calls the function. Errors are
+        Takes every option by its own name, makes the dataclasses and calls the function. Errors are
         reported as by :func:`~.edge.reporting_errors`.
     """
     hints = get_type_hints(function, include_extras=True)
-    (first, _), *others = inspect.signature(function).parameters.items()
-    options_class = hints[first]
+    hints.pop("return", None)
+    defaults = {
+        name: parameter.default
+        for name, parameter in inspect.signature(function).parameters.items()
+    }
+    classes = {name: held for name, hint in hints.items() if (held := _dataclass_in(hint))}
 
     @functools.wraps(function)
     def command(context: typer.Context, **given: Any) -> None:
         with reporting_errors(Console(stderr=True, soft_wrap=True)):
             sources = {key: context.get_parameter_source(key) for key in given}
             stated = {key for key, source in sources.items() if source and source.name != "DEFAULT"}
-            own = {name: given.pop(name) for name, _ in others}
-            function(_make(options_class, given, stated), **own)
+            own = {name: given[name] for name in hints if name not in classes}
+            dataclasses = {name: _make(held, given, stated) for name, held in classes.items()}
+            function(**own, **dataclasses)
 
-    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-        [
-            _keyword("context", typer.Context),
-            *(_parameter(field, heading) for heading, field in options_of(options_class)),
-            *(_keyword(name, hints[name], parameter.default) for name, parameter in others),
-        ]
-    )
+    parameters = [_keyword("context", typer.Context)]
+    for name, hint in hints.items():
+        if name in classes:
+            options = _options_in(hint, COMMON)
+            parameters += [_parameter(field, heading) for heading, field in options]
+        else:
+            parameters.append(_keyword(name, hint, defaults[name]))
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return command
 
 
@@ -65,9 +72,16 @@ def options_of(options_class: type, heading: str = COMMON) -> Iterator[tuple[str
     for name, hint in get_type_hints(options_class, include_extras=True).items():
         if name in marked:
             yield marked[name].option.heading or heading, marked[name]
-        elif (inner := _dataclass_in(hint)) is not None:
-            sections = [mark.heading for mark in get_args(hint) if isinstance(mark, Section)]
-            yield from options_of(inner, sections[0] if sections else heading)
+        else:
+            yield from _options_in(hint, heading)
+
+
+def _options_in(hint: Any, heading: str) -> Iterator[tuple[str, OptionField]]:
+    """Walk through the options of the dataclass that a hint holds, if any."""
+    inner = _dataclass_in(hint)
+    if inner is not None:
+        sections = [mark.heading for mark in get_args(hint) if isinstance(mark, Section)]
+        yield from options_of(inner, sections[0] if sections else heading)
 
 
 def _dataclass_in(hint: Any) -> type | None:

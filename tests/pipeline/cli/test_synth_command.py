@@ -13,7 +13,7 @@ from terraport_pipeline.synth.files import load_options
 
 
 def run(*arguments: str | Path):
-    app = typer.Typer()
+    app = typer.Typer(rich_markup_mode="markdown")  # as the command line has it
     app.callback()(lambda: None)
     register(app)
     return CliRunner().invoke(app, ["synth", *map(str, arguments)], env={"COLUMNS": "120"})
@@ -44,8 +44,8 @@ def test_flags_override_a_parameter_file(tmp_path: Path) -> None:
     ("arguments", "told"),
     [
         (["--points", "many"], "points 'many'; expected a number"),
-        (["--points", "10"], "points is 10, expected 1,000 to"),
-        (["--outliers", "2"], "outlier_fraction is 2.0"),
+        (["--points", "10"], "points 10; expected 1,000 to 200,000,000"),
+        (["--outliers", "2"], "outliers 2; expected 0 to 0.2"),
         (["--parameters", "none.json"], "none.json: cannot be read"),
     ],
 )
@@ -69,7 +69,15 @@ def test_files_that_are_there_stay_unless_forced(tmp_path: Path) -> None:
 
 def test_help_teaches(tmp_path: Path) -> None:
     text = run("--help").output
-    for word in ("For example", "--points 5M", "truth.npz", "overhangs", "[300k]"):
+    for word in (
+        "For example",
+        "--points 5M",
+        "truth.npz",
+        "overhangs",
+        "[default: 300,000]",
+        "Shape of the site",
+        "--benches",
+    ):
         assert word in text
 
 
