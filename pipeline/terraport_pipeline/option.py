@@ -217,7 +217,7 @@ class OptionField:
 
     @property
     def words(self) -> str:
-        """Its name in messages."""
+        """Its name in messages: the long flag without its hyphens."""
         return self.key.replace("_", " ")
 
     @property

@@ -28,7 +28,7 @@ __all__ = ["build", "register"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport build`` to the command line `app`."""
     app.command("build")(command_of(build))
 
 

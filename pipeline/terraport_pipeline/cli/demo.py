@@ -40,7 +40,7 @@ _HOST: Final = "127.0.0.1"
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport demo`` to the command line `app`."""
     app.command("demo")(demo)
 
 

@@ -41,7 +41,7 @@ _app = typer.Typer(
 
 
 def register(app: typer.Typer) -> None:
-    """Add the group to `app`."""
+    """Add ``terraport evaluate`` and its commands to the command line `app`."""
     app.add_typer(_app, name="evaluate")
 
 

@@ -108,7 +108,7 @@ def _make(options_class: type, given: Mapping[str, Any], stated: AbstractSet[str
 
 
 def _parameter(field: OptionField, heading: str) -> inspect.Parameter:
-    """Describe an option to typer."""
+    """Describe an option to typer: its flags, type, help and heading."""
     option, default = field.option, field.default
     if option.notation is not None and default is not None:
         default = option.notation.show(default)

@@ -32,7 +32,7 @@ _REGIONS: Final = 10
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport inspect`` to the command line `app`."""
     app.command("inspect")(inspect)
 
 

@@ -25,7 +25,7 @@ _LABEL_WIDTH: Final = 16
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport label`` to the command line `app`."""
     app.command("label")(label)
 
 

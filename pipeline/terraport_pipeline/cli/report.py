@@ -21,7 +21,7 @@ __all__ = ["register", "report"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport report`` to the command line `app`."""
     app.command("report")(report)
 
 

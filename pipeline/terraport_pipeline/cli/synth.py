@@ -28,7 +28,7 @@ _FLIGHT: Final = FlightOptions()
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport synth`` to the command line `app`."""
     app.command("synth")(command_of(synth))
 
 

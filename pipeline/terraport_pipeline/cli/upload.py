@@ -16,7 +16,7 @@ __all__ = ["register", "upload"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport upload`` to the command line `app`."""
     app.command("upload")(upload)
 
 

@@ -28,7 +28,7 @@ MAX_SHOWN: Final = 20
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport validate`` to the command line `app`."""
     app.command("validate")(validate_command)
 
 

@@ -231,9 +231,9 @@ def check_segment_by(segment_by: str, attributes: Iterable[str]) -> None:
     OptionError
         It is none of them, nor colour, nor shape.
     """
-    known = [COLOUR, SHAPE, *sorted(attributes)]
-    if segment_by not in known:
-        raise OptionError(f"segments by {segment_by!r}; this survey has {', '.join(known)}")
+    choices = [COLOUR, SHAPE, *sorted(attributes)]
+    if segment_by not in choices:
+        raise OptionError(f"segments by {segment_by!r}; this survey has {', '.join(choices)}")
 
 
 def _attribute_of_faces(detail: Mesh, name: str) -> Float64:

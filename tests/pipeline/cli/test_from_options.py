@@ -130,6 +130,11 @@ def test_build_shows_ten_options_first_and_the_rest_under_headings() -> None:
     assert {"Surface", "Regions and segments", "Textures", "Machine and tiles"} < headings
 
 
+def test_no_two_options_of_a_build_have_one_name() -> None:
+    flags = [flag for _, one in options_of(BuildOptions) for flag in one.flags]
+    assert len(flags) == len(set(flags))
+
+
 def test_every_option_of_a_build_says_what_it_does_and_its_default() -> None:
     for _, one in options_of(BuildOptions):
         assert len(one.help.split()) >= 4, one.name
