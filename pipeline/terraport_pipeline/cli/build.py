@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -12,12 +11,13 @@ from rich.console import Console
 from terraport_pipeline.build import BuildOptions, default_work_directory
 from terraport_pipeline.build import build as run_build
 from terraport_pipeline.build_report import BuildReport
+from terraport_pipeline.cli.edge import watching
 from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import PipelineError
 from terraport_pipeline.input_cloud import find_input_cloud
 from terraport_pipeline.photo_input import Texturing
-from terraport_pipeline.progress import NullProgress, Progress, RichProgress
+from terraport_pipeline.progress import Progress
 from terraport_pipeline.report import REPORT_NAME, write_report
 from terraport_pipeline.report_textures import open_scene_photos
 from terraport_pipeline.scene_model import SceneModel
@@ -51,7 +51,7 @@ def build(
         terraport build pit.laz -o scenes/pit --photos flight/images
     """
     console = Console(stderr=True, soft_wrap=True)
-    with _watching(console, quiet=quiet) as progress:
+    with watching(console, quiet=quiet) as progress:
         built = _build(options, console, progress, with_report=report)
     for text in built.warnings:
         console.print(f"warning: {text}", markup=False, highlight=False)
@@ -59,15 +59,6 @@ def build(
         console.print(built.table())
         state = "published" if built.published else "is up to date"
         console.print(f"{built.scene} {state}", markup=False, highlight=False)
-
-
-@contextmanager
-def _watching(console: Console, *, quiet: bool) -> Iterator[Progress]:
-    if quiet:
-        yield NullProgress()
-        return
-    with RichProgress(console) as progress:
-        yield progress
 
 
 def _photos_beside(texturing: Texturing | None) -> Callable[[SceneModel], OpenPhotos] | None:

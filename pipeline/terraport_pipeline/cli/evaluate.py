@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -11,24 +11,20 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.errors import OptionError
+from terraport_pipeline.cli.edge import watching
+from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.evaluation.page import write_page
 from terraport_pipeline.evaluation.reconstruction import (
-    MODELS,
     Compared,
     Evaluation,
     Options,
     evaluate,
     to_json,
 )
-from terraport_pipeline.option import parse_count
-from terraport_pipeline.progress import NullProgress, RichProgress
 from terraport_pipeline.report_facts import format_bytes
 
 __all__ = ["reconstruction", "register"]
 
-_DEFAULTS: Final = Options()
 _QUICK_POINTS: Final = 5_000
 _QUICK_DEPTHS: Final = (6, 7, 8)
 
@@ -50,48 +46,12 @@ def _group() -> None:
     """Keep `evaluate` a group while it has one command."""
 
 
-@_app.command("reconstruction")
 def reconstruction(
+    options: Options,
     output: Annotated[
         Path,
         typer.Option("--output", "-o", help="Folder for reconstruction.html, .json, pictures."),
     ] = Path("evaluation"),
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder with real data: stanford/bunny.ply, stanford/armadillo.obj, "
-            "red_rocks/red_rocks.laz, apaxco_quarry/apaxco_quarry_500k.laz. What is not there is "
-            "left out, and said."
-        ),
-    ] = None,
-    points: Annotated[
-        str, typer.Option(help="Samples of each model and of the quarry: 20k.")
-    ] = f"{_DEFAULTS.points}",
-    algorithms: Annotated[
-        str, typer.Option(help="Which, by commas; none: only the depths.")
-    ] = ",".join(_DEFAULTS.algorithms),
-    models: Annotated[
-        str,
-        typer.Option(
-            help="Models with truth: bunny, armadillo, block, gear, stairs, torus, sphere."
-        ),
-    ] = ",".join(MODELS),
-    depths: Annotated[
-        str, typer.Option(help="Octree depths of Poisson, by commas; none: only the algorithms.")
-    ] = ",".join(map(str, _DEFAULTS.depths)),
-    depth_points: Annotated[
-        str, typer.Option(help="Points of each scene that the depths are tried on.")
-    ] = f"{_DEFAULTS.depth_points}",
-    scenes: Annotated[
-        str,
-        typer.Option(help="Those scenes: quarry, red_rocks, apaxco_quarry, or paths of surveys."),
-    ] = ",".join(_DEFAULTS.scenes),
-    threads: Annotated[
-        int | None, typer.Option(help="Reconstructions at once.  [all cores]", min=1, max=64)
-    ] = None,
-    time_limit_s: Annotated[
-        float, typer.Option("--time-limit", help="Stop an algorithm after this many seconds.")
-    ] = _DEFAULTS.time_limit_s,
     quick: Annotated[
         bool, typer.Option("--quick", help="5,000 points, depths 6 to 8: a look in a minute.")
     ] = False,
@@ -113,43 +73,22 @@ def reconstruction(
         terraport evaluate reconstruction --algorithms none --scenes pit.laz --depth-points 500k
     """
     errors, console = Console(stderr=True, soft_wrap=True), Console()
-    with reporting_errors(errors):
-        # (1) options are refused before anything is made
-        options = Options(
-            algorithms=_names(algorithms),
-            models=_names(models),
-            points=_QUICK_POINTS if quick else parse_count(points, "points"),
-            depths=_QUICK_DEPTHS if quick else _numbers(depths),
-            depth_points=_QUICK_POINTS if quick else parse_count(depth_points, "depth points"),
-            scenes=_names(scenes),
-            data=data,
-            threads=threads or os.cpu_count() or 1,
-            time_limit_s=time_limit_s,
+    if quick:
+        options = replace(
+            options, points=_QUICK_POINTS, depths=_QUICK_DEPTHS, depth_points=_QUICK_POINTS
         )
-        output.mkdir(parents=True, exist_ok=True)
-        # (2) minutes of work; an algorithm that fails or takes too long is a result, no error
-        if quiet:
-            evaluation = evaluate(options, NullProgress())
-        else:
-            with RichProgress(errors) as progress:
-                evaluation = evaluate(options, progress)
-        # (3) files first, so that nothing is lost to a closed terminal
-        _write(evaluation, output)
-        if not quiet:
-            _print_tables(console, evaluation)
-            console.print(f"written: {output / 'reconstruction.html'}", highlight=False)
+    output.mkdir(parents=True, exist_ok=True)
+    # Minutes of work; an algorithm that fails or takes too long is a result, no error.
+    with watching(errors, quiet=quiet) as progress:
+        evaluation = evaluate(options, progress)
+    # Files first, so that nothing is lost to a closed terminal.
+    _write(evaluation, output)
+    if not quiet:
+        _print_tables(console, evaluation)
+        console.print(f"written: {output / 'reconstruction.html'}", highlight=False)
 
 
-def _names(text: str) -> tuple[str, ...]:
-    names = tuple(word.strip() for word in text.split(",") if word.strip())
-    return () if names == ("none",) else names
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    try:
-        return tuple(sorted({int(word) for word in _names(text)}))
-    except ValueError as error:
-        raise OptionError(f"depths {text!r}; expected whole numbers, for example 8,9,10") from error
+_app.command("reconstruction")(command_of(reconstruction))
 
 
 def _write(evaluation: Evaluation, output: Path) -> None:
