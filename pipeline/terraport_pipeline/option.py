@@ -217,8 +217,8 @@ class OptionField:
 
     @property
     def words(self) -> str:
-        """Its name in messages: the long flag without its hyphens."""
-        return self.key.replace("_", " ")
+        """Its name in messages: the long flag without hyphens and unit."""
+        return self.key.removesuffix(f"_{self.option.unit}").replace("_", " ")
 
     @property
     def metavar(self) -> str | None:
@@ -250,14 +250,17 @@ class OptionField:
         notation = self.option.notation
         return value if notation is None or value is None else notation.parse(value, self.words)
 
+    def stated(self, value: Any) -> str:
+        """Say for messages what was received: ``grid cell 4 m``."""
+        return f"{self.words} {self.option.show(value)} {self.option.unit}".strip()
+
     def check(self, value: Any) -> None:
         """Refuse a value that is none of the choices, or out of bounds."""
-        words, option = self.words, self.option
+        option = self.option
         if self.choices and value not in self.choices:
-            raise OptionError(f"{words} {value!r}; expected {_listed(self.choices)}")
+            raise OptionError(f"{self.words} {value!r}; expected {_listed(self.choices)}")
         if isinstance(value, int | float) and not option.holds(value):
-            shown = f"{option.show(value)} {option.unit}".strip()
-            raise OptionError(f"{words} {shown}; expected {option.range()}")
+            raise OptionError(f"{self.stated(value)}; expected {option.range()}")
 
 
 def option_fields(options_class: type) -> tuple[OptionField, ...]:

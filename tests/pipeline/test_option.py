@@ -68,9 +68,9 @@ def test_fields_know_all_that_was_declared_once() -> None:
     ("options", "message"),
     [
         ({"kind": "clay"}, "kind 'clay'; expected rock or sand"),
-        ({"depth_m": 0.0}, "depth m 0 m; expected above 0, at most 100 m"),
-        ({"depth_m": float("nan")}, "depth m nan m; expected above 0, at most 100 m"),
-        ({"depth_m": 100.5}, "depth m 100.5 m; expected above 0, at most 100 m"),
+        ({"depth_m": 0.0}, "depth 0 m; expected above 0, at most 100 m"),
+        ({"depth_m": float("nan")}, "depth nan m; expected above 0, at most 100 m"),
+        ({"depth_m": 100.5}, "depth 100.5 m; expected above 0, at most 100 m"),
         ({"benches": 0}, "steps 0; expected 1 to below 9"),
         ({"benches": 9}, "steps 9; expected 1 to below 9"),
         ({"points": 49}, "points 49; expected at least 50"),

@@ -119,19 +119,15 @@ class RegionOptions:
         if not self.segment_by:
             raise OptionError("segment by ''; expected colour, shape or an attribute's name")
         for field in option_fields(type(self)):
-            owner = field.name.partition("_")[0]
-            if owner in ENGINES and owner not in (field.name, self.engine):
-                self._refuse_unless_none(field.name, f"engine {owner}")
-        if self.engine == "grid":
-            self._refuse_unless_none("small_region_share", "another engine")
-
-    def _refuse_unless_none(self, name: str, expected: str) -> None:
-        value = getattr(self, name)
-        if value is not None:
-            raise OptionError(
-                f"{name.replace('_', ' ')} {value:g} with engine {self.engine}; expected "
-                f"{expected}: leave out --{name.replace('_', '-')}, or change --engine"
-            )
+            value, owner = getattr(self, field.name), field.name.partition("_")[0]
+            is_of_others = owner in ENGINES and owner not in (field.name, self.engine)
+            if self.engine == "grid" and field.name == "small_region_share":
+                is_of_others, owner = True, "means, graph, tpa or felzenszwalb"
+            if is_of_others and value is not None:
+                raise OptionError(
+                    f"{field.stated(value)} with engine {self.engine}; expected engine {owner}: "
+                    f"leave out {field.flags[0]}, or change --engine"
+                )
 
 
 def make_segmenter(options: RegionOptions, *, threads: int) -> Segmenter:

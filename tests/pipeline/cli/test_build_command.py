@@ -45,7 +45,7 @@ def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) 
         (["--max-points", "10"], 2, "error: max points 10; expected at least 50"),
         (["--threads", "0"], 2, "error: threads 0; expected at least 1"),
         (["--engine", "magic"], 2, "error: engine 'magic'; expected means, graph, tpa, "),
-        (["--grid-cell-m", "5"], 2, "error: grid cell m 5 with engine means; expected engine grid"),
+        (["--grid-cell-m", "5"], 2, "error: grid cell 5 m with engine means; expected engine grid"),
         (
             ["--camera-offset", "1,2"],
             2,

@@ -152,15 +152,17 @@ def test_an_option_of_one_engine_is_refused_with_every_other(engine: Any, name: 
     else:
         with pytest.raises(OptionError) as raised:
             segment.Options(**options)
-        words, flag = name.replace("_", " "), name.replace("_", "-")
+        said = "grid cell 0.5 m" if owner == "grid" else f"{name.replace('_', ' ')} 0.5"
         assert str(raised.value) == (
-            f"{words} 0.5 with engine {engine}; expected engine {owner}: leave out --{flag}, or "
-            "change --engine"
+            f"{said} with engine {engine}; expected engine {owner}: leave out "
+            f"--{name.replace('_', '-')}, or change --engine"
         )
 
 
 def test_the_grid_knows_no_small_regions() -> None:
-    with pytest.raises(OptionError, match=r"small region share 0\.1 with engine grid; expected"):
+    with pytest.raises(
+        OptionError, match=r"small region share 0\.1 with engine grid; expected engine means"
+    ):
         segment.Options(engine="grid", small_region_share=0.1)
 
 
