@@ -10,7 +10,7 @@ import os
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import psutil
 
@@ -18,10 +18,12 @@ from terraport_pipeline import tiled_reconstruct
 from terraport_pipeline.build_report import BuildReport, write_build_report
 from terraport_pipeline.build_tiled import TiledSurface, check_tiled, segment_and_pack
 from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.engines.survey_stream import survey_size
 from terraport_pipeline.errors import OptionError, PipelineError, SurveyError
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.model import Survey
+from terraport_pipeline.option import BYTES, COMMON, COUNT, Option, Section, check_options
 from terraport_pipeline.photo_input import LocatedPhotos, Texturing
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.publish_step import build_info, pack_once
@@ -45,6 +47,9 @@ __all__ = ["BuildOptions", "available_memory_bytes", "build", "default_work_dire
 _MEMORY_SHARE: Final = 0.8
 """Share of the memory that is free at the start which a build allows itself."""
 
+_MACHINE: Final = "Machine and tiles"
+"""Heading of the options that change how a build runs, not what it makes."""
+
 T = TypeVar("T")
 
 
@@ -52,29 +57,49 @@ T = TypeVar("T")
 class BuildOptions:
     """Inputs and options of a build, one group a stage."""
 
-    survey: Path
-    scene: Path
-    name: str | None = None
-    """The scene's name for people; the scene directory's name by default."""
-    max_points: int | None = None
-    """Thin the survey to this many points while reading."""
-    clean: clean.Options = field(default_factory=clean.Options)
-    reconstruct: reconstruct.Options = field(default_factory=reconstruct.Options)
-    segment: segment.Options = field(default_factory=segment.Options)
-    texture: Texturing | None = None
+    survey: Annotated[Path, Option(is_argument=True)]
+    """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57."""
+    scene: Annotated[Path, Option(flags=("--output", "-o"))]
+    """Scene directory to publish, or to renew."""
+    name: Annotated[str | None, Option(unset="the scene directory's name")] = None
+    """The scene's name for people."""
+    max_points: Annotated[
+        int | None, Option(least=clean.MIN_POINTS, notation=COUNT, unset="all of them")
+    ] = None
+    """Thin the survey to this many points while reading: 500k, 5M."""
+    clean: Annotated[clean.Options, Section("Surface")] = field(default_factory=clean.Options)
+    reconstruct: Annotated[reconstruct.Options, Section("Surface")] = field(
+        default_factory=reconstruct.Options
+    )
+    segment: Annotated[segment.Options, Section("Regions and segments")] = field(
+        default_factory=segment.Options
+    )
+    texture: Annotated[Texturing | None, Section("Textures")] = None
     """Textures instead of vertex colours, from photos or for comparison from the colours."""
-    work: Path | None = None
-    """Work directory; ``.<scene>.work`` beside the scene by default."""
-    resume: bool = True
-    """Take up results of earlier builds; False does all stages again."""
-    threads: int | None = None
-    """All cores by default. Changes times only."""
-    max_memory_bytes: int | None = None
-    """80 % of what is free by default."""
-    tiles: TileOptions = field(default_factory=TileOptions)
-    """How to go about a survey that does not fit into that."""
+    work: Annotated[Path | None, Option(heading=_MACHINE, unset=".SCENE.work beside the scene")] = (
+        None
+    )
+    """Work directory, with the results of all stages."""
+    resume: Annotated[bool, Option(heading=COMMON)] = True
+    """Take up stages of earlier builds whose input, options and code are unchanged."""
+    max_memory_bytes: Annotated[
+        int | None,
+        Option(
+            flags=("--max-memory",),
+            heading=COMMON,
+            least=2**28,
+            notation=BYTES,
+            unset=f"{_MEMORY_SHARE * 100:.0f} % of what is free",
+        ),
+    ] = None
+    """Memory that the build may take: 8G. A survey that needs more is built in tiles."""
+    threads: Annotated[int | None, Option(heading=_MACHINE, least=1, unset="all cores")] = None
+    """Threads at most. The result does not depend on it."""
+    tiles: Annotated[TileOptions, Section(_MACHINE)] = field(default_factory=TileOptions)
+    """How to go about a survey that does not fit into the memory."""
 
     def __post_init__(self) -> None:
+        check_options(self)
         self.pack_options()  # refused before any work, not after an hour
 
     def pack_options(self) -> pack.Options:
@@ -141,7 +166,7 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
         Publishing failed; the scene that was published before stands.
     """
     started = time.monotonic()
-    _check_paths(options)
+    _check(options)
     survey, scene = options.survey.absolute(), options.scene.absolute()
     with scene_locked(scene):
         threads = options.threads or _cores()
@@ -280,7 +305,7 @@ def _plan_memory(runner: StageRunner, survey: Path, options: BuildOptions) -> Me
     return plan_memory(
         points,
         runner.max_memory_bytes,
-        force=options.tiles.force,
+        force=options.tiles.wanted,
         detail_depth=options.reconstruct.detail_depth,
         extent_m=size.extent,
         area_m2=size.area,
@@ -367,7 +392,8 @@ def _read(
     )
 
 
-def _check_paths(options: BuildOptions) -> None:
+def _check(options: BuildOptions) -> None:
+    """Refuse at once what would end the build after an hour."""
     survey, scene = options.survey, options.scene.absolute()
     if not survey.exists():
         raise SurveyError(f"no file {survey}")
@@ -390,9 +416,5 @@ def _check_paths(options: BuildOptions) -> None:
                 f"{scene} holds other files ({others[0].name}); expected a scene, or an empty or "
                 "new directory"
             )
-    if options.threads is not None and options.threads < 1:
-        raise OptionError(f"threads {options.threads}; expected at least 1")
-    if options.max_points is not None and options.max_points < clean.MIN_POINTS:
-        raise OptionError(f"max points {options.max_points}; expected at least {clean.MIN_POINTS}")
-    if options.max_memory_bytes is not None and options.max_memory_bytes < 2**28:
-        raise OptionError(f"max memory {options.max_memory_bytes} bytes; expected 256 MiB or more")
+    if options.texture is not None and options.texture.options.kind == "ktx2":
+        require_encoder()

@@ -12,14 +12,14 @@ import numpy.typing as npt
 from terraport_payload.types import Float64, UInt8
 from terraport_pipeline.engines.camera_files import read_cameras, read_raw_cameras
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos, sizes_below
-from terraport_pipeline.errors import OptionError, PhotoError
+from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.geometry.lens import Lens, valid_radius
 from terraport_pipeline.geometry.view_cover import cover_points
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages.read import read_survey
 
-__all__ = ["inspect_cameras", "inspect_photos", "parse_offset"]
+__all__ = ["inspect_cameras", "inspect_photos"]
 
 MAX_POINTS: Final = 200_000
 """Points of the survey that are projected."""
@@ -32,26 +32,6 @@ _PHOTO_BYTES: Final = 1 << 30
 
 _LEAST_POINTS: Final = 200
 """Points in a photo for a comparison that means something."""
-
-
-def parse_offset(text: str | None) -> tuple[float, float, float] | None:
-    """Parse ``--camera-offset E,N,H``.
-
-    Raises
-    ------
-    OptionError
-    """
-    if text is None:
-        return None
-    try:
-        east, north, up = (float(word) for word in text.split(","))
-    except ValueError as error:
-        raise OptionError(
-            f"--camera-offset {text!r}: three numbers E,N,H in metres expected"
-        ) from error
-    if not np.isfinite((east, north, up)).all():
-        raise OptionError(f"--camera-offset {text!r}: finite numbers expected")
-    return east, north, up
 
 
 def inspect_cameras(path: Path, photos: Path | None = None) -> dict[str, Any]:

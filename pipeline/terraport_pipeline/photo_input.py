@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import numpy as np
 import xxhash
@@ -23,6 +23,7 @@ from terraport_pipeline.engines.photos import (
 )
 from terraport_pipeline.errors import OptionError, PhotoError
 from terraport_pipeline.model import Crs, Survey, to_scene
+from terraport_pipeline.option import COMMON, OFFSET, Option
 from terraport_pipeline.photo_check import checked_photos
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import texture
@@ -39,12 +40,18 @@ class Texturing:
     """What a build is asked for in the way of textures."""
 
     options: texture.Options = field(default_factory=texture.Options)
-    photos: Path | None = None
-    """Folder of the photos; None with textures from vertex colours."""
-    cameras: Path | None = None
-    """File or project folder; looked for in the photos' folder and the one above by default."""
-    camera_offset: tuple[float, float, float] | None = None
-    """East, north, height to add to the cameras' coordinates; found by itself where stated."""
+    photos: Annotated[Path | None, Option(heading=COMMON)] = None
+    """Folder of the survey's photos: the scene gets textures from them."""
+    cameras: Annotated[
+        Path | None, Option(heading=COMMON, unset="looked for in the photos' folder and above it")
+    ] = None
+    """Where the photos were taken: file or project folder of COLMAP, OpenSfM, OpenDroneMap, Pix4D,
+    Metashape or Bundler."""
+    camera_offset: Annotated[
+        tuple[float, float, float] | None,
+        Option(notation=OFFSET, unset="found where the cameras' files state it"),
+    ] = None
+    """Metres east, north and up to add to the cameras' coordinates."""
 
     def __post_init__(self) -> None:
         if self.options.source == "vertex" and (self.photos or self.cameras):
@@ -53,7 +60,10 @@ class Texturing:
                 "--photos, or --texture-from vertex"
             )
         if self.options.source == "photos" and self.photos is None:
-            raise OptionError("cameras without photos; give the folder of the photos with --photos")
+            raise OptionError(
+                "options of cameras or textures without photos; expected the folder of the photos "
+                "with --photos, or --texture-from vertex"
+            )
 
     def find(self, progress: Progress) -> LocatedPhotos | None:
         """Find cameras and photos and hash them; None with textures from vertex colours.

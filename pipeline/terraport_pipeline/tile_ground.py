@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -17,10 +17,11 @@ from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.engines.raw_survey import thinning_rows
-from terraport_pipeline.errors import OptionError, ResourceError
+from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.geometry.footprint import Occupancy, plan_occupancy
 from terraport_pipeline.geometry.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
 from terraport_pipeline.model import Crs, Survey
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.stage_runner import StageRunner, Step
 from terraport_pipeline.stages import (
     clean,
@@ -49,16 +50,24 @@ _THINNED_POINTS: Final = 1_500_000
 class TileOptions:
     """Whether to build in tiles, how large these are, and who works on them."""
 
-    force: bool = False
-    """Tiles although the whole would fit."""
-    depth: int | None = None
-    """Octree depth of a tile; by the memory allowed when None."""
-    cluster: str | None = None
-    """Address of a Dask scheduler; processes of this machine when None."""
+    force: Annotated[bool, Option(flags=("--tiles",))] = False
+    """Build in tiles although the whole would fit into the memory."""
+    depth: Annotated[
+        int | None,
+        Option(flags=("--tile-depth",), least=7, most=12, unset="what --max-memory allows"),
+    ] = None
+    """Octree depth of a tile: 10 is about 1.1 million faces, 9 a quarter of that."""
+    cluster: Annotated[str | None, Option(unset="processes of this machine")] = None
+    """Address of a Dask scheduler that works on the tiles, as --tiles: tcp://host:8786. Its workers
+    must see the same paths."""
 
     def __post_init__(self) -> None:
-        if self.depth is not None and not 7 <= self.depth <= 12:
-            raise OptionError(f"tile depth {self.depth}; expected 7 to 12")
+        check_options(self)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether to build in tiles whatever the memory."""
+        return self.force or self.cluster is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 from terraport_pipeline.engines.reconstructors import RECONSTRUCTORS
 from terraport_pipeline.engines.reconstructors.greedy_projection import PROGRAM
@@ -32,6 +32,7 @@ from terraport_pipeline.evaluation.verdicts import (
     judge_colour,
     judge_shape,
 )
+from terraport_pipeline.option import COUNT, Notation, Option, check_options
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = ["MODELS", "Evaluation", "Options", "Result", "evaluate", "to_json"]
@@ -46,40 +47,74 @@ _MOST_POINTS: Final = 2_000_000
 _PACKAGES: Final = ("terraport", "numpy", "scipy", "numba", "pycolmap", "embreex")
 
 
+def _parse_names(text: str, what: str) -> tuple[str, ...]:  # noqa: ARG001  any words are names
+    names = tuple(word.strip() for word in text.split(",") if word.strip())
+    return () if names == ("none",) else names
+
+
+def _parse_depths(text: str, what: str) -> tuple[int, ...]:
+    try:
+        return tuple(sorted({int(word) for word in _parse_names(text, what)}))
+    except ValueError as error:
+        raise OptionError(f"{what} {text!r}; expected whole numbers, for example 8,9,10") from error
+
+
+_NAMES: Final = Notation("NAME,NAME", _parse_names, lambda names: ", ".join(names) or "none")
+_DEPTHS: Final = Notation(
+    "DEPTH,DEPTH", _parse_depths, lambda depths: ", ".join(map(str, depths)) or "none"
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Options:
     """Algorithms, models, sizes and limits of a comparison."""
 
-    algorithms: tuple[str, ...] = tuple(RECONSTRUCTORS)
-    models: tuple[str, ...] = MODELS
-    points: int = 20_000
-    """Samples of each model and of the quarry."""
-    depths: tuple[int, ...] = (8, 9, 10, 11, 12, 13)
-    """Octree depths of the figure; none leaves it out."""
-    depth_points: int = 60_000
-    """Points of each scene of the figure."""
-    scenes: tuple[str, ...] = ("quarry", "red_rocks", "apaxco_quarry")
-    data: Path | None = None
-    """Folder of real data."""
-    threads: int = 2
+    algorithms: Annotated[tuple[str, ...], Option(notation=_NAMES)] = tuple(RECONSTRUCTORS)
+    """Algorithms to compare, by commas; none: only the depths."""
+    models: Annotated[tuple[str, ...], Option(notation=_NAMES)] = MODELS
+    """Models with truth, by commas: bunny, armadillo, block, gear, stairs, torus, sphere."""
+    points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = 20_000
+    """Samples of each model and of the quarry: 20k."""
+    depths: Annotated[tuple[int, ...], Option(notation=_DEPTHS)] = (8, 9, 10, 11, 12, 13)
+    """Octree depths of Poisson in the figure, 4 to 16, by commas; none: only the algorithms."""
+    depth_points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = (
+        60_000
+    )
+    """Points of each scene that the depths are tried on."""
+    scenes: Annotated[tuple[str, ...], Option(notation=_NAMES)] = (
+        "quarry",
+        "red_rocks",
+        "apaxco_quarry",
+    )
+    """Scenes that the depths are tried on, by commas: these, or paths of surveys."""
+    data: Annotated[Path | None, Option(unset="none: models and scenes made here")] = None
+    """Folder with real data: stanford/bunny.ply, stanford/armadillo.obj, red_rocks/red_rocks.laz,
+    apaxco_quarry/apaxco_quarry_500k.laz. What is not there is left out, and said."""
+    threads: Annotated[int | None, Option(least=1, most=64, unset="all cores")] = None
     """Algorithms at once; each runs on one thread."""
-    time_limit_s: float = TIME_LIMIT_S
+    time_limit_s: Annotated[float, Option(flags=("--time-limit",), above=0, unit="s")] = (
+        TIME_LIMIT_S
+    )
+    """Stop an algorithm after this many seconds."""
     pictures: bool = True
 
     def __post_init__(self) -> None:
+        check_options(self)
         for name in self.algorithms:
             if name not in RECONSTRUCTORS:
                 raise OptionError(
                     f"algorithm {name!r}; expected one of {', '.join(RECONSTRUCTORS)}"
                 )
-        for name, count in (("points", self.points), ("depth points", self.depth_points)):
-            if not _LEAST_POINTS <= count <= _MOST_POINTS:
-                raise OptionError(f"{name} {count}; expected {_LEAST_POINTS:,} to {_MOST_POINTS:,}")
         for depth in self.depths:
             if not 4 <= depth <= 16:
                 raise OptionError(f"depth {depth}; expected 4 to 16")
         if self.data is not None and not self.data.is_dir():
             raise OptionError(f"--data {self.data}; expected an existing folder")
+
+    @property
+    def workers(self) -> int:
+        """Algorithms at once, counted."""
+        return self.threads or os.cpu_count() or 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +229,7 @@ def _compare(subject: Subject, options: Options, scratch: Path, watcher: Progres
         return run(key, subject.samples, scratch, time_limit_s=options.time_limit_s)
 
     results = []
-    with ThreadPoolExecutor(max(1, options.threads)) as pool:
+    with ThreadPoolExecutor(options.workers) as pool:
         started: list[tuple[str, Future[Run]]] = [
             (key, pool.submit(one, key)) for key in options.algorithms
         ]
@@ -245,7 +280,7 @@ def _sweeps(
                 options.depths,
                 options.depth_points,
                 scratch,
-                threads=options.threads,
+                threads=options.workers,
                 progress=watcher,
             )
         except PipelineError as error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ from terraport_pipeline.geometry.spacing import (
     remaining_neighbours,
 )
 from terraport_pipeline.model import Cloud, Survey, to_scene
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 
 __all__ = ["MIN_POINTS", "NAME", "Cleaned", "Options", "restore", "run", "store"]
@@ -53,7 +54,7 @@ _WIDE_M: Final = 8192.0
 class Options:
     """Outlier rule and number of neighbours: how strictly to clean."""
 
-    outlier_ratio: float = 3.0
+    outlier_ratio: Annotated[float, Option(above=1)] = 3.0
     """A point goes when it stands this many times farther from its neighbours than they do from
     theirs. Lower removes more noise, and thin things (wires, fences) with it."""
     outlier_deviations: float = 3.0
@@ -62,11 +63,9 @@ class Options:
     """Points per normal. More smooths noise, and rounds edges."""
 
     def __post_init__(self) -> None:
-        if not (self.outlier_ratio > 1 and self.outlier_deviations >= 0):
-            raise OptionError(
-                f"outlier ratio {self.outlier_ratio} and deviations {self.outlier_deviations}; "
-                "expected above 1 and at least 0"
-            )
+        check_options(self)
+        if not self.outlier_deviations >= 0:
+            raise OptionError(f"outlier deviations {self.outlier_deviations}; expected at least 0")
         if not 6 <= self.normal_neighbours <= 64:
             raise OptionError(f"normal neighbours {self.normal_neighbours}; expected 6 to 64")
 

@@ -11,12 +11,12 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
 from terraport_payload.types import AnyInt, Bool, Float32, Int32
-from terraport_pipeline.engines.images import MEDIA_TYPES, ImageFormat
+from terraport_pipeline.engines.images import ImageFormat
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
@@ -24,6 +24,7 @@ from terraport_pipeline.geometry.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.view_choice import ViewChoice
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import choose_views as choosing
@@ -69,29 +70,33 @@ _DEFAULT_MEMORY: Final = 4 << 30
 class Options:
     """What textures are made of and how fine they are."""
 
-    source: Source = "photos"
-    """"vertex" draws the vertex colours into images, for comparison and for loaders that know no
-    vertex colours."""
-    texel_m: float | None = None
-    """Length of a texel on the surface; None is as fine as the photos (of vertex colours two texels
-    an edge). Never finer than a photo's pixel; coarser where a segment would not fit."""
-    kind: ImageFormat = "jpeg"
-    quality: int = 85
-    """Quality of the image format, 1 to 100."""
+    source: Annotated[Source, Option(flags=("--texture-from",))] = "photos"
+    """What textures are drawn from. vertex draws the colours of the cloud into images, to compare
+    and for loaders that know no vertex colours."""
+    texel_m: Annotated[
+        float | None,
+        Option(
+            flags=("--texel-size",),
+            least=1e-4,
+            most=1e3,
+            unit="m",
+            unset="as fine as the photos; of vertex colours two texels an edge",
+        ),
+    ] = None
+    """Metres of surface that one texel is wide. Twice as many take a quarter of the memory. Never
+    finer than a photo's pixel; coarser where a segment would not fit."""
+    kind: Annotated[ImageFormat, Option(flags=("--texture-format",))] = "jpeg"
+    """How images are packed. jpeg: every loader reads it. webp: a quarter smaller. png: without
+    loss. ktx2: small on the GPU; needs the program basisu."""
+    quality: Annotated[int, Option(flags=("--texture-quality",), least=1, most=100)] = 85
+    """Quality of jpeg and webp: higher is larger and truer."""
     max_side: int = 2048
     """Longest side of a segment's image."""
-    base_side: int = 2048
-    """Longest side of the base's image."""
+    base_side: Annotated[int, Option(flags=("--base-texture",), unit="pixels")] = 2048
+    """Longest side of the base's image, pixels: 256, 512, 1024, 2048 or 4096."""
 
     def __post_init__(self) -> None:
-        if self.source not in ("photos", "vertex"):
-            raise OptionError(f"textures from {self.source!r}; expected photos or vertex")
-        if self.texel_m is not None and not 1e-4 <= self.texel_m <= 1e3:
-            raise OptionError(f"texel size {self.texel_m} m; expected 0.0001 to 1000")
-        if self.kind not in MEDIA_TYPES:
-            raise OptionError(f"texture format {self.kind!r}; expected {', '.join(MEDIA_TYPES)}")
-        if not 1 <= self.quality <= 100:
-            raise OptionError(f"texture quality {self.quality}; expected 1 to 100")
+        check_options(self)
         if self.max_side not in _SIDES[:-1] or self.base_side not in _SIDES:
             raise OptionError(
                 f"texture sides {self.max_side} (segments) and {self.base_side} (base); expected "

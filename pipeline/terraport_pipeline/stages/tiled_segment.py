@@ -127,7 +127,7 @@ class TiledScene:
 
     def scale(self, options: Options) -> MeansScale:
         """Make what the units of every tile are made by."""
-        segmenter = means_segmenter(options.region_threshold, options.region_small)
+        segmenter = means_segmenter(options)
         return MeansScale(segmenter, self.totals, self.longest_m)
 
     def max_extent_m(self, options: Options) -> float:
@@ -289,7 +289,7 @@ def regions(
     if joined.count > MAX_REGIONS:
         raise OptionError(
             f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: "
-            "change --region-threshold or raise --region-small"
+            "raise --small-region-share or --means-spread"
         )
     return joined
 

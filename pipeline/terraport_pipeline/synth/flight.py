@@ -11,13 +11,14 @@ Frame: scene metres about the quarry's origin (x east, y up, z south), as
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from terraport_payload.types import Float64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
@@ -59,42 +60,30 @@ class FlightOptions:
         When a value is out of its range.
     """
 
-    count: int = 60
-    """Photos; at most :data:`MAX_PHOTOS`."""
+    count: Annotated[int, Option(flags=("--photo-count",), least=1, most=MAX_PHOTOS)] = 60
+    """Photos of the flight, straight down and oblique."""
     width: int = 2000
     height: int = 1500
     """Height of a photo, pixels."""
-    overlap: float = 0.7
-    """Of neighbouring nadir photos on the plateau, along and across the flight."""
-    exposure_drift_ev: float = 0.35
-    """Largest exposure error, in stops: 0.35 is a factor of 1.27 in light."""
-    vignetting: float = 0.18
-    """Light lost in the photo's corner."""
-    sensor_noise: float = 1.2
-    """Standard deviation in grey levels of 255."""
-    quality: int = 92
+    overlap: Annotated[float, Option(least=0, most=0.95)] = 0.7
+    """Overlap of neighbouring photos straight down on the plateau, along and across the flight."""
+    exposure_drift_ev: Annotated[float, Option(flags=("--exposure-drift",), least=0, most=3)] = 0.35
+    """Largest exposure error of a photo, in stops: 0.35 is a factor of 1.27 in light."""
+    vignetting: Annotated[float, Option(least=0, most=0.9)] = 0.18
+    """Share of the light that is lost in a photo's corner."""
+    sensor_noise: Annotated[float, Option(least=0, most=64)] = 1.2
+    """Noise of the sensor: standard deviation in grey levels of 255."""
+    quality: Annotated[int, Option(flags=("--photo-quality",), least=1, most=100)] = 92
     """Quality of the JPEG files."""
-    truck: bool = True
+    truck: Annotated[bool, Option()] = True
     """A truck drives through the scene: in every photo at another place."""
 
     def __post_init__(self) -> None:
-        ranges = (
-            ("count", 1, MAX_PHOTOS),
-            ("width", 64, 16_384),
-            ("height", 64, 16_384),
-            ("overlap", 0.0, 0.95),
-            ("exposure_drift_ev", 0.0, 3.0),
-            ("vignetting", 0.0, 0.9),
-            ("sensor_noise", 0.0, 64.0),
-            ("quality", 1, 100),
-        )
-        for name, least, most in ranges:
-            value = getattr(self, name)
-            if not least <= value <= most:  # also refuses NaN
-                raise OptionError(
-                    f"photos: {name} is {value!r}, expected {least:,} to {most:,}; "
-                    "give another value"
-                )
+        check_options(self)
+        if not all(64 <= side <= 16_384 for side in (self.width, self.height)):
+            raise OptionError(
+                f"a photo of {self.width} x {self.height} pixels; expected sides of 64 to 16,384"
+            )
         if self.width * self.height > MAX_PIXELS:
             raise OptionError(
                 f"a photo of {self.width} x {self.height} pixels is too large, expected at most "
