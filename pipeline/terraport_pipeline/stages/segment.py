@@ -128,8 +128,8 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     progress.done({"regions": segmentation.region_count, "pools": segmentation.fine_count})
     if segmentation.region_count > MAX_REGIONS:
         raise OptionError(
-            f"{segmentation.region_count} regions; at most {MAX_REGIONS} can be told apart at run time: "
-            "raise --small-region-share, or change the engine's own threshold (terraport build "
+            f"{segmentation.region_count} regions; at most {MAX_REGIONS} can be told apart at run "
+            "time: raise --small-region-share, or change the engine's own threshold (terraport build "
             "--help)"
         )
     # (2) Segments and cover.
