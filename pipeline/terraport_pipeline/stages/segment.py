@@ -129,8 +129,8 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     if segmentation.region_count > MAX_REGIONS:
         raise OptionError(
             f"{segmentation.region_count} regions; at most {MAX_REGIONS} can be told apart at run "
-            "time: raise --small-region-share, or change the engine's own threshold (terraport build "
-            "--help)"
+            "time: raise --small-region-share, or change the engine's own threshold (terraport "
+            "build --help)"
         )
     # (2) Segments and cover.
     # The regions' facts need neither segments nor cover: they are gathered beside them.
