@@ -3,7 +3,8 @@
 A work directory outlives releases. A result may be taken up by another release only when the code
 that made it is the same; a change elsewhere must not cost hours of reconstruction again. So the
 digest is taken over the stage's module and every module of ours that it imports or names, directly
-or not.
+or not. Docstrings do not count: those of options are the help, and a better word there must cost
+nothing.
 """
 
 from __future__ import annotations
@@ -18,12 +19,14 @@ import xxhash
 
 from terraport_pipeline.import_graph import Needs, modules_needed, needs_of
 
-__all__ = ["code_digest", "modules_behind"]
+__all__ = ["code_digest", "modules_behind", "without_docstrings"]
 
 _OURS: Final = frozenset({"terraport_pipeline", "terraport_payload", "terraport_store"})
 
-_NO_RESULT: Final = frozenset({"terraport_pipeline.progress", "terraport_pipeline.errors"})
-"""What they hold changes what a build says, never what it makes."""
+_NO_RESULT: Final = frozenset(
+    {"terraport_pipeline.progress", "terraport_pipeline.errors", "terraport_pipeline.option"}
+)
+"""What they hold changes what a build says or is told, never what it makes of that."""
 
 
 @functools.cache
@@ -44,7 +47,8 @@ def code_digest(module: str) -> str:
     for name in modules_behind(module):
         path = _path(name)
         digest.update(f"{name}\n".encode())
-        digest.update(b"" if path is None else path.read_bytes())
+        source = b"" if path is None else path.read_bytes()
+        digest.update(without_docstrings(source.decode("utf-8")).encode())
     return digest.hexdigest()
 
 
@@ -69,6 +73,16 @@ def modules_behind(module: str) -> list[str]:
         handing_on |= passed - _NO_RESULT
         waiting |= used
     return sorted(behind | handing_on)
+
+
+def without_docstrings(source: str) -> str:
+    """Take the strings that stand alone out of a source, and nothing else."""
+    lines = source.splitlines(keepends=True)
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            rows = slice(node.lineno - 1, node.end_lineno)
+            lines[rows] = [""] * len(lines[rows])
+    return "".join(lines)
 
 
 @functools.cache

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "Terraport/Transport.h"
+#include "Terraport/Xxh3.h"
 #include "session_model.h"
 
 #include <deque>
@@ -13,10 +14,12 @@
 
 namespace terraport::testing {
 
+/// The toy scene as a stream checks it.
+inline const ToyScene kStreamToy(900, "v1", &xxh3Hash64);
+
 /// What all connections of one stream share.
 struct FakeNetwork {
-  explicit FakeNetwork(const ToyScene& toy, ModelOptions modelOptions = {})
-      : scene(&toy), options(std::move(modelOptions)) {}
+  explicit FakeNetwork(const ToyScene& toy, ModelOptions modelOptions = {}) : scene(&toy), options(std::move(modelOptions)) {}
 
   const ToyScene* scene;
   ModelOptions options;

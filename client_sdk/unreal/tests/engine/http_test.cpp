@@ -20,14 +20,8 @@ public:
 		Content.SetNumUninitialized(int32(Text.size()));
 		std::copy(Text.begin(), Text.end(), Content.begin());
 	}
-	virtual int32 GetResponseCode() const override
-	{
-		return Code;
-	}
-	virtual const TArray<uint8>& GetContent() const override
-	{
-		return Content;
-	}
+	virtual int32 GetResponseCode() const override { return Code; }
+	virtual const TArray<uint8>& GetContent() const override { return Content; }
 
 private:
 	int32 Code;
@@ -37,33 +31,18 @@ private:
 class FFakeRequest final : public IHttpRequest
 {
 public:
-	virtual void SetURL(const FString& InUrl) override
-	{
-		Url = InUrl;
-	}
+	virtual void SetURL(const FString& InUrl) override { Url = InUrl; }
 	virtual void SetVerb(const FString&) override {}
-	virtual void SetHeader(const FString& Name, const FString& Value) override
-	{
-		Headers[Name] = Value;
-	}
-	virtual bool ProcessRequest() override
-	{
-		return bStarts;
-	}
+	virtual void SetHeader(const FString& Name, const FString& Value) override { Headers[Name] = Value; }
+	virtual bool ProcessRequest() override { return bStarts; }
 	virtual void CancelRequest() override
 	{
 		bCancelled = true;
 		// As the module does it: a request that is given up has failed.
 		Complete.ExecuteIfBound(FHttpRequestPtr(), FHttpResponsePtr(), false);
 	}
-	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override
-	{
-		return Complete;
-	}
-	virtual FHttpRequestProgressDelegate64& OnRequestProgress64() override
-	{
-		return Progress;
-	}
+	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override { return Complete; }
+	virtual FHttpRequestProgressDelegate64& OnRequestProgress64() override { return Progress; }
 	void Answer(int32 Code, const std::string& Text)
 	{
 		Complete.ExecuteIfBound(FHttpRequestPtr(), MakeShared<FFakeResponse>(Code, Text), true);
@@ -77,9 +56,9 @@ public:
 	bool bCancelled = false;
 };
 
-struct FStand
+struct FHttpStand
 {
-	FStand()
+	FHttpStand()
 	{
 		FHttpModule::Get().StubMake = [this]() -> TSharedRef<IHttpRequest, ESPMode::ThreadSafe> {
 			const TSharedRef<FFakeRequest> Made = MakeShared<FFakeRequest>();
@@ -88,10 +67,7 @@ struct FStand
 			return Made;
 		};
 	}
-	FFakeRequest& Newest()
-	{
-		return *All.back();
-	}
+	FFakeRequest& Newest() { return *All.back(); }
 	bool bStarts = true;
 	std::vector<TSharedRef<FFakeRequest>> All;
 };
@@ -99,7 +75,7 @@ struct FStand
 
 TEST_CASE("an answer comes with status and body, once; the token is a header")
 {
-	FStand Stand;
+	FHttpStand Stand;
 	FTerraportHttp Http;
 	terraport::HttpAnswer Answer;
 	const std::uint64_t Request = Http.get("http://host/scenes/q", "s3cret", 100);
@@ -120,7 +96,7 @@ TEST_CASE("an answer comes with status and body, once; the token is a header")
 
 TEST_CASE("a body that is longer than it may be is given up as soon as that is seen")
 {
-	FStand Stand;
+	FHttpStand Stand;
 	FTerraportHttp Http;
 	terraport::HttpAnswer Answer;
 	const std::uint64_t Slow = Http.get("http://host/a", "", 10);
@@ -137,7 +113,7 @@ TEST_CASE("a body that is longer than it may be is given up as soon as that is s
 
 TEST_CASE("without a connection there is a reason and no status")
 {
-	FStand Stand;
+	FHttpStand Stand;
 	FTerraportHttp Http;
 	terraport::HttpAnswer Answer;
 	const std::uint64_t Request = Http.get("http://host/a", "", 10);
@@ -153,7 +129,7 @@ TEST_CASE("without a connection there is a reason and no status")
 
 TEST_CASE("what was given up is heard of no more, and nothing is left of it")
 {
-	FStand Stand;
+	FHttpStand Stand;
 	std::weak_ptr<FFakeRequest> Left;
 	{
 		FTerraportHttp Http;

@@ -4,6 +4,7 @@
 
 #include "Terraport/SceneRenderer.h"
 #include "TerraportGround.h"
+#include "TerraportKeeper.h"
 #include "TerraportMeshBackend.h"
 #include "TerraportMeshBuilder.h"
 #include "TerraportSettings.h"
@@ -28,16 +29,6 @@ struct FTerraportMaterials
 	FName TextureParameter;
 	/** Scalar parameter of both base materials: centimetres that the base is pushed back along the line of sight. */
 	FName PushParameter;
-};
-
-/** Keeps alive what only plain C++ points to. The scene actor is one. */
-class ITerraportKeeper
-{
-public:
-	virtual ~ITerraportKeeper() = default;
-	/** Hold on to an object until Release; once each. */
-	virtual void Keep(UObject* Object) = 0;
-	virtual void Release(UObject* Object) = 0;
 };
 
 /**
@@ -65,12 +56,14 @@ public:
 	void Step(double EndS);
 
 	/** First point of what is shown along a ray of component space, and its segment (-1: the base). */
-	bool CastGround(const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const;
+	bool CastGround(
+		const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const;
 
 	/** As CastGround along the vertical through a point: the highest ground not above it, else the lowest above it. */
 	bool GroundAt(const FVector3f& From, FTerraportGroundPoint& Point, int32& Segment, bool& bBelow) const;
 
-	virtual terraport::UploadState upload(std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload) override;
+	virtual terraport::UploadState upload(
+		std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload) override;
 	virtual bool isDrawable(std::uint32_t Segment) override;
 	virtual void free(std::uint32_t Segment) override;
 	virtual std::size_t gpuBytesOf(const terraport::SegmentMesh& Mesh) const override;

@@ -38,8 +38,9 @@ bool IsFinal(const std::string& Code)
 }
 } // namespace
 
-FTerraportSession::FTerraportSession(ATerraportScene& InOwner, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
-	: Owner(InOwner), Backend(InBackend), Token(TerraportText::ToUtf8(InOwner.Token)),
+FTerraportSession::FTerraportSession(
+	ATerraportScene& InOwner, TSet<TObjectPtr<UObject>>& Kept, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
+	: Owner(InOwner), Keeper(Kept), Backend(InBackend), Token(TerraportText::ToUtf8(InOwner.Token)),
 	  Budgets(InOwner.Device == ETerraportDevice::Custom ? InOwner.CustomBudgets : FTerraportBudgets::For(InOwner.Device))
 {
 	// Worker threads may only look it up.
@@ -49,12 +50,12 @@ FTerraportSession::FTerraportSession(ATerraportScene& InOwner, TSharedRef<ITerra
 	for (UMaterialInterface* Material : {Materials.Colour, Materials.Texture, Materials.BaseColour, Materials.BaseTexture})
 	{
 		KeptMaterials.push_back(Material);
-		Keep(Material);
+		Keeper.Keep(Material);
 	}
 	FTerraportMeshSettings Settings;
 	Settings.bCollision = Owner.bCollision;
 	Settings.bCastShadow = Owner.bCastShadows;
-	Renderer = std::make_unique<FTerraportRenderer>(Owner, *this, Backend, Materials, Settings);
+	Renderer = std::make_unique<FTerraportRenderer>(Owner, Keeper, Backend, Materials, Settings);
 	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, std::max(Owner.DecodeTasks, 1));
 	StartLoading();
 }
@@ -82,7 +83,7 @@ void FTerraportSession::End()
 	Renderer.reset();
 	for (UMaterialInterface* Material : KeptMaterials)
 	{
-		Release(Material);
+		Keeper.Release(Material);
 	}
 	KeptMaterials.clear();
 	Swaps.clear();
@@ -219,16 +220,6 @@ FTerraportStats FTerraportSession::TakeStats()
 	return Stats;
 }
 
-void FTerraportSession::Keep(UObject* Object)
-{
-	Owner.Kept.Add(Object);
-}
-
-void FTerraportSession::Release(UObject* Object)
-{
-	Owner.Kept.Remove(Object);
-}
-
 void FTerraportSession::StartLoading()
 {
 	FTerraportFilesRequest Request;
@@ -262,8 +253,8 @@ void FTerraportSession::PollLoading(double NowMs)
 	{
 		if (Stage && Result.Files->manifest.version != StreamVersion)
 		{
-			// The connection went on to another version meanwhile. Ids in the cover belong to one: with another one's base there
-			// would be holes.
+			// The connection went on to another version meanwhile. Ids in the cover belong to one: with another one's base
+			// there would be holes.
 			RetryLater(NowMs);
 			return;
 		}
@@ -344,8 +335,8 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& S
 FTerraportMaterials FTerraportSession::MaterialsOf()
 {
 	FTerraportMaterials Materials;
-	UMaterialInterface* Fallback = LoadObject<UMaterialInterface>(
-		nullptr, TEXT("/Engine/EngineDebugMaterials/VertexColorMaterial.VertexColorMaterial"));
+	UMaterialInterface* Fallback =
+		LoadObject<UMaterialInterface>(nullptr, TEXT("/Engine/EngineDebugMaterials/VertexColorMaterial.VertexColorMaterial"));
 	if (Fallback == nullptr)
 	{
 		// Debug materials may be missing from a packaged game.
@@ -362,7 +353,8 @@ FTerraportMaterials FTerraportSession::MaterialsOf()
 	if (Owner.BaseColourMaterial == nullptr && Owner.BaseTextureMaterial == nullptr)
 	{
 		UE_LOG(LogTerraport, Warning,
-			TEXT("%s has no base material: the base is not pushed back, and may poke through detail at the rim (see docs/how-to/unreal.md)"),
+			TEXT("%s has no base material: the base is not pushed back, and may poke through detail at the rim (see "
+				 "docs/how-to/unreal.md)"),
 			*Owner.GetName());
 	}
 	return Materials;

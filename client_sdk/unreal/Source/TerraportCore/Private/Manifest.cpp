@@ -10,10 +10,9 @@ namespace {
 
 /// Scene format, section 12.
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 30;
-constexpr std::uint64_t kMaxRegionsBytes = std::uint64_t{1} << 28;
 /// A bound for arithmetic: faces are counted in 32 bits.
 constexpr std::uint64_t kMaxCount = (std::uint64_t{1} << 31) - 1;
-constexpr std::uint32_t kMaxAttributes = 4096;
+constexpr std::uint32_t kMaxSceneAttributes = 4096;
 
 bool isDigest(std::string_view text, std::size_t digits) {
   if (text.size() != digits) {
@@ -45,13 +44,13 @@ Status expectPoint(JsonValue value, std::string_view label, Vec3& out) {
 
 Status expectFormat(JsonValue json) {
   if (json.member("format").text().value_or("") != "terraport-scene") {
-    return Status::damaged("got format " + shortly(json.member("format")) +
-                           ", expected \"terraport-scene\"; is this a terraport server?");
+    return Status::damaged(
+        "got format " + shortly(json.member("format")) + ", expected \"terraport-scene\"; is this a terraport server?");
   }
   const std::string_view version = json.member("format_version").text().value_or("");
   if (version.substr(0, version.find('.')) != "1") {
-    return Status::failed("unsupported_version", "got scene format " + shortly(json.member("format_version")) +
-                                                     ", expected 1.x; a newer client is needed");
+    return Status::failed("unsupported_version",
+        "got scene format " + shortly(json.member("format_version")) + ", expected 1.x; a newer client is needed");
   }
   return {};
 }
@@ -112,13 +111,13 @@ Status readFile(JsonValue files, const char* key, std::uint64_t mostBytes, FileF
   TERRAPORT_RETURN_IF_ERROR(expectMap(file, key));
   TERRAPORT_RETURN_IF_ERROR(expectWhole(file.member("bytes"), key, 1, out.bytes));
   if (out.bytes > mostBytes) {
-    return Status::damaged(std::string(key) + " of " + std::to_string(out.bytes) + " bytes, expected at most " +
-                           std::to_string(mostBytes));
+    return Status::damaged(
+        std::string(key) + " of " + std::to_string(out.bytes) + " bytes, expected at most " + std::to_string(mostBytes));
   }
   const std::string_view hash = file.member("xxh3").text().value_or("");
   if (!isDigest(hash, 16)) {
-    return Status::damaged("xxh3 of " + std::string(key) + " is " + shortly(file.member("xxh3")) +
-                           ", expected 16 hexadecimal digits");
+    return Status::damaged(
+        "xxh3 of " + std::string(key) + " is " + shortly(file.member("xxh3")) + ", expected 16 hexadecimal digits");
   }
   out.xxh3 = 0;
   for (const char digit : hash) {
@@ -183,7 +182,7 @@ Status readKeys(JsonValue json, CheckedManifest& out) {
   TERRAPORT_RETURN_IF_ERROR(readPlace(json, manifest));
   const JsonValue attributes = json.member("attributes");
   TERRAPORT_RETURN_IF_ERROR(expectList(attributes, "attributes"));
-  if (attributes.size() > kMaxAttributes) {
+  if (attributes.size() > kMaxSceneAttributes) {
     return Status::damaged(std::to_string(attributes.size()) + " attributes, expected at most 4096");
   }
   for (const JsonValue attribute : attributes.items()) {

@@ -12,7 +12,7 @@ namespace {
 constexpr std::uint64_t kMaxInteger = (std::uint64_t{1} << 53) - 1;
 /// Items of one list or map.
 constexpr std::uint64_t kMaxItems = 16384;
-constexpr std::uint32_t kNone = 0xFFFFFFFF;
+constexpr std::uint32_t kNoNode = 0xFFFFFFFF;
 
 }  // namespace
 
@@ -62,8 +62,8 @@ class MsgpackReader {
   bool take(std::uint64_t length, std::size_t& start) {
     start = at_;
     if (length > data_.size - at_) {
-      return fail("got " + std::to_string(data_.size - at_) + " bytes, expected " + std::to_string(length) + " of a value",
-                  at_);
+      return fail(
+          "got " + std::to_string(data_.size - at_) + " bytes, expected " + std::to_string(length) + " of a value", at_);
     }
     at_ += static_cast<std::size_t>(length);
     return true;
@@ -115,12 +115,10 @@ class MsgpackReader {
         return counted(1u << (token - 0xD9), [this](std::uint64_t count) { return bytes(JsonKind::Text, count); });
       case 0xDC:
       case 0xDD:
-        return counted(token == 0xDC ? 2 : 4,
-                       [this, depth, start](std::uint64_t count) { return list(count, depth, start); });
+        return counted(token == 0xDC ? 2 : 4, [this, depth, start](std::uint64_t count) { return list(count, depth, start); });
       case 0xDE:
       case 0xDF:
-        return counted(token == 0xDE ? 2 : 4,
-                       [this, depth, start](std::uint64_t count) { return map(count, depth, start); });
+        return counted(token == 0xDE ? 2 : 4, [this, depth, start](std::uint64_t count) { return map(count, depth, start); });
       default: {
         char text[64];
         std::snprintf(text, sizeof text, "got msgpack token 0x%02x, which no message uses", static_cast<unsigned>(token));
@@ -203,7 +201,7 @@ class MsgpackReader {
 
   bool list(std::uint64_t count, std::uint32_t depth, std::size_t start) {
     const std::uint32_t index = enter(JsonKind::List, count, depth, start);
-    if (index == kNone) return false;
+    if (index == kNoNode) return false;
     for (std::uint64_t number = 0; number < count; ++number) {
       if (!value(depth + 1)) return false;
     }
@@ -213,7 +211,7 @@ class MsgpackReader {
 
   bool map(std::uint64_t count, std::uint32_t depth, std::size_t start) {
     const std::uint32_t index = enter(JsonKind::Map, count, depth, start);
-    if (index == kNone) return false;
+    if (index == kNoNode) return false;
     for (std::uint64_t number = 0; number < count; ++number) {
       const std::size_t at = at_;
       const std::size_t key = document_.nodes_.size();
@@ -228,14 +226,14 @@ class MsgpackReader {
   std::uint32_t enter(JsonKind kind, std::uint64_t count, std::uint32_t depth, std::size_t start) {
     if (count > kMaxItems) {
       fail("got " + std::to_string(count) + " items, expected at most " + std::to_string(kMaxItems), start);
-      return kNone;
+      return kNoNode;
     }
     if (depth + 1 > limits_.maxDepth) {
       fail("got nesting beyond " + std::to_string(limits_.maxDepth) + " levels", start);
-      return kNone;
+      return kNoNode;
     }
     Node* const node = add(kind);
-    if (node == nullptr) return kNone;
+    if (node == nullptr) return kNoNode;
     node->length = static_cast<std::uint32_t>(count);
     return node->after - 1;
   }

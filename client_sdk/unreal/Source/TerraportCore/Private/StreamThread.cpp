@@ -23,10 +23,10 @@ constexpr double kLongPauseMs = 10;
 constexpr double kQuietMs = 1000;
 
 /// As in SceneStream, which counts the picks that it knows; here are those on their way to it.
-constexpr std::size_t kMaxPicks = 64;
+constexpr std::size_t kMaxWaitingPicks = 64;
 
 /// Events that wait for the owner; the thread keeps the rest, and receives nothing more when that is full.
-constexpr std::size_t kMaxWaitingEvents = 8192;
+constexpr std::size_t kMaxKeptEvents = 8192;
 
 struct LandCommand {
   Vec3 position;
@@ -97,8 +97,8 @@ struct StreamThread::Impl {
         std::unique_lock<std::mutex> lock(mutex);
         const double pauseMs = nowMs() - busyMs < kQuietMs ? kShortPauseMs : kLongPauseMs;
         if (!wasBusy) {
-          wake.wait_for(lock, std::chrono::duration<double, std::milli>(pauseMs),
-                        [this] { return isStopping || !commands.empty(); });
+          wake.wait_for(
+              lock, std::chrono::duration<double, std::milli>(pauseMs), [this] { return isStopping || !commands.empty(); });
         }
         if (isStopping) break;
         todo.swap(commands);
@@ -142,7 +142,7 @@ struct StreamThread::Impl {
     {
       const std::lock_guard<std::mutex> lock(mutex);
       stats = counted;
-      room = events.size() < kMaxWaitingEvents ? kMaxWaitingEvents - events.size() : 0;
+      room = events.size() < kMaxKeptEvents ? kMaxKeptEvents - events.size() : 0;
     }
     std::vector<StreamEvent> fresh = std::move(answers);
     answers.clear();
@@ -196,8 +196,8 @@ struct StreamThread::Impl {
   bool isStopping = false;
 };
 
-Result<std::unique_ptr<StreamThread>> StreamThread::make(const StreamOptions& options,
-                                                         std::shared_ptr<TransportFactory> transports) {
+Result<std::unique_ptr<StreamThread>> StreamThread::make(
+    const StreamOptions& options, std::shared_ptr<TransportFactory> transports) {
   Result<std::unique_ptr<SceneStream>> stream = SceneStream::make(options, std::move(transports));
   if (!stream.isOk()) return stream.status();
   auto impl = std::make_unique<Impl>(stream.take());
@@ -219,15 +219,17 @@ std::int64_t StreamThread::land(const Vec3& position, double radiusM, const Land
   return impl_->landings;
 }
 
-void StreamThread::aim(const Vec3& position, double radiusM) { impl_->say(AimCommand{position, radiusM}); }
+void StreamThread::aim(const Vec3& position, double radiusM) {
+  impl_->say(AimCommand{position, radiusM});
+}
 
 Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional<Vec3>& direction) {
   TERRAPORT_RETURN_IF_ERROR(checkPick(origin, direction));
   {
     const std::lock_guard<std::mutex> lock(impl_->mutex);
     if (impl_->isStopping) return Status::failed("closed", "the stream was closed here");
-    if (impl_->openPicks >= kMaxPicks) {
-      return Status::failed("too_many", std::to_string(kMaxPicks) + " picks wait for an answer already");
+    if (impl_->openPicks >= kMaxWaitingPicks) {
+      return Status::failed("too_many", std::to_string(kMaxWaitingPicks) + " picks wait for an answer already");
     }
     impl_->openPicks += 1;
   }
@@ -250,14 +252,17 @@ SharedPayload StreamThread::payload(std::uint32_t segment) const {
   return found == impl_->payloads.end() ? nullptr : found->second;
 }
 
-
 StreamStats StreamThread::stats() const {
   const std::lock_guard<std::mutex> lock(impl_->mutex);
   return impl_->stats;
 }
 
-void StreamThread::reconnect(const std::string& token) { impl_->say(ReconnectCommand{token}); }
+void StreamThread::reconnect(const std::string& token) {
+  impl_->say(ReconnectCommand{token});
+}
 
-void StreamThread::close() { impl_->stop(); }
+void StreamThread::close() {
+  impl_->stop();
+}
 
 }  // namespace terraport

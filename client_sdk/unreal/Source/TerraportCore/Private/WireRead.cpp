@@ -50,11 +50,13 @@ bool rowsOf(const JsonValue& raw, std::size_t rowBytes, const RowsKind& kind, By
   return true;
 }
 
-bool readU32(const JsonValue& raw, std::uint32_t& into, Refusal& refusal) {
+bool readRowU32(const JsonValue& raw, std::uint32_t& into, Refusal& refusal) {
   return readValue(raw, into, IntegerKind{0, kMaxU32}, refusal);
 }
 
-void unpack(const std::uint8_t* row, std::uint32_t& into) { into = readU32Le(row); }
+void unpack(const std::uint8_t* row, std::uint32_t& into) {
+  into = readU32Le(row);
+}
 
 void unpack(const std::uint8_t* row, HeldRow& into) {
   into.segment = readU32Le(row);
@@ -67,8 +69,8 @@ void unpack(const std::uint8_t* row, SegmentFacts& into) {
   into.xxh3 = readU64Le(row + 8);
   into.faces = readU32Le(row + 16);
   into.vertices = readU32Le(row + 20);
-  into.bounds = {readF32Le(row + 24), readF32Le(row + 28), readF32Le(row + 32),
-                 readF32Le(row + 36), readF32Le(row + 40), readF32Le(row + 44)};
+  into.bounds = {readF32Le(row + 24), readF32Le(row + 28), readF32Le(row + 32), readF32Le(row + 36), readF32Le(row + 40),
+      readF32Le(row + 44)};
 }
 
 template <typename Row>
@@ -158,8 +160,8 @@ bool readValue(const JsonValue& raw, Vec3& into, const PositionKind& kind, Refus
 bool readValue(const JsonValue& raw, ProtocolVersion& into, const VersionKind& kind, Refusal& refusal) {
   if (!raw.isList() || raw.size() != 2) return wrong(raw, "a version [major, minor]", refusal);
   auto item = raw.items().begin();
-  if (!readU32(*item, into.majorNumber, refusal)) return false;
-  return readU32(*++item, into.minorNumber, refusal) && checkValue(into, kind, refusal);
+  if (!readRowU32(*item, into.majorNumber, refusal)) return false;
+  return readRowU32(*++item, into.minorNumber, refusal) && checkValue(into, kind, refusal);
 }
 
 bool readValue(const JsonValue& raw, std::vector<ProtocolVersion>& into, const VersionsKind& kind, Refusal& refusal) {
