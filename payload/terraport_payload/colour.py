@@ -94,7 +94,11 @@ def linear16_to_srgb(codes: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
     >>> bool((linear16_to_srgb(srgb_to_linear16(levels)) == levels).all())
     True
     """
-    return _TO_SRGB[codes]
+    # Column by column into the index type: over whole rows, NumPy's inner loop would be of three.
+    indices = np.empty(codes.shape, dtype=np.intp)
+    for channel in range(codes.shape[-1]):
+        indices[..., channel] = codes[..., channel]
+    return _TO_SRGB.take(indices)
 
 
 def _linear(level: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -313,6 +313,10 @@ def decode_attribute(
     >>> decode_attribute(np.array([2, 65535], dtype=np.uint16), AttributeScale(1.0, 0.5)).tolist()
     [2.0, nan]
     """
-    values = (scale.offset + scale.step * codes.astype(np.float64)).astype(np.float32)
+    codes = np.ascontiguousarray(codes)  # is read twice, and rows of payloads are padded
+    exact = codes.astype(np.float64)
+    exact *= scale.step
+    exact += scale.offset
+    values = exact.astype(np.float32)
     values[codes == NULL_CODE] = np.nan
     return values
