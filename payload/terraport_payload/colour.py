@@ -128,13 +128,13 @@ def _common_low_bytes(levels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
     """Low bytes for stretches of levels, (stretches, _RUN), with as few changes as there can be."""
     words = _LOW_BYTES[levels.T]
     begins = np.zeros(words.shape, dtype=bool)
-    for place in range(1, len(words)):  # all stretches at once; words become "common so far"
-        own = words[place]
-        common = words[place - 1] & own
-        begins[place] = common == 0
-        words[place] = np.where(begins[place], own, common)
-    for place in range(len(words) - 2, -1, -1):  # what the whole run has in common
-        words[place] = np.where(begins[place + 1], words[place], words[place + 1])
+    for step in range(1, len(words)):  # all stretches at once; words become "common so far"
+        own = words[step]
+        common = words[step - 1] & own
+        begins[step] = common == 0
+        words[step] = np.where(begins[step], own, common)
+    for step in range(len(words) - 2, -1, -1):  # what the whole run has in common
+        words[step] = np.where(begins[step + 1], words[step], words[step + 1])
     lowest = words & (~words + np.uint64(1))
     # A power of two is exact as a float64, and its exponent is the number of its bit.
     return 4 * (np.frexp(lowest.T.astype(np.float64))[1].astype(np.int32) - 1)

@@ -156,11 +156,11 @@ def decode_flat(
         raise PayloadError(
             f"{size} bytes, expected at least {_HEADER.size} for the header", offset=0
         )
-    found, checksum, major, _minor, start, file_bytes, count, entry_bytes, rows, _ = (
+    magic_read, checksum, major, _minor, start, file_bytes, count, entry_bytes, rows, _ = (
         _HEADER.unpack_from(view)
     )
-    if found != magic:
-        raise PayloadError(f"magic {found!r}, expected {magic!r}", offset=0)
+    if magic_read != magic:
+        raise PayloadError(f"magic {magic_read!r}, expected {magic!r}", offset=0)
     if major != MAJOR:
         raise PayloadError(f"format version {major}, expected {MAJOR}", offset=16)
     if file_bytes != size:

@@ -113,9 +113,9 @@ def split_glb(data: bytes | memoryview) -> tuple[dict[str, Any], memoryview, int
 def _chunk(view: memoryview, at: int, kind: bytes) -> tuple[memoryview, int]:
     if len(view) - at < _CHUNK.size:
         raise PayloadError(f"{len(view) - at} bytes left, expected a {kind!r} chunk", offset=at)
-    length, found = _CHUNK.unpack_from(view, at)
-    if found != kind:
-        raise PayloadError(f"chunk type {found!r}, expected {kind!r}", offset=at + 4)
+    length, chunk_type = _CHUNK.unpack_from(view, at)
+    if chunk_type != kind:
+        raise PayloadError(f"chunk type {chunk_type!r}, expected {kind!r}", offset=at + 4)
     start = at + _CHUNK.size
     if length > len(view) - start:
         raise PayloadError(f"chunk of {length} bytes, {len(view) - start} left", offset=at)
