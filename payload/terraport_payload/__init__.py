@@ -9,6 +9,7 @@ function is thread-safe.
 
 from __future__ import annotations
 
+from terraport_payload.boxes import box_distances_m
 from terraport_payload.cover import Cover
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb import decode_glb, encode_glb, gltf_attribute_name
@@ -24,6 +25,7 @@ __all__ = [
     "PayloadError",
     "SegmentMesh",
     "Texture",
+    "box_distances_m",
     "choose_attribute_scale",
     "choose_step_m",
     "decode_glb",

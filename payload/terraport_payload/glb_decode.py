@@ -18,7 +18,6 @@ from typing import Any, Final
 
 import meshopt
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.colour import linear16_to_srgb
 from terraport_payload.errors import PayloadError
@@ -41,6 +40,7 @@ from terraport_payload.grid import NULL_CODE, AttributeScale, decode_attribute
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
 from terraport_payload.texture import MAX_IMAGE_BYTES, Texture
+from terraport_payload.types import AnyArray, Float32, Int8
 
 __all__ = ["decode_glb"]
 
@@ -164,7 +164,7 @@ class _Reader:
 
     def accessor(
         self, number: object, component_types: tuple[int, ...], kind: str, label: str
-    ) -> npt.NDArray[Any]:
+    ) -> AnyArray:
         """Read one accessor as (n,) or (n, k).
 
         The array may be a view of the payload, or have gaps between rows.
@@ -224,7 +224,7 @@ class _Reader:
 
     def _rows(
         self, view: dict[str, Any], count: int, stride: int, *, vertex: bool, label: str
-    ) -> npt.NDArray[Any]:
+    ) -> AnyArray:
         """Read the rows of a bufferView, (count, stride) bytes; indices may come as themselves."""
         extensions = typed(view.get("extensions", {}), dict, "extensions")
         if "EXT_meshopt_compression" not in extensions:
@@ -255,7 +255,7 @@ class _Reader:
                 offset=self._at + int(packed["byteOffset"]),
             )
         try:
-            decoded: npt.NDArray[Any] = meshopt.decode_gltf_buffer(raw, count, stride, mode, name)
+            decoded: AnyArray = meshopt.decode_gltf_buffer(raw, count, stride, mode, name)
         except (ValueError, RuntimeError, MemoryError) as error:
             raise PayloadError(
                 f"{label} does not decompress: {error}", offset=self._at + int(packed["byteOffset"])
@@ -304,9 +304,7 @@ def _transform(node: dict[str, Any]) -> tuple[list[float], list[float]]:
     return translation, scale
 
 
-def _scene_positions(
-    codes: npt.NDArray[Any], translation: list[float], scale: list[float]
-) -> npt.NDArray[np.float32]:
+def _scene_positions(codes: AnyArray, translation: list[float], scale: list[float]) -> Float32:
     """Bring position codes, (V, 3), to the scene frame: float64 throughout, rounded once."""
     positions = np.empty(codes.shape, dtype=np.float32)
     columns = codes.T.astype(np.float64, order="C")
@@ -319,7 +317,7 @@ def _scene_positions(
     return positions
 
 
-def _unit(signed: npt.NDArray[np.int8]) -> npt.NDArray[np.float32]:
+def _unit(signed: Int8) -> Float32:
     """Bring normals of signed bytes, (V, 3), to length 1.
 
     The sum of squares goes x, y, z in float32, as ``np.linalg.norm`` has it: the same bits.

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.errors import PayloadError
 from terraport_payload.mesh import SegmentMesh
+from terraport_payload.types import AnyArray
 
 __all__ = ["check_mesh"]
 
@@ -73,8 +73,6 @@ def check_mesh(mesh: SegmentMesh) -> None:
             raise PayloadError(f"uvs of vertex {row} are {mesh.uvs[row].tolist()}, expected 0 to 1")
 
 
-def _expect(
-    name: str, values: npt.NDArray[Any], dtype: np.dtype[Any], shape: tuple[int, ...]
-) -> None:
+def _expect(name: str, values: AnyArray, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:
     if values.dtype != dtype or values.shape != shape:
         raise PayloadError(f"{name} is {values.dtype} {values.shape}, expected {dtype} {shape}")

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 import xxhash
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.build_report import StageReport
 from terraport_pipeline.build_tiled_textures import (
     TiledTextures,
@@ -26,7 +27,7 @@ from terraport_pipeline.build_tiled_textures import (
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.geometry.tiled_means import JoinedRegions
 from terraport_pipeline.measure import Measure
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.publish_step import pack_once
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import pack, segment, tiled_join, tiled_pack, tiled_segment

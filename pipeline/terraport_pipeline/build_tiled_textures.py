@@ -12,13 +12,13 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xxhash
 
+from terraport_payload.types import AnyArray, Bool, Float32, Int32
 from terraport_pipeline.build_report import StageReport
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.photos import OpenPhotos
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import texture, tiled_texture, tiled_views
 from terraport_pipeline.stages.contract import Context, Facts, Stored
@@ -222,7 +222,7 @@ class _Passes:
             one,
         )
 
-    def _arrays(self, made: PassResult) -> list[Mapping[str, npt.NDArray[Any]]]:
+    def _arrays(self, made: PassResult) -> list[Mapping[str, AnyArray]]:
         """Map what a pass made of every tile."""
         return [self._runner.work.looked_up(record).arrays for record in made.records]
 
@@ -265,7 +265,7 @@ def texture_tiles(
     digest: str,
     scene: TiledScene,
     base: Mesh,
-    base_kept: npt.NDArray[np.bool_],
+    base_kept: Bool,
     segments: Callable[[int], Int32],
     cuts: Sequence[StageRecord],
     asked: TiledTexturing,
@@ -357,7 +357,7 @@ def _summary(
     return counts, info
 
 
-def _arrays(textures: TextureSet) -> dict[str, npt.NDArray[Any]]:
+def _arrays(textures: TextureSet) -> dict[str, AnyArray]:
     return {name: getattr(textures, name) for name in ("wedges", "images", "offsets", "sides")}
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int64
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.handoff_rays import (
@@ -44,7 +44,6 @@ from terraport_pipeline.mixed_model import (
     MixedModel,
     ShownFaces,
 )
-from terraport_pipeline.model import Float32, Float64
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = ["check_hand_off", "check_hand_off_in_windows"]
@@ -54,9 +53,6 @@ MAX_EXACT_SUBSETS: Final = 16
 
 _LEAST_SUBSETS: Final = 6
 """Of a window: none, all, and one of each random sort but one."""
-
-Bool = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.signedinteger]
 
 
 def check_hand_off(
@@ -101,8 +97,8 @@ def check_hand_off(
 
 
 def check_hand_off_in_windows(
-    windows: Sequence[npt.NDArray[np.int64]],
-    open_window: Callable[[npt.NDArray[np.int64]], HandOffModel],
+    windows: Sequence[Int64],
+    open_window: Callable[[Int64], HandOffModel],
     faces: Sequence[int],
     options: HandOffOptions | None = None,
     *,
@@ -168,9 +164,7 @@ def _look_at(
 class _Tally:
     """What is found, added up over subsets and windows."""
 
-    counts: npt.NDArray[np.int64] = field(
-        default_factory=lambda: np.zeros((len(RayKind), 4), dtype=np.int64)
-    )
+    counts: Int64 = field(default_factory=lambda: np.zeros((len(RayKind), 4), dtype=np.int64))
     subsets: int = 0
     holes_hidden: int = 0
     holes_uncovered: int = 0
@@ -183,10 +177,10 @@ class _Tally:
     down: list[Float32] = field(default_factory=list)
     worst: WorstRay | None = None
     worst_score: float = -1.0
-    segments: npt.NDArray[np.int64] | None = None
+    segments: Int64 | None = None
     """The scene's numbers of the model's segments; None: the same."""
 
-    def named(self, segments: Rows) -> Rows:
+    def named(self, segments: AnyInt) -> AnyInt:
         """Give segments of the model the scene's numbers."""
         return segments if self.segments is None else self.segments[segments]
 
@@ -309,7 +303,7 @@ class _Prover:
         t = self._detail.closest_hit(starts, down)[0].astype(np.float64)
         return np.where(np.isfinite(t), self._top_m + 1.0 - t, np.nan)
 
-    def _verify(self, met: Meetings, suspects: Rows, loaded: Bool, hidden: Bool) -> Rows:
+    def _verify(self, met: Meetings, suspects: AnyInt, loaded: Bool, hidden: Bool) -> AnyInt:
         """Judge suspects again against the mixed model itself; returns those that stay holes."""
         if self._built >= MAX_EXACT_SUBSETS:
             self._tally.unverified += len(suspects)
@@ -334,7 +328,7 @@ class _Prover:
         self,
         rays: Rays,
         detail_t: Float32,
-        rows: Rows,
+        rows: AnyInt,
         distance: Float32,
         marks: tuple[Bool, Bool],
         loaded: Bool,
@@ -386,5 +380,5 @@ def _percentiles(parts: list[Float32]) -> dict[str, float]:
     return {"p50": float(p50), "p99": float(p99), "p99.9": float(p999), "max": float(values.max())}
 
 
-def _triple(vector: npt.NDArray[np.floating]) -> tuple[float, float, float]:
+def _triple(vector: AnyFloat) -> tuple[float, float, float]:
     return float(vector[0]), float(vector[1]), float(vector[2])

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Bool, Float32, Int32
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.handoff_rays import Rays, strict_misses
 from terraport_pipeline.mixed_model import (
@@ -20,15 +20,13 @@ from terraport_pipeline.mixed_model import (
     TracedModel,
     face_normals,
 )
-from terraport_pipeline.model import UP, Float32, Int32
+from terraport_pipeline.model import UP
 
 __all__ = ["MEASURE_REACH", "Judge", "Meetings"]
 
 MEASURE_REACH: Final = 4.0
 """Distances are measured up to this many tolerances; what lies further counts by its ray."""
 
-Bool = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.signedinteger]
 Hit = tuple[Float32, Int32]
 
 
@@ -77,7 +75,7 @@ class Judge:
         t[before] = from_t[before] + further
         return Meetings(rays, detail, (t, face), first)
 
-    def places(self, met: Meetings, rows: Rows) -> Places:
+    def places(self, met: Meetings, rows: AnyInt) -> Places:
         """Gather where some rays meet the full detail."""
         model = self._model
         normals = face_normals(model.detail_vertices, model.detail_faces, met.detail[1][rows])
@@ -85,8 +83,8 @@ class Judge:
         return Places(rays.origins[rows], rays.directions[rows], met.detail[0][rows], normals)
 
     def holes(
-        self, met: Meetings, mixed: TracedModel, mixed_t: Float32, rows: Rows
-    ) -> tuple[Rows, Rows]:
+        self, met: Meetings, mixed: TracedModel, mixed_t: Float32, rows: AnyInt
+    ) -> tuple[AnyInt, AnyInt]:
         """Tell which rays find a hole.
 
         Parameters
@@ -128,11 +126,11 @@ class Judge:
         bare[bare] = self.places(met, open_rows[bare]).meets_vertical(mixed)
         return np.sort(np.concatenate([certain, open_rows[~bare]])), open_rows[bare]
 
-    def without_base(self, met: Meetings, rows: Rows) -> Bool:
+    def without_base(self, met: Meetings, rows: AnyInt) -> Bool:
         """Tell where there is no base at any height over or under the detail, (len(rows),)."""
         return ~self.places(met, rows).meets_vertical(self._all_base)
 
-    def under_base(self, met: Meetings, mixed: TracedModel, rows: Rows) -> Bool:
+    def under_base(self, met: Meetings, mixed: TracedModel, rows: AnyInt) -> Bool:
         """Tell which rays start below the mixed model and not below the full detail."""
         starts = met.rays.origins[rows]
         up = np.tile(np.array(UP, dtype=np.float32), (len(rows), 1))
@@ -140,7 +138,7 @@ class Judge:
         found: Bool = below & ~np.isfinite(self._all_detail.closest(starts, up))
         return found
 
-    def _base_is_replaced(self, met: Meetings, mixed: TracedModel, rows: Rows) -> Bool:
+    def _base_is_replaced(self, met: Meetings, mixed: TracedModel, rows: AnyInt) -> Bool:
         """Tell where the mixed model has surface at the place q where the ray meets the base."""
         near = np.zeros(len(rows), dtype=np.bool_)
         at = np.flatnonzero(np.isfinite(met.base[0][rows]))

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Int64
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.scene_colour import SceneColour
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
@@ -121,7 +122,7 @@ def _place(manifest: Manifest) -> dict[str, Any]:
     }
 
 
-def _spread(values: npt.NDArray[np.number] | npt.NDArray[np.int64]) -> dict[str, float]:
+def _spread(values: npt.NDArray[np.number] | Int64) -> dict[str, float]:
     whole = np.issubdtype(values.dtype, np.integer)
     found = np.percentile(values, [share for _, share in PERCENTILES])
     spread = {

@@ -15,12 +15,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.photo_store import SCALES
 from terraport_pipeline.engines.photos import OpenPhotos, named
 from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.geometry.photo_agreement import correlation, moved_correlations
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["Agreement", "agreements", "checked_photos"]
 
@@ -267,8 +267,8 @@ def _standard(levels: Float32) -> Float64:
 
 
 def _witness(
-    levels: npt.NDArray[np.floating],
-    told: npt.NDArray[np.floating],
+    levels: AnyFloat,
+    told: AnyFloat,
     least: float = _LEAST_CONTRAST,
 ) -> float | None:
     if len(told) < _LEAST_POINTS or not float(told.std()) > least:

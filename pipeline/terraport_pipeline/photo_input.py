@@ -10,6 +10,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import xxhash
 
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras, read_raw_cameras
 from terraport_pipeline.engines.camera_files.raw_cameras import RawCameras
 from terraport_pipeline.engines.photo_store import photo_size
@@ -21,7 +22,7 @@ from terraport_pipeline.engines.photos import (
     open_photos,
 )
 from terraport_pipeline.errors import OptionError, PhotoError
-from terraport_pipeline.model import Crs, Float32, Float64, Survey, UInt8, to_scene
+from terraport_pipeline.model import Crs, Survey, to_scene
 from terraport_pipeline.photo_check import checked_photos
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import texture

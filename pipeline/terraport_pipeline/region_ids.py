@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import Float32, Float64, Int32, UInt32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.region_match import carry_ids, match_regions, region_overlaps
 from terraport_pipeline.geometry.surface_samples import SurfaceSamples, surface_samples
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import Progress
 from terraport_store import (
     CorruptPayloadError,
@@ -122,7 +122,7 @@ class _Before:
     """What is known of the version before."""
 
     first_free: int = 0
-    ids: npt.NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    ids: UInt32 = field(default_factory=lambda: np.zeros(0, np.uint32))
     samples: SurfaceSamples = field(default_factory=lambda: SurfaceSamples.joined([]))
     labels: Mapping[int, str] = field(default_factory=dict)
     at_least: int = _LEAST_SAMPLES[1]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, UInt8
 from terraport_pipeline.engines.cameras import Camera, oblique
 from terraport_pipeline.engines.palettes import (
     RAMP_STOPS,
@@ -27,7 +27,6 @@ from terraport_pipeline.landing_view import (
     view_from_above,
     view_from_eye,
 )
-from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.scene_model import SceneModel
 from terraport_pipeline.worst_place import compare_at, describe, to_survey
 
@@ -359,7 +358,7 @@ class PictureTaker:
         alt: str,
         caption: str,
         camera: Camera,
-        loaded: npt.NDArray[np.bool_],
+        loaded: Bool,
         *,
         tint: float,
     ) -> Picture:

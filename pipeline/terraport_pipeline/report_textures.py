@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
+from terraport_payload.types import AnyFloat, Bool, Float32, Int32, UInt8
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras
 from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Crs, Float32, Int32, UInt8
+from terraport_pipeline.model import Crs
 from terraport_pipeline.report_pictures import Picture, PictureOptions
 from terraport_pipeline.scene_model import SceneModel
 from terraport_store import Manifest, Scene
@@ -316,7 +316,7 @@ def _share(view: View, rays: RayScene) -> float:
     return float(_met(view, np.stack([x.ravel(), y.ravel()], axis=1), rays).mean())
 
 
-def _met(view: View, pixels: npt.NDArray[np.floating], rays: RayScene) -> npt.NDArray[np.bool_]:
+def _met(view: View, pixels: AnyFloat, rays: RayScene) -> Bool:
     headings = np.nan_to_num(view.rays(pixels))
     face = rays.closest_hit(np.broadcast_to(view.position, headings.shape), headings)[1]
     return face >= 0

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import Cover, PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import Bool, Float32, Int32, Int64
 from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.geometry.thin_cells import thin_by_cells
 from terraport_pipeline.mixed_model import HandOffModel
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.scene_textures import (
     SceneTextures,
@@ -30,7 +30,6 @@ from terraport_store import DamagedSceneError, Manifest, Scene
 
 __all__ = ["WHOLE_FACES", "SceneModel", "load_scene_model"]
 
-Int64 = npt.NDArray[np.int64]
 
 WHOLE_FACES: Final = 16_000_000
 """Largest scene that is looked at whole (some 5 GB with the trees that rays need); larger ones are
@@ -100,7 +99,7 @@ def load_scene_model(
     *,
     segments: Int64 | None = None,
     max_faces: int | None = None,
-    whole: npt.NDArray[np.bool_] | None = None,
+    whole: Bool | None = None,
     progress: Progress | None = None,
 ) -> SceneModel:
     """Read and decode a scene, or part of it.
@@ -189,9 +188,7 @@ def _read(scene: Scene, chosen: Int64, watcher: Progress) -> Iterator[tuple[int,
         watcher.advance(1)
 
 
-def _cell_m(
-    scene: Scene, chosen: Int64, max_faces: int, whole: npt.NDArray[np.bool_] | None
-) -> float | None:
+def _cell_m(scene: Scene, chosen: Int64, max_faces: int, whole: Bool | None) -> float | None:
     """Side of the cubes that thin a scene to so many faces; None when it has no more."""
     faces = scene.index.face_count.astype(np.int64)
     full = np.zeros(len(faces), np.bool_) if whole is None else whole

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline import photo_input
 from terraport_pipeline.build_tiled_textures import TiledTexturing
 from terraport_pipeline.code_digest import code_digest
-from terraport_pipeline.model import Crs, Float32, Float64, UInt8
+from terraport_pipeline.model import Crs
 from terraport_pipeline.photo_input import FoundPhotos, Texturing
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import texture

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.npy_columns import NpyReader
@@ -19,7 +20,7 @@ from terraport_pipeline.engines.raw_survey import thinning_rows
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.footprint import Occupancy, plan_occupancy
 from terraport_pipeline.geometry.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
-from terraport_pipeline.model import Crs, Float64, Survey
+from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.stage_runner import StageRunner, Step
 from terraport_pipeline.stages import (
     clean,

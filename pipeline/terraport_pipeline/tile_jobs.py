@@ -9,11 +9,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.errors import WorkDirectoryError
 from terraport_pipeline.kernel_threads import limit_threads
@@ -142,14 +142,14 @@ def finish_tile(job: FinishJob) -> StageRecord:
     return job.work.save(name, job.key, Stored(arrays, values), Facts(dict(values)), cost)
 
 
-class TileArrays(dict[str, npt.NDArray[Any]]):
+class TileArrays(dict[str, AnyArray]):
     """Arrays of a result by name, each read when it is asked for."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self._folder = folder
 
-    def __missing__(self, name: str) -> npt.NDArray[Any]:
+    def __missing__(self, name: str) -> AnyArray:
         try:
             self[name] = np.load(self._folder / f"{name}.npy", allow_pickle=False)
         except (OSError, ValueError, EOFError) as error:

@@ -18,9 +18,10 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.tile_pool import TilePool
-from terraport_pipeline.model import Crs, Float32, Float64, Mesh, UInt8
+from terraport_pipeline.model import Crs, Mesh
 from terraport_pipeline.photo_input import camera_samples
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import clean, reconstruct, tiled_base

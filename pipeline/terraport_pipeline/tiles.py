@@ -10,18 +10,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 import xxhash
 
+from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64
 from terraport_pipeline.errors import WorkDirectoryError
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 
 __all__ = ["Border", "DetailTiles", "StoredTiles", "WholeDetail"]
 
-Int64 = npt.NDArray[np.int64]
 
 _FIELDS = ("vertices", "faces", "normals", "colours")
 
@@ -183,7 +182,7 @@ class StoredTiles:
         """Vertices."""
         return self.vertices[i]
 
-    def _read(self, i: int, field: str) -> npt.NDArray[Any]:
+    def _read(self, i: int, field: str) -> AnyArray:
         _check(i, self.count)
         return _read(self.folder / self.names[i] / f"{field}.npy")
 
@@ -193,9 +192,9 @@ def vertex_box(vertices: Float32) -> Float64:
     return np.concatenate([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
 
 
-def _read(path: Path) -> npt.NDArray[Any]:
+def _read(path: Path) -> AnyArray:
     try:
-        found: npt.NDArray[Any] = np.load(path, allow_pickle=False)
+        found: AnyArray = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise WorkDirectoryError(
             f"{path} cannot be read ({error}); build again with --no-resume"

@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 import xxhash
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.errors import ResourceError, WorkDirectoryError
 from terraport_pipeline.measure import StepCost
@@ -159,11 +160,9 @@ class WorkDirectory:
         folder = self.path / record.name
         return Stored(_LookedUp({Path(f).stem: folder / f for f in record.files}), record.values)
 
-    def array(self, record: StageRecord, name: str) -> npt.NDArray[Any]:
+    def array(self, record: StageRecord, name: str) -> AnyArray:
         """Read one array of a result."""
-        found: npt.NDArray[Any] = np.load(
-            self.path / record.name / f"{name}.npy", allow_pickle=False
-        )
+        found: AnyArray = np.load(self.path / record.name / f"{name}.npy", allow_pickle=False)
         return found
 
     def save(self, name: str, key: str, stored: Stored, facts: Facts, cost: Cost) -> StageRecord:
@@ -283,13 +282,13 @@ def stage_key(name: str, code: str, options: Mapping[str, Json], inputs: Mapping
     return xxhash.xxh3_128_hexdigest(_canonical([name, code, dict(options), dict(inputs)]))
 
 
-class _LookedUp(Mapping[str, npt.NDArray[Any]]):
+class _LookedUp(Mapping[str, AnyArray]):
     """Arrays that are mapped anew each time they are asked for."""
 
     def __init__(self, paths: Mapping[str, Path]) -> None:
         self._paths = paths
 
-    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+    def __getitem__(self, name: str) -> AnyArray:
         return _map(self._paths[name])
 
     def __iter__(self) -> Iterator[str]:
@@ -299,9 +298,9 @@ class _LookedUp(Mapping[str, npt.NDArray[Any]]):
         return len(self._paths)
 
 
-def _map(path: Path) -> npt.NDArray[Any]:
+def _map(path: Path) -> AnyArray:
     try:
-        found: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        found: AnyArray = np.load(path, mmap_mode="r", allow_pickle=False)
     except ValueError:  # an empty array cannot be mapped
         found = np.load(path, allow_pickle=False)
     return found

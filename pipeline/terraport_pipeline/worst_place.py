@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
+from terraport_payload.types import AnyFloat, Bool, Float32, UInt8
 from terraport_pipeline.engines.cameras import Camera
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import RayScene
@@ -19,7 +19,6 @@ from terraport_pipeline.geometry.handoff_rays import hidden_base_faces
 from terraport_pipeline.handoff_report import WorstRay
 from terraport_pipeline.landing_view import mixed_mesh
 from terraport_pipeline.mixed_model import ShownFaces
-from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.scene_model import SceneModel
 
 __all__ = ["compare_at", "describe", "difference_colours", "sight_of", "to_survey"]
@@ -219,7 +218,7 @@ def difference_colours(full_t: Float32, mixed_t: Float32, tolerance_m: float) ->
 
 def _depths(
     model: SceneModel,
-    loaded: npt.NDArray[np.bool_],
+    loaded: Bool,
     camera: Camera,
     size: tuple[int, int],
     scenes: tuple[RayScene, RayScene],
@@ -248,5 +247,5 @@ def _side_by_side(panels: tuple[UInt8, ...], words: tuple[str, ...]) -> UInt8:
     return np.asarray(whole)
 
 
-def _triple(vector: npt.NDArray[np.floating]) -> tuple[float, float, float]:
+def _triple(vector: AnyFloat) -> tuple[float, float, float]:
     return float(vector[0]), float(vector[1]), float(vector[2])

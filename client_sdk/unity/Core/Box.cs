@@ -35,10 +35,7 @@ namespace Terraport
         }
 
         /// <summary>The middle.</summary>
-        public Vec3 Centre
-        {
-            get { return new Vec3(((double)MinX + MaxX) / 2, ((double)MinY + MaxY) / 2, ((double)MinZ + MaxZ) / 2); }
-        }
+        public Vec3 Centre => new Vec3(((double)MinX + MaxX) / 2, ((double)MinY + MaxY) / 2, ((double)MinZ + MaxZ) / 2);
 
         /// <summary>
         /// Euclidean distance from a place to the box in float64, 0 inside: the distance that landings are planned by.
@@ -54,15 +51,12 @@ namespace Terraport
         /// <inheritdoc/>
         public bool Equals(Box other)
         {
-            return MinX.Equals(other.MinX) && MinY.Equals(other.MinY) && MinZ.Equals(other.MinZ)
-                && MaxX.Equals(other.MaxX) && MaxY.Equals(other.MaxY) && MaxZ.Equals(other.MaxZ);
+            return MinX.Equals(other.MinX) && MinY.Equals(other.MinY) && MinZ.Equals(other.MinZ) && MaxX.Equals(other.MaxX)
+                && MaxY.Equals(other.MaxY) && MaxZ.Equals(other.MaxZ);
         }
 
         /// <inheritdoc/>
-        public override bool Equals(object obj)
-        {
-            return obj is Box && Equals((Box)obj);
-        }
+        public override bool Equals(object obj) { return obj is Box && Equals((Box)obj); }
 
         /// <inheritdoc/>
         public override int GetHashCode()
@@ -74,9 +68,6 @@ namespace Terraport
             }
         }
 
-        private static double Outside(double at, float min, float max)
-        {
-            return at < min ? min - at : at > max ? at - max : 0;
-        }
+        private static double Outside(double at, float min, float max) { return at < min ? min - at : at > max ? at - max : 0; }
     }
 }

@@ -6,14 +6,10 @@ namespace Terraport
     public class TerraportException : Exception
     {
         /// <summary>A code and a text that says what was received, what was expected, and what can be done.</summary>
-        public TerraportException(string code, string message)
-            : this(code, message, null, null)
-        {
-        }
+        public TerraportException(string code, string message) : this(code, message, null, null) {}
 
         /// <summary>The same with a WebSocket close code or HTTP status, and what caused it; either may be null.</summary>
-        public TerraportException(string code, string message, int? closeCode, Exception inner)
-            : base(message, inner)
+        public TerraportException(string code, string message, int? closeCode, Exception inner) : base(message, inner)
         {
             Code = code;
             CloseCode = closeCode;

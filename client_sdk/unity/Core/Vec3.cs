@@ -33,30 +33,18 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public bool Equals(Vec3 other)
-        {
-            return X.Equals(other.X) && Y.Equals(other.Y) && Z.Equals(other.Z);
-        }
+        public bool Equals(Vec3 other) { return X.Equals(other.X) && Y.Equals(other.Y) && Z.Equals(other.Z); }
 
         /// <inheritdoc/>
-        public override bool Equals(object obj)
-        {
-            return obj is Vec3 && Equals((Vec3)obj);
-        }
+        public override bool Equals(object obj) { return obj is Vec3 && Equals((Vec3)obj); }
 
         /// <inheritdoc/>
         public override int GetHashCode()
         {
-            unchecked
-            {
-                return ((X.GetHashCode() * 397) ^ Y.GetHashCode()) * 397 ^ Z.GetHashCode();
-            }
+            unchecked { return ((X.GetHashCode() * 397) ^ Y.GetHashCode()) * 397 ^ Z.GetHashCode(); }
         }
 
         /// <summary>Coordinates with a dot, whatever the culture.</summary>
-        public override string ToString()
-        {
-            return string.Format(CultureInfo.InvariantCulture, "({0:R}, {1:R}, {2:R})", X, Y, Z);
-        }
+        public override string ToString() { return string.Format(CultureInfo.InvariantCulture, "({0:R}, {1:R}, {2:R})", X, Y, Z); }
     }
 }

@@ -54,7 +54,8 @@ namespace Terraport.Unity.Editor
             }
             catch (TerraportException why)
             {
-                findings.Add("The address is not one that can be opened: " + why.Message + ". Tokens are set from code: TerraportScene.Token.");
+                findings.Add(
+                    "The address is not one that can be opened: " + why.Message + ". Tokens are set from code: TerraportScene.Token.");
                 return;
             }
             Uri address = new Uri(parts.Server);

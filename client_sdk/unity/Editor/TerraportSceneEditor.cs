@@ -9,10 +9,7 @@ namespace Terraport.Unity.Editor
     public sealed class TerraportSceneEditor : UnityEditor.Editor
     {
         /// <inheritdoc/>
-        public override bool RequiresConstantRepaint()
-        {
-            return Application.isPlaying;
-        }
+        public override bool RequiresConstantRepaint() { return Application.isPlaying; }
 
         /// <inheritdoc/>
         public override void OnInspectorGUI()
@@ -36,7 +33,8 @@ namespace Terraport.Unity.Editor
             SceneFigures figures = scene.Figures;
             EditorGUILayout.Space();
             EditorGUILayout.LabelField("Link", scene.Link.Phase.ToString());
-            EditorGUILayout.LabelField("Landing", status.Landing + ": " + status.Phase + ", " + (status.Fraction * 100).ToString("0") + " %");
+            EditorGUILayout.LabelField(
+                "Landing", status.Landing + ": " + status.Phase + ", " + (status.Fraction * 100).ToString("0") + " %");
             EditorGUILayout.LabelField("Segments", figures.Segments.ToString());
             EditorGUILayout.LabelField("Triangles drawn", figures.DrawnTriangles.ToString("N0"));
             EditorGUILayout.LabelField("Payload received", (figures.Stream.PayloadBytes >> 20) + " MiB");

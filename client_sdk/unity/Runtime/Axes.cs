@@ -13,34 +13,19 @@ namespace Terraport.Unity
     public static class Axes
     {
         /// <summary>A position or direction of the scene, in Unity's axes. Its own inverse.</summary>
-        public static Vec3 Turn(Vec3 place)
-        {
-            return new Vec3(place.X, place.Y, -place.Z);
-        }
+        public static Vec3 Turn(Vec3 place) { return new Vec3(place.X, place.Y, -place.Z); }
 
         /// <summary>The Z of Unity for a z of the scene, and the other way round.</summary>
-        public static float TurnZ(float z)
-        {
-            return -z;
-        }
+        public static float TurnZ(float z) { return -z; }
 
         /// <summary>The normal's third component, a signed byte of which 127 is 1. -128, which is -1 as well, stays in range.</summary>
-        public static sbyte TurnNormalZ(sbyte z)
-        {
-            return z == sbyte.MinValue ? sbyte.MaxValue : (sbyte)-z;
-        }
+        public static sbyte TurnNormalZ(sbyte z) { return z == sbyte.MinValue ? sbyte.MaxValue : (sbyte)-z; }
 
         /// <summary>Unity's V of a payload's V, which counts downwards.</summary>
-        public static float TurnV(float v)
-        {
-            return 1f - v;
-        }
+        public static float TurnV(float v) { return 1f - v; }
 
         /// <summary>A box of the scene in Unity's axes: its least and greatest Z change places.</summary>
-        public static Box Turn(Box box)
-        {
-            return new Box(box.MinX, box.MinY, -box.MaxZ, box.MaxX, box.MaxY, -box.MinZ);
-        }
+        public static Box Turn(Box box) { return new Box(box.MinX, box.MinY, -box.MaxZ, box.MaxX, box.MaxY, -box.MinZ); }
 
         /// <summary>
         /// Positions in Unity's axes, three floats per vertex, from codes of the grid, four per vertex (the fourth is padding):

@@ -41,8 +41,7 @@ namespace Terraport.Unity
         /// <summary>Triangles drawn.</summary>
         public int DrawnFaces
         {
-            get
-            {
+            get {
                 int faces = 0;
                 for (int part = 0; part < parts.Count; part++)
                 {
@@ -90,16 +89,10 @@ namespace Terraport.Unity
         public TerraportException Fault { get; private set; }
 
         /// <summary>Write the coming list of one block.</summary>
-        public void Prepare(FaceRange block, HiddenFaces next)
-        {
-            parts[block.First / blockFaces].Prepare(next.Mask, scratch);
-        }
+        public void Prepare(FaceRange block, HiddenFaces next) { parts[block.First / blockFaces].Prepare(next.Mask, scratch); }
 
         /// <summary>Draw the coming list of one block.</summary>
-        public void Flip(FaceRange block)
-        {
-            parts[block.First / blockFaces].Flip();
-        }
+        public void Flip(FaceRange block) { parts[block.First / blockFaces].Flip(); }
 
         /// <summary>Draw all of it.</summary>
         public void Show()

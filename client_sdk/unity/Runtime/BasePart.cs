@@ -24,16 +24,10 @@ namespace Terraport.Unity
         public FaceRange Faces { get; private set; }
 
         /// <summary>Whether both pieces are on the graphics card.</summary>
-        public bool IsUploaded
-        {
-            get { return back != null; }
-        }
+        public bool IsUploaded => back != null;
 
         /// <summary>Triangles drawn.</summary>
-        public int DrawnFaces
-        {
-            get { return front != null && front.IsShown ? front.FaceCount : 0; }
-        }
+        public int DrawnFaces => front != null && front.IsShown ? front.FaceCount : 0;
 
         /// <summary>One step of the upload: the first piece, then the second. The pack's vertices are not needed after that.</summary>
         public void Upload(GroundPool pool)
@@ -83,10 +77,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>Draw it, or not.</summary>
-        public void Show(bool isShown)
-        {
-            front.IsShown = isShown && front.FaceCount > 0;
-        }
+        public void Show(bool isShown) { front.IsShown = isShown && front.FaceCount > 0; }
 
         /// <summary>Give both pieces back.</summary>
         public void Release(GroundPool pool)

@@ -30,28 +30,16 @@ namespace Terraport.Unity
         }
 
         /// <summary>How many blocks there are.</summary>
-        public int Count
-        {
-            get { return ranges.Count; }
-        }
+        public int Count => ranges.Count;
 
         /// <summary>Blocks that are packed, from the first on.</summary>
-        public int PackedCount
-        {
-            get { return packed.Count; }
-        }
+        public int PackedCount => packed.Count;
 
         /// <summary>Which faces a block holds.</summary>
-        public FaceRange RangeOf(int block)
-        {
-            return ranges[block];
-        }
+        public FaceRange RangeOf(int block) { return ranges[block]; }
 
         /// <summary>A packed block.</summary>
-        public PackedMesh PackedOf(int block)
-        {
-            return packed[block];
-        }
+        public PackedMesh PackedOf(int block) { return packed[block]; }
 
         /// <summary>Pack the next block; false where all are.</summary>
         public bool Step()

@@ -29,22 +29,13 @@ namespace Terraport.Unity
         }
 
         /// <summary>For coloured segments.</summary>
-        public Material Detail
-        {
-            get { return detail; }
-        }
+        public Material Detail => detail;
 
         /// <summary>For a coloured base.</summary>
-        public Material Base
-        {
-            get { return ground; }
-        }
+        public Material Base => ground;
 
         /// <summary>How far the base is pushed back along the line of sight, metres: the scene's deviation.</summary>
-        public void SetPush(double deviationM)
-        {
-            SetFloat(ground, PushId, (float)deviationM);
-        }
+        public void SetPush(double deviationM) { SetFloat(ground, PushId, (float)deviationM); }
 
         /// <summary>A material with a photograph for a segment; give it back by <see cref="ReturnDetail"/>.</summary>
         public Material TakeDetail(PhotoTexture photo)
@@ -60,10 +51,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>A material with the base's photograph, pushed back as the base is; destroy it after use.</summary>
-        public Material MakeBase(PhotoTexture photo)
-        {
-            return WithPhoto(Copy(ground), photo);
-        }
+        public Material MakeBase(PhotoTexture photo) { return WithPhoto(Copy(ground), photo); }
 
         /// <summary>Destroy all of them.</summary>
         public void Dispose()

@@ -47,21 +47,16 @@ namespace Terraport.Unity
         public int FaceCount { get; set; }
 
         /// <summary>Whether its object is there: a project may have destroyed what lies below the scene's object.</summary>
-        public bool IsAlive
-        {
-            get { return renderer != null; }
-        }
+        public bool IsAlive => renderer != null;
 
         /// <summary>Whether it is drawn.</summary>
         public bool IsShown
         {
-            get
-            {
+            get {
                 return renderer != null && renderer.enabled;
             }
 
-            set
-            {
+            set {
                 if (renderer != null)
                 {
                     renderer.enabled = value;
@@ -72,8 +67,7 @@ namespace Terraport.Unity
         /// <summary>How it is drawn.</summary>
         public Material Material
         {
-            set
-            {
+            set {
                 if (renderer != null)
                 {
                     renderer.sharedMaterial = value;

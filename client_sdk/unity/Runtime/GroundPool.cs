@@ -13,10 +13,7 @@ namespace Terraport.Unity
         private readonly Transform parent;
         private readonly Stack<GroundNode> spares = new Stack<GroundNode>();
 
-        public GroundPool(Transform parent)
-        {
-            this.parent = parent;
-        }
+        public GroundPool(Transform parent) { this.parent = parent; }
 
         /// <summary>Pieces made and not destroyed.</summary>
         public int Count { get; private set; }

@@ -32,22 +32,15 @@ namespace Terraport.Unity
         public event Action<TerraportException> BaseFault;
 
         /// <summary>Segments on the graphics card, or on their way.</summary>
-        public int SegmentCount
-        {
-            get { return nodes.Count; }
-        }
+        public int SegmentCount => nodes.Count;
 
         /// <summary>Objects that were made and not destroyed, spare ones too.</summary>
-        public int ObjectCount
-        {
-            get { return pool.Count; }
-        }
+        public int ObjectCount => pool.Count;
 
         /// <summary>Triangles of shown segments and of the base that a camera that sees all of them draws.</summary>
         public long DrawnTriangles
         {
-            get
-            {
+            get {
                 long triangles = drawn == null ? 0 : drawn.DrawnFaces;
                 foreach (KeyValuePair<uint, GroundNode> entry in nodes)
                 {
@@ -73,10 +66,7 @@ namespace Terraport.Unity
         }
 
         /// <inheritdoc/>
-        public void PrepareBase(FaceRange block, HiddenFaces next)
-        {
-            (coming ?? drawn).Prepare(block, next);
-        }
+        public void PrepareBase(FaceRange block, HiddenFaces next) { (coming ?? drawn).Prepare(block, next); }
 
         /// <inheritdoc/>
         public bool Upload(uint segment, SegmentMesh mesh)

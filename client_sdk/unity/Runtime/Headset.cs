@@ -15,8 +15,7 @@ namespace Terraport.Unity
         /// <summary>Whether an XR plug-in has loaded a display, shown on or not.</summary>
         public static bool IsThere
         {
-            get
-            {
+            get {
                 SubsystemManager.GetSubsystems(displays);
                 return displays.Count > 0;
             }
@@ -25,8 +24,7 @@ namespace Terraport.Unity
         /// <summary>Whether a display is drawn to at this moment.</summary>
         public static bool IsShowing
         {
-            get
-            {
+            get {
                 SubsystemManager.GetSubsystems(displays);
                 foreach (XRDisplaySubsystem display in displays)
                 {

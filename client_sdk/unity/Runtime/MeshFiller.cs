@@ -15,19 +15,17 @@ namespace Terraport.Unity
         /// Not DontNotifyMeshUsers: meshes are used again while their renderers live, and those would go on being culled by the box
         /// of what the mesh held before.
         /// </remarks>
-        private const MeshUpdateFlags Unchecked = MeshUpdateFlags.DontValidateIndices | MeshUpdateFlags.DontRecalculateBounds
-            | MeshUpdateFlags.DontResetBoneBounds;
+        private const MeshUpdateFlags Unchecked =
+            MeshUpdateFlags.DontValidateIndices | MeshUpdateFlags.DontRecalculateBounds | MeshUpdateFlags.DontResetBoneBounds;
 
         // Kept, since a params array would be made anew at every call.
-        private static readonly VertexAttributeDescriptor[] TintedLayout =
-        {
+        private static readonly VertexAttributeDescriptor[] TintedLayout = {
             new VertexAttributeDescriptor(VertexAttribute.Position, VertexAttributeFormat.Float32, 3),
             new VertexAttributeDescriptor(VertexAttribute.Normal, VertexAttributeFormat.SNorm8, 4),
             new VertexAttributeDescriptor(VertexAttribute.Color, VertexAttributeFormat.UNorm16, 4),
         };
 
-        private static readonly VertexAttributeDescriptor[] PhotoLayout =
-        {
+        private static readonly VertexAttributeDescriptor[] PhotoLayout = {
             new VertexAttributeDescriptor(VertexAttribute.Position, VertexAttributeFormat.Float32, 3),
             new VertexAttributeDescriptor(VertexAttribute.Normal, VertexAttributeFormat.SNorm8, 4),
             new VertexAttributeDescriptor(VertexAttribute.TexCoord0, VertexAttributeFormat.Float32, 2),
@@ -36,8 +34,7 @@ namespace Terraport.Unity
         /// <summary>Whether the graphics card can read these vertices; where not, there is nothing to be done but say so.</summary>
         public static bool IsSupported
         {
-            get
-            {
+            get {
                 return SystemInfo.SupportsVertexAttributeFormat(VertexAttributeFormat.SNorm8, 4)
                     && SystemInfo.SupportsVertexAttributeFormat(VertexAttributeFormat.UNorm16, 4);
             }

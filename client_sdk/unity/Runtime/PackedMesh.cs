@@ -17,7 +17,6 @@ namespace Terraport.Unity
         /// <summary>Linear light of ground that has neither colour nor texture: the viewer's grey, 65535 is 1.</summary>
         private const ushort PlainRed = 17254, PlainGreen = 17254, PlainBlue = 15916;
 
-
         /// <summary>Whether <see cref="Photographed"/> holds the vertices; else <see cref="Tinted"/>.</summary>
         public bool IsPhotographed { get; private set; }
 

@@ -28,9 +28,6 @@ namespace Terraport.Unity
         public bool IsGivenUp;
 
         /// <summary>Whether there is a result or an error.</summary>
-        public bool IsDone
-        {
-            get { return Error != null || Result.Texture != null; }
-        }
+        public bool IsDone => Error != null || Result.Texture != null;
     }
 }

@@ -28,10 +28,7 @@ namespace Terraport.Unity
         }
 
         /// <summary>Images that wait or are being read.</summary>
-        public int Pending
-        {
-            get { return waiting.Count + running.Count; }
-        }
+        public int Pending => waiting.Count + running.Count;
 
         /// <summary>Begin to read a mesh's image; the file is copied, so the mesh may be reused.</summary>
         /// <exception cref="TerraportException">Nothing here reads images of that media type.</exception>
@@ -100,7 +97,8 @@ namespace Terraport.Unity
                 PhotoLoad late = load;
                 GiveUp(late);
                 // Comes back to the main thread where Unity's scheduler is the current one: textures can be destroyed there alone.
-                late.Task.ContinueWith(_ => Finish(late), TaskScheduler.FromCurrentSynchronizationContext());
+                late.Task.ContinueWith(
+                    _ => Finish(late), TaskScheduler.FromCurrentSynchronizationContext());
             }
             running.Clear();
         }
@@ -120,7 +118,8 @@ namespace Terraport.Unity
             if (!texture.LoadImage(file, true) || texture.width != load.Width || texture.height != load.Height)
             {
                 Engine.Destroy(texture);
-                load.Error = new TerraportException("bad_image", "image of " + file.Length + " bytes (" + load.MediaType + ") cannot be read");
+                load.Error =
+                    new TerraportException("bad_image", "image of " + file.Length + " bytes (" + load.MediaType + ") cannot be read");
                 return;
             }
             PhotoTexture result = default(PhotoTexture);

@@ -8,22 +8,13 @@ namespace Terraport.Unity
     {
 #if UNITY_WEBGL && !UNITY_EDITOR
         /// <summary>Whether work can be done beside the main thread.</summary>
-        public static bool HasThreads
-        {
-            get { return false; }
-        }
+        public static bool HasThreads => false;
 
         /// <summary>Runs work beside the main thread; null where there is no beside.</summary>
-        public static Func<Action, Task> Aside
-        {
-            get { return null; }
-        }
+        public static Func<Action, Task> Aside => null;
 
         /// <summary>How files are fetched unless a project says otherwise.</summary>
-        public static IHttp MakeHttp()
-        {
-            return new WebRequestHttp();
-        }
+        public static IHttp MakeHttp() { return new WebRequestHttp(); }
 
         public static ISceneStream OpenStream(StreamOptions options, ITransportFactory transports)
         {
@@ -36,22 +27,13 @@ namespace Terraport.Unity
         }
 #else
         /// <summary>Whether work can be done beside the main thread.</summary>
-        public static bool HasThreads
-        {
-            get { return true; }
-        }
+        public static bool HasThreads => true;
 
         /// <summary>Runs work beside the main thread; null where there is no beside.</summary>
-        public static Func<Action, Task> Aside
-        {
-            get { return Task.Run; }
-        }
+        public static Func<Action, Task> Aside => Task.Run;
 
         /// <summary>How files are fetched unless a project says otherwise.</summary>
-        public static IHttp MakeHttp()
-        {
-            return new SystemHttp();
-        }
+        public static IHttp MakeHttp() { return new SystemHttp(); }
 
         /// <summary>A stream that is pumped on a thread of its own.</summary>
         public static ISceneStream OpenStream(StreamOptions options, ITransportFactory transports)

@@ -70,22 +70,13 @@ namespace Terraport.Unity
         public SceneFiles Files { get; private set; }
 
         /// <summary>What it holds on the graphics card, for a display of figures.</summary>
-        public GroundRenderer Renderer
-        {
-            get { return renderer; }
-        }
+        public GroundRenderer Renderer => renderer;
 
         /// <summary>Whether the files are being loaded.</summary>
-        public bool IsLoading
-        {
-            get { return loading != null; }
-        }
+        public bool IsLoading => loading != null;
 
         /// <summary>Radius of a landing for which none is given, metres.</summary>
-        public float RadiusM
-        {
-            get { return budgets.radiusM; }
-        }
+        public float RadiusM => budgets.radiusM;
 
         /// <summary>Connect now, perhaps with another token; begin to load again where that failed.</summary>
         public void Reconnect(string newToken)

@@ -31,10 +31,7 @@ namespace Terraport.Unity
         private Task cooking;
 
         /// <summary>Whether all of the base is solid.</summary>
-        public bool IsComplete
-        {
-            get { return parts != null && colliders.Count == parts.Count && leavingColliders.Count == 0; }
-        }
+        public bool IsComplete => parts != null && colliders.Count == parts.Count && leavingColliders.Count == 0;
 
         private void OnEnable()
         {
@@ -102,12 +99,12 @@ namespace Terraport.Unity
                 return;
             }
             packing = Task.Run(() =>
-            {
-                while (made.Step())
                 {
-                }
-                return made;
-            });
+                    while (made.Step())
+                    {
+                    }
+                    return made;
+                });
         }
 
         private void BeginCooking()

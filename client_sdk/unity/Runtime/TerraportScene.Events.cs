@@ -43,9 +43,7 @@ namespace Terraport.Unity
         {
             switch (next.Kind)
             {
-                case StreamEventKind.Link:
-                    OnLink(next.Link);
-                    break;
+                case StreamEventKind.Link: OnLink(next.Link); break;
                 case StreamEventKind.Planned:
                     if (Planned != null)
                     {
@@ -77,11 +75,8 @@ namespace Terraport.Unity
                         Picked(next.Request, null);
                     }
                     break;
-                case StreamEventKind.Refused:
-                    Fail(new TerraportException(next.Code, next.Message));
-                    break;
-                default:
-                    break;
+                case StreamEventKind.Refused: Fail(new TerraportException(next.Code, next.Message)); break;
+                default: break;
             }
             if (Streamed != null)
             {

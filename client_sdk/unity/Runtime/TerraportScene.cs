@@ -28,7 +28,8 @@ namespace Terraport.Unity
         private TerraportSettings settings = new TerraportSettings();
 
         [SerializeField]
-        [Tooltip("Material for detail; none takes this package's own. It is drawn with vertex colours (linear) or a photograph (_MainTex).")]
+        [Tooltip(
+            "Material for detail; none takes this package's own. It is drawn with vertex colours (linear) or a photograph (_MainTex).")]
         private Material detailMaterial;
 
         [SerializeField]
@@ -89,8 +90,12 @@ namespace Terraport.Unity
         /// <summary>Address of the scene: http(s)://host/scenes/ID. Counts when it is opened.</summary>
         public string SceneUrl
         {
-            get { return sceneUrl; }
-            set { sceneUrl = value; }
+            get {
+                return sceneUrl;
+            }
+            set {
+                sceneUrl = value;
+            }
         }
 
         /// <summary>
@@ -99,28 +104,37 @@ namespace Terraport.Unity
         /// </summary>
         public string Token
         {
-            get { return token; }
-            set { token = value; }
+            get {
+                return token;
+            }
+            set {
+                token = value;
+            }
         }
 
         /// <summary>How it is loaded and drawn. Counts when it is opened, frame budget apart.</summary>
-        public TerraportSettings Settings
-        {
-            get { return settings; }
-        }
+        public TerraportSettings Settings => settings;
 
         /// <summary>The project's own material for detail; null takes this package's. Counts when it is opened.</summary>
         public Material DetailMaterial
         {
-            get { return detailMaterial; }
-            set { detailMaterial = value; }
+            get {
+                return detailMaterial;
+            }
+            set {
+                detailMaterial = value;
+            }
         }
 
         /// <summary>The project's own material for the base; null takes this package's. Counts when it is opened.</summary>
         public Material BaseMaterial
         {
-            get { return baseMaterial; }
-            set { baseMaterial = value; }
+            get {
+                return baseMaterial;
+            }
+            set {
+                baseMaterial = value;
+            }
         }
 
         /// <summary>Makes the connections; null takes this package's. Counts when it is opened.</summary>
@@ -130,40 +144,24 @@ namespace Terraport.Unity
         public IHttp Http { get; set; }
 
         /// <summary>Whether it was opened and not closed.</summary>
-        public bool IsOpen
-        {
-            get { return session != null; }
-        }
+        public bool IsOpen => session != null;
 
         /// <summary>Files of the version that is served now; null until they are here.</summary>
-        public SceneFiles Files
-        {
-            get { return session == null ? null : session.Files; }
-        }
+        public SceneFiles Files => session == null ? null : session.Files;
 
         /// <summary>Where the connection stands.</summary>
-        public LinkState Link
-        {
-            get { return link; }
-        }
+        public LinkState Link => link;
 
         /// <summary>Where the newest landing stands.</summary>
-        public LandingStatus Status
-        {
-            get { return session == null || session.Stage == null ? default(LandingStatus) : session.Stage.Status; }
-        }
+        public LandingStatus Status => session == null || session.Stage == null ? default(LandingStatus) : session.Stage.Status;
 
         /// <summary>Radius of a landing for which none is given, metres.</summary>
-        public float DefaultRadiusM
-        {
-            get { return session != null ? session.RadiusM : settings.ActualBudgets.radiusM; }
-        }
+        public float DefaultRadiusM => session != null ? session.RadiusM : settings.ActualBudgets.radiusM;
 
         /// <summary>Figures for a display.</summary>
         public SceneFigures Figures
         {
-            get
-            {
+            get {
                 SceneFigures figures = default(SceneFigures);
                 figures.Stream = new StreamStats();
                 if (session != null)
@@ -263,17 +261,11 @@ namespace Terraport.Unity
         /// Show the newest landing: in this frame where it can be shown, else in the first in which it can. Needed without
         /// <see cref="TerraportSettings.autoShow"/> alone. True where it was shown now.
         /// </summary>
-        public bool Show()
-        {
-            return session != null && session.Stage != null && session.Stage.Show();
-        }
+        public bool Show() { return session != null && session.Stage != null && session.Stage.Show(); }
 
         /// <summary>Ask the server what full detail has above and below a point of Unity's world. Answered by <see cref="Picked"/>.</summary>
         /// <returns>Number of the request; 0 before the scene is loaded.</returns>
-        public int Pick(Vector3 point)
-        {
-            return session == null || session.Stream == null ? 0 : session.Stream.Pick(ToScene(point));
-        }
+        public int Pick(Vector3 point) { return session == null || session.Stream == null ? 0 : session.Stream.Pick(ToScene(point)); }
 
         /// <summary>Ask the server what full detail has along a ray of Unity's world. Answered by <see cref="Picked"/>.</summary>
         /// <returns>Number of the request; 0 before the scene is loaded.</returns>
@@ -322,10 +314,7 @@ namespace Terraport.Unity
             }
         }
 
-        private void OnDisable()
-        {
-            Close();
-        }
+        private void OnDisable() { Close(); }
 
         private void OnApplicationPause(bool isPaused)
         {

@@ -41,8 +41,7 @@ namespace Terraport.Unity
         /// <summary>The profile that counts on this device.</summary>
         public DeviceProfile ActualProfile
         {
-            get
-            {
+            get {
                 if (profile != DeviceProfile.Auto)
                 {
                     return profile;
@@ -56,16 +55,12 @@ namespace Terraport.Unity
         }
 
         /// <summary>The bounds that count on this device.</summary>
-        public DeviceBudgets ActualBudgets
-        {
-            get { return profile == DeviceProfile.Custom ? custom : DeviceBudgets.For(ActualProfile); }
-        }
+        public DeviceBudgets ActualBudgets => profile == DeviceProfile.Custom ? custom : DeviceBudgets.For(ActualProfile);
 
         /// <summary>The milliseconds that count at this moment.</summary>
         public float ActualFrameBudgetMs
         {
-            get
-            {
+            get {
                 if (frameBudgetMs > 0)
                 {
                     return frameBudgetMs;
@@ -75,9 +70,6 @@ namespace Terraport.Unity
         }
 
         /// <summary>The number of threads that counts on this device.</summary>
-        public int ActualDecodeThreads
-        {
-            get { return decodeThreads > 0 ? decodeThreads : SystemInfo.processorCount < 4 ? 1 : 2; }
-        }
+        public int ActualDecodeThreads => decodeThreads > 0 ? decodeThreads : SystemInfo.processorCount < 4? 1 : 2;
     }
 }

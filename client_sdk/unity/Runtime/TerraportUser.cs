@@ -18,7 +18,8 @@ namespace Terraport.Unity
         private TerraportScene scene;
 
         [SerializeField]
-        [Tooltip("What is moved on landing: the XR Origin, or a camera's parent. Its height is that of the ground. None: nothing is moved.")]
+        [Tooltip(
+            "What is moved on landing: the XR Origin, or a camera's parent. Its height is that of the ground. None: nothing is moved.")]
         private Transform rig;
 
         [SerializeField]
@@ -51,36 +52,49 @@ namespace Terraport.Unity
         /// <summary>The scene to walk in; set it before the component is enabled.</summary>
         public TerraportScene Scene
         {
-            get { return scene; }
-            set { scene = value; }
+            get {
+                return scene;
+            }
+            set {
+                scene = value;
+            }
         }
 
         /// <summary>What is moved on landing; null where something else does it.</summary>
         public Transform Rig
         {
-            get { return rig; }
-            set { rig = value; }
+            get {
+                return rig;
+            }
+            set {
+                rig = value;
+            }
         }
 
         /// <summary>Whose forward direction aims.</summary>
         public Transform Pointer
         {
-            get { return pointer; }
-            set { pointer = value; }
+            get {
+                return pointer;
+            }
+            set {
+                pointer = value;
+            }
         }
 
         /// <summary>Radius of landings, metres; 0 takes the scene's.</summary>
         public float RadiusM
         {
-            get { return radiusM; }
-            set { radiusM = value; }
+            get {
+                return radiusM;
+            }
+            set {
+                radiusM = value;
+            }
         }
 
         /// <summary>Whether a landing of this user is on its way.</summary>
-        public bool IsComing
-        {
-            get { return isComing; }
-        }
+        public bool IsComing => isComing;
 
         /// <summary>Aim along the pointer. True, and where, if the ground is met; the scene then loads ahead. Call it in every frame.</summary>
         public bool TryAim(out Vector3 point)

@@ -20,32 +20,22 @@ namespace Terraport.Unity
         private int id;
 
         /// <inheritdoc/>
-        public TransportState State
-        {
-            get { return id == 0 ? TransportState.Idle : (TransportState)TerraportSocketState(id); }
-        }
+        public TransportState State => id == 0 ? TransportState.Idle : (TransportState)TerraportSocketState(id);
 
         /// <inheritdoc/>
         public string Subprotocol
         {
-            get
-            {
+            get {
                 string name = State == TransportState.Open ? TextOf(1) : "";
                 return name.Length == 0 ? null : name;
             }
         }
 
         /// <inheritdoc/>
-        public int CloseCode
-        {
-            get { return State == TransportState.Closed ? TerraportSocketCloseCode(id) : 0; }
-        }
+        public int CloseCode => State == TransportState.Closed ? TerraportSocketCloseCode(id) : 0;
 
         /// <inheritdoc/>
-        public string CloseReason
-        {
-            get { return id == 0 ? "" : TextOf(0); }
-        }
+        public string CloseReason => id == 0 ? "" : TextOf(0);
 
         /// <inheritdoc/>
         public Action Changed { get; set; }
@@ -134,10 +124,7 @@ namespace Terraport.Unity
             return new byte[Math.Max(length, 4096)];
         }
 
-        private string TextOf(int which)
-        {
-            return Encoding.UTF8.GetString(text, 0, TerraportSocketText(id, which, text, text.Length));
-        }
+        private string TextOf(int which) { return Encoding.UTF8.GetString(text, 0, TerraportSocketText(id, which, text, text.Length)); }
 
         [DllImport("__Internal")]
         private static extern int TerraportSocketOpen(string url, string protocols);

@@ -5,10 +5,7 @@ namespace Terraport.Unity
     public sealed class WebGlTransportFactory : ITransportFactory
     {
         /// <inheritdoc/>
-        public ITransport Create()
-        {
-            return new WebGlTransport();
-        }
+        public ITransport Create() { return new WebGlTransport(); }
     }
 }
 #endif

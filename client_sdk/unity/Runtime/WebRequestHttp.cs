@@ -12,8 +12,7 @@ namespace Terraport.Unity
     public sealed class WebRequestHttp : IHttp
     {
         /// <inheritdoc/>
-        public async Task<HttpAnswer> GetAsync(
-            string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled)
+        public async Task<HttpAnswer> GetAsync(string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled)
         {
             cancelled.ThrowIfCancellationRequested();
             using (UnityWebRequest request = new UnityWebRequest(url, UnityWebRequest.kHttpVerbGET))
@@ -27,11 +26,9 @@ namespace Terraport.Unity
                 }
                 TaskCompletionSource<bool> done = new TaskCompletionSource<bool>();
                 UnityWebRequestAsyncOperation sending = request.SendWebRequest();
-                sending.completed += _ => done.TrySetResult(true);
-                using (cancelled.Register(request.Abort))
-                {
-                    await done.Task;
-                }
+                sending.completed +=
+                    _ => done.TrySetResult(true);
+                using (cancelled.Register(request.Abort)) { await done.Task; }
                 cancelled.ThrowIfCancellationRequested();
                 if (download.IsTooLong)
                 {
@@ -54,8 +51,7 @@ namespace Terraport.Unity
             private readonly int mostBytes;
             private readonly Action<int> onBytes;
 
-            public BoundedDownload(int mostBytes, Action<int> onBytes)
-                : base(new byte[PieceBytes])
+            public BoundedDownload(int mostBytes, Action<int> onBytes) : base(new byte[PieceBytes])
             {
                 this.mostBytes = mostBytes;
                 this.onBytes = onBytes;

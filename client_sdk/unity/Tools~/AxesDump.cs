@@ -59,11 +59,15 @@ namespace Terraport.Tools
                 json.Value((long)(packed.HasShortIndices ? packed.ShortIndices[at] : packed.LongIndices[at]));
             }
             json.Close(']').Key("uvs");
-            if (uvs == null) json.Null();
-            else json.Values(uvs, uvs.Length);
+            if (uvs == null)
+                json.Null();
+            else
+                json.Values(uvs, uvs.Length);
             json.Key("linear_colours");
-            if (linear == null) json.Null();
-            else json.Values(linear, linear.Length);
+            if (linear == null)
+                json.Null();
+            else
+                json.Values(linear, linear.Length);
             json.Key("image").Value(mesh.HasTexture ? Convert.ToBase64String(mesh.Image.Bytes, 0, mesh.Image.Length) : null);
             json.Close('}');
         }

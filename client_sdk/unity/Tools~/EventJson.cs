@@ -8,52 +8,40 @@ namespace Terraport.Tools
         public static void Describe(JsonText json, StreamEvent told)
         {
             json.Open('{').Key("type").Value(Name(told.Kind)).Key("landing");
-            if (told.Landing.HasValue) json.Value((long)told.Landing.Value);
-            else json.Null();
+            if (told.Landing.HasValue)
+                json.Value((long)told.Landing.Value);
+            else
+                json.Null();
             switch (told.Kind)
             {
-                case StreamEventKind.Link:
-                    DescribeLink(json, told.Link);
-                    break;
+                case StreamEventKind.Link: DescribeLink(json, told.Link); break;
                 case StreamEventKind.Opened:
                     json.Key("scene_version").Value(told.SceneVersion).Key("session").Value(told.Session);
                     json.Key("changed").Value(told.IsChanged).Key("held_count").Value((long)told.HeldCount);
                     break;
-                case StreamEventKind.Planned:
-                    DescribePlan(json, told.Plan);
-                    break;
+                case StreamEventKind.Planned: DescribePlan(json, told.Plan); break;
                 case StreamEventKind.Arrived:
                     json.Key("facts");
                     DescribeFacts(json, told.Facts);
                     break;
                 case StreamEventKind.Degraded:
-                case StreamEventKind.Dropped:
-                    json.Key("segments").Values(told.Segments);
-                    break;
+                case StreamEventKind.Dropped: json.Key("segments").Values(told.Segments); break;
                 case StreamEventKind.Ready:
                     json.Key("visible").Values(told.Segments).Key("missing").Values(told.Missing);
                     json.Key("elapsed_ms").Value(told.ElapsedMs).Key("payload_bytes").Value(told.Bytes);
                     break;
-                case StreamEventKind.Superseded:
-                    json.Key("by").Value((long)told.By);
-                    break;
+                case StreamEventKind.Superseded: json.Key("by").Value((long)told.By); break;
                 case StreamEventKind.Prefetching:
-                case StreamEventKind.Prefetched:
-                    json.Key("segments").Value((long)told.Count).Key("bytes").Value(told.Bytes);
-                    break;
+                case StreamEventKind.Prefetched: json.Key("segments").Value((long)told.Count).Key("bytes").Value(told.Bytes); break;
                 case StreamEventKind.Refused:
                     json.Key("code").Value(told.Code).Key("message").Value(told.Message).Key("fatal").Value(told.IsFatal);
                     break;
-                case StreamEventKind.Notice:
-                    json.Key("kind").Value(told.Notice);
-                    break;
+                case StreamEventKind.Notice: json.Key("kind").Value(told.Notice); break;
                 case StreamEventKind.Picked:
                     json.Key("request").Value((long)told.Request);
                     DescribeHit(json, told.Hit);
                     break;
-                case StreamEventKind.PickRefused:
-                    json.Key("request").Value((long)told.Request).Key("code").Value(told.Code);
-                    break;
+                case StreamEventKind.PickRefused: json.Key("request").Value((long)told.Request).Key("code").Value(told.Code); break;
             }
             json.Close('}');
         }

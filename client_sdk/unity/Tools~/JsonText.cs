@@ -11,10 +11,7 @@ namespace Terraport.Tools
         private readonly StringBuilder text = new StringBuilder();
         private bool needsComma;
 
-        public override string ToString()
-        {
-            return text.ToString();
-        }
+        public override string ToString() { return text.ToString(); }
 
         public JsonText Open(char bracket)
         {
@@ -40,25 +37,13 @@ namespace Terraport.Tools
             return this;
         }
 
-        public JsonText Null()
-        {
-            return Raw("null");
-        }
+        public JsonText Null() { return Raw("null"); }
 
-        public JsonText Value(bool value)
-        {
-            return Raw(value ? "true" : "false");
-        }
+        public JsonText Value(bool value) { return Raw(value ? "true" : "false"); }
 
-        public JsonText Value(long value)
-        {
-            return Raw(value.ToString(CultureInfo.InvariantCulture));
-        }
+        public JsonText Value(long value) { return Raw(value.ToString(CultureInfo.InvariantCulture)); }
 
-        public JsonText Value(double value)
-        {
-            return Raw(value.ToString("R", CultureInfo.InvariantCulture));
-        }
+        public JsonText Value(double value) { return Raw(value.ToString("R", CultureInfo.InvariantCulture)); }
 
         public JsonText Value(float value)
         {
@@ -107,9 +92,12 @@ namespace Terraport.Tools
             text.Append('"');
             foreach (char character in value)
             {
-                if (character == '"' || character == '\\') text.Append('\\').Append(character);
-                else if (character < 0x20) text.Append("\\u").Append(((int)character).ToString("x4"));
-                else text.Append(character);
+                if (character == '"' || character == '\\')
+                    text.Append('\\').Append(character);
+                else if (character < 0x20)
+                    text.Append("\\u").Append(((int)character).ToString("x4"));
+                else
+                    text.Append(character);
             }
             text.Append('"');
         }

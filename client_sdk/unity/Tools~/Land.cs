@@ -33,8 +33,10 @@ namespace Terraport.Tools
         {
             this.request = request;
             var transports = new WebSocketTransportFactory();
-            if (request.IsThreaded) stream = new ThreadedStream(request.Stream, transports);
-            else stream = new SceneStream(request.Stream, transports);
+            if (request.IsThreaded)
+                stream = new ThreadedStream(request.Stream, transports);
+            else
+                stream = new SceneStream(request.Stream, transports);
             if (request.IsStaged) staged = new StagedVisit(stream, request.Stream);
         }
 
@@ -57,10 +59,7 @@ namespace Terraport.Tools
             return failure == null ? 0 : 1;
         }
 
-        private double Now()
-        {
-            return watch.Elapsed.TotalMilliseconds;
-        }
+        private double Now() { return watch.Elapsed.TotalMilliseconds; }
 
         private void Take(LandStep step)
         {
@@ -74,9 +73,7 @@ namespace Terraport.Tools
                     landing = Begin(step);
                     Until(step, () => planned == landing);
                     break;
-                case "wait":
-                    Until(step, IsShown);
-                    break;
+                case "wait": Until(step, IsShown); break;
                 case "aim":
                     int before = prefetched;
                     stream.Aim(step.Place(0), step.Numbers[3]);
@@ -106,15 +103,11 @@ namespace Terraport.Tools
                 options.InnerRadiusM = step.Numbers[4];
                 options.DeadlineMs = (int)step.Numbers[5];
             }
-            return staged == null
-                ? stream.Land(step.Place(0), step.Numbers[3], options)
-                : staged.Land(step.Place(0), step.Numbers[3], options);
+            return staged == null ? stream.Land(step.Place(0), step.Numbers[3], options)
+                                  : staged.Land(step.Place(0), step.Numbers[3], options);
         }
 
-        private bool IsShown()
-        {
-            return ready == landing && (staged == null || staged.IsShown);
-        }
+        private bool IsShown() { return ready == landing && (staged == null || staged.IsShown); }
 
         /// <summary>
         /// Pump until something holds. What ends a step early is told as the failure; a later landing that succeeds forgets it.
@@ -157,15 +150,9 @@ namespace Terraport.Tools
             EventJson.Describe(events, told);
             switch (told.Kind)
             {
-                case StreamEventKind.Planned:
-                    planned = told.Landing.Value;
-                    break;
-                case StreamEventKind.Arrived:
-                    held.Add(told.Facts.Segment);
-                    break;
-                case StreamEventKind.Dropped:
-                    held.ExceptWith(told.Segments);
-                    break;
+                case StreamEventKind.Planned: planned = told.Landing.Value; break;
+                case StreamEventKind.Arrived: held.Add(told.Facts.Segment); break;
+                case StreamEventKind.Dropped: held.ExceptWith(told.Segments); break;
                 case StreamEventKind.Ready:
                     ready = told.Landing.Value;
                     EventJson.Describe(landings, told);
@@ -174,17 +161,13 @@ namespace Terraport.Tools
                     // What ends the session is told by the link as well.
                     if (told.Landing == landing && !told.IsFatal) refusedCode = told.Code;
                     break;
-                case StreamEventKind.Prefetched:
-                    prefetched++;
-                    break;
+                case StreamEventKind.Prefetched: prefetched++; break;
                 case StreamEventKind.Picked:
                 case StreamEventKind.PickRefused:
                     picked++;
                     EventJson.Describe(picks, told);
                     break;
-                case StreamEventKind.Link:
-                    closedCode = told.Link.Phase == LinkPhase.Closed ? told.Link.Code : null;
-                    break;
+                case StreamEventKind.Link: closedCode = told.Link.Phase == LinkPhase.Closed ? told.Link.Code : null; break;
             }
         }
 
@@ -229,9 +212,8 @@ namespace Terraport.Tools
             string segments = DescribeHeld();
             var stats = new JsonText();
             EventJson.Describe(stats, stream.Stats);
-            Console.WriteLine(
-                "{\"events\":[" + events + "],\"landings\":[" + landings + "],\"picks\":[" + picks + "],\"segments\":" + segments
-                + ",\"stats\":" + stats + ",\"stage\":" + (staged == null ? "null" : staged.Describe())
+            Console.WriteLine("{\"events\":[" + events + "],\"landings\":[" + landings + "],\"picks\":[" + picks
+                + "],\"segments\":" + segments + ",\"stats\":" + stats + ",\"stage\":" + (staged == null ? "null" : staged.Describe())
                 + ",\"failure\":" + new JsonText().Value(failure) + "}");
         }
     }

@@ -7,13 +7,12 @@ namespace Terraport.Tools
     /// <summary>What <c>land</c> was asked for, by its command line.</summary>
     internal sealed class LandRequest
     {
-        public const string Usage =
-            "usage: land --scene URL [--NAME VALUE ...] STEP ...\n" +
-            "  --token T  --max-triangles N  --max-bytes N  --max-segments N\n" +
-            "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n" +
-            "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n" +
-            "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n" +
-            "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n";
+        public const string Usage = "usage: land --scene URL [--NAME VALUE ...] STEP ...\n"
+            + "  --token T  --max-triangles N  --max-bytes N  --max-segments N\n"
+            + "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
+            + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
+            + "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
+            + "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n";
 
         private LandRequest()
         {
@@ -80,9 +79,6 @@ namespace Terraport.Tools
             return true;
         }
 
-        private static long Whole(string text)
-        {
-            return long.Parse(text, CultureInfo.InvariantCulture);
-        }
+        private static long Whole(string text) { return long.Parse(text, CultureInfo.InvariantCulture); }
     }
 }

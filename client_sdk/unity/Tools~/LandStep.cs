@@ -35,10 +35,7 @@ namespace Terraport.Tools
         public double[] Numbers { get; private set; }
 
         /// <summary>Whether it waits for a landing.</summary>
-        public bool IsLanding
-        {
-            get { return Kind == "land" || Kind == "start" || Kind == "wait"; }
-        }
+        public bool IsLanding => Kind == "land" || Kind == "start" || Kind == "wait";
 
         /// <summary>Read a step; null where there is no such one.</summary>
         public static LandStep Parse(string text)
@@ -49,29 +46,17 @@ namespace Terraport.Tools
             {
                 case "land":
                 case "start":
-                case "aim":
-                    needed = 4;
-                    break;
-                case "pick":
-                    needed = 3;
-                    break;
-                case "pause":
-                    needed = 1;
-                    break;
+                case "aim": needed = 4; break;
+                case "pick": needed = 3; break;
+                case "pause": needed = 1; break;
                 case "wait":
-                case "reconnect":
-                    needed = 0;
-                    break;
-                default:
-                    return null;
+                case "reconnect": needed = 0; break;
+                default: return null;
             }
             return step.Numbers.Length < needed ? null : step;
         }
 
         /// <summary>Three of the numbers, from one on.</summary>
-        public Vec3 Place(int at)
-        {
-            return new Vec3(Numbers[at], Numbers[at + 1], Numbers[at + 2]);
-        }
+        public Vec3 Place(int at) { return new Vec3(Numbers[at], Numbers[at + 1], Numbers[at + 2]); }
     }
 }

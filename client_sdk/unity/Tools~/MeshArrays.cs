@@ -96,10 +96,7 @@ namespace Terraport.Tools
             if (folder != null) File.WriteAllBytes(Path.Combine(folder, segment + ".normals"), Bytes(Normals));
         }
 
-        public static string Digest(byte[] bytes)
-        {
-            return bytes == null ? null : Xxh3.Hash64(bytes).ToString("x16");
-        }
+        public static string Digest(byte[] bytes) { return bytes == null ? null : Xxh3.Hash64(bytes).ToString("x16"); }
 
         private static byte[] Bytes(float[] values)
         {

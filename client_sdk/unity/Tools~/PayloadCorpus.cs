@@ -22,10 +22,7 @@ namespace Terraport.Tools
 
         private readonly SegmentDecoder decoder = new SegmentDecoder();
 
-        public PayloadCorpus(string folder)
-        {
-            this.folder = folder;
-        }
+        public PayloadCorpus(string folder) { this.folder = folder; }
 
         public int Run()
         {
@@ -66,8 +63,7 @@ namespace Terraport.Tools
                 ?? Apart("normals", found.Normals, expected["normals"], Rounded)
                 ?? Apart("colours", found.Colours == null ? null : Doubles(found.Colours), expected["colours"], 0)
                 ?? Apart("region_ids", found.RegionIds == null ? null : Doubles(found.RegionIds), expected["region_ids"], 0)
-                ?? Apart("uvs", found.Uvs, expected["uvs"], Rounded)
-                ?? Attributes(found, expected["attributes"])
+                ?? Apart("uvs", found.Uvs, expected["uvs"], Rounded) ?? Attributes(found, expected["attributes"])
                 ?? Texture(found, expected["texture"]);
         }
 
@@ -126,9 +122,7 @@ namespace Terraport.Tools
             }
         }
 
-        private static float[] Doubles<T>(T[] values) where T : IConvertible
-        {
-            return Array.ConvertAll(values, value => value.ToSingle(null));
-        }
+        private static float[] Doubles<T>(T[] values)
+            where T : IConvertible { return Array.ConvertAll(values, value => value.ToSingle(null)); }
     }
 }

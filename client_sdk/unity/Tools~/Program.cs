@@ -11,11 +11,9 @@ namespace Terraport.Tools
     /// </summary>
     internal static class Program
     {
-        private const string Usage =
-            "usage: terraport-tools corpus wire|payload FOLDER\n" +
-            "       terraport-tools land --scene URL [--NAME VALUE ...] STEP ...\n" +
-            "       terraport-tools decode FILE [--seconds S]\n" +
-            "       terraport-tools axes PAYLOAD ...\n";
+        private const string Usage = "usage: terraport-tools corpus wire|payload FOLDER\n"
+            + "       terraport-tools land --scene URL [--NAME VALUE ...] STEP ...\n" + "       terraport-tools decode FILE [--seconds S]\n"
+            + "       terraport-tools axes PAYLOAD ...\n";
 
         private static int Main(string[] arguments)
         {
@@ -40,14 +38,12 @@ namespace Terraport.Tools
                     if (rest.Length == 2 && rest[0] == "wire") return new WireCorpus(rest[1]).Run();
                     if (rest.Length == 2 && rest[0] == "payload") return new PayloadCorpus(rest[1]).Run();
                     break;
-                case "land":
-                    return Land.Run(rest);
+                case "land": return Land.Run(rest);
                 case "decode":
                     if (rest.Length == 1) return DecodeBenchmark.Run(rest[0], 2.0);
                     if (rest.Length == 3 && rest[1] == "--seconds") return DecodeBenchmark.Run(rest[0], double.Parse(rest[2]));
                     break;
-                case "axes":
-                    return AxesDump.Run(rest);
+                case "axes": return AxesDump.Run(rest);
             }
             Console.Error.Write(Usage);
             return 2;

@@ -22,22 +22,15 @@ namespace Terraport.Tools
         /// <summary>Swaps that showed or hid a segment.</summary>
         public int Swaps { get; private set; }
 
-        public IEnumerable<uint> Shown
-        {
-            get { return shown; }
-        }
+        public IEnumerable<uint> Shown => shown;
 
         /// <summary>Orders that could not be kept.</summary>
-        public IList<string> Faults
-        {
-            get { return faults; }
-        }
+        public IList<string> Faults => faults;
 
         /// <summary>Base faces that are not drawn, ascending: as the prepared blocks say, not as the stage says.</summary>
         public IEnumerable<uint> HiddenFaces
         {
-            get
-            {
+            get {
                 for (int face = 0; face < drawn.Length; face++)
                 {
                     if (drawn[face] != 0) yield return (uint)face;
@@ -106,7 +99,8 @@ namespace Terraport.Tools
             foreach (uint segment in swap.Shown)
             {
                 int asked;
-                if (!uploaded.TryGetValue(segment, out asked) || asked < 2) faults.Add("segment " + segment + " is shown and cannot be drawn");
+                if (!uploaded.TryGetValue(segment, out asked) || asked < 2)
+                    faults.Add("segment " + segment + " is shown and cannot be drawn");
                 if (!shown.Add(segment)) faults.Add("segment " + segment + " is shown twice");
             }
             foreach (uint segment in swap.Hidden)
@@ -116,8 +110,10 @@ namespace Terraport.Tools
             foreach (FaceRange block in swap.ChangedBlocks)
             {
                 byte[] faces;
-                if (prepared.TryGetValue(block.First, out faces) && faces.Length == block.Count) faces.CopyTo(drawn, block.First);
-                else faults.Add("block " + block.First + " of the base was not prepared");
+                if (prepared.TryGetValue(block.First, out faces) && faces.Length == block.Count)
+                    faces.CopyTo(drawn, block.First);
+                else
+                    faults.Add("block " + block.First + " of the base was not prepared");
             }
             for (int face = 0; face < drawn.Length; face++)
             {

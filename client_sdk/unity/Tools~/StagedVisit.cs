@@ -21,26 +21,14 @@ namespace Terraport.Tools
         }
 
         /// <summary>Whether the newest landing is what is drawn.</summary>
-        public bool IsShown
-        {
-            get { return stage.Status.Phase == LandingPhase.Shown; }
-        }
+        public bool IsShown => stage.Status.Phase == LandingPhase.Shown;
 
-        public int Land(Vec3 position, double radiusM, LandOptions options)
-        {
-            return stage.Land(position, radiusM, options);
-        }
+        public int Land(Vec3 position, double radiusM, LandOptions options) { return stage.Land(position, radiusM, options); }
 
-        public void Handle(StreamEvent told)
-        {
-            stage.Handle(ref told);
-        }
+        public void Handle(StreamEvent told) { stage.Handle(ref told); }
 
         /// <summary>One frame of the engine.</summary>
-        public void Frame()
-        {
-            stage.Update(FrameMs);
-        }
+        public void Frame() { stage.Update(FrameMs); }
 
         /// <summary>What is drawn, and what happened: one JSON object.</summary>
         public string Describe()

@@ -21,10 +21,7 @@ namespace Terraport.Tools
         }
 
         /// <summary>Name a case that this client does not take part in.</summary>
-        public void Decline(string name, string reason)
-        {
-            Console.WriteLine("declined: " + name + ": " + reason);
-        }
+        public void Decline(string name, string reason) { Console.WriteLine("declined: " + name + ": " + reason); }
 
         /// <summary>Print the totals; returns the exit code.</summary>
         public int Finish()

@@ -14,10 +14,7 @@ namespace Terraport.Tools
     {
         private readonly string root;
 
-        public WireCorpus(string root)
-        {
-            this.root = root;
-        }
+        public WireCorpus(string root) { this.root = root; }
 
         public int Run()
         {
@@ -118,12 +115,9 @@ namespace Terraport.Tools
                     found.TryFlag(out left);
                     expected.TryFlag(out right);
                     return left == right ? null : place + " is " + left;
-                case JsonKind.List:
-                    return ListDifference(place, found, expected);
-                case JsonKind.Object:
-                    return ObjectDifference(place, found.Members, expected.Members);
-                default:
-                    return null;
+                case JsonKind.List: return ListDifference(place, found, expected);
+                case JsonKind.Object: return ObjectDifference(place, found.Members, expected.Members);
+                default: return null;
             }
         }
 

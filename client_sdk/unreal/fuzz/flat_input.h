@@ -1,5 +1,5 @@
-// A flat file made of a fuzzer's input: its length and checksum are set right in three of four, or nothing beyond them would ever
-// be reached.
+// A flat file made of a fuzzer's input: its length and checksum are set right in three of four, or nothing beyond them would
+// ever be reached.
 #pragma once
 
 #include <cstdint>

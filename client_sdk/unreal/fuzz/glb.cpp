@@ -1,5 +1,5 @@
-// GLB payloads. An input that starts with "glTF" is a GLB whose total length is set right; any other is two bytes of length, a JSON
-// chunk of so many bytes, and a BIN chunk, so that mutations of either leave the container whole.
+// GLB payloads. An input that starts with "glTF" is a GLB whose total length is set right; any other is two bytes of length, a
+// JSON chunk of so many bytes, and a BIN chunk, so that mutations of either leave the container whole.
 #include <algorithm>
 #include <cstring>
 

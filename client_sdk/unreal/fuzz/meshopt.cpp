@@ -1,5 +1,5 @@
-// The codecs by themselves: one byte says which, two the number of rows, the rest is the stream, whose first byte is set right. With
-// libmeshoptimizer (-DTERRAPORT_FUZZ_AGAINST_MESHOPTIMIZER, linked with -lmeshoptimizer) both must say the same.
+// The codecs by themselves: one byte says which, two the number of rows, the rest is the stream, whose first byte is set right.
+// With libmeshoptimizer (-DTERRAPORT_FUZZ_AGAINST_MESHOPTIMIZER, linked with -lmeshoptimizer) both must say the same.
 #include <cstring>
 #include <vector>
 
@@ -14,7 +14,7 @@
 namespace {
 
 void compareVertices(const std::vector<std::uint8_t>& stream, std::size_t count, std::size_t stride, bool isOurs,
-                     const std::vector<std::uint8_t>& ours) {
+    const std::vector<std::uint8_t>& ours) {
 #if defined(TERRAPORT_FUZZ_AGAINST_MESHOPTIMIZER)
   std::vector<std::uint8_t> theirs(count * stride);
   const int code = meshopt_decodeVertexBuffer(theirs.data(), count, stride, stream.data(), stream.size());
@@ -24,8 +24,8 @@ void compareVertices(const std::vector<std::uint8_t>& stream, std::size_t count,
 #endif
 }
 
-void compareTriangles(const std::vector<std::uint8_t>& stream, std::size_t count, bool isOurs,
-                      const std::vector<std::uint32_t>& ours) {
+void compareTriangles(
+    const std::vector<std::uint8_t>& stream, std::size_t count, bool isOurs, const std::vector<std::uint32_t>& ours) {
 #if defined(TERRAPORT_FUZZ_AGAINST_MESHOPTIMIZER)
   std::vector<std::uint32_t> theirs(count);
   const int code = meshopt_decodeIndexBuffer(theirs.data(), count, 4, stream.data(), stream.size());

@@ -1,8 +1,8 @@
 // A whole life of a ClientSession: the bytes are a list of what its user does, what its connection does, and what a server
 // says, rightly or wrongly. The server's messages are made so that most get past the first checks, or taken as they are.
+#include "Session.h"
 #include "Bytes.h"
 #include "Frames.h"
-#include "Session.h"
 #include "WireCodec.h"
 
 #include <algorithm>
@@ -237,8 +237,8 @@ class Life {
       message.loadTriangles += row.faces;
     }
     for (const std::uint32_t segment : ids()) {
-      const bool isLoaded = std::any_of(message.load.begin(), message.load.end(),
-                                        [segment](const SegmentFacts& row) { return row.segment == segment; });
+      const bool isLoaded = std::any_of(
+          message.load.begin(), message.load.end(), [segment](const SegmentFacts& row) { return row.segment == segment; });
       if (!isLoaded && (here_.count(segment) != 0 || input_.below(8) == 0)) message.keep.push_back(segment);
     }
     message.totalBytes = message.loadBytes;
@@ -318,9 +318,7 @@ class Life {
     give(input_.bytes(input_.byte()), isText);
   }
 
-  static ByteSpan spanOf(const std::string& data) {
-    return {reinterpret_cast<const std::uint8_t*>(data.data()), data.size()};
-  }
+  static ByteSpan spanOf(const std::string& data) { return {reinterpret_cast<const std::uint8_t*>(data.data()), data.size()}; }
 
   Input& input_;
   ClientSession session_;

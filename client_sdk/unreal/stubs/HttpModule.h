@@ -14,9 +14,6 @@ public:
 		static FHttpModule Module;
 		return Module;
 	}
-	TSharedRef<IHttpRequest, ESPMode::ThreadSafe> CreateRequest()
-	{
-		return StubMake();
-	}
+	TSharedRef<IHttpRequest, ESPMode::ThreadSafe> CreateRequest() { return StubMake(); }
 	std::function<TSharedRef<IHttpRequest, ESPMode::ThreadSafe>()> StubMake;
 };

@@ -7,8 +7,5 @@ class UMotionControllerComponent : public UPrimitiveComponent
 public:
 	using Super = UMotionControllerComponent;
 	void SetTrackingMotionSource(const FName) {}
-	bool IsTracked() const
-	{
-		return false;
-	}
+	bool IsTracked() const { return false; }
 };

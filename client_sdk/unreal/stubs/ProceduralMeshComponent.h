@@ -33,24 +33,12 @@ class UProceduralMeshComponent : public UMeshComponent
 public:
 	using Super = UProceduralMeshComponent;
 	bool bUseAsyncCooking = false;
-	void SetProcMeshSection(int32, const FProcMeshSection& Section)
-	{
-		StubSection = Section;
-	}
-	FProcMeshSection* GetProcMeshSection(int32)
-	{
-		return &StubSection;
-	}
-	void SetMeshSectionVisible(int32, bool bVisible)
-	{
-		StubSection.bSectionVisible = bVisible;
-	}
+	void SetProcMeshSection(int32, const FProcMeshSection& Section) { StubSection = Section; }
+	FProcMeshSection* GetProcMeshSection(int32) { return &StubSection; }
+	void SetMeshSectionVisible(int32, bool bVisible) { StubSection.bSectionVisible = bVisible; }
 	FProcMeshSection StubSection;
 
 	/// Every one that was ever made.
 	static inline std::vector<UProceduralMeshComponent*> StubAll;
-	UProceduralMeshComponent()
-	{
-		StubAll.push_back(this);
-	}
+	UProceduralMeshComponent() { StubAll.push_back(this); }
 };

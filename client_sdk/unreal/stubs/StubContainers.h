@@ -11,59 +11,23 @@ template <typename T, typename Size = int32>
 class TStubArray
 {
 public:
-	void Reserve(Size Count)
-	{
-		Items.reserve(std::size_t(Count));
-	}
-	void Reset()
-	{
-		Items.clear();
-	}
-	void SetNumUninitialized(Size Count)
-	{
-		Items.resize(std::size_t(Count));
-	}
+	void Reserve(Size Count) { Items.reserve(std::size_t(Count)); }
+	void Reset() { Items.clear(); }
+	void SetNumUninitialized(Size Count) { Items.resize(std::size_t(Count)); }
 	Size Add(const T& Item)
 	{
 		Items.push_back(Item);
 		return Size(Items.size()) - 1;
 	}
-	Size Num() const
-	{
-		return Size(Items.size());
-	}
-	T* GetData()
-	{
-		return Items.data();
-	}
-	const T* GetData() const
-	{
-		return Items.data();
-	}
-	T& operator[](Size At)
-	{
-		return Items.at(std::size_t(At));
-	}
-	const T& operator[](Size At) const
-	{
-		return Items.at(std::size_t(At));
-	}
-	auto begin()
-	{
-		return Items.begin();
-	}
-	auto end()
-	{
-		return Items.end();
-	}
-	auto begin() const
-	{
-		return Items.begin();
-	}
-	auto end() const
-	{
-		return Items.end();
-	}
+	Size Num() const { return Size(Items.size()); }
+	T* GetData() { return Items.data(); }
+	const T* GetData() const { return Items.data(); }
+	T& operator[](Size At) { return Items.at(std::size_t(At)); }
+	const T& operator[](Size At) const { return Items.at(std::size_t(At)); }
+	auto begin() { return Items.begin(); }
+	auto end() { return Items.end(); }
+	auto begin() const { return Items.begin(); }
+	auto end() const { return Items.end(); }
 
 private:
 	std::vector<T> Items;
@@ -79,18 +43,9 @@ template <typename T>
 class TIndirectArray
 {
 public:
-	void Add(T* Item)
-	{
-		Items.emplace_back(Item);
-	}
-	int32 Num() const
-	{
-		return int32(Items.size());
-	}
-	T& operator[](int32 At)
-	{
-		return *Items.at(std::size_t(At));
-	}
+	void Add(T* Item) { Items.emplace_back(Item); }
+	int32 Num() const { return int32(Items.size()); }
+	T& operator[](int32 At) { return *Items.at(std::size_t(At)); }
 
 private:
 	std::vector<std::unique_ptr<T>> Items;
@@ -100,19 +55,13 @@ template <typename Key, typename Value>
 class TMap
 {
 public:
-	Value& Add(const Key& At, const Value& Item)
-	{
-		return Items[At] = Item;
-	}
+	Value& Add(const Key& At, const Value& Item) { return Items[At] = Item; }
 	const Value* Find(const Key& At) const
 	{
 		const auto Found = Items.find(At);
 		return Found == Items.end() ? nullptr : &Found->second;
 	}
-	int32 Num() const
-	{
-		return int32(Items.size());
-	}
+	int32 Num() const { return int32(Items.size()); }
 
 private:
 	std::map<Key, Value> Items;
@@ -122,18 +71,9 @@ template <typename T>
 class TSet
 {
 public:
-	void Add(const T& Item)
-	{
-		Items.insert(Item);
-	}
-	int32 Remove(const T& Item)
-	{
-		return int32(Items.erase(Item));
-	}
-	int32 Num() const
-	{
-		return int32(Items.size());
-	}
+	void Add(const T& Item) { Items.insert(Item); }
+	int32 Remove(const T& Item) { return int32(Items.erase(Item)); }
+	int32 Num() const { return int32(Items.size()); }
 
 private:
 	std::set<T> Items;
@@ -149,18 +89,9 @@ public:
 		Held = Item;
 		return *this;
 	}
-	bool IsSet() const
-	{
-		return Held.has_value();
-	}
-	T* operator->()
-	{
-		return &*Held;
-	}
-	void Reset()
-	{
-		Held.reset();
-	}
+	bool IsSet() const { return Held.has_value(); }
+	T* operator->() { return &*Held; }
+	void Reset() { Held.reset(); }
 
 private:
 	std::optional<T> Held;
@@ -176,22 +107,10 @@ public:
 	TUniquePtr(TUniquePtr<Other>&& Item) : Held(std::move(Item.Held))
 	{
 	}
-	bool IsValid() const
-	{
-		return Held != nullptr;
-	}
-	void Reset()
-	{
-		Held.reset();
-	}
-	T& operator*() const
-	{
-		return *Held;
-	}
-	T* operator->() const
-	{
-		return Held.get();
-	}
+	bool IsValid() const { return Held != nullptr; }
+	void Reset() { Held.reset(); }
+	T& operator*() const { return *Held; }
+	T* operator->() const { return Held.get(); }
 	std::unique_ptr<T> Held;
 };
 template <typename T, typename... Args>
@@ -217,30 +136,12 @@ public:
 	TSharedPtr(const TSharedRef<Other, Mode>& Item) : Held(Item.Held)
 	{
 	}
-	bool IsValid() const
-	{
-		return Held != nullptr;
-	}
-	void Reset()
-	{
-		Held.reset();
-	}
-	T* Get() const
-	{
-		return Held.get();
-	}
-	T* operator->() const
-	{
-		return Held.get();
-	}
-	T& operator*() const
-	{
-		return *Held;
-	}
-	TSharedRef<T, Mode> ToSharedRef() const
-	{
-		return TSharedRef<T, Mode>(Held);
-	}
+	bool IsValid() const { return Held != nullptr; }
+	void Reset() { Held.reset(); }
+	T* Get() const { return Held.get(); }
+	T* operator->() const { return Held.get(); }
+	T& operator*() const { return *Held; }
+	TSharedRef<T, Mode> ToSharedRef() const { return TSharedRef<T, Mode>(Held); }
 	std::shared_ptr<T> Held;
 };
 
@@ -254,14 +155,8 @@ public:
 	TSharedRef(const TSharedRef<Other, Mode>& Item) : Held(Item.Held)
 	{
 	}
-	T* operator->() const
-	{
-		return Held.get();
-	}
-	T& operator*() const
-	{
-		return *Held;
-	}
+	T* operator->() const { return Held.get(); }
+	T& operator*() const { return *Held; }
 	std::shared_ptr<T> Held;
 };
 

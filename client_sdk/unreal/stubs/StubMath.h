@@ -15,38 +15,17 @@ struct TVector
 	explicit TVector(const TVector<Other>& From) : X(Real(From.X)), Y(Real(From.Y)), Z(Real(From.Z))
 	{
 	}
-	TVector operator+(const TVector& Other) const
-	{
-		return TVector(X + Other.X, Y + Other.Y, Z + Other.Z);
-	}
-	TVector operator-(const TVector& Other) const
-	{
-		return TVector(X - Other.X, Y - Other.Y, Z - Other.Z);
-	}
-	TVector operator*(Real Scale) const
-	{
-		return TVector(X * Scale, Y * Scale, Z * Scale);
-	}
-	TVector& operator+=(const TVector& Other)
-	{
-		return *this = *this + Other;
-	}
-	bool operator==(const TVector& Other) const
-	{
-		return X == Other.X && Y == Other.Y && Z == Other.Z;
-	}
+	TVector operator+(const TVector& Other) const { return TVector(X + Other.X, Y + Other.Y, Z + Other.Z); }
+	TVector operator-(const TVector& Other) const { return TVector(X - Other.X, Y - Other.Y, Z - Other.Z); }
+	TVector operator*(Real Scale) const { return TVector(X * Scale, Y * Scale, Z * Scale); }
+	TVector& operator+=(const TVector& Other) { return *this = *this + Other; }
+	bool operator==(const TVector& Other) const { return X == Other.X && Y == Other.Y && Z == Other.Z; }
 	bool Equals(const TVector& Other, Real Tolerance = Real(1.0e-4)) const
 	{
 		return std::abs(X - Other.X) <= Tolerance && std::abs(Y - Other.Y) <= Tolerance && std::abs(Z - Other.Z) <= Tolerance;
 	}
-	Real Size() const
-	{
-		return std::sqrt(X * X + Y * Y + Z * Z);
-	}
-	bool ContainsNaN() const
-	{
-		return !std::isfinite(X) || !std::isfinite(Y) || !std::isfinite(Z);
-	}
+	Real Size() const { return std::sqrt(X * X + Y * Y + Z * Z); }
+	bool ContainsNaN() const { return !std::isfinite(X) || !std::isfinite(Y) || !std::isfinite(Z); }
 	TVector GetSafeNormal() const
 	{
 		const Real Length = Size();
@@ -56,10 +35,7 @@ struct TVector
 	{
 		return TVector(A.Y * B.Z - A.Z * B.Y, A.Z * B.X - A.X * B.Z, A.X * B.Y - A.Y * B.X);
 	}
-	static Real DotProduct(const TVector& A, const TVector& B)
-	{
-		return A.X * B.X + A.Y * B.Y + A.Z * B.Z;
-	}
+	static Real DotProduct(const TVector& A, const TVector& B) { return A.X * B.X + A.Y * B.Y + A.Z * B.Z; }
 	static const TVector ZeroVector;
 };
 template <typename Real>
@@ -143,20 +119,8 @@ struct FTransform
 		const double Angle = Degrees * 3.14159265358979323846 / 180.0;
 		return FVector(V.X * std::cos(Angle) - V.Y * std::sin(Angle), V.X * std::sin(Angle) + V.Y * std::cos(Angle), V.Z);
 	}
-	FVector TransformPosition(const FVector& V) const
-	{
-		return Turned(V, YawDegrees) + Place;
-	}
-	FVector InverseTransformPosition(const FVector& V) const
-	{
-		return Turned(V - Place, -YawDegrees);
-	}
-	FVector TransformVectorNoScale(const FVector& V) const
-	{
-		return Turned(V, YawDegrees);
-	}
-	FVector InverseTransformVectorNoScale(const FVector& V) const
-	{
-		return Turned(V, -YawDegrees);
-	}
+	FVector TransformPosition(const FVector& V) const { return Turned(V, YawDegrees) + Place; }
+	FVector InverseTransformPosition(const FVector& V) const { return Turned(V - Place, -YawDegrees); }
+	FVector TransformVectorNoScale(const FVector& V) const { return Turned(V, YawDegrees); }
+	FVector InverseTransformVectorNoScale(const FVector& V) const { return Turned(V, -YawDegrees); }
 };

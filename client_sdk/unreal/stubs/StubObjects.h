@@ -27,15 +27,9 @@ class UObject
 {
 public:
 	virtual ~UObject() = default;
-	FString GetName() const
-	{
-		return FString(TEXT("Stub"));
-	}
+	FString GetName() const { return FString(TEXT("Stub")); }
 	virtual void BeginDestroy() {}
-	bool IsUnreachable() const
-	{
-		return bStubUnreachable;
-	}
+	bool IsUnreachable() const { return bStubUnreachable; }
 	bool bStubDestroyed = false;
 	bool bStubUnreachable = false;
 };
@@ -51,18 +45,9 @@ class TObjectPtr
 public:
 	TObjectPtr() = default;
 	TObjectPtr(T* InObject) : Object(InObject) {}
-	T* Get() const
-	{
-		return Object;
-	}
-	operator T*() const
-	{
-		return Object;
-	}
-	T* operator->() const
-	{
-		return Object;
-	}
+	T* Get() const { return Object; }
+	operator T*() const { return Object; }
+	T* operator->() const { return Object; }
 
 private:
 	T* Object = nullptr;
@@ -92,10 +77,7 @@ public:
 	{
 		Listeners.push_back(std::forward<Functor>(Listener));
 	}
-	void Clear()
-	{
-		Listeners.clear();
-	}
+	void Clear() { Listeners.clear(); }
 	void Broadcast(Args... Of) const
 	{
 		const std::vector<std::function<void(Args...)>> Now = Listeners;
@@ -118,10 +100,7 @@ public:
 	{
 		Bound = std::forward<Functor>(Listener);
 	}
-	void Unbind()
-	{
-		Bound = nullptr;
-	}
+	void Unbind() { Bound = nullptr; }
 	bool ExecuteIfBound(Args... Of) const
 	{
 		if (Bound)

@@ -46,10 +46,7 @@ inline uint64 GFrameCounter = 0;
 
 struct FMemory
 {
-	static void* Memcpy(void* To, const void* From, SIZE_T Bytes)
-	{
-		return std::memcpy(To, From, Bytes);
-	}
+	static void* Memcpy(void* To, const void* From, SIZE_T Bytes) { return std::memcpy(To, From, Bytes); }
 };
 
 struct FMath
@@ -77,26 +74,11 @@ class FString
 public:
 	FString() = default;
 	FString(const TCHAR* Text) : Units(Text) {}
-	const TCHAR* operator*() const
-	{
-		return Units.c_str();
-	}
-	bool IsEmpty() const
-	{
-		return Units.empty();
-	}
-	int32 Len() const
-	{
-		return int32(Units.size());
-	}
-	bool operator==(const FString& Other) const
-	{
-		return Units == Other.Units;
-	}
-	bool operator<(const FString& Other) const
-	{
-		return Units < Other.Units;
-	}
+	const TCHAR* operator*() const { return Units.c_str(); }
+	bool IsEmpty() const { return Units.empty(); }
+	int32 Len() const { return int32(Units.size()); }
+	bool operator==(const FString& Other) const { return Units == Other.Units; }
+	bool operator<(const FString& Other) const { return Units < Other.Units; }
 	friend FString operator+(const TCHAR* Left, const FString& Right)
 	{
 		FString Out(Left);
@@ -113,10 +95,7 @@ class FName
 public:
 	FName() = default;
 	FName(const TCHAR* InText) : Text(InText) {}
-	bool operator==(const FName& Other) const
-	{
-		return Text == Other.Text;
-	}
+	bool operator==(const FName& Other) const { return Text == Other.Text; }
 
 private:
 	std::u16string Text;
@@ -130,18 +109,12 @@ std::u16string Utf16Of(const char* Text);
 struct FUtf8
 {
 	std::string Bytes;
-	operator const char*() const
-	{
-		return Bytes.c_str();
-	}
+	operator const char*() const { return Bytes.c_str(); }
 };
 struct FUtf16
 {
 	std::u16string Units;
-	operator const TCHAR*() const
-	{
-		return Units.c_str();
-	}
+	operator const TCHAR*() const { return Units.c_str(); }
 };
 } // namespace StubText
 
@@ -203,10 +176,10 @@ inline std::u16string StubText::Utf16Of(const char* Text)
 }
 
 #define UE_LOG(Category, Verbosity, Format, ...) StubLog(#Verbosity, Format, ##__VA_ARGS__)
-#define DECLARE_LOG_CATEGORY_EXTERN(Name, Default, All) \
-	struct FStub##Name                                  \
-	{                                                   \
-	};                                                  \
+#define DECLARE_LOG_CATEGORY_EXTERN(Name, Default, All)                                                                        \
+	struct FStub##Name                                                                                                         \
+	{                                                                                                                          \
+	};                                                                                                                         \
 	extern FStub##Name Name
 #define DEFINE_LOG_CATEGORY(Name) FStub##Name Name;
 /// Warnings since the start, their formats.

@@ -11,10 +11,7 @@ enum EBulkDataLockFlags
 class FByteBulkData
 {
 public:
-	void* Lock(uint32)
-	{
-		return StubBytes.data();
-	}
+	void* Lock(uint32) { return StubBytes.data(); }
 	void* Realloc(int64 Count)
 	{
 		StubBytes.resize(std::size_t(Count));

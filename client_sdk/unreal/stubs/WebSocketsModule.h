@@ -6,7 +6,7 @@
 class FWebSocketsModule : public IModuleInterface
 {
 public:
-	virtual TSharedRef<IWebSocket> CreateWebSocket(
-		const FString& Url, const TArray<FString>& Protocols, const TMap<FString, FString>& UpgradeHeaders = TMap<FString, FString>()) = 0;
+	virtual TSharedRef<IWebSocket> CreateWebSocket(const FString& Url, const TArray<FString>& Protocols,
+		const TMap<FString, FString>& UpgradeHeaders = TMap<FString, FString>()) = 0;
 	static inline FWebSocketsModule* Stub = nullptr;
 };

@@ -41,9 +41,9 @@ void describe(terraport::tools::JsonText& json, const terraport::SegmentMesh& me
   std::vector<float> positions(3 * count);
   if (mesh.positionForm == VertexForm::Codes) {
     const float translation[3] = {static_cast<float>(mesh.translation[0]), static_cast<float>(mesh.translation[1]),
-                                  static_cast<float>(mesh.translation[2])};
-    TerraportAxes::PositionsToUnreal(mesh.positionCodes.data(), count, translation, static_cast<float>(mesh.stepM),
-                                     positions.data());
+        static_cast<float>(mesh.translation[2])};
+    TerraportAxes::PositionsToUnreal(
+        mesh.positionCodes.data(), count, translation, static_cast<float>(mesh.stepM), positions.data());
   } else {
     TerraportAxes::PositionsToUnreal(mesh.positions.data(), count, positions.data());
   }

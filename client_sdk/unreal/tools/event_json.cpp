@@ -25,8 +25,8 @@ void describeLink(JsonText& json, const LinkState& link) {
 void describeFacts(JsonText& json, const SegmentFacts& facts) {
   json.open('{').key("id").integer(facts.segment).key("length").integer(facts.length).key("xxh3").text(hex(facts.xxh3));
   json.key("faces").integer(facts.faces).key("vertices").integer(facts.vertices).key("bounds").open('[');
-  for (const float value : {facts.bounds.minX, facts.bounds.minY, facts.bounds.minZ, facts.bounds.maxX, facts.bounds.maxY,
-                            facts.bounds.maxZ}) {
+  for (const float value :
+      {facts.bounds.minX, facts.bounds.minY, facts.bounds.minZ, facts.bounds.maxX, facts.bounds.maxY, facts.bounds.maxZ}) {
     json.number(static_cast<double>(value));
   }
   json.close(']').close('}');
@@ -161,9 +161,8 @@ void describeEvent(JsonText& json, const StreamEvent& event) {
 }
 
 void describeStats(JsonText& json, const StreamStats& stats) {
-  const auto count = [&json](const char* name, std::uint64_t value) {
-    json.key(name).integer(static_cast<std::int64_t>(value));
-  };
+  const auto count = [&json](
+                         const char* name, std::uint64_t value) { json.key(name).integer(static_cast<std::int64_t>(value)); };
   json.open('{');
   count("payload_bytes", stats.payloadBytes);
   count("repeated_bytes", stats.repeatedBytes);

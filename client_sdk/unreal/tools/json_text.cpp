@@ -66,11 +66,17 @@ JsonText& JsonText::key(std::string_view name) {
   return *this;
 }
 
-JsonText& JsonText::null() { return raw("null"); }
+JsonText& JsonText::null() {
+  return raw("null");
+}
 
-JsonText& JsonText::boolean(bool value) { return raw(value ? "true" : "false"); }
+JsonText& JsonText::boolean(bool value) {
+  return raw(value ? "true" : "false");
+}
 
-JsonText& JsonText::integer(std::int64_t value) { return raw(std::to_string(value)); }
+JsonText& JsonText::integer(std::int64_t value) {
+  return raw(std::to_string(value));
+}
 
 JsonText& JsonText::number(double value) {
   if (!std::isfinite(value)) {

@@ -1,7 +1,7 @@
 // terraport-land --scene URL [--NAME VALUE ...] STEP ...
 //
-// Visits a scene step by step, over libwebsockets, and prints one JSON object: the events, the landings, the picks, and digests of
-// what the held payloads decode to. Exit code 0 where the last landing became ready.
+// Visits a scene step by step, over libwebsockets, and prints one JSON object: the events, the landings, the picks, and digests
+// of what the held payloads decode to. Exit code 0 where the last landing became ready.
 
 #include <chrono>
 #include <cstdio>
@@ -216,7 +216,8 @@ class Visit {
       }
       MeshArrays(mesh, viewOf(*job.payload)).describe(json, request_.dumpFolder, segment);
       if (!request_.dumpFolder.empty()) {
-        writeFile(request_.dumpFolder + "/" + std::to_string(segment) + "." + kPayloadEncoding, job.payload->data(), job.payload->size());
+        writeFile(request_.dumpFolder + "/" + std::to_string(segment) + "." + kPayloadEncoding, job.payload->data(),
+            job.payload->size());
       }
     }
     json.close('}');
@@ -234,8 +235,8 @@ class Visit {
       failure.text(failure_);
     }
     std::printf("{\"events\":[%s],\"landings\":[%s],\"picks\":[%s],\"segments\":%s,\"stats\":%s,\"stage\":%s,\"failure\":%s}\n",
-                events_.str().c_str(), landings_.str().c_str(), picks_.str().c_str(), segments.str().c_str(),
-                stats.str().c_str(), staged_ ? staged_->describe().c_str() : "null", failure.str().c_str());
+        events_.str().c_str(), landings_.str().c_str(), picks_.str().c_str(), segments.str().c_str(), stats.str().c_str(),
+        staged_ ? staged_->describe().c_str() : "null", failure.str().c_str());
   }
 
   const LandRequest& request_;

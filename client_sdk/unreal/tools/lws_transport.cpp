@@ -63,8 +63,7 @@ class LwsTransport final : public Transport {
     if (context_ != nullptr) lws_context_destroy(context_);
   }
 
-  void open(const std::string& url, const std::vector<std::string>& subprotocols,
-            const std::string& bearerToken) override {
+  void open(const std::string& url, const std::vector<std::string>& subprotocols, const std::string& bearerToken) override {
     if (!split(url, address_)) return fail(kAbnormal, "invalid URL");
     token_ = bearerToken.empty() ? "" : "Bearer " + bearerToken;
     for (const std::string& name : subprotocols) offered_ += (offered_.empty() ? "" : ",") + name;
@@ -185,8 +184,7 @@ class LwsTransport final : public Transport {
   int addToken(lws* wsi, unsigned char** at, std::size_t room) const {
     if (token_.empty()) return 0;
     return lws_add_http_header_by_token(wsi, WSI_TOKEN_HTTP_AUTHORIZATION,
-                                        reinterpret_cast<const unsigned char*>(token_.data()),
-                                        static_cast<int>(token_.size()), at, *at + room);
+        reinterpret_cast<const unsigned char*>(token_.data()), static_cast<int>(token_.size()), at, *at + room);
   }
 
   int receive(lws* wsi, const std::uint8_t* bytes, std::size_t length) {
@@ -207,8 +205,8 @@ class LwsTransport final : public Transport {
   int write(lws* wsi) {
     if (sending_.empty()) {
       if (!isClosing_) return 0;
-      lws_close_reason(wsi, static_cast<lws_close_status>(ownCode_), reinterpret_cast<unsigned char*>(ownReason_.data()),
-                       ownReason_.size());
+      lws_close_reason(
+          wsi, static_cast<lws_close_status>(ownCode_), reinterpret_cast<unsigned char*>(ownReason_.data()), ownReason_.size());
       return -1;
     }
     Outgoing& one = sending_.front();

@@ -23,8 +23,7 @@ std::vector<float> withOneNan(std::vector<float> values) {
 
 }  // namespace
 
-MeshArrays::MeshArrays(const SegmentMesh& mesh, ByteSpan payload)
-    : vertexCount(mesh.vertexCount), faceCount(mesh.faceCount) {
+MeshArrays::MeshArrays(const SegmentMesh& mesh, ByteSpan payload) : vertexCount(mesh.vertexCount), faceCount(mesh.faceCount) {
   const std::size_t count = mesh.vertexCount;
   positions.resize(3 * count);
   mesh.writePositions(positions.data());

@@ -102,6 +102,8 @@ bool PlainHttp::poll(std::uint64_t request, HttpAnswer& answer) {
   return true;
 }
 
-void PlainHttp::cancel(std::uint64_t request) { answers_.erase(request); }
+void PlainHttp::cancel(std::uint64_t request) {
+  answers_.erase(request);
+}
 
 }  // namespace terraport::tools

@@ -8,7 +8,9 @@
 namespace terraport::tools {
 namespace {
 
-std::uint32_t turned(std::uint32_t word, int by) { return word >> by | word << (32 - by); }
+std::uint32_t turned(std::uint32_t word, int by) {
+  return word >> by | word << (32 - by);
+}
 
 /// The first 32 bits of the fractional part of a root of each of the first primes (sections 4.2.2, 5.3.3).
 template <std::size_t Count>
@@ -51,7 +53,7 @@ std::string sha256(const std::uint8_t* data, std::size_t size) {
       const std::uint32_t one = words[at - 15];
       const std::uint32_t two = words[at - 2];
       words[at] = words[at - 16] + (turned(one, 7) ^ turned(one, 18) ^ one >> 3) + words[at - 7] +
-                  (turned(two, 17) ^ turned(two, 19) ^ two >> 10);
+          (turned(two, 17) ^ turned(two, 19) ^ two >> 10);
     }
     auto [a, b, c, d, e, f, g, h] = state;
     for (std::size_t at = 0; at < 64; ++at) {

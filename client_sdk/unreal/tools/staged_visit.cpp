@@ -40,8 +40,8 @@ struct StagedVisit::Impl {
   SceneStage stage;
 };
 
-std::unique_ptr<StagedVisit> StagedVisit::make(LandingStream& stream, const std::string& sceneUrl, const std::string& token,
-                                               std::string& failure) {
+std::unique_ptr<StagedVisit> StagedVisit::make(
+    LandingStream& stream, const std::string& sceneUrl, const std::string& token, std::string& failure) {
   PlainHttp http;
   SceneLoadOptions options;
   options.token = token;
@@ -63,11 +63,17 @@ std::int64_t StagedVisit::land(const Vec3& position, double radiusM, const LandO
   return impl_->stage.land(position, radiusM, options, nowMs);
 }
 
-void StagedVisit::handle(const StreamEvent& event) { impl_->stage.handle(event); }
+void StagedVisit::handle(const StreamEvent& event) {
+  impl_->stage.handle(event);
+}
 
-void StagedVisit::frame() { impl_->stage.update(clockMs, kFrameMs); }
+void StagedVisit::frame() {
+  impl_->stage.update(clockMs, kFrameMs);
+}
 
-bool StagedVisit::isShown() const { return impl_->stage.status().phase == LandingPhase::Shown; }
+bool StagedVisit::isShown() const {
+  return impl_->stage.status().phase == LandingPhase::Shown;
+}
 
 std::string StagedVisit::describe() const {
   const RecordingRenderer& renderer = impl_->renderer;

@@ -8,13 +8,13 @@
 
 namespace terraport::tools {
 
-/// A visit as an engine makes it: the scene's files are loaded, the stream's events go to a SceneStage, and a renderer that draws
-/// nothing notes what would be drawn, and every order that a real one could not keep.
+/// A visit as an engine makes it: the scene's files are loaded, the stream's events go to a SceneStage, and a renderer that
+/// draws nothing notes what would be drawn, and every order that a real one could not keep.
 class StagedVisit {
  public:
   /// Null, and `failure` set, where the scene cannot be loaded.
-  static std::unique_ptr<StagedVisit> make(LandingStream& stream, const std::string& sceneUrl, const std::string& token,
-                                           std::string& failure);
+  static std::unique_ptr<StagedVisit> make(
+      LandingStream& stream, const std::string& sceneUrl, const std::string& token, std::string& failure);
   ~StagedVisit();
 
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);

@@ -16,7 +16,9 @@
 namespace terraport::tools {
 namespace {
 
-std::string textOf(const JsonValue& value) { return std::string(value.text().value_or("")); }
+std::string textOf(const JsonValue& value) {
+  return std::string(value.text().value_or(""));
+}
 
 std::string errorDifference(const DecodeError& error, const JsonValue& expected) {
   if (!expected.exists()) {
@@ -66,7 +68,8 @@ std::string messageDifference(ByteSpan data, const JsonValue& facts) {
   }
   const bool isSame = again.bytes == std::string_view(reinterpret_cast<const char*>(data.data), data.size);
   const bool isCanonical = facts.member("canonical").boolean().value_or(false);
-  return isSame == isCanonical ? "" : std::string("encodes to ") + (isSame ? "the same" : "other") + " bytes, expected otherwise";
+  return isSame == isCanonical ? ""
+                               : std::string("encodes to ") + (isSame ? "the same" : "other") + " bytes, expected otherwise";
 }
 
 std::string frameDifference(ByteSpan data, const JsonValue& facts) {
@@ -90,9 +93,9 @@ std::string frameDifference(ByteSpan data, const JsonValue& facts) {
     hex += digits;
   }
   const bool isSame = expected.member("generation").integer() == frame.generation &&
-                      expected.member("segment").integer() == frame.segment && expected.member("offset").integer() == frame.offset &&
-                      expected.member("total").integer() == frame.total && expected.member("last").boolean() == frame.isLast &&
-                      textOf(expected.member("chunk_hex")) == hex;
+      expected.member("segment").integer() == frame.segment && expected.member("offset").integer() == frame.offset &&
+      expected.member("total").integer() == frame.total && expected.member("last").boolean() == frame.isLast &&
+      textOf(expected.member("chunk_hex")) == hex;
   return isSame ? "" : "is another frame";
 }
 
@@ -112,9 +115,8 @@ std::string whyNot(const std::string& stem) {
   if (textOf(facts.member("subprotocol")) == "frame") {
     return frameDifference(viewOf(data), facts);
   }
-  return textOf(facts.member("direction")) == "client_to_server"
-             ? messageDifference<ClientMessage>(viewOf(data), facts)
-             : messageDifference<ServerMessage>(viewOf(data), facts);
+  return textOf(facts.member("direction")) == "client_to_server" ? messageDifference<ClientMessage>(viewOf(data), facts)
+                                                                 : messageDifference<ServerMessage>(viewOf(data), facts);
 }
 
 }  // namespace

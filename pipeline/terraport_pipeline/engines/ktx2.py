@@ -16,8 +16,8 @@ from typing import Final
 
 import PIL.Image
 
+from terraport_payload.types import UInt8
 from terraport_pipeline.errors import EngineError, OptionError
-from terraport_pipeline.model import UInt8
 
 __all__ = ["encode_ktx2", "require_encoder"]
 

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from PIL import Image, ImageOps
 
+from terraport_payload.types import UInt8
 from terraport_pipeline.errors import PhotoError
-from terraport_pipeline.model import UInt8
 
 __all__ = ["MAX_PIXELS", "SCALES", "PhotoStore", "exif_orientation", "open_image", "photo_size"]
 

@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.cameras import Camera, PhotoCamera
 from terraport_pipeline.engines.rays import Hits, RayScene
 from terraport_pipeline.engines.texturing import Texturing, textured_colours
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["Tint", "encode_jpeg", "encode_png", "render_mesh", "render_points", "save_png"]
 
@@ -380,7 +380,7 @@ def _eye_dome(depth: Float64) -> Float64:
     return np.exp(-DOME_STRENGTH / 4 * response * 0.25)
 
 
-def _shrink(picture: npt.NDArray[np.floating], supersample: int) -> UInt8:
+def _shrink(picture: AnyFloat, supersample: int) -> UInt8:
     if supersample > 1:
         height, width = picture.shape[0] // supersample, picture.shape[1] // supersample
         blocks = picture.reshape(height, supersample, width, supersample, 3)

@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.errors import EngineError, ResourceError
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["Forecast", "depth_for", "forecast", "reconstruct"]
 

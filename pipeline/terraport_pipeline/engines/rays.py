@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Int32
+from terraport_payload.types import Float32, Int32
 
 __all__ = ["Hits", "RayScene"]
 

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from pye57 import ScanHeader, libe57
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
@@ -28,7 +28,6 @@ from terraport_pipeline.engines.raw_survey import (
     to_eight_bits,
 )
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.model import Float64
 
 __all__ = ["E57Stream", "open_e57", "read_e57"]
 
@@ -222,9 +221,9 @@ def _scan_parts(
     image: Any,
     header: Any,
     number: int,
-    rows: npt.NDArray[np.int64] | None,
+    rows: Int64 | None,
     precision: _Precision,
-) -> Iterator[tuple[Float64, dict[str, npt.NDArray[Any]], int]]:
+) -> Iterator[tuple[Float64, dict[str, AnyArray], int]]:
     """Yield (points with the pose applied, every other field, points read) of one scan."""
     fields = list(header.point_fields)
     shape = _shape(path, header, number)
@@ -298,9 +297,9 @@ def _read_scan(
     image: Any,
     header: Any,
     number: int,
-    rows: npt.NDArray[np.int64] | None,
+    rows: Int64 | None,
     advance: Any,
-) -> tuple[dict[str, npt.NDArray[Any]], tuple[str, ...]]:
+) -> tuple[dict[str, AnyArray], tuple[str, ...]]:
     """Read one scan: x, y, z in the file's frame and every other field; and warnings."""
     precision = _Precision()
     parts = []
@@ -333,10 +332,10 @@ def _find_crs(root: Any) -> Any | None:
 
 
 def _assemble(
-    tables: list[dict[str, npt.NDArray[Any]]], crs: Any | None, warnings: tuple[str, ...]
+    tables: list[dict[str, AnyArray]], crs: Any | None, warnings: tuple[str, ...]
 ) -> RawSurvey:
     names = list(dict.fromkeys(name for table in tables for name in table))
-    columns: dict[str, npt.NDArray[Any]] = {}
+    columns: dict[str, AnyArray] = {}
     for name in names:
         parts = [
             table.get(name, np.full(len(table["x"]), np.nan, dtype=np.float64)) for table in tables
@@ -358,7 +357,7 @@ def _assemble(
     return RawSurvey(points, colours, attributes, crs, warnings)
 
 
-def _narrow(values: Float64) -> npt.NDArray[Any]:
+def _narrow(values: Float64) -> AnyArray:
     """Give whole numbers an integer type again; others stay float64 (timestamps need it)."""
     if len(values) and np.isfinite(values).all() and (values == np.rint(values)).all():
         low, high = values.min(), values.max()

@@ -17,9 +17,9 @@ from typing import Any, Final
 import laspy
 import lazrs
 import numpy as np
-import numpy.typing as npt
 from pyproj.exceptions import CRSError
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
@@ -85,7 +85,7 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
         When header or points are damaged or cut off; names the point where reading ended.
     """
     points = np.zeros((0, 3))
-    columns: dict[str, npt.NDArray[Any]] = {}
+    columns: dict[str, AnyArray] = {}
     done = 0
     with open_las(path, max_points=max_points) as stream:
         for part in stream.parts():
@@ -349,7 +349,7 @@ def _find_crs(header: Any) -> tuple[Any | None, tuple[str, ...]]:
         return None, (told,)
 
 
-def _take_colours(columns: dict[str, npt.NDArray[Any]]) -> tuple[Any, tuple[str, ...]]:
+def _take_colours(columns: dict[str, AnyArray]) -> tuple[Any, tuple[str, ...]]:
     if not all(name in columns for name in _COLOURS):
         return None, ()
     wide = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
@@ -362,11 +362,9 @@ def _take_colours(columns: dict[str, npt.NDArray[Any]]) -> tuple[Any, tuple[str,
     return colours, warnings
 
 
-def _keep_attributes(
-    columns: dict[str, npt.NDArray[Any]], standard: set[str]
-) -> dict[str, npt.NDArray[Any]]:
+def _keep_attributes(columns: dict[str, AnyArray], standard: set[str]) -> dict[str, AnyArray]:
     """Leave out unset standard fields; give each part of a vector field its own name."""
-    kept: dict[str, npt.NDArray[Any]] = {}
+    kept: dict[str, AnyArray] = {}
     for name, values in columns.items():
         unset = name in standard and values.ndim == 1 and values[0] in UNSET.get(name, (0,))
         if unset and (values == values[0]).all():

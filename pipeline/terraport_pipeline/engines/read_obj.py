@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.uv import split_wedges
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["MAX_OBJ_BYTES", "ObjPiece", "read_obj"]
 

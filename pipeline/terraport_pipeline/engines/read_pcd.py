@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import pydantic
 from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 
+from terraport_payload.types import AnyArray, UInt8
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
@@ -28,7 +28,6 @@ from terraport_pipeline.engines.raw_survey import (
     to_eight_bits,
 )
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.model import UInt8
 
 __all__ = ["PcdStream", "read_pcd", "stream_pcd"]
 
@@ -129,7 +128,7 @@ def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
     return PcdStream(meta.points, colours, parts)
 
 
-def _unpacked(values: npt.NDArray[Any]) -> UInt8:
+def _unpacked(values: AnyArray) -> UInt8:
     """Red, green, blue (n, 3) of 0x00RRGGBB."""
     bits = np.ascontiguousarray(values).view(np.uint32)
     return (np.stack([bits >> 16, bits >> 8, bits], axis=1) & 0xFF).astype(np.uint8)
@@ -212,7 +211,7 @@ def _check_size(path: Path, meta: Any, start: int) -> None:
         raise ReadError(path, told, _CUT, f"byte {size:,}")
 
 
-def _assemble(table: npt.NDArray[Any]) -> RawSurvey:
+def _assemble(table: AnyArray) -> RawSurvey:
     names = [name for name in table.dtype.names or () if not name.startswith(_PADDING)]
     points = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
     used = {"x", "y", "z"}

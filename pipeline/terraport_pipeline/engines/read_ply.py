@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
@@ -99,7 +99,7 @@ def read_ply(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     rows = thinning_rows(vertex.count, max_points)
     kept = vertex.count if rows is None else len(rows)
     tables = _ascii_tables if header.format == "ascii" else _binary_tables
-    whole: npt.NDArray[Any] | None = None
+    whole: AnyArray | None = None
     done = 0
     for table, read in tables(path, header, vertex, before, rows):
         if whole is None:
@@ -236,8 +236,8 @@ def _binary_tables(
     header: _Header,
     vertex: _Element,
     before: list[_Element],
-    rows: npt.NDArray[np.int64] | None,
-) -> Iterator[tuple[npt.NDArray[Any], int]]:
+    rows: Int64 | None,
+) -> Iterator[tuple[AnyArray, int]]:
     """Yield (vertices that are kept, vertices read)."""
     dtype = _row_type(vertex, header.format)
     start = header.length
@@ -267,8 +267,8 @@ def _ascii_tables(
     header: _Header,
     vertex: _Element,
     before: list[_Element],
-    rows: npt.NDArray[np.int64] | None,
-) -> Iterator[tuple[npt.NDArray[Any], int]]:
+    rows: Int64 | None,
+) -> Iterator[tuple[AnyArray, int]]:
     """Yield (vertices that are kept, vertices read)."""
     dtype = _row_type(vertex, "ascii")
     columns = len(vertex.properties)
@@ -303,9 +303,7 @@ def _ascii_tables(
             yield table, want
 
 
-def _parse_lines(
-    path: Path, lines: list[bytes], first: int, columns: int
-) -> npt.NDArray[np.float64]:
+def _parse_lines(path: Path, lines: list[bytes], first: int, columns: int) -> Float64:
     """Parse vertex lines; float64 holds every integer that PLY knows exactly."""
     tokens = b" ".join(lines).split()
     try:
@@ -336,7 +334,7 @@ def _bad_line(
     return cause
 
 
-def _assemble(table: npt.NDArray[Any], warnings: tuple[str, ...]) -> RawSurvey:
+def _assemble(table: AnyArray, warnings: tuple[str, ...]) -> RawSurvey:
     names = list(table.dtype.names or ())
     lower = {name.lower(): name for name in reversed(names)}
     axes = [lower[axis] for axis in "xyz"]

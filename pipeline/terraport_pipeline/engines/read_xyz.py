@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 from pyarrow import csv
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.clean_text import CleanText
 from terraport_pipeline.engines.raw_survey import (
     Advance,
@@ -84,7 +84,7 @@ def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     if table.num_rows == 0:
         raise ReadError(path, "there is not one row of numbers", "export the survey again")
     rows = thinning_rows(table.num_rows, max_points)
-    columns: dict[str, npt.NDArray[Any]] = {}
+    columns: dict[str, AnyArray] = {}
     text: list[str] = []
     for name in layout.names:
         column = table[name]
@@ -374,7 +374,7 @@ def _parse(path: Path, layout: _Layout, advance: Advance) -> pa.Table:
             raise _no_table(path, layout, error) from error
 
 
-def _assemble(columns: dict[str, npt.NDArray[Any]], layout: _Layout, text: list[str]) -> RawSurvey:
+def _assemble(columns: dict[str, AnyArray], layout: _Layout, text: list[str]) -> RawSurvey:
     points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
     warnings: list[str] = []
     if text:

@@ -25,11 +25,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.shape_index import cone_directions
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["shape_diameter"]
 
@@ -96,7 +95,7 @@ def _frames(axis: Float64) -> Float64:
     return np.stack([first, second, axis], axis=1)
 
 
-def _robust_mean(length: Float64, kept: npt.NDArray[np.bool_], weights: Float64) -> Float64:
+def _robust_mean(length: Float64, kept: Bool, weights: Float64) -> Float64:
     """Weighted mean per row of the lengths near the median; NaN for rows without any."""
     values = np.where(kept, length, np.nan)
     found = kept.any(axis=1)

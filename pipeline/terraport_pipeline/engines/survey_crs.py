@@ -22,8 +22,9 @@ import numpy as np
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from terraport_payload.types import Float64
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.model import Crs, Float64
+from terraport_pipeline.model import Crs
 
 __all__ = ["metre_factors", "to_metres"]
 

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 
 __all__ = ["ALIASES", "DEGREES", "name_bare_columns", "name_header_columns"]
 

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 import PIL.Image
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.rays import Hits
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = [
     "ImageCache",
@@ -144,7 +143,7 @@ def decode_halved(data: bytes, halvings: int) -> UInt8:
         raise EngineError(f"an image of {len(data)} bytes does not decode: {error}") from error
 
 
-def bilinear(image: UInt8, uvs: npt.NDArray[np.floating]) -> Float32:
+def bilinear(image: UInt8, uvs: AnyFloat) -> Float32:
     """Sample an image between its texels.
 
     Parameters
@@ -174,7 +173,7 @@ def textured_colours(
     vertices: Float32,
     faces: Int32,
     hits: Hits,
-    pixel_m: npt.NDArray[np.floating],
+    pixel_m: AnyFloat,
     colours: Float32,
 ) -> None:
     """Paint the textures' colours over those of the hits that have one, in place.

@@ -16,11 +16,11 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.errors import EngineError
 from terraport_pipeline.geometry.face_blocks import block_meshes, face_blocks, weld
 from terraport_pipeline.geometry.skirt import add_skirt, drop_skirt
 from terraport_pipeline.geometry.trim import compact
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["thin_block", "thin_detail"]
 

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Int32, UInt8
 from terraport_pipeline.engines.cameras import Camera, oblique
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.evaluation.subjects import Subject
-from terraport_pipeline.model import Float32, Int32, UInt8
 
 __all__ = ["SIZE", "picture_of_mesh", "picture_of_samples"]
 

@@ -13,6 +13,7 @@ import numpy as np
 import psutil
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import UInt8
 from terraport_pipeline.engines.reconstructors import (
     RECONSTRUCTORS,
     Reconstructor,
@@ -21,7 +22,6 @@ from terraport_pipeline.engines.reconstructors import (
 )
 from terraport_pipeline.engines.reconstructors.child import main as child_main
 from terraport_pipeline.geometry.carry import carry_values
-from terraport_pipeline.model import UInt8
 
 __all__ = ["TIME_LIMIT_S", "Run", "run"]
 

@@ -9,13 +9,14 @@ from typing import Final
 import numpy as np
 import trimesh
 
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.reconstructors import Samples
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.geometry.mesh_edges import edge_facts
 from terraport_pipeline.geometry.normals import estimate_normals
 from terraport_pipeline.geometry.spacing import estimate_spacing, nearest_neighbours
 from terraport_pipeline.geometry.uniform_samples import sample_mesh
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8, to_scene
+from terraport_pipeline.model import to_scene
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.synth.bodies import BODIES

@@ -19,9 +19,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import Bool, Float64, Int32, Int64
 
 __all__ = ["ALIGN", "GUTTER", "SMALLEST_CELL", "Atlas", "pack_charts"]
 
@@ -57,7 +56,7 @@ class Atlas:
     """Every chart was scaled by this, at most 1."""
     cells: Int32
     """(C, 4) x, y, width, height of each chart's cell, texels."""
-    turned: npt.NDArray[np.bool_]
+    turned: Bool
     """(C,) charts whose x and y are exchanged."""
 
     def place(self, uvs: Float64, chart: Int32) -> Float64:
@@ -158,11 +157,11 @@ def _try(sizes: Float64, scale: float, width: int, height: int) -> Atlas | None:
 
 @numba.njit(cache=True, nogil=True)
 def _skyline(
-    cells: npt.NDArray[np.int64],
-    order: npt.NDArray[np.int64],
+    cells: Int64,
+    order: Int64,
     columns: int,
     rows: int,
-    places: npt.NDArray[np.int64],
+    places: Int64,
 ) -> bool:
     """Put each rectangle where its upper rim is lowest, then leftmost; False when one is left."""
     height = np.zeros(columns, np.int64)

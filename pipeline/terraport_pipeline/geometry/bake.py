@@ -17,11 +17,10 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Float32, Float64, Int32, UInt8
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH, project_packed
 from terraport_pipeline.geometry.photo_samples import apply_gain, gain_at, sample
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["NO_PHOTO", "FaceColours", "bake_photo_faces", "bake_plain_faces"]
 
@@ -53,7 +52,7 @@ class FaceColours:
     colours: UInt8
     """(F, 3, 3) vertex colours of the corners."""
 
-    def rows(self, which: npt.NDArray[np.integer]) -> FaceColours:
+    def rows(self, which: AnyInt) -> FaceColours:
         """Take some faces."""
         return FaceColours(
             self.view[which],

@@ -9,13 +9,11 @@ from typing import Final, NamedTuple
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64, Int64
 
 __all__ = ["PointGrid", "agrees", "grid_points", "is_empty", "points_around", "rest_ball"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _TOUCH: Final = 1e-6
 """Share of the squared radius within which a sample counts as on the ball, not in it."""
@@ -24,12 +22,12 @@ _TOUCH: Final = 1e-6
 class PointGrid(NamedTuple):
     """Points by cells."""
 
-    cells: _Int64
+    cells: Int64
     """Keys of the cells that hold any, ascending."""
-    starts: _Int64
+    starts: Int64
     """Where each one's points begin in `order`."""
-    order: _Int64
-    shape: _Int64
+    order: Int64
+    shape: Int64
     """Cells along each axis."""
     low: Float64
     """The first cell's corner."""
@@ -48,7 +46,7 @@ def grid_points(points: Float64, cell_m: float) -> PointGrid:
 
 @numba.njit(cache=True)
 def points_around(
-    x: float, y: float, z: float, reach: float, points: Float64, grid: PointGrid, out: _Int64
+    x: float, y: float, z: float, reach: float, points: Float64, grid: PointGrid, out: Int64
 ) -> int:  # pragma: no cover - compiled
     """Collect the points within `reach` (at most a cell) of a place; returns how many."""
     cx, cy, cz = (
@@ -129,7 +127,7 @@ def is_empty(
     points: Float64,
     centre: Float64,
     radius: float,
-    near: _Int64,
+    near: Int64,
     count: int,
     a: int,
     b: int,

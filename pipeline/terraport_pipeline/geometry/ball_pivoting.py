@@ -18,8 +18,8 @@ from typing import Final, NamedTuple
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.ball_kernels import (
     PointGrid,
     agrees,
@@ -28,12 +28,9 @@ from terraport_pipeline.geometry.ball_kernels import (
     points_around,
     rest_ball,
 )
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["pivot_balls"]
 
-_Int64 = npt.NDArray[np.int64]
-_Int8 = npt.NDArray[np.int8]
 
 _FRONT: Final = 0
 _BORDER: Final = 1
@@ -50,13 +47,13 @@ class _Surface(NamedTuple):
     """What has grown; rows beyond the counts are unused."""
 
     faces: Int32
-    edges: _Int64
+    edges: Int64
     """From, to, opposite, state, next at the lower end."""
     centres: Float64
     """The ball's centre at each edge's face."""
-    heads: _Int64
+    heads: Int64
     """Each sample's first edge, -1 for none."""
-    counts: _Int64
+    counts: Int64
     """Faces, edges."""
 
 
@@ -158,7 +155,7 @@ def _pivot(
     radius: float,
     mesh: _Surface,
     edge: int | np.int64,
-    near: _Int64,
+    near: Int64,
     count: int,
     found: Float64,
 ) -> int:  # pragma: no cover - compiled
@@ -274,7 +271,7 @@ def _sow(
     grid: PointGrid,
     mesh: _Surface,
     queue: list[np.int64],
-    near: _Int64,
+    near: Int64,
     a: int,
 ) -> None:  # pragma: no cover - compiled
     """Look for a first triangle at a free sample: with the nearest two that hold a ball."""

@@ -15,15 +15,12 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Float32, Int32, Int64
 from terraport_pipeline.geometry.face_graph import LAB_STEPS, UnitFacts
 
 __all__ = ["EdgeWeights", "border_weights"]
 
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _LEAST_WEIGHT: Final = 1e-3
 """No border weighs less than this share of its length: a perimeter of zero would make a piece that
@@ -65,8 +62,8 @@ class EdgeWeights:
 
 
 def border_weights(
-    pairs: _Int32, length: _Int64, facts: UnitFacts, weights: EdgeWeights
-) -> tuple[_Int64, float]:
+    pairs: Int32, length: Int64, facts: UnitFacts, weights: EdgeWeights
+) -> tuple[Int64, float]:
     """Weigh borders: ``length * f(concavity) * g(CIELAB difference)``.
 
     Parameters
@@ -108,9 +105,7 @@ def border_weights(
 
 
 @numba.njit(cache=True)
-def _lab_differences(
-    pairs: _Int32, lab: npt.NDArray[np.integer], faces: _Int32, lightness: float
-) -> _Float32:
+def _lab_differences(pairs: Int32, lab: AnyInt, faces: Int32, lightness: float) -> Float32:
     difference = np.empty(len(pairs), np.float32)
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]
@@ -126,15 +121,15 @@ def _lab_differences(
 
 @numba.njit(cache=True)
 def _weigh(
-    pairs: _Int32,
-    length: _Int64,
-    normal: npt.NDArray[np.integer],
-    centre: npt.NDArray[np.integer],
-    faces: _Int32,
-    difference: _Float32,
+    pairs: Int32,
+    length: Int64,
+    normal: AnyInt,
+    centre: AnyInt,
+    faces: Int32,
+    difference: Float32,
     scale: float,
     exponent: float,
-) -> _Int64:
+) -> Int64:
     border = np.empty(len(pairs), np.int64)
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]

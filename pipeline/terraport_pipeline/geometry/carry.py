@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from terraport_pipeline.model import Float32, UInt8
+from terraport_payload.types import AnyFloat, Float32, Float64, UInt8
 
 __all__ = ["carry_values"]
 
@@ -26,7 +25,7 @@ def carry_values(
     tree: cKDTree,
     colours: UInt8,
     attributes: Mapping[str, Float32],
-    targets: npt.NDArray[np.floating],
+    targets: AnyFloat,
     *,
     k: int = 4,
     codes: Collection[str] = (),
@@ -82,7 +81,7 @@ def carry_values(
     return out_colours, out
 
 
-def _weighted_mean(values: Float32, weight: npt.NDArray[np.float64]) -> Float32:
+def _weighted_mean(values: Float32, weight: Float64) -> Float32:
     """Mean over axis 1 of what is not NaN, within the extremes of what was averaged."""
     known = ~np.isnan(values)
     weight = np.where(known, weight, 0.0)

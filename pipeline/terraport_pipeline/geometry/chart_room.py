@@ -19,9 +19,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float64, Int32, UInt8
 from terraport_pipeline.geometry.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.geometry.charts import Charts, make_charts
-from terraport_pipeline.model import Float64, Int32, UInt8
 
 __all__ = ["MOST_FLAT", "FlatColours", "RoomyCharts", "charts_with_room", "flat_colours"]
 
@@ -49,7 +49,7 @@ class RoomyCharts:
     """Of the faces `rows`; None where there are none."""
     rows: npt.NDArray[np.intp]
     """Ascending."""
-    crowded: npt.NDArray[np.bool_]
+    crowded: Bool
     """(F,) faces that have no chart for want of room."""
 
 

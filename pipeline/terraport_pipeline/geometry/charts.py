@@ -23,11 +23,10 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int32
 from terraport_pipeline.geometry.adjacency import components, face_pairs
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH, project_packed
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Charts", "make_charts"]
 
@@ -78,7 +77,7 @@ class Charts:
     """(F,) area of each face in the chart, texels at full density."""
     gsd_m: Float64
     """(F,) length of a photo's pixel on the face; NaN without a photo."""
-    rim: npt.NDArray[np.bool_]
+    rim: Bool
     """(F,) faces with an edge where the chart ends."""
 
     @property
@@ -88,9 +87,9 @@ class Charts:
 
 
 def make_charts(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    view: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
+    view: AnyInt,
     packed: Float64,
     *,
     texel_m: float | None = None,

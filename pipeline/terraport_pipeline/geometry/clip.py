@@ -13,14 +13,12 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["Clip", "clip_by_field", "clip_with_sources"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _NEAR: Final = 0.2
 """A cut this near to an end of an edge (share of its length) goes through the end instead: no
@@ -66,10 +64,10 @@ class Clip:
     """(V', 3)"""
     faces: Int32
     """(F', 3)"""
-    ends: _Int64
+    ends: Int64
     """(V', 2) vertices before: twice the same for one that stayed, the ends of its edge for a cut,
     in the order of their coordinates."""
-    share: npt.NDArray[np.float64]
+    share: Float64
     """(V',) how far from the first end to the second; 0 for one that stayed."""
 
 
@@ -98,7 +96,7 @@ def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
     )
 
 
-def _used(vertices: Float32, faces: Int32, ends: _Int64, share: npt.NDArray[np.float64]) -> Clip:
+def _used(vertices: Float32, faces: Int32, ends: Int64, share: Float64) -> Clip:
     """Drop vertices that no face uses."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.ravel()] = True
@@ -109,7 +107,7 @@ def _used(vertices: Float32, faces: Int32, ends: _Int64, share: npt.NDArray[np.f
 
 
 @numba.njit(cache=True, nogil=True)
-def _crossed_edges(faces: Int32, field: Float32) -> _Int64:
+def _crossed_edges(faces: Int32, field: Float32) -> Int64:
     """Keys (lower vertex * 2^32 + higher) of edges with ends on both sides, once per face."""
     count = 0
     for f in range(len(faces)):
@@ -129,8 +127,8 @@ def _crossed_edges(faces: Int32, field: Float32) -> _Int64:
 
 @numba.njit(cache=True, nogil=True)
 def _cut_points(
-    vertices: Float32, field: Float32, keys: _Int64, rank: _Int64, first_number: int
-) -> tuple[Float32, _Int64, _Int64, npt.NDArray[np.float64]]:
+    vertices: Float32, field: Float32, keys: Int64, rank: Int64, first_number: int
+) -> tuple[Float32, Int64, Int64, Float64]:
     """Place the cut of every edge.
 
     Returns new vertices by rank, each key's vertex number, and by rank the ends and the share.
@@ -165,7 +163,7 @@ def _comes_after(vertices: Float32, a: int, b: int) -> bool:
 
 
 @numba.njit(cache=True, nogil=True)
-def _cut_faces(faces: Int32, field: Float32, keys: _Int64, number: _Int64, crossings: int) -> Int32:
+def _cut_faces(faces: Int32, field: Float32, keys: Int64, number: Int64, crossings: int) -> Int32:
     """Keep, drop or cut each face; corners that met at one vertex make no face."""
     out = np.empty((len(faces) + crossings, 3), np.int32)
     corners = np.empty(4, np.int64)

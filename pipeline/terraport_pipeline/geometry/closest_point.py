@@ -18,8 +18,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32
 from terraport_pipeline.geometry.curve import morton_order
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Closest", "TriangleTree"]
 
@@ -71,7 +71,7 @@ class TriangleTree:
     [2.0, 5.0]
     """
 
-    def __init__(self, vertices: npt.NDArray[np.floating], faces: Int32) -> None:
+    def __init__(self, vertices: AnyFloat, faces: Int32) -> None:
         if len(faces) == 0:
             raise ValueError("received a mesh without faces; there is no nearest place on it")
         corners = np.ascontiguousarray(vertices, dtype=np.float64)[faces]
@@ -80,7 +80,7 @@ class TriangleTree:
         self._corners = np.ascontiguousarray(corners[order])
         self._low, self._high = _boxes(self._corners)
 
-    def nearest(self, points: npt.NDArray[np.floating]) -> Closest:
+    def nearest(self, points: AnyFloat) -> Closest:
         """Find the nearest place on the mesh.
 
         Parameters

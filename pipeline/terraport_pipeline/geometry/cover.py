@@ -60,8 +60,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32, Int64, UInt8, UInt32
 from terraport_pipeline.geometry.chunks import in_chunks, side_by_side
 from terraport_pipeline.geometry.columns import (
     Grid,
@@ -77,11 +77,6 @@ from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["BaseCover", "build_cover"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_UInt8 = npt.NDArray[np.uint8]
-_UInt32 = npt.NDArray[np.uint32]
 
 _COVERED, _BARE, _PARTLY = 0, 1, 2
 _BASE_CHUNK: Final = 2**16
@@ -94,9 +89,9 @@ _INSERTION: Final = 64
 class BaseCover:
     """Segments over every base face as CSR, and what was met on the way."""
 
-    offsets: _UInt32
+    offsets: UInt32
     """(B+1,) row starts."""
-    segments: _UInt32
+    segments: UInt32
     """(N,) segment numbers, ascending within a row."""
     cell_m: float
     """Cell side used, metres."""
@@ -114,11 +109,11 @@ class BaseCover:
 
 
 def build_cover(
-    base_vertices: npt.NDArray[np.floating],
-    base_faces: npt.NDArray[np.integer],
-    detail_vertices: npt.NDArray[np.floating],
-    detail_faces: npt.NDArray[np.integer],
-    segment_of_face: npt.NDArray[np.integer],
+    base_vertices: AnyFloat,
+    base_faces: AnyInt,
+    detail_vertices: AnyFloat,
+    detail_faces: AnyInt,
+    segment_of_face: AnyInt,
     *,
     tolerance_m: float,
     reach_m: float | None = None,
@@ -214,11 +209,11 @@ def build_cover(
 
 
 def _validate_inputs(
-    base_vertices: npt.NDArray[np.floating],
-    base_faces: npt.NDArray[np.integer],
-    detail_vertices: npt.NDArray[np.floating],
-    detail_faces: npt.NDArray[np.integer],
-    segment_of_face: npt.NDArray[np.integer],
+    base_vertices: AnyFloat,
+    base_faces: AnyInt,
+    detail_vertices: AnyFloat,
+    detail_faces: AnyInt,
+    segment_of_face: AnyInt,
     tolerance_m: float,
 ) -> None:
     for name, vertices, faces in (
@@ -248,9 +243,7 @@ def _validate_inputs(
         raise ValueError(msg)
 
 
-def _contiguous(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]
-) -> tuple[_Float64, _Int32]:
+def _contiguous(vertices: AnyFloat, faces: AnyInt) -> tuple[Float64, Int32]:
     return as_kernel_input(vertices, np.float64), as_kernel_input(faces, np.int32)
 
 
@@ -266,19 +259,19 @@ def _is_bare(runs: Runs, i: int, j: int, grid: Grid) -> bool:
 
 @numba.njit(cache=True, nogil=True)
 def _unite(
-    vertices: _Float64,
-    faces: _Int32,
+    vertices: Float64,
+    faces: Int32,
     grid: Grid,
     grow: float,
     runs: Runs,
     max_gap: float,
-    extra_offsets: _Int64,
-    extra_segment: _Int32,
+    extra_offsets: Int64,
+    extra_segment: Int32,
     n_segments: int,
     hide_partly_covered: bool,
     first: int,
     last: int,
-) -> tuple[_Int64, _Int32, _UInt8]:
+) -> tuple[Int64, Int32, UInt8]:
     """Unite the runs of some base faces' columns; returns their lists and each face's status.
 
     Lists come one after the other, ascending, with their lengths.
@@ -355,7 +348,7 @@ def _unite(
 
 
 @numba.njit(cache=True, nogil=True)
-def _holds(a: _Float64, b: _Float64, c: _Float64, x: float, z: float) -> bool:
+def _holds(a: Float64, b: Float64, c: Float64, x: float, z: float) -> bool:
     """Whether (x, z) lies in the projection of triangle abc: a square of no size meets it."""
     return (
         min(a[0], b[0], c[0]) <= x <= max(a[0], b[0], c[0])

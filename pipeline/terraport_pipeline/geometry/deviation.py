@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["distances_to_mesh", "point_triangle_distances"]
 
@@ -87,7 +86,7 @@ def point_triangle_distances(points: Float64, triangles: Float64) -> Float64:
 
 @numba.njit(cache=True, nogil=True)
 def _least_distances(
-    points: Float32, vertices: Float32, faces: Int32, near: npt.NDArray[np.int64], out: Float32
+    points: Float32, vertices: Float32, faces: Int32, near: Int64, out: Float32
 ) -> None:
     corners, point = np.empty((3, 3)), np.empty(3)
     for p in range(len(points)):

@@ -10,18 +10,15 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.columns import Grid, rasterise
 from terraport_pipeline.geometry.face_measures import face_centres
 
 __all__ = ["FAR_BASE_EDGES", "FAR_TOLERANCES", "FarDetail", "far_detail", "median_edge"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _NEAREST_VERTICES: Final = 4
 """Base vertices whose faces stand in for a far detail face; more would only hide the base later."""
@@ -35,9 +32,9 @@ _CLOSE, _ALONE, _BASELESS = 0, 1, 2
 class FarDetail:
     """Pairs (base face, segment) as CSR over base faces, and the two counts."""
 
-    offsets: _Int64
+    offsets: Int64
     """(B+1,) row starts."""
-    segment: _Int32
+    segment: Int32
     """(N,) segment numbers, each once per base face, ascending."""
     far_faces: int
     """Detail faces with no base face close by."""
@@ -46,9 +43,9 @@ class FarDetail:
 
 
 def far_detail(
-    base: tuple[_Float64, _Int32],
-    detail: tuple[_Float64, _Int32],
-    segment_of_face: _Int32,
+    base: tuple[Float64, Int32],
+    detail: tuple[Float64, Int32],
+    segment_of_face: Int32,
     grid: Grid,
     *,
     reach_m: float,
@@ -118,7 +115,7 @@ def far_detail(
     return FarDetail(offsets, pairs[:, 1].astype(np.int32), len(far), baseless)
 
 
-def median_edge(vertices: _Float64, faces: _Int32) -> float:
+def median_edge(vertices: Float64, faces: Int32) -> float:
     """Median length of the faces' first edges, metres."""
     squared = np.empty(len(faces))
     in_chunks(lambda begin, end: _first_edges(vertices, faces, squared, begin, end), len(faces))
@@ -126,9 +123,7 @@ def median_edge(vertices: _Float64, faces: _Int32) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _first_edges(
-    vertices: _Float64, faces: _Int32, squared: _Float64, begin: int, end: int
-) -> None:
+def _first_edges(vertices: Float64, faces: Int32, squared: Float64, begin: int, end: int) -> None:
     for f in range(begin, end):
         squared[f] = 0.0
         for axis in range(3):
@@ -137,7 +132,7 @@ def _first_edges(
 
 
 @numba.njit(cache=True, nogil=True)
-def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> float:
+def _distance_squared(p: Float64, a: Float64, b: Float64, c: Float64) -> float:
     """Squared distance of point p to triangle abc (Ericson, Real-Time Collision Detection, 5.1).
 
     The nearest point is a + v (b - a) + w (c - a). Scalars only: arrays of three would be
@@ -179,16 +174,16 @@ def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> flo
 
 @numba.njit(cache=True, nogil=True)
 def _match(
-    vertices: _Float64,
-    faces: _Int32,
-    base_vertices: _Float64,
-    base_faces: _Int32,
-    starts: _Int64,
-    entries: _Int32,
+    vertices: Float64,
+    faces: Int32,
+    base_vertices: Float64,
+    base_faces: Int32,
+    starts: Int64,
+    entries: Int32,
     grid: Grid,
     limit: float,
     hint_counts: bool,
-    state: npt.NDArray[np.uint8],
+    state: UInt8,
     begin: int,
     end: int,
 ) -> None:

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Int32
 from terraport_pipeline.geometry.border_weights import EdgeWeights, border_weights
 from terraport_pipeline.geometry.face_graph import (
     FaceGraph,
@@ -42,9 +42,6 @@ from terraport_pipeline.geometry.unit_rows import (
 
 __all__ = ["MergedGraph", "join_small", "merge_faces"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _WORTHWHILE: Final = 32
 """Rounds end when one unites fewer than one unit in this many: what is left is the heap's."""
@@ -129,8 +126,8 @@ def merge_faces(
 
 
 def join_small(
-    graph: FaceGraph, weights: EdgeWeights, labels: _Int32, count: int, small_share: float
-) -> tuple[_Int32, int]:
+    graph: FaceGraph, weights: EdgeWeights, labels: Int32, count: int, small_share: float
+) -> tuple[Int32, int]:
     """Let regions below a share of the whole area join a neighbour.
 
     Merges between regions in the usual order, only those in which one is small, until no small

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from terraport_pipeline.model import Int32, UInt8
+from terraport_payload.types import Int32, UInt8
 
 __all__ = ["fill_cells"]
 

@@ -17,9 +17,8 @@ from enum import IntEnum
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64, UInt8
 
 __all__ = [
     "RayKind",
@@ -45,8 +44,6 @@ CLEARANCE_M: Final = 5.0
 OBLIQUE_DEG: Final = (15.0, 80.0)
 """Below the horizon, for rays from above."""
 
-Bool = npt.NDArray[np.bool_]
-
 
 class RayKind(IntEnum):
     """From where a ray looks."""
@@ -67,7 +64,7 @@ class Rays:
     """(R, 3) metres."""
     directions: Float32
     """(R, 3) unit."""
-    kind: npt.NDArray[np.uint8]
+    kind: UInt8
     """(R,) :class:`RayKind`."""
 
 
@@ -117,9 +114,7 @@ def random_subsets(centres: Float64, count: int, rng: np.random.Generator) -> Bo
     return loaded
 
 
-def hidden_base_faces(
-    offsets: npt.NDArray[np.integer], segments: npt.NDArray[np.integer], loaded: Bool
-) -> Bool:
+def hidden_base_faces(offsets: AnyInt, segments: AnyInt, loaded: Bool) -> Bool:
     """Apply the cover rule: a base face hides iff it is covered and all segments over it loaded.
 
     Parameters
@@ -147,9 +142,7 @@ def hidden_base_faces(
     return hidden
 
 
-def rim_base_faces(
-    offsets: npt.NDArray[np.integer], segments: npt.NDArray[np.integer], loaded: Bool
-) -> npt.NDArray[np.int64]:
+def rim_base_faces(offsets: AnyInt, segments: AnyInt, loaded: Bool) -> Int64:
     """Find the base faces at the rim: those over which some, but not all, segments are loaded.
 
     Parameters
@@ -316,9 +309,7 @@ def strict_misses(detail_t: Float32, base_t: Float32, mixed_t: Float32, toleranc
     return met & ~(mixed_t <= np.maximum(detail_t, base) + tolerance_m)
 
 
-def _cover_counts(
-    offsets: npt.NDArray[np.integer], segments: npt.NDArray[np.integer], loaded: Bool
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _cover_counts(offsets: AnyInt, segments: AnyInt, loaded: Bool) -> tuple[Int64, Int64]:
     """Count, per base face, the segments over it and those of them that are loaded."""
     edges = offsets.astype(np.int64)
     running = np.concatenate([[0], np.cumsum(loaded[segments], dtype=np.int64)])

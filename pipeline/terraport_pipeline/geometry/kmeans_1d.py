@@ -23,8 +23,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
@@ -44,21 +44,17 @@ _TIE: Final = 1e-12
 """A split must beat another by this share of the total sum of squares, else the leftmost wins:
 rounding decides no tie."""
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int64 = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clusters1D:
     """Result of :func:`kmeans_1d`: upper borders and means of the clusters, ascending."""
 
-    upper: _Float32
+    upper: Float32
     """(k,) float32: largest value of each cluster."""
-    means: _Float64
+    means: Float64
     """(k,) float64: mean value of each cluster."""
 
-    def assign(self, values: _Float32, *, threads: int = 1) -> npt.NDArray[np.int32]:
+    def assign(self, values: Float32, *, threads: int = 1) -> Int32:
         """Cluster number of every value: the first cluster whose largest value is not below it."""
         labels = np.empty(len(values), np.int32)
         given, upper = as_kernel_input(values, np.float32), as_kernel_input(self.upper, np.float32)
@@ -69,7 +65,7 @@ class Clusters1D:
         return labels
 
 
-def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
+def kmeans_1d(ordered: Float32, k: int) -> Clusters1D:
     """Partition sorted values into k clusters of least squared distance to their means.
 
     Parameters
@@ -126,20 +122,20 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
     return Clusters1D(ordered[ends - 1].copy(), sums / (ends - starts))
 
 
-def _firsts(ordered: _Float32) -> _Int64:
+def _firsts(ordered: Float32) -> Int64:
     """Positions where a value differs from the one before."""
     steps = ordered[1:] > ordered[:-1]
     return np.concatenate([[0], np.flatnonzero(steps) + 1]).astype(np.int64)
 
 
-def _grouped(ordered: _Float32, starts: _Int64) -> tuple[_Float64, _Float64, _Float64]:
+def _grouped(ordered: Float32, starts: Int64) -> tuple[Float64, Float64, Float64]:
     """Count, sum and sum of squares per group, about the overall mean for accuracy."""
     mean = float(ordered.mean(dtype=np.float64))
     return _grouped_sums(ordered, starts, mean)
 
 
 @numba.njit(cache=True, nogil=True)
-def _count_distinct(ordered: _Float32) -> tuple[int, int]:
+def _count_distinct(ordered: Float32) -> tuple[int, int]:
     """Count the distinct values; and the first value below the one before it (or nan), or -1."""
     count = 1
     for i in range(1, len(ordered)):
@@ -152,8 +148,8 @@ def _count_distinct(ordered: _Float32) -> tuple[int, int]:
 
 @numba.njit(cache=True, nogil=True)
 def _grouped_sums(
-    ordered: _Float32, starts: _Int64, about: float
-) -> tuple[_Float64, _Float64, _Float64]:
+    ordered: Float32, starts: Int64, about: float
+) -> tuple[Float64, Float64, Float64]:
     n = len(starts)
     counts, sums, squares = np.zeros(n), np.zeros(n), np.zeros(n)
     for g in range(n):
@@ -167,9 +163,7 @@ def _grouped_sums(
 
 
 @numba.njit(cache=True, nogil=True)
-def _assign(
-    values: _Float32, upper: _Float32, labels: npt.NDArray[np.int32], begin: int, end: int
-) -> None:
+def _assign(values: Float32, upper: Float32, labels: Int32, begin: int, end: int) -> None:
     for i in range(begin, end):
         low, high = 0, len(upper) - 1
         while low < high:
@@ -182,14 +176,14 @@ def _assign(
 
 
 @numba.njit(cache=True, nogil=True)
-def _cost(n: _Float64, s: _Float64, q: _Float64, i: int, j: int) -> float:
+def _cost(n: Float64, s: Float64, q: Float64, i: int, j: int) -> float:
     """Sum of squares of groups i..j-1 about their mean, from prefix sums."""
     total = s[j] - s[i]
     return float(max(q[j] - q[i] - total * total / (n[j] - n[i]), 0.0))
 
 
 @numba.njit(cache=True, nogil=True)
-def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int) -> _Int64:
+def _optimal_starts(counts: Float64, sums: Float64, squares: Float64, k: int) -> Int64:
     """First group of each cluster in the optimal partition of m groups into k <= m clusters."""
     m = len(counts)
     n = np.zeros(m + 1)
@@ -242,7 +236,7 @@ def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int)
     return starts
 
 
-def _polish(ordered: _Float32, starts: _Int64) -> _Int64:
+def _polish(ordered: Float32, starts: Int64) -> Int64:
     """Lloyd steps on sorted values until the borders rest; a cluster never becomes empty."""
     prefix = np.zeros(len(ordered) + 1)
     np.cumsum(ordered, dtype=np.float64, out=prefix[1:])

@@ -9,12 +9,11 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int8, Int16, Int32, Int64, UInt16
 from terraport_pipeline.geometry.face_vector import face_vector
 from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS
 from terraport_pipeline.geometry.view_kernels import place_of_view
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["best_slots", "common_slots", "costs", "energy", "neighbour_rows", "solve_piece"]
 
@@ -23,10 +22,6 @@ _MAX_CELL_VIEWS: Final = 64
 
 _UNIT: Final = 65535.0
 """Costs are kept as 16-bit parts of this."""
-
-_UInt16 = npt.NDArray[np.uint16]
-_Int8 = npt.NDArray[np.int8]
-_Int16 = npt.NDArray[np.int16]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -72,7 +67,7 @@ def neighbour_rows(
 
 
 @numba.njit(cache=True, nogil=True)
-def costs(views: _Int16, values: _UInt16, begin: int, end: int) -> None:
+def costs(views: Int16, values: UInt16, begin: int, end: int) -> None:
     """Turn qualities of faces begin..end into costs, in place."""
     for f in range(begin, end):
         best = 0
@@ -88,7 +83,7 @@ def costs(views: _Int16, values: _UInt16, begin: int, end: int) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def best_slots(views: _Int16, costs: _UInt16, slot: _Int8, begin: int, end: int) -> None:
+def best_slots(views: Int16, costs: UInt16, slot: Int8, begin: int, end: int) -> None:
     """Give every face the place of least cost, the first of equal ones."""
     for f in range(begin, end):
         best = -1
@@ -100,12 +95,12 @@ def best_slots(views: _Int16, costs: _UInt16, slot: _Int8, begin: int, end: int)
 
 @numba.njit(cache=True, nogil=True)
 def common_slots(
-    views: _Int16,
-    costs: _UInt16,
+    views: Int16,
+    costs: UInt16,
     area: Float32,
     order: Int32,
-    starts: npt.NDArray[np.int64],
-    slot: _Int8,
+    starts: Int64,
+    slot: Int8,
     begin: int,
     end: int,
 ) -> None:
@@ -138,12 +133,12 @@ def common_slots(
 
 @numba.njit(cache=True, nogil=True)
 def energy(
-    views: _Int16,
-    costs: _UInt16,
+    views: Int16,
+    costs: UInt16,
     neighbour: Int32,
     length: Float32,
     area: Float32,
-    slot: _Int8,
+    slot: Int8,
     smoothness: float,
     begin: int,
     end: int,
@@ -164,7 +159,7 @@ def energy(
 
 @numba.njit(cache=True, nogil=True)
 def _grow_forest(
-    slot: _Int8, neighbour: Int32, round_number: int, first: int, last: int
+    slot: Int8, neighbour: Int32, round_number: int, first: int, last: int
 ) -> tuple[Int32, Int32]:
     """Pick faces of a piece that form a forest: parents before children, and each one's parent.
 
@@ -230,13 +225,13 @@ def _edge_between(neighbour: Int32, length: Float32, f: int, g: int) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def solve_piece(
-    views: _Int16,
-    costs: _UInt16,
+    views: Int16,
+    costs: UInt16,
     neighbour: Int32,
     length: Float32,
     area: Float32,
-    old: _Int8,
-    slot: _Int8,
+    old: Int8,
+    slot: Int8,
     smoothness: float,
     round_number: int,
     first: int,

@@ -13,7 +13,7 @@ from typing import Final
 import numba
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 
 __all__ = [
     "CX", "CY", "DENOMINATOR", "FX", "FY", "HEIGHT", "KIND", "LIMIT", "MAX_DENOMINATOR",

@@ -14,10 +14,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import Float64, Int32, Int64
 
 __all__ = ["LevelSums", "joined_sums", "shorter_sums", "solve_levels"]
 
@@ -29,16 +28,14 @@ _TOLERANCE: Final = 1e-4
 _MAX_STEPS: Final = 500
 """Conjugate gradients stop at this part of the right side, or here; usual are 50 to 100."""
 
-_Int64 = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LevelSums:
     """What C cells want of each other: of a whole surface, or of a piece of one."""
 
-    keys: _Int64
+    keys: Int64
     """(C,) place and view of every cell, ascending."""
-    nodes: _Int64
+    nodes: Int64
     """(C,) nodes in every cell."""
     link: Int32
     """(L, 2) cells that edges of the mesh run between."""
@@ -134,7 +131,7 @@ def _added(pairs: Int32, values: Float64, n_cells: int) -> tuple[Int32, Float64]
 @numba.njit(cache=True, nogil=True)
 def _conjugate_gradients(
     diagonal: Float64,
-    starts: _Int64,
+    starts: Int64,
     columns: Int32,
     values: Float64,
     right: Float64,

@@ -11,13 +11,10 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64, Int64
 
 __all__ = ["directed_loops", "fill_loop"]
-
-Int64 = npt.NDArray[np.int64]
 
 
 def directed_loops(edges: Int64) -> tuple[list[Int64], int]:

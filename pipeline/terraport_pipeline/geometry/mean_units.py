@@ -14,19 +14,15 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.merge_order import scramble
 from terraport_pipeline.geometry.unit_rows import contract_rows, row_sums
 
 __all__ = ["MeanUnits", "unite"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_Bool = npt.NDArray[np.bool_]
-_Rows = tuple[_Int64, _Int32, _Int64]
+_Rows = tuple[Int64, Int32, Int64]
 
 _THIN_EDGES: Final = 2
 """A unit is thin when it has fewer faces than this many times its perimeter in mean edges: a strip
@@ -38,23 +34,23 @@ two squares has two."""
 class MeanUnits:
     """What the surface has been united to."""
 
-    labels: _Int32
+    labels: Int32
     """(F,) unit of every face."""
     rows: _Rows
     """Neighbours of every unit, and the length of the border, in steps."""
-    sums: _Int64
+    sums: Int64
     """(U, C) summed colours, in steps."""
-    faces: _Int64
+    faces: Int64
     """(U,) number of faces."""
-    name: _Int32
+    name: Int32
     """(U,) lowest face."""
-    outer: _Int64 | None = None
+    outer: Int64 | None = None
     """(U,) border with what is not among the units (faces of other tiles), in steps; None: none."""
 
 
 def unite(
     units: MeanUnits,
-    weight: _Float64,
+    weight: Float64,
     limit: float,
     least: int,
     leak: float,
@@ -111,15 +107,15 @@ def unite(
 
 def _round(
     units: MeanUnits,
-    perimeter: _Int64,
-    small: _Bool,
-    weight: _Float64,
+    perimeter: Int64,
+    small: Bool,
+    weight: Float64,
     limit: float,
     least: int,
     leak: float,
     small_only: bool,
     threads: int,
-) -> tuple[_Int32, int]:
+) -> tuple[Int32, int]:
     """Union of every unit after one round, numbered by lowest unit, and their count."""
     choice = np.full(len(perimeter), -1, np.int32)
     in_chunks(
@@ -135,20 +131,20 @@ def _round(
 
 @numba.njit(cache=True, nogil=True)
 def _choose(
-    offsets: _Int64,
-    neighbours: _Int32,
-    border: _Int64,
-    perimeter: _Int64,
-    sums: _Int64,
-    faces: _Int64,
-    name: _Int32,
-    small: _Bool,
-    weight: _Float64,
+    offsets: Int64,
+    neighbours: Int32,
+    border: Int64,
+    perimeter: Int64,
+    sums: Int64,
+    faces: Int64,
+    name: Int32,
+    small: Bool,
+    weight: Float64,
     limit: float,
     least: int,
     leak: float,
     small_only: bool,
-    choice: _Int32,
+    choice: Int32,
     begin: int,
     end: int,
 ) -> None:
@@ -182,7 +178,7 @@ def _choose(
 
 
 @numba.njit(cache=True, nogil=True)
-def _join(choice: _Int32, faces: _Int64) -> tuple[_Int32, int]:
+def _join(choice: Int32, faces: Int64) -> tuple[Int32, int]:
     """Unite units that chose each other, and stars with their middles."""
     count = len(choice)
     star = np.zeros(count, np.bool_)
@@ -209,8 +205,8 @@ def _join(choice: _Int32, faces: _Int64) -> tuple[_Int32, int]:
 
 @numba.njit(cache=True, nogil=True)
 def _united(
-    nodes: _Int32, count: int, sums: _Int64, faces: _Int64, name: _Int32
-) -> tuple[_Int64, _Int64, _Int32]:
+    nodes: Int32, count: int, sums: Int64, faces: Int64, name: Int32
+) -> tuple[Int64, Int64, Int32]:
     """Sum colours and faces over every union, and find its lowest face."""
     new_sums = np.zeros((count, sums.shape[1]), np.int64)
     new_faces = np.zeros(count, np.int64)

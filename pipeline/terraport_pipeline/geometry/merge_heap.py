@@ -9,16 +9,12 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float64, Int32, Int64, UInt64
 from terraport_pipeline.geometry.merge_order import merge_cost, scramble
 
 __all__ = ["merge_by_heap", "record_merges", "unite_units"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_UInt64 = npt.NDArray[np.uint64]
 
 _ARITY: Final = 4
 """Children of a heap entry: four share a cache line, and the heap is half as deep as with two."""
@@ -26,13 +22,13 @@ _ARITY: Final = 4
 
 @numba.njit(cache=True)
 def merge_by_heap(
-    ends: _Int32,
-    border: _Int64,
-    perimeter: _Int64,
-    area: _Int64,
-    name: _Int32,
+    ends: Int32,
+    border: Int64,
+    perimeter: Int64,
+    area: Int64,
+    name: Int32,
     small_area: int,
-) -> tuple[_Int32, _Float64]:
+) -> tuple[Int32, Float64]:
     """Merge units one pair after the other, always the first in the order, until none is left.
 
     Parameters
@@ -156,7 +152,7 @@ def merge_by_heap(
 
 
 @numba.njit(cache=True)
-def unite_units(merged: _Int32, union: _Int32) -> None:
+def unite_units(merged: Int32, union: Int32) -> None:
     """Write to ``union``, at first every unit itself, the lowest unit of each one's union."""
     for m in range(len(merged)):
         union[merged[m, 1]] = merged[m, 0]
@@ -165,7 +161,7 @@ def unite_units(merged: _Int32, union: _Int32) -> None:
 
 
 @numba.njit(cache=True)
-def record_merges(merged: _Int32, node: _Int32, children: _Int32, first: int) -> None:
+def record_merges(merged: Int32, node: Int32, children: Int32, first: int) -> None:
     """Write merges of units as nodes ``first``, ``first`` + 1, ... of the tree.
 
     ``node`` holds the node of every unit and is changed.
@@ -178,13 +174,13 @@ def record_merges(merged: _Int32, node: _Int32, children: _Int32, first: int) ->
 
 
 @numba.njit(cache=True, inline="always")
-def _before(e: int, f: int, cost: _Float64, tie: _UInt64) -> bool:
+def _before(e: int, f: int, cost: Float64, tie: UInt64) -> bool:
     """Whether edge e comes before edge f in the order of merges."""
     return bool(cost[e] < cost[f] or (cost[e] == cost[f] and tie[e] < tie[f]))
 
 
 @numba.njit(cache=True)
-def _sift_up(heap: _Int32, place: _Int32, at: int, cost: _Float64, tie: _UInt64) -> None:
+def _sift_up(heap: Int32, place: Int32, at: int, cost: Float64, tie: UInt64) -> None:
     e = heap[at]
     while at > 0:
         above = (at - 1) // _ARITY
@@ -198,9 +194,7 @@ def _sift_up(heap: _Int32, place: _Int32, at: int, cost: _Float64, tie: _UInt64)
 
 
 @numba.njit(cache=True)
-def _sift_down(
-    heap: _Int32, place: _Int32, size: int, at: int, cost: _Float64, tie: _UInt64
-) -> None:
+def _sift_down(heap: Int32, place: Int32, size: int, at: int, cost: Float64, tie: UInt64) -> None:
     e = heap[at]
     while True:
         first = at * _ARITY + 1
@@ -220,7 +214,7 @@ def _sift_down(
 
 
 @numba.njit(cache=True)
-def _remove(heap: _Int32, place: _Int32, size: int, e: int, cost: _Float64, tie: _UInt64) -> int:
+def _remove(heap: Int32, place: Int32, size: int, e: int, cost: Float64, tie: UInt64) -> int:
     """Take edge e out of the heap; returns the new size."""
     at = place[e]
     place[e] = -1

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float64, Int32, Int64
 from terraport_pipeline.geometry.merge_order import merge_cost, scramble
 
 __all__ = [
@@ -19,22 +19,18 @@ __all__ = [
     "unite_partners",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-
 
 @numba.njit(cache=True)
 def mutual_partners(
-    offsets: _Int64,
-    neighbours: _Int32,
-    border: _Int64,
-    perimeter: _Int64,
-    area: _Int64,
-    faces: _Int32,
-    name: _Int32,
+    offsets: Int64,
+    neighbours: Int32,
+    border: Int64,
+    perimeter: Int64,
+    area: Int64,
+    faces: Int32,
+    name: Int32,
     most_faces: int,
-) -> tuple[_Int32, _Float64]:
+) -> tuple[Int32, Float64]:
     """First choice of every unit where it is mutual, else -1; and the cost of that merge.
 
     Only unions of at most ``most_faces`` faces are considered.
@@ -62,17 +58,17 @@ def mutual_partners(
 
 @numba.njit(cache=True)
 def unite_partners(
-    partner: _Int32,
-    cost: _Float64,
-    node: _Int32,
-    area: _Int64,
-    faces: _Int32,
-    name: _Int32,
-    children: _Int32,
-    paid: _Float64,
+    partner: Int32,
+    cost: Float64,
+    node: Int32,
+    area: Int64,
+    faces: Int32,
+    name: Int32,
+    children: Int32,
+    paid: Float64,
     n_faces: int,
     done: int,
-) -> tuple[_Int32, _Int32, _Int64, _Int32, _Int32]:
+) -> tuple[Int32, Int32, Int64, Int32, Int32]:
     """Unite mutual partners; merge ``done`` and the next are written to ``children`` and ``paid``.
 
     Returns the union of every unit, numbered by lowest unit, and every union's node, area, faces

@@ -14,10 +14,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["MeshBlocks", "mesh_blocks"]
 
@@ -27,8 +26,6 @@ testing a block costs nothing beside projecting it."""
 
 _MAX_SIDE: Final = 256
 """Columns along one side at most: 65,536 blocks are tested in under a millisecond."""
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,9 +40,9 @@ class MeshBlocks:
     """(V,) old vertex of each new one."""
     face_order: Int32
     """(F,) old face of each new one."""
-    vertex_starts: _Int64
+    vertex_starts: Int64
     """(B + 1,) first vertex of each block."""
-    face_starts: _Int64
+    face_starts: Int64
     """(B + 1,) first face of each block."""
     spheres: Float64
     """(B, 4) centre and radius, metres, around the vertices of each block and the corners of its
@@ -121,7 +118,7 @@ def _block_of_vertices(points: Float32, side: int) -> Int32:
 
 
 @numba.njit(cache=True, nogil=True)
-def _counting_sort(keys: Int32, n_keys: int) -> tuple[Int32, _Int64]:
+def _counting_sort(keys: Int32, n_keys: int) -> tuple[Int32, Int64]:
     """Stable order of the keys, and where each begins."""
     starts = np.zeros(n_keys + 1, np.int64)
     for key in keys:
@@ -137,7 +134,7 @@ def _counting_sort(keys: Int32, n_keys: int) -> tuple[Int32, _Int64]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _spheres(points: Float32, faces: Int32, vertex_starts: _Int64, face_starts: _Int64) -> Float64:
+def _spheres(points: Float32, faces: Int32, vertex_starts: Int64, face_starts: Int64) -> Float64:
     n_blocks = len(vertex_starts) - 1
     spheres = np.empty((n_blocks, 4))
     low, high = np.empty(3), np.empty(3)

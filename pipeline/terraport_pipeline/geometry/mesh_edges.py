@@ -8,15 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import AnyFloat, Float64, Int32
 
 __all__ = ["EdgeFacts", "OpenLoops", "edge_facts", "open_loops"]
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +91,7 @@ def edge_facts(faces: Int32) -> EdgeFacts:
     )
 
 
-def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoops:
+def open_loops(vertices: AnyFloat, open_edges: Int32) -> OpenLoops:
     """Put open edges that share vertices together.
 
     Parameters

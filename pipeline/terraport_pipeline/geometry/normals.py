@@ -25,14 +25,12 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Int32, Int64
 from terraport_pipeline.geometry.spacing import Neighbours
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["certain_mask", "estimate_normals", "orient_normals"]
 
-Mask = npt.NDArray[np.bool_]
 _Heap = list[tuple[np.float32, np.int32]]
 
 _SWEEPS = 12
@@ -84,7 +82,7 @@ def certain_mask(
     spacing_m: float,
     steepest: float = 0.5,
     grid_origin_m: tuple[float, float] | None = None,
-) -> Mask:
+) -> Bool:
     """Mark the points that must face up: not steep, and open to the sky.
 
     Parameters
@@ -116,7 +114,7 @@ def certain_mask(
     cells, cell = np.unique(key, return_inverse=True)
     roof = _highest_of_cell(points[:, 1], cell, len(cells))
     upright = np.abs(normals[:, 1])
-    certain: Mask = upright >= steepest
+    certain: Bool = upright >= steepest
     # Rise of the tangent plane per metre along x and z.
     rise = -normals[:, ::2] / np.where(upright > 1e-3, normals[:, 1], 1e-3)[:, None]
     tolerance_m = _ROOF_SPACINGS * spacing_m
@@ -172,9 +170,7 @@ def orient_normals(
     return oriented, int(len(points) - certain.sum() - guessed), guessed
 
 
-def _highest_of_cell(
-    height_m: Float32, cell: npt.NDArray[np.int64], count: int
-) -> npt.NDArray[np.int64]:
+def _highest_of_cell(height_m: Float32, cell: Int64, count: int) -> Int64:
     """Find the highest point of every cell; the last in order where several are equal."""
     order = np.lexsort((height_m, cell))
     last = np.searchsorted(cell[order], np.arange(count), side="right") - 1
@@ -243,7 +239,7 @@ def _fit_planes(
 
 
 @numba.njit(cache=True)
-def _reverse_graph(graph: Int32) -> tuple[npt.NDArray[np.int64], Int32]:  # pragma: no cover
+def _reverse_graph(graph: Int32) -> tuple[Int64, Int32]:  # pragma: no cover
     """Who has me as neighbour, as CSR: signs must spread against the direction of kNN edges too."""
     count, k = graph.shape
     starts = np.zeros(count + 1, dtype=np.int64)
@@ -266,11 +262,11 @@ def _reverse_graph(graph: Int32) -> tuple[npt.NDArray[np.int64], Int32]:  # prag
 def _spread_signs(
     points: Float32,
     normals: Float32,
-    certain: Mask,
+    certain: Bool,
     graph: Int32,
-    starts: npt.NDArray[np.int64],
+    starts: Int64,
     links: Int32,
-) -> Mask:  # pragma: no cover - compiled
+) -> Bool:  # pragma: no cover - compiled
     """Best-first spreading; turns `normals` in place and returns which points have a sign."""
     count = len(points)
     settled = certain.copy()
@@ -302,9 +298,9 @@ def _offer(
     point: int,
     points: Float32,
     normals: Float32,
-    settled: Mask,
+    settled: Bool,
     graph: Int32,
-    starts: npt.NDArray[np.int64],
+    starts: Int64,
     links: Int32,
     best: Float32,
     parent: Int32,

@@ -18,16 +18,15 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.lens import View, ray_packed
 from terraport_pipeline.geometry.lens_kernels import FX, HEIGHT, POSITION, WIDTH, project_packed
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks
 from terraport_pipeline.geometry.view_candidates import Rated
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Occluder", "visible_faces"]
 
-_Bools = npt.NDArray[np.bool_]
 
 _FACES_PER_RAY: Final = 4
 """Faces per ray of the depth grid. A rod thinner than the grid's spacing, two faces' width, can
@@ -76,7 +75,7 @@ def visible_faces(
     *,
     offset_m: float = 0.0,
     threads: int = 1,
-) -> tuple[_Bools, int]:
+) -> tuple[Bool, int]:
     """Find which faces nothing hides from a photo.
 
     Parameters
@@ -186,7 +185,7 @@ def _find_unsure(
     depth: Float32,
     rays: Float32,
     offset_m: float,
-    unsure: _Bools,
+    unsure: Bool,
     begin: int,
     end: int,
 ) -> None:

@@ -9,10 +9,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int16, Int32, Int64, UInt8, UInt16
 from terraport_pipeline.geometry.view_kernels import QUALITY_STEPS, SLOTS, place_of_view
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["MAX_VIEWS", "drop", "rate"]
 
@@ -51,19 +50,15 @@ _GRAIN_WEIGHT: Final = 2.0
 _GRAIN_FACES: Final = 8
 """Faces from which a view's grain is judged."""
 
-_Int16 = npt.NDArray[np.int16]
-_UInt16 = npt.NDArray[np.uint16]
-_Int64 = npt.NDArray[np.int64]
-
 
 @numba.njit(cache=True, nogil=True)
 def rate(
-    views: _Int16,
+    views: Int16,
     colours: UInt8,
     own: UInt8,
     order: Int32,
-    starts: _Int64,
-    cell_views: _Int16,
+    starts: Int64,
+    cell_views: Int16,
     far: Float32,
     begin: int,
     end: int,
@@ -99,13 +94,13 @@ def rate(
 
 @numba.njit(cache=True, nogil=True)
 def drop(
-    views: _Int16,
-    qualities: _UInt16,
+    views: Int16,
+    qualities: UInt16,
     colours: UInt8,
     order: Int32,
-    starts: _Int64,
+    starts: Int64,
     around: Int32,
-    cell_views: _Int16,
+    cell_views: Int16,
     far: Float32,
     begin: int,
     end: int,
@@ -150,7 +145,7 @@ def drop(
 
 
 @numba.njit(cache=True, nogil=True)
-def _far_around(cell_views: _Int16, far: Float32, around: Int32, view: int) -> bool:
+def _far_around(cell_views: Int16, far: Float32, around: Int32, view: int) -> bool:
     """Whether a view is dropped in one of the cells around."""
     for other in around:
         if other < 0:
@@ -174,13 +169,13 @@ def _square_distance(a: Float64, b: Float64) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def _means(
-    views: _Int16,
+    views: Int16,
     colours: UInt8,
     own: UInt8,
     order: Int32,
     first: int,
     last: int,
-    seen: _Int64,
+    seen: Int64,
     faces: Float64,
     mean: Float64,
     grain: Float64,

@@ -24,8 +24,9 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
+
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float64, Int32, Int64
 
 __all__ = [
     "BoundaryScore",
@@ -36,11 +37,6 @@ __all__ = [
     "rand_error",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_Bool = npt.NDArray[np.bool_]
-_Labels = npt.NDArray[np.integer]
 
 _PIECES: Final = 8
 """Border edges are cut into pieces no longer than the distance over this; distances are taken
@@ -73,7 +69,7 @@ class BoundaryScore:
     """Length of the found border, the vertices' unit."""
 
 
-def rand_error(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None = None) -> float:
+def rand_error(labels_a: AnyInt, labels_b: AnyInt, weights: Float64 | None = None) -> float:
     """One minus the Rand index: the share of face pairs on which two partitions disagree.
 
     A pair disagrees when its two faces lie in one part of one partition and in two parts of the
@@ -119,7 +115,7 @@ def rand_error(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None = 
 
 
 def consistency_errors(
-    labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None = None
+    labels_a: AnyInt, labels_b: AnyInt, weights: Float64 | None = None
 ) -> ConsistencyErrors:
     """Global and local consistency error of two partitions.
 
@@ -155,9 +151,7 @@ def consistency_errors(
     return ConsistencyErrors(min(mean), local)
 
 
-def border_edges(
-    labels: _Labels, pairs: _Int32, edges: _Int32, scored: _Bool | None = None
-) -> _Int32:
+def border_edges(labels: AnyInt, pairs: Int32, edges: Int32, scored: Bool | None = None) -> Int32:
     """Mesh edges between faces of different labels.
 
     Parameters
@@ -177,19 +171,19 @@ def border_edges(
     differs = labels[pairs[:, 0]] != labels[pairs[:, 1]]
     if scored is not None:
         differs &= scored[pairs[:, 0]] & scored[pairs[:, 1]]
-    found: _Int32 = np.unique(edges[differs], axis=0).reshape(-1, 2)
+    found: Int32 = np.unique(edges[differs], axis=0).reshape(-1, 2)
     return found
 
 
 def boundary_score(
-    vertices: npt.NDArray[np.floating],
-    pairs: _Int32,
-    edges: _Int32,
-    true_labels: _Labels,
-    found_labels: _Labels,
+    vertices: AnyFloat,
+    pairs: Int32,
+    edges: Int32,
+    true_labels: AnyInt,
+    found_labels: AnyInt,
     distance: float,
     *,
-    scored: _Bool | None = None,
+    scored: Bool | None = None,
 ) -> BoundaryScore:
     """How much of the true border was found, and how much of the found border is true.
 
@@ -245,19 +239,19 @@ def boundary_score(
 class _Common:
     """Non-empty cells of the table of two partitions."""
 
-    row: _Int64
+    row: Int64
     """(C,) part of the first partition."""
-    column: _Int64
+    column: Int64
     """(C,) part of the second."""
-    common: _Float64
+    common: Float64
     """(C,) weight of the faces in both."""
-    size_a: _Float64
+    size_a: Float64
     """Weight of every part of the first partition."""
-    size_b: _Float64
+    size_b: Float64
     """Weight of every part of the second."""
 
 
-def _common(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None) -> _Common:
+def _common(labels_a: AnyInt, labels_b: AnyInt, weights: Float64 | None) -> _Common:
     if labels_a.shape != labels_b.shape or labels_a.ndim != 1:
         msg = f"labels have shapes {labels_a.shape} and {labels_b.shape}, expected two (F,)"
         raise ValueError(msg)
@@ -280,9 +274,7 @@ def _common(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None) -> _
     return _Common(row, column, common, size_a, size_b)
 
 
-def _middles(
-    vertices: npt.NDArray[np.floating], edges: _Int32, longest: float
-) -> tuple[_Float64, _Float64]:
+def _middles(vertices: AnyFloat, edges: Int32, longest: float) -> tuple[Float64, Float64]:
     """Middles (M, 3) and lengths (M,) of equal pieces of the edges, none above ``longest``."""
     start = vertices[edges[:, 0]].astype(np.float64)
     along = vertices[edges[:, 1]].astype(np.float64) - start
@@ -294,7 +286,7 @@ def _middles(
     return at, (length / pieces)[edge]
 
 
-def _share_near(at: _Float64, length: _Float64, others: _Float64, distance: float) -> float:
+def _share_near(at: Float64, length: Float64, others: Float64, distance: float) -> float:
     """Share of the length whose pieces have another one within the distance."""
     total = float(length.sum())
     if total <= 0.0:

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32
 
 __all__ = ["correlation", "moved_correlations"]
 
 
-def correlation(one: npt.NDArray[np.floating], other: npt.NDArray[np.floating]) -> float:
+def correlation(one: AnyFloat, other: AnyFloat) -> float:
     """Correlate two rows of numbers; 0 where one of them does not change.
 
     Examples

@@ -24,10 +24,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int16, Int32, UInt8
 from terraport_pipeline.geometry.photo_samples import GAIN_COLUMNS, SRGB_OFFSET
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["MAX_VIEWS", "Exposures", "Sightings", "solve_gains"]
 
@@ -68,14 +67,12 @@ follows them."""
 _MAX_VIGNETTING: Final = 0.5
 """Largest vignetting believed, as a logarithm in the corners."""
 
-_Int16 = npt.NDArray[np.int16]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sightings:
     """Colours of I places in up to O photos each."""
 
-    view: _Int16
+    view: Int16
     """(I, O) photo; -1: none; ``n_views`` stands for the cloud's own colours."""
     level: UInt8
     """(I, O, 3) sRGB."""

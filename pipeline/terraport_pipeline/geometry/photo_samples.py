@@ -21,9 +21,9 @@ from typing import Final
 import numba
 import numpy as np
 
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = [
     "GAIN_COLUMNS",

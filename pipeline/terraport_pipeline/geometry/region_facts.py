@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32, UInt8
 from terraport_pipeline.geometry.adjacency import as_kernel_input, face_pairs
 from terraport_pipeline.geometry.region_kernels import (
     attribute_sums,
@@ -38,19 +38,17 @@ __all__ = [
     "rows_of_borders",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
 _Neighbours = dict[int, list[dict[str, Any]]]
 
 
 def region_facts(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    colours: npt.NDArray[np.uint8],
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    colours: UInt8,
+    regions: Int32,
     *,
-    attributes: Mapping[str, npt.NDArray[np.floating]] | None = None,
-    pairs: tuple[_Int32, _Int32] | None = None,
+    attributes: Mapping[str, AnyFloat] | None = None,
+    pairs: tuple[Int32, Int32] | None = None,
     roughness_scale_m: float | None = None,
 ) -> dict[str, Any]:
     """Summarise every region in plain values ready for JSON.
@@ -137,19 +135,19 @@ def region_facts(
 class RegionNumbers:
     """What is told of every region, row r of region r; not rounded."""
 
-    sizes: npt.NDArray[np.integer]
+    sizes: AnyInt
     """(R,) faces."""
-    area: _Float64
+    area: Float64
     """(R,) square metres."""
-    plan: _Float64
+    plan: Float64
     """(R,) square metres seen from above."""
-    means: _Float64
+    means: Float64
     """(R, 7) mean x, y, z, red, green, blue, slope."""
-    boxes: _Float64
+    boxes: Float64
     """(R, 6) metres."""
-    steep: _Float64
+    steep: Float64
     """(R,) 90th percentile of the slope, degrees."""
-    rough: _Float64
+    rough: Float64
     """(R,) metres."""
 
 
@@ -205,11 +203,11 @@ def facts_document(
 
 
 def _validate_inputs(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    colours: npt.NDArray[np.uint8],
-    regions: _Int32,
-    attributes: Mapping[str, npt.NDArray[np.floating]],
+    vertices: AnyFloat,
+    faces: AnyInt,
+    colours: UInt8,
+    regions: Int32,
+    attributes: Mapping[str, AnyFloat],
 ) -> None:
     if regions.shape != (len(faces),):
         msg = f"regions have shape {regions.shape}, expected ({len(faces)},)"
@@ -224,10 +222,10 @@ def _validate_inputs(
 
 
 def _attribute(
-    values: npt.NDArray[np.floating],
-    corners: _Int32,
-    labels: _Int32,
-    weight: _Float64,
+    values: AnyFloat,
+    corners: Int32,
+    labels: Int32,
+    weight: Float64,
     count: int,
 ) -> dict[int, dict[str, float]]:
     """Statistics of one attribute by region; regions without any value are left out."""
@@ -249,10 +247,10 @@ def _attribute(
 
 
 def _borders(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    regions: _Int32,
-    pairs: tuple[_Int32, _Int32] | None,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    regions: Int32,
+    pairs: tuple[Int32, Int32] | None,
 ) -> _Neighbours:
     """Per region its neighbours and the length of the common border, longest first."""
     keys, length = border_lengths(vertices, faces, regions, pairs)
@@ -260,11 +258,11 @@ def _borders(
 
 
 def border_lengths(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    regions: _Int32,
-    pairs: tuple[_Int32, _Int32] | None = None,
-) -> tuple[_Int32, _Float64]:
+    vertices: AnyFloat,
+    faces: AnyInt,
+    regions: Int32,
+    pairs: tuple[Int32, Int32] | None = None,
+) -> tuple[Int32, Float64]:
     """Pairs of regions that touch, lower first, ascending (B, 2), and their border, metres (B,)."""
     neighbours, edges = face_pairs(faces, len(vertices)) if pairs is None else pairs
     left, right = regions[neighbours[:, 0]], regions[neighbours[:, 1]]
@@ -274,7 +272,7 @@ def border_lengths(
     return add_borders(np.stack([left[crossing], right[crossing]], axis=1), length)
 
 
-def add_borders(pairs: _Int32, length: _Float64) -> tuple[_Int32, _Float64]:
+def add_borders(pairs: Int32, length: Float64) -> tuple[Int32, Float64]:
     """Add the lengths of equal pairs, whichever way round: (B, 2) ascending, (B,)."""
     if not len(pairs):
         return np.zeros((0, 2), np.int32), np.zeros(0)
@@ -283,11 +281,11 @@ def add_borders(pairs: _Int32, length: _Float64) -> tuple[_Int32, _Float64]:
         pairs.min(axis=1).astype(np.int64) * span + pairs.max(axis=1), return_inverse=True
     )
     both = np.stack(np.divmod(keys, span), axis=1).astype(np.int32)
-    added: _Float64 = np.bincount(index, weights=length).astype(np.float64)
+    added: Float64 = np.bincount(index, weights=length).astype(np.float64)
     return both, added
 
 
-def rows_of_borders(pairs: _Int32, length: _Float64) -> _Neighbours:
+def rows_of_borders(pairs: Int32, length: Float64) -> _Neighbours:
     """Per region its neighbours and the length of the common border, longest first."""
     metres = np.round(length, 3)
     one, other = pairs[:, 0], pairs[:, 1]

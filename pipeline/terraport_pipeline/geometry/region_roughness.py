@@ -20,8 +20,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32, Int64
 from terraport_pipeline.geometry.adjacency import as_kernel_input
 
 __all__ = [
@@ -31,9 +31,6 @@ __all__ = [
     "roughness_of",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _EDGES_PER_CUBE: Final = 8.0
 """Automatic scale: at least this many mean edges wide, about a hundred faces to a plane. Fewer, and
@@ -76,11 +73,11 @@ def automatic_roughness_scale(area_m2: float, faces: int, extent_m: float) -> fl
 
 
 def region_roughness(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    regions: Int32,
     scale_m: float,
-) -> _Float64:
+) -> Float64:
     """Root mean square distance of each region's surface from its planes.
 
     Parameters
@@ -114,11 +111,11 @@ def region_roughness(
 
 
 def roughness_moments(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    regions: Int32,
     scale_m: float,
-) -> tuple[_Int64, _Int32, _Float64]:
+) -> tuple[Int64, Int32, Float64]:
     """Sum up what each region has in each cube; sums of several tiles may be added.
 
     Parameters
@@ -142,7 +139,7 @@ def roughness_moments(
     return cell, region, _moments(points, corners, piece, cell, scale_m)
 
 
-def roughness_of(region: _Int32, moments: _Float64, count: int) -> _Float64:
+def roughness_of(region: Int32, moments: Float64, count: int) -> Float64:
     """Roughness of every region 0..count-1 from the sums of its pieces, (count,) metres."""
     area = moments[:, 0]
     known = area > 0.0
@@ -155,14 +152,14 @@ def roughness_of(region: _Int32, moments: _Float64, count: int) -> _Float64:
     square = np.maximum(np.linalg.eigvalsh(covariance)[:, 0], 0.0)
     total = np.bincount(region, weights=area, minlength=count)
     deviation = np.bincount(region[known], weights=area[known] * square, minlength=count)
-    roughness: _Float64 = np.sqrt(
+    roughness: Float64 = np.sqrt(
         np.divide(deviation, total, out=np.zeros(count), where=total > 0.0)
     )
     return roughness
 
 
 @numba.njit(cache=True, nogil=True)
-def _slot(keys: _Int64, owner: _Int32, number: _Int32, key: int, region: int) -> int:
+def _slot(keys: Int64, owner: Int32, number: Int32, key: int, region: int) -> int:
     """Slot of (cell, region) in an open-addressing table: its own, or the first free one."""
     mask = len(number) - 1
     # Fibonacci hashing; the constants are odd numbers near 2^63 over the golden ratio.
@@ -175,8 +172,8 @@ def _slot(keys: _Int64, owner: _Int32, number: _Int32, key: int, region: int) ->
 
 @numba.njit(cache=True, nogil=True)
 def _pieces(
-    vertices: npt.NDArray[np.floating], faces: _Int32, regions: _Int32, scale_m: float, low: _Int64
-) -> tuple[_Int32, _Int64, _Int32]:
+    vertices: AnyFloat, faces: Int32, regions: Int32, scale_m: float, low: Int64
+) -> tuple[Int32, Int64, Int32]:
     """Give a number to what each region has in each cube, in order of the first face.
 
     Returns ``(piece of every face (F,), cube of every piece (K, 3), region of every piece (K,))``.
@@ -233,12 +230,12 @@ def _pieces(
 
 @numba.njit(cache=True, nogil=True)
 def _moments(
-    vertices: npt.NDArray[np.floating],
-    faces: _Int32,
-    piece: _Int32,
-    cells: _Int64,
+    vertices: AnyFloat,
+    faces: Int32,
+    piece: Int32,
+    cells: Int64,
     scale_m: float,
-) -> _Float64:
+) -> Float64:
     """Area, first and second moments of every piece about its cube's corner, (K, 10).
 
     Columns: area; x, y, z; xx, yy, zz, xy, xz, yz.

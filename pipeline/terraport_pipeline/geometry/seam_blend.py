@@ -28,12 +28,11 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Bool, Float16, Float32, Int16, Int32, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.seams import Nodes, Seams
 from terraport_pipeline.geometry.view_candidates import SLOTS, Candidates
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["Blend", "blend_seams", "no_blend", "seam_steps", "step_sizes"]
 
@@ -49,9 +48,6 @@ _MAX_CORRECTION: Final = 64.0
 _NONE: Final = -3
 """Partner of a node that has none, or several."""
 
-_Bools = npt.NDArray[np.bool_]
-_Float16 = npt.NDArray[np.float16]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blend:
@@ -61,7 +57,7 @@ class Blend:
     """(F,) second view, -1 none."""
     weight: Float32
     """(F, 3) its weight at the corners, 0..0.5."""
-    correction: _Float16
+    correction: Float16
     """(F, 3, 3) levels to add at corner, channel."""
     node_weight: Float32
     """(N,) the weight at every node."""
@@ -137,7 +133,7 @@ def no_blend(n_faces: int) -> Blend:
     )
 
 
-def step_sizes(seams: Seams, levels: Float32, blend: Blend) -> dict[str, npt.NDArray[np.floating]]:
+def step_sizes(seams: Seams, levels: Float32, blend: Blend) -> dict[str, AnyFloat]:
     """Measure the step across every seam, sRGB levels, mean of the channels; (S,) each.
 
     Between the photos as they are (``photos``), after their gains (``gains``), after the smooth
@@ -224,9 +220,7 @@ def _left_at_seams(
 
 
 @numba.njit(cache=True, nogil=True)
-def _rings_around(
-    corner: Int32, sources: Int32, n_nodes: int, rings: int
-) -> tuple[npt.NDArray[np.uint8], Int32]:
+def _rings_around(corner: Int32, sources: Int32, n_nodes: int, rings: int) -> tuple[UInt8, Int32]:
     distance = np.full(n_nodes, rings, np.uint8)
     source = np.full(n_nodes, -1, np.int32)
     for n in sources:
@@ -247,10 +241,10 @@ def _rings_around(
 @numba.njit(cache=True, nogil=True)
 def _second_views(
     corner: Int32,
-    distance: npt.NDArray[np.uint8],
+    distance: UInt8,
     source: Int32,
     partner: Int32,
-    views: npt.NDArray[np.int16],
+    views: Int16,
     second: Int32,
     begin: int,
     end: int,
@@ -274,7 +268,7 @@ def _second_views(
 
 
 @numba.njit(cache=True, nogil=True)
-def _blends(corner: Int32, second: Int32, source: Int32, partner: Int32) -> _Bools:
+def _blends(corner: Int32, second: Int32, source: Int32, partner: Int32) -> Bool:
     """Whether all faces around a node blend with the view that it would."""
     blends = source >= 0
     for f in range(len(corner)):
@@ -289,10 +283,10 @@ def _blends(corner: Int32, second: Int32, source: Int32, partner: Int32) -> _Boo
 def _finish_nodes(
     levels: Float32,
     left: Float32,
-    distance: npt.NDArray[np.uint8],
+    distance: UInt8,
     source: Int32,
     twin: Int32,
-    blends: _Bools,
+    blends: Bool,
     rings: int,
 ) -> tuple[Float32, Float32]:
     """Weight of the second view and the correction at every node."""

@@ -29,12 +29,11 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.level_sums import LevelSums, solve_levels
 from terraport_pipeline.geometry.seams import Nodes, Seams
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = [
     "LevelField",
@@ -58,8 +57,6 @@ Across a boundary of eight edges run 32 (each counts for both its faces, and a d
 (Waechter's is 10)."""
 
 _ALL: Final = slice(None)
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +159,7 @@ def level_sums(
 
 
 def field_of_piece(
-    vertices: Float32, nodes: Nodes, grid: LevelGrid, keys: _Int64, level: Float64
+    vertices: Float32, nodes: Nodes, grid: LevelGrid, keys: Int64, level: Float64
 ) -> tuple[LevelField, Int32]:
     """Take the corrections of all cells for a piece of the surface.
 
@@ -220,7 +217,7 @@ def _mean_edge(vertices: Float32, corner: Int32, vertex: Int32) -> float:
 @numba.njit(cache=True, nogil=True)
 def _cell_keys(
     vertices: Float32, vertex: Int32, view: Int32, origin: Float64, size: float
-) -> _Int64:
+) -> Int64:
     keys = np.empty(len(vertex), np.int64)
     for n in range(len(vertex)):
         key = 0
@@ -251,7 +248,7 @@ def _crossing_edges(corner: Int32, cell: Int32) -> Int32:
 
 
 @numba.njit(cache=True, nogil=True)
-def _near_cells(here: _Int64, keys: _Int64) -> Int32:
+def _near_cells(here: Int64, keys: Int64) -> Int32:
     """Rows in `keys` of the 27 cells around every cell `here`."""
     near = np.empty((len(here), 27), np.int32)
     for c in range(len(here)):

@@ -21,11 +21,10 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int16, Int32, UInt8
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET
 from terraport_pipeline.geometry.view_candidates import SLOTS, Candidates
-from terraport_pipeline.model import Float32, Int32, UInt8
 
 __all__ = ["Nodes", "Seams", "find_seams", "label_nodes"]
 
@@ -188,7 +187,7 @@ def _grown(array: Int32, room: int) -> Int32:
 
 
 @numba.njit(cache=True, nogil=True)
-def _slot_of(views: npt.NDArray[np.int16], f: int, view: int) -> int:
+def _slot_of(views: Int16, f: int, view: int) -> int:
     """Place of a view among a face's candidates; SLOTS for the vertex colours, -1: not there."""
     if view < 0:
         return SLOTS
@@ -208,7 +207,7 @@ def _measure_seams(
     corner: Int32,
     faces: Int32,
     view: Int32,
-    views: npt.NDArray[np.int16],
+    views: Int16,
     colour: UInt8,
     own: UInt8,
     gains: Float32,

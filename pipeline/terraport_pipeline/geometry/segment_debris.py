@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Bool, Float32, Int32
 from terraport_pipeline.geometry.curve import morton_order
 from terraport_pipeline.geometry.face_measures import dense_labels
 from terraport_pipeline.geometry.near_filter import may_be_near
@@ -19,9 +19,6 @@ from terraport_pipeline.geometry.unit_graph import Units
 
 __all__ = ["DebrisCounts", "join_debris"]
 
-_Bool = npt.NDArray[np.bool_]
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
 
 _DEBRIS_REACH: Final = 0.25
 """Debris joins a segment within this share of ``max_extent_m``: farther, the segment's box would
@@ -42,17 +39,17 @@ class DebrisCounts:
 
 
 def join_debris(
-    labels: _Int32,
+    labels: Int32,
     units: Units,
-    touching: _Bool,
-    low: _Float32,
-    high: _Float32,
+    touching: Bool,
+    low: Float32,
+    high: Float32,
     *,
     min_faces: int,
     max_faces: int,
     max_extent_m: float,
     threads: int = 1,
-) -> tuple[_Int32, DebrisCounts]:
+) -> tuple[Int32, DebrisCounts]:
     """Give debris to the nearest segment within reach, or to its likes nearby.
 
     Parameters
@@ -125,10 +122,10 @@ def join_debris(
 
 
 def _near_segments(
-    low: _Float32,
-    high: _Float32,
-    labels: _Int32,
-    on_debris: _Bool,
+    low: Float32,
+    high: Float32,
+    labels: Int32,
+    on_debris: Bool,
     reach_m: float,
     threads: int,
 ) -> list[tuple[int, list[int]]]:

@@ -9,17 +9,13 @@ from typing import Any, Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int32, Int64, UInt32
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["split_units"]
 
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-_UInt32 = npt.NDArray[np.uint32]
-_Int64 = npt.NDArray[np.int64]
 
 _Whole = int | np.signedinteger[Any]
 
@@ -31,15 +27,15 @@ _STACK: Final = 256
 
 
 def split_units(
-    labels: _Int32,
+    labels: Int32,
     count: int,
-    low: _Float32,
-    high: _Float32,
+    low: Float32,
+    high: Float32,
     max_faces: int,
     max_extent_m: float,
     *,
     threads: int = 1,
-) -> tuple[_Int32, int]:
+) -> tuple[Int32, int]:
     """Cut every unit over a bound across its longest side, at equal shares, until none is.
 
     Parameters
@@ -81,7 +77,7 @@ def split_units(
 
 
 @numba.njit(cache=True, nogil=True)
-def _grouped(labels: _Int32, count: int) -> tuple[_Int32, _Int64]:
+def _grouped(labels: Int32, count: int) -> tuple[Int32, Int64]:
     """Faces by label, in face order within each, and where each label's faces begin."""
     starts = np.zeros(count + 1, np.int64)
     for f in range(len(labels)):
@@ -97,7 +93,7 @@ def _grouped(labels: _Int32, count: int) -> tuple[_Int32, _Int64]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _ordered_bits(low: _Float32, high: _Float32, keys: _UInt32, begin: int, end: int) -> None:
+def _ordered_bits(low: Float32, high: Float32, keys: UInt32, begin: int, end: int) -> None:
     """Unsigned integers in the order of the boxes' middles: sign flipped, negatives inverted."""
     one = np.empty(1, np.float32)
     bits = one.view(np.uint32)
@@ -111,7 +107,7 @@ def _ordered_bits(low: _Float32, high: _Float32, keys: _UInt32, begin: int, end:
 
 @numba.njit(cache=True, nogil=True)
 def _select(
-    keys: _UInt32, axis: int, order: _Int32, start: _Whole, end: _Whole, rank: _Whole
+    keys: UInt32, axis: int, order: Int32, start: _Whole, end: _Whole, rank: _Whole
 ) -> tuple[_Whole, _Whole]:
     """Key of this rank among faces order[start:end], and how many keys lie below it.
 
@@ -138,15 +134,15 @@ def _select(
 
 @numba.njit(cache=True, nogil=True)
 def _split(
-    order: _Int32,
-    starts: _Int64,
-    low: _Float32,
-    high: _Float32,
-    keys: _UInt32,
+    order: Int32,
+    starts: Int64,
+    low: Float32,
+    high: Float32,
+    keys: UInt32,
     max_faces: int,
     target: int,
     max_extent_m: float,
-) -> tuple[_Int32, int]:
+) -> tuple[Int32, int]:
     n_faces = len(order)
     pieces = np.empty(n_faces, np.int32)
     spare = np.empty(n_faces, np.int32)

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Int32, Int64
 from terraport_pipeline.geometry.adjacency import components, face_pairs
 from terraport_pipeline.geometry.curve import morton_codes
 from terraport_pipeline.geometry.face_measures import (
@@ -53,9 +53,6 @@ from terraport_pipeline.geometry.unit_graph import (
 
 __all__ = ["SegmentExceptions", "SegmentOptions", "Segments", "build_segments"]
 
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _REPAIR_ROUNDS: Final = 4
 """Times step 4 joins over the bounds and cuts again; after four nothing was left on any mesh
@@ -117,18 +114,18 @@ class SegmentExceptions:
 class Segments:
     """The segmentation into streamable pieces."""
 
-    labels: _Int32
+    labels: Int32
     """(F,) segment of every face, 0..count-1 along the Morton curve."""
     count: int
     """Number of segments."""
-    face_counts: _Int32
+    face_counts: Int32
     """(S,) faces of every segment."""
-    bounds: _Float32
+    bounds: Float32
     """(S, 6) least and greatest corner of every segment's box: min xyz, max xyz, metres, the
     vertices' frame."""
-    main_region: _Int32
+    main_region: Int32
     """(S,) region that most of the segment's faces have (tie: lowest number)."""
-    region_counts: _Int32
+    region_counts: Int32
     """(S,) number of regions in every segment."""
     max_extent_m: float
     """The bound that was used."""
@@ -137,14 +134,14 @@ class Segments:
 
 
 def build_segments(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    pools_fine: _Int32,
-    similarity: _Float32,
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    pools_fine: Int32,
+    similarity: Float32,
+    regions: Int32,
     options: SegmentOptions | None = None,
     *,
-    pairs: tuple[_Int32, _Int32] | None = None,
+    pairs: tuple[Int32, Int32] | None = None,
     threads: int = 1,
 ) -> Segments:
     """Build streamable segments from fine pools and regions.
@@ -216,12 +213,12 @@ def build_segments(
 class _MeshFacts:
     """What every step reads and none changes."""
 
-    pairs: _Int32
-    lengths: _Int64
-    similarity: _Float32
-    regions: _Int32
-    low: _Float32
-    high: _Float32
+    pairs: Int32
+    lengths: Int64
+    similarity: Float32
+    regions: Int32
+    low: Float32
+    high: Float32
     min_faces: int
     max_faces: int
     max_extent_m: float
@@ -232,17 +229,17 @@ class _MeshFacts:
 class _State:
     """The units at one moment."""
 
-    labels: _Int32
+    labels: Int32
     graph: UnitGraph
     units: Units
 
 
 def _validate_inputs(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    pools_fine: _Int32,
-    similarity: _Float32,
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    pools_fine: Int32,
+    similarity: Float32,
+    regions: Int32,
 ) -> None:
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         msg = f"vertices {vertices.shape} and faces {faces.shape}, expected (V, 3) and (F, 3)"
@@ -264,17 +261,17 @@ def _validate_inputs(
         raise ValueError(msg)
 
 
-def _measure(mesh: _MeshFacts, labels: _Int32, count: int, region: _Int32) -> Units:
+def _measure(mesh: _MeshFacts, labels: Int32, count: int, region: Int32) -> Units:
     """Facts of units from their faces."""
     size, total = label_sums(labels, count, mesh.similarity)
     low, high = label_boxes(labels, size, mesh.low, mesh.high)
     return Units(size, total, region, low, high)
 
 
-def _merged(state: _State, parent: _Int32) -> _State:
+def _merged(state: _State, parent: Int32) -> _State:
     """State after unions; ``parent`` names each unit's union by its lowest unit."""
     roots, nodes = np.unique(parent, return_inverse=True)
-    numbered: _Int32 = nodes.astype(np.int32)
+    numbered: Int32 = nodes.astype(np.int32)
     return _State(
         np.take(numbered, state.labels),
         contract(state.graph, numbered, len(roots)),
@@ -282,11 +279,11 @@ def _merged(state: _State, parent: _Int32) -> _State:
     )
 
 
-def _moved(parent: _Int32) -> bool:
+def _moved(parent: Int32) -> bool:
     return bool((parent != np.arange(len(parent))).any())
 
 
-def _merge_pools(mesh: _MeshFacts, pools: _Int32) -> _State:
+def _merge_pools(mesh: _MeshFacts, pools: Int32) -> _State:
     """Do steps 1 and 2."""
     labels, count = components(len(pools), mesh.pairs, labels=pools, also=mesh.regions)
     region = mesh.regions[first_faces(labels, count)]
@@ -338,11 +335,11 @@ def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
 
 
 def _finish(
-    labels: _Int32,
-    pairs: _Int32,
-    regions: _Int32,
-    low: _Float32,
-    high: _Float32,
+    labels: Int32,
+    pairs: Int32,
+    regions: Int32,
+    low: Float32,
+    high: Float32,
     options: SegmentOptions,
     extent_m: float,
     debris: DebrisCounts,

@@ -11,15 +11,13 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.marching_cubes import CORNERS, march
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["march_samples"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _CHUNK = 100_000
 """Nodes per neighbour query; bounds its scratch to about 100 MB."""
@@ -84,7 +82,7 @@ def _mean_plane(
     points: Float32,
     normals: Float32,
     away: Float64,
-    near: _Int64,
+    near: Int64,
     cell_m: float,
     reach_m: float,
 ) -> Float64:
@@ -100,7 +98,7 @@ def _mean_plane(
     return mean
 
 
-def _band(cells: _Int64) -> tuple[_Int64, tuple[int, int, int]]:
+def _band(cells: Int64) -> tuple[Int64, tuple[int, int, int]]:
     """Cells within the band of some cells, each once, and the number of nodes of their grid."""
     size = cells.max(axis=0) + _BAND_CELLS + 3
     shape = (int(size[0]), int(size[1]), int(size[2]))

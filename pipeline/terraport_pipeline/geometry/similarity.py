@@ -8,12 +8,12 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, AnyFloat, AnyInt, Float32, Float64, Int32, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.colour import white_index
 from terraport_pipeline.geometry.face_measures import mesh_input
@@ -21,27 +21,24 @@ from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["similarity_index"]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
 
 _LEAST: Final = 0
 _SUM: Final = 1
 
 
 def similarity_index(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     *,
-    colours: npt.NDArray[np.uint8] | None,
-    scalar: npt.NDArray[np.floating] | None,
+    colours: UInt8 | None,
+    scalar: AnyFloat | None,
     mu: float,
     tau: float,
     normalise: str,
     attribute_range: float,
     origin: str,
     threads: int = 1,
-) -> _Float32:
+) -> Float32:
     """Similarity index of every face; see ``TrianglePoolOptions`` for the parameters.
 
     Parameters
@@ -66,7 +63,7 @@ def similarity_index(
     """
     points, corners = mesh_input(vertices, faces)
     n_faces = len(corners)
-    index: npt.NDArray[Any]
+    index: AnyArray
     if colours is not None:
         index = white_index(colours, corners, threads=threads)
     else:
@@ -103,7 +100,7 @@ def similarity_index(
     return similarity
 
 
-def _origin(points: npt.NDArray[Any], faces: _Int32, origin: str, threads: int) -> _Float64:
+def _origin(points: AnyArray, faces: Int32, origin: str, threads: int) -> Float64:
     """Point that d is measured from."""
     if origin == "first":
         return np.asarray(_reduce(points, faces, _SUM, 0, 1))
@@ -114,21 +111,21 @@ def _origin(points: npt.NDArray[Any], faces: _Int32, origin: str, threads: int) 
         )
     )
     if origin == "centroid":
-        mean: _Float64 = parts.sum(axis=0) / len(faces)
+        mean: Float64 = parts.sum(axis=0) / len(faces)
         return mean
-    least: _Float64 = parts.min(axis=0)
+    least: Float64 = parts.min(axis=0)
     return least
 
 
 @numba.njit(cache=True, nogil=True)
-def _centre(points: npt.NDArray[Any], faces: _Int32, f: int, axis: int) -> float:
+def _centre(points: AnyArray, faces: Int32, f: int, axis: int) -> float:
     """One coordinate of a face's centre, to the same bit as ``face_centres``."""
     total = np.float64(points[faces[f, 0], axis]) + np.float64(points[faces[f, 1], axis])
     return (total + np.float64(points[faces[f, 2], axis])) / 3.0
 
 
 @numba.njit(cache=True, nogil=True)
-def _reduce(points: npt.NDArray[Any], faces: _Int32, kind: int, begin: int, end: int) -> _Float64:
+def _reduce(points: AnyArray, faces: Int32, kind: int, begin: int, end: int) -> Float64:
     """Least coordinates or sum of the centres of some faces."""
     found = np.zeros(3) if kind == _SUM else np.full(3, np.inf)
     for f in range(begin, end):
@@ -140,10 +137,10 @@ def _reduce(points: npt.NDArray[Any], faces: _Int32, kind: int, begin: int, end:
 
 @numba.njit(cache=True, nogil=True)
 def _distances(
-    points: npt.NDArray[Any],
-    faces: _Int32,
-    start: _Float64,
-    distance: _Float64,
+    points: AnyArray,
+    faces: Int32,
+    start: Float64,
+    distance: Float64,
     begin: int,
     end: int,
 ) -> float:
@@ -160,14 +157,14 @@ def _distances(
 
 @numba.njit(cache=True, nogil=True)
 def _combine(
-    index: npt.NDArray[Any],
-    distance: _Float64,
+    index: AnyArray,
+    distance: Float64,
     shift: float,
     scale: float,
     mu: float,
     tau: float,
     farthest: float,
-    similarity: _Float32,
+    similarity: Float32,
     begin: int,
     end: int,
 ) -> None:

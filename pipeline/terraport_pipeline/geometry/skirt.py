@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.geometry.border import border_edges
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["add_skirt", "drop_skirt"]
 

@@ -19,10 +19,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from terraport_pipeline.model import Float32
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Int32
 
 __all__ = [
     "Neighbours",
@@ -41,7 +40,7 @@ _CHUNK = 200_000
 class Neighbours:
     """The k nearest other samples of every point."""
 
-    indices: npt.NDArray[np.int32]
+    indices: Int32
     """(N, k) point indices, nearest first."""
     distances: Float32
     """(N, k) metres."""
@@ -58,7 +57,7 @@ class Spacing:
 
 
 def nearest_neighbours(
-    points: npt.NDArray[np.floating],
+    points: AnyFloat,
     k: int,
     *,
     workers: int = -1,
@@ -97,9 +96,9 @@ def nearest_neighbours(
 
 
 def remaining_neighbours(
-    points: npt.NDArray[np.floating],
+    points: AnyFloat,
     neighbours: Neighbours,
-    removed: npt.NDArray[np.bool_],
+    removed: Bool,
     *,
     workers: int = -1,
 ) -> Neighbours:
@@ -138,7 +137,7 @@ def remaining_neighbours(
     return Neighbours(indices, distances)
 
 
-def areal_from_radius(radius_m: npt.NDArray[np.floating], k: int) -> Float32:
+def areal_from_radius(radius_m: AnyFloat, k: int) -> Float32:
     """Spacing of samples of which `k` lie in a disk of `radius_m`.
 
     Examples
@@ -174,8 +173,8 @@ def estimate_spacing(neighbours: Neighbours) -> Spacing:
 
 def _query(
     tree: cKDTree,
-    points: npt.NDArray[np.floating],
-    wanted: npt.NDArray[np.integer],
+    points: AnyFloat,
+    wanted: AnyInt,
     k: int,
     workers: int,
     advance: Callable[[float], None] = lambda _: None,

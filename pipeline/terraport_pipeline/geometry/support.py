@@ -18,8 +18,8 @@ import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["BINS", "LARGEST_RATIO", "support_histogram", "support_ratio", "support_threshold"]
 

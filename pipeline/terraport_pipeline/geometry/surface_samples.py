@@ -10,23 +10,21 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32
 
 __all__ = ["SurfaceSamples", "surface_samples"]
-
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceSamples:
     """N points on a surface."""
 
-    points: _Float64
+    points: Float64
     """(N, 3) metres."""
-    labels: _Int32
+    labels: Int32
     """(N,) label of the surface there."""
-    areas: _Float64
+    areas: Float64
     """(N,) square metres that the point stands for; per label they sum to its area."""
 
     @classmethod
@@ -43,9 +41,9 @@ class SurfaceSamples:
 
 
 def surface_samples(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    labels: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
+    labels: AnyInt,
     *,
     faces_per_sample: int,
     at_least: int = 64,

@@ -13,13 +13,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64, UInt8
 
 __all__ = ["Banded", "TilePart", "faces_outside", "part_near", "touching", "with_band"]
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +32,7 @@ class TilePart:
     """(K, 3) into these vertices."""
     colours: UInt8
     """(V, 3)"""
-    ids: _Int64
+    ids: Int64
     """(V,) numbers that vertices share with other tiles; -1 where they do not."""
 
 
@@ -55,7 +52,7 @@ class Banded:
     """Tiles in their order, and which of their faces stand here, one tile behind the other."""
 
     @property
-    def is_own(self) -> npt.NDArray[np.bool_]:
+    def is_own(self) -> Bool:
         """Say of every face whether it is the tile's own, (F,)."""
         found = np.zeros(len(self.faces), np.bool_)
         found[self.own] = True
@@ -88,7 +85,7 @@ def part_near(
     vertices: Float32,
     faces: Int32,
     colours: UInt8,
-    border: tuple[npt.NDArray[np.integer], _Int64],
+    border: tuple[AnyInt, Int64],
     box: Float64 | None = None,
     reach_m: float = 0.0,
 ) -> TilePart:

@@ -31,9 +31,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64
+from terraport_payload.types import AnyFloat, Float32, Float64, Int64
 
 __all__ = [
     "MARGIN_CELLS",
@@ -46,7 +45,6 @@ __all__ = [
     "tile_shape",
 ]
 
-Int64 = npt.NDArray[np.int64]
 
 SCALE: Final = 1.1
 """The solver's cube is this much wider than its samples' box (PoissonRecon's default)."""
@@ -70,12 +68,12 @@ class Lattice:
     """Corner of cell (0, 0, 0), scene frame."""
     cell_m: float
 
-    def cells(self, points: npt.NDArray[np.floating]) -> Float64:
+    def cells(self, points: AnyFloat) -> Float64:
         """Convert metres (N, 3), scene frame, to cells (N, 3) float64."""
         found: Float64 = (points.astype(np.float64) - np.array(self.anchor_m)) / self.cell_m
         return found
 
-    def metres(self, cells: npt.NDArray[np.floating]) -> Float32:
+    def metres(self, cells: AnyFloat) -> Float32:
         """Convert cells (N, 3) to metres (N, 3) float32, scene frame."""
         metres = cells * self.cell_m + np.array(self.anchor_m)
         return np.asarray(metres + 0.0, dtype=np.float32)
@@ -306,9 +304,7 @@ def _unpack(keys: Int64) -> Int64:
     return parts - (1 << (_BITS - 1))
 
 
-def _cores_touched(
-    low: npt.NDArray[np.floating] | Int64, high: npt.NDArray[np.floating] | Int64, core: int
-) -> tuple[Int64, Int64]:
+def _cores_touched(low: AnyFloat | Int64, high: AnyFloat | Int64, core: int) -> tuple[Int64, Int64]:
     """Every core that each box overlaps: (index (K, 3), box (K,))."""
     first = np.floor(low / core).astype(np.int64)
     last = np.ceil(high / core).astype(np.int64) - 1

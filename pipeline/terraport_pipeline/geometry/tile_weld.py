@@ -25,16 +25,13 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.loop_fill import directed_loops, fill_loop
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Seams", "TileBorder", "weld_tiles"]
 
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
 
 EDGE_REACH_CELLS: Final = 1.0
 """The same crossing lies on the same edge of a cell."""
@@ -234,7 +231,7 @@ def _classes(pairs: Int64, tile_of: Int64, count: int) -> Int64:  # pragma: no c
     return root
 
 
-def _uncancelled(walls: Sequence[_Wall], root: Int64) -> list[npt.NDArray[np.bool_]]:
+def _uncancelled(walls: Sequence[_Wall], root: Int64) -> list[Bool]:
     """Mark each wall's edges that run once more one way than the other, over all tiles.
 
     Over all, because along the line where four cores meet the two faces of an edge may belong to

@@ -25,9 +25,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.face_measures import edge_steps, face_centres, steps_of_lengths
 from terraport_pipeline.geometry.mean_colour import (
@@ -52,11 +52,6 @@ __all__ = [
     "tile_units",
 ]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_UInt8 = npt.NDArray[np.uint8]
 
 _SAMPLE_EVERY: Final = 64
 """Every so many faces one stands for its place when an island looks for the nearest region; the
@@ -95,25 +90,25 @@ class MeansScale:
 class TileUnits:
     """One tile, united up to the fine pools."""
 
-    labels: _Int32
+    labels: Int32
     """(F,) unit of every face, numbered by first face."""
-    offsets: _Int64
+    offsets: Int64
     """(U + 1,) row starts of the units' neighbours within the tile."""
-    neighbours: _Int32
+    neighbours: Int32
     """(E,)"""
-    border: _Int64
+    border: Int64
     """(E,) steps."""
-    sums: _Int64
+    sums: Int64
     """(U, 3) summed colours, in steps."""
-    faces: _Int64
+    faces: Int64
     """(U,) number of faces."""
-    first: _Int32
+    first: Int32
     """(U,) lowest face within the tile."""
     edge_steps: tuple[int, int]
     """Summed length of the edges between two faces of the tile, in steps, and their number."""
-    places: _Float32
+    places: Float32
     """(K, 3) centres of some faces, metres."""
-    place_unit: _Int32
+    place_unit: Int32
     """(K,) their units."""
 
 
@@ -121,9 +116,9 @@ class TileUnits:
 class JoinedRegions:
     """Regions of the units of all tiles."""
 
-    region: tuple[_Int32, ...]
+    region: tuple[Int32, ...]
     """For every tile (U,) the region of its units; numbered by first face in order of the tiles."""
-    fine: tuple[_Int32, ...]
+    fine: tuple[Int32, ...]
     """For every tile (U,) the fine pool of its units, numbered over all tiles."""
     count: int
     """Number of regions."""
@@ -135,17 +130,17 @@ class JoinedRegions:
     """Of these, small ones that touched nothing."""
 
 
-def colours_of_faces(colours: _UInt8, faces: npt.NDArray[np.integer]) -> _Int32:
+def colours_of_faces(colours: UInt8, faces: AnyInt) -> Int32:
     """Colour of every face as it is compared: CIELAB in steps, (F, 3)."""
     return face_lab(colours, faces, LAB_STEPS).astype(np.int32)
 
 
 def tile_units(
-    vertices: _Float32,
-    faces: _Int32,
-    colours: _UInt8,
-    pairs: tuple[_Int32, _Int32],
-    seams: tuple[_Int32, _Float64],
+    vertices: Float32,
+    faces: Int32,
+    colours: UInt8,
+    pairs: tuple[Int32, Int32],
+    seams: tuple[Int32, Float64],
     scale: MeansScale,
 ) -> TileUnits:
     """Unite the faces of one tile up to the fine pools.
@@ -201,7 +196,7 @@ def tile_units(
 
 def join_tiles(
     tiles: Sequence[TileUnits],
-    seam_units: _Int32,
+    seam_units: Int32,
     seams: Seams,
     scale: MeansScale,
     *,
@@ -270,8 +265,8 @@ def join_tiles(
 
 
 def _all_rows(
-    tiles: Sequence[TileUnits], starts: _Int64, pairs: _Int32, steps: _Int64
-) -> tuple[_Int64, _Int32, _Int64]:
+    tiles: Sequence[TileUnits], starts: Int64, pairs: Int32, steps: Int64
+) -> tuple[Int64, Int32, Int64]:
     """Rows of all units: those within the tiles, and those across seams."""
     count = int(starts[-1])
     across = rows_of_labels(np.arange(count, dtype=np.int32), count, pairs, steps)
@@ -296,11 +291,11 @@ def _all_rows(
 
 def _join_nearest(
     tiles: Sequence[TileUnits],
-    starts: _Int64,
-    labels: _Int32,
-    small: npt.NDArray[np.bool_],
+    starts: Int64,
+    labels: Int32,
+    small: Bool,
     threads: int,
-) -> _Int32:
+) -> Int32:
     """Give every small union the union of the nearest place that is not small (tie: lower)."""
     places = np.concatenate([tile.places for tile in tiles]).astype(np.float64)
     union = labels[
@@ -318,12 +313,12 @@ def _join_nearest(
     chosen = order[np.concatenate([[True], owner[1:] != owner[:-1]])]
     mapping = np.arange(len(small), dtype=np.int32)
     mapping[union[lost_places[chosen]]] = union[kept[nearest[chosen]]]
-    joined: _Int32 = mapping[labels]
+    joined: Int32 = mapping[labels]
     return joined
 
 
 @numba.njit(cache=True, nogil=True)
-def _near_seams(n_faces: int, pairs: _Int32, at_seam: _Int32, steps: int) -> npt.NDArray[np.bool_]:
+def _near_seams(n_faces: int, pairs: Int32, at_seam: Int32, steps: int) -> Bool:
     """Whether a face is within so many steps of one at a seam (those are within 1 step), (F,)."""
     reached = np.zeros(n_faces, np.int32)
     if steps > 0:

@@ -13,14 +13,11 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Int32, Int64
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["SplitMesh", "split_wedges"]
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,11 +35,11 @@ class SplitMesh:
 
 
 def split_wedges(
-    faces: npt.NDArray[np.integer],
-    wedge_uvs: npt.NDArray[np.floating],
+    faces: AnyInt,
+    wedge_uvs: AnyFloat,
     n_vertices: int,
     *,
-    labels: npt.NDArray[np.integer] | None = None,
+    labels: AnyInt | None = None,
 ) -> SplitMesh:
     """Split vertices at seams.
 
@@ -120,8 +117,8 @@ def split_wedges(
 
 @numba.njit(cache=True, nogil=True)
 def _number_variants(
-    faces: Int32, code: _Int64, label: Int32, n_vertices: int, new_faces: Int32
-) -> _Int64:
+    faces: Int32, code: Int64, label: Int32, n_vertices: int, new_faces: Int32
+) -> Int64:
     """Give every variant of a vertex a number; return the first corner of each."""
     head = np.full(n_vertices, -1, np.int32)
     following = np.empty(faces.size, np.int32)

@@ -9,18 +9,17 @@ from collections.abc import Sequence
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float64, Int32
 from terraport_pipeline.geometry import lens_kernels as kernels
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.lens_kernels import project_packed
-from terraport_pipeline.model import Float64, Int32
 
 __all__ = ["cover_points"]
 
 
 def cover_points(
-    views: Sequence[View], points: npt.NDArray[np.floating], *, coarsest_m: float = np.inf
+    views: Sequence[View], points: AnyFloat, *, coarsest_m: float = np.inf
 ) -> tuple[Int32, Float64, Int32]:
     """Count the photos that each point falls into.
 

@@ -9,11 +9,10 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int16, Int32, Int64, UInt8, UInt16
 from terraport_pipeline.geometry.face_vector import face_vector
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, POSITION, WIDTH, project_packed
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = [
     "QUALITY_STEPS",
@@ -42,9 +41,6 @@ _MARGIN: Final = 0.004
 """Strip along a photo's edge that is not used, as a part of its width: undistorted photos are black
 there, and resampling needs neighbours."""
 
-_Int16 = npt.NDArray[np.int16]
-_UInt16 = npt.NDArray[np.uint16]
-
 
 @numba.njit(cache=True, nogil=True)
 def project(packed: Float64, vertices: Float32, uv: Float32, begin: int, end: int) -> None:
@@ -62,7 +58,7 @@ def face_radii(
     packed: Float64,
     vertices: Float32,
     faces: Int32,
-    views: _Int16,
+    views: Int16,
     radius: Float32,
     begin: int,
     end: int,
@@ -129,7 +125,7 @@ def rate(
     faces: Int32,
     uv: Float32,
     sharpness: Float32,
-    quality: _UInt16,
+    quality: UInt16,
     min_cosine: float,
     begin: int,
     end: int,
@@ -180,13 +176,13 @@ def rate(
 
 @numba.njit(cache=True, nogil=True)
 def insert(
-    views: _Int16,
-    qualities: _UInt16,
+    views: Int16,
+    qualities: UInt16,
     slot_colours: UInt8,
     view: int,
     face: Int32,
     quality: Float32,
-    visible: npt.NDArray[np.bool_],
+    visible: Bool,
     colours: UInt8,
     begin: int,
     end: int,
@@ -209,7 +205,7 @@ def insert(
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def place_of_view(seen: npt.NDArray[np.int64], n: int, view: int) -> int:
+def place_of_view(seen: Int64, n: int, view: int) -> int:
     """Find a view among the first `n` of a cell's list; `n` where it is new."""
     place = 0
     while place < n and seen[place] != view:
@@ -218,7 +214,7 @@ def place_of_view(seen: npt.NDArray[np.int64], n: int, view: int) -> int:
 
 
 @numba.njit(cache=True, nogil=True)
-def sort_slots(views: _Int16, qualities: _UInt16, colours: UInt8, begin: int, end: int) -> None:
+def sort_slots(views: Int16, qualities: UInt16, colours: UInt8, begin: int, end: int) -> None:
     """Sort the places of faces begin..end by view."""
     for f in range(begin, end):
         for s in range(1, SLOTS):

@@ -17,14 +17,12 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import Delaunay
 
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32, Int64
 
 __all__ = ["crust"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _FAR = 3.0
 """Poles stay within this many times the cloud's diagonal from its middle."""
@@ -100,19 +98,19 @@ def _circumcentres(corners: Float64) -> Float64:
     return drawn_in
 
 
-def _farthest(sample: _Int64, away: Float64, count: int) -> _Int64:
+def _farthest(sample: Int64, away: Float64, count: int) -> Int64:
     """Row with the largest distance of each sample; -1 where there is none that is not negative."""
     order = np.lexsort((away, sample))
     last = np.searchsorted(sample[order], np.arange(count), side="right") - 1
     row = order[np.maximum(last, 0)]
-    found: _Int64 = np.where((last >= 0) & (sample[row] == np.arange(count)), row, -1)
+    found: Int64 = np.where((last >= 0) & (sample[row] == np.arange(count)), row, -1)
     found[(found >= 0) & (away[np.maximum(found, 0)] < 0)] = -1
     return found
 
 
 def _agreeing(
-    places: Float64, triangles: _Int64, directions: Float64, largest: float
-) -> tuple[_Int64, Float64]:
+    places: Float64, triangles: Int64, directions: Float64, largest: float
+) -> tuple[Int64, Float64]:
     """Keep triangles whose normal is near the poles' directions; returns their unit normals too."""
     corners = places[triangles]
     sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]  # opposite to each corner

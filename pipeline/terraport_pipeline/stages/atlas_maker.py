@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Bool, Float64, Int32, UInt8, UInt16
 from terraport_pipeline.engines.images import ImageFormat, encode_image
 from terraport_pipeline.geometry.atlas_pack import Atlas, pack_charts
 from terraport_pipeline.geometry.bake import (
@@ -23,12 +23,11 @@ from terraport_pipeline.geometry.gutters import fill_cells
 from terraport_pipeline.geometry.lens import PACKED, View
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.model import Float64, Int32, Mesh, UInt8
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.choose_views import Photos
 
 __all__ = ["AtlasMaker", "MadeAtlas"]
 
-UInt16 = npt.NDArray[np.uint16]
 
 _RIM_TEXELS: Final = 1.5
 """Beyond its rim a chart goes on as its photo does for as far as a sample at the rim reads; further
@@ -54,10 +53,10 @@ class MadeAtlas:
     """(F,) area of each face in the image, texels."""
     gsd_m: Float64
     """(F,) length of a photo's pixel on each face; NaN without a photo."""
-    flat: npt.NDArray[np.bool_]
+    flat: Bool
     """(F,) faces of one flat colour, that of their vertices: without area, as small as a texel or
     two and in no photo, or without room. They have no texels."""
-    crowded: npt.NDArray[np.bool_]
+    crowded: Bool
     """(F,) those without room."""
     charts: int
     use: float
@@ -79,7 +78,7 @@ class AtlasMaker:
     kind: ImageFormat
     quality: int
 
-    def make(self, faces: npt.NDArray[np.integer], *, max_side: int) -> MadeAtlas:
+    def make(self, faces: AnyInt, *, max_side: int) -> MadeAtlas:
         """Make the atlas of some faces.
 
         Parameters
@@ -148,7 +147,7 @@ class AtlasMaker:
             use=atlas.use,
         )
 
-    def _flat(self, colours: FaceColours, which: npt.NDArray[np.bool_]) -> UInt8:
+    def _flat(self, colours: FaceColours, which: Bool) -> UInt8:
         """Mean vertex colour of some faces, after its gain."""
         gain = neutral_gains(0)[-1] if self.choice is None else self.choice.gains[-1]
         mean = colours.colours[which].mean(axis=1, dtype=np.float32)
@@ -156,9 +155,7 @@ class AtlasMaker:
         flat: UInt8 = np.clip(np.rint(level), 0, 255).astype(np.uint8)
         return flat
 
-    def _colours(
-        self, faces: npt.NDArray[np.integer], corners: Int32, used: npt.NDArray[np.integer]
-    ) -> FaceColours:
+    def _colours(self, faces: AnyInt, corners: Int32, used: AnyInt) -> FaceColours:
         colours = self.mesh.colours[used][corners]
         if self.choice is None or self.photos is None:
             count = len(faces)
@@ -187,7 +184,7 @@ class AtlasMaker:
         atlas: Atlas,
         colours: FaceColours,
         packed: Float64,
-        rim: npt.NDArray[np.bool_] | None,
+        rim: Bool | None,
     ) -> None:
         """Draw all faces, photo by photo and within a photo by the second one.
 

@@ -18,6 +18,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, UInt8
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.chunks import in_chunks
@@ -48,7 +49,6 @@ from terraport_pipeline.geometry.view_labels import (
     view_costs,
 )
 from terraport_pipeline.geometry.view_outliers import drop_outliers
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = [
@@ -219,7 +219,7 @@ class Labels:
     """(P, 2) neighbouring faces."""
     edges: Int32
     """(P, 2) the vertices between them."""
-    borrowed: npt.NDArray[np.bool_]
+    borrowed: Bool
     """(F,) faces that have the photo of a neighbour, which may not see them."""
     facts: dict[str, Any]
 

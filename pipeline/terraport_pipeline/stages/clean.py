@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int64, UInt8
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.geometry.normals import estimate_normals, orient_normals
 from terraport_pipeline.geometry.outliers import duplicate_mask, outlier_mask
@@ -22,7 +23,7 @@ from terraport_pipeline.geometry.spacing import (
     nearest_neighbours,
     remaining_neighbours,
 )
-from terraport_pipeline.model import Cloud, Float32, Float64, Survey, UInt8, to_scene
+from terraport_pipeline.model import Cloud, Survey, to_scene
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 
 __all__ = ["MIN_POINTS", "NAME", "Cleaned", "Options", "restore", "run", "store"]
@@ -281,7 +282,7 @@ def _noise_m(neighbours: Neighbours, curvature: Float32) -> float:
 
 
 def _convert_attributes(
-    attributes: Mapping[str, npt.NDArray[np.generic]], stays: npt.NDArray[np.int64]
+    attributes: Mapping[str, npt.NDArray[np.generic]], stays: Int64
 ) -> tuple[dict[str, Float32], tuple[str, ...], list[str]]:
     """Convert attributes to float32; find those that hold codes; tell of what loses precision."""
     out: dict[str, Float32] = {}
@@ -319,7 +320,7 @@ def _is_coarse(values: npt.NDArray[np.generic], converted: Float32) -> bool:
     return step > float(known.max() - known.min()) / 65535
 
 
-def _colours(colours: UInt8 | None, stays: npt.NDArray[np.int64]) -> UInt8:
+def _colours(colours: UInt8 | None, stays: Int64) -> UInt8:
     if colours is None:
         return np.full((len(stays), 3), _GREY, dtype=np.uint8)
     return colours[stays]

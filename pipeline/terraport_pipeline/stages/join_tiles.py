@@ -22,11 +22,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.edges import EdgeRule
 from terraport_pipeline.geometry.footprint import Footprint
 from terraport_pipeline.geometry.tile_weld import Seams
 from terraport_pipeline.geometry.vertex_normals import unit_normals
-from terraport_pipeline.model import Float32, Float64, Int32
 from terraport_pipeline.stages.contract import Stored
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "Join",
     "Look",
     "Settled",
+    "TileArrays",
     "Weak",
     "cut_ids",
     "forgive",
@@ -44,9 +45,8 @@ __all__ = [
 
 NAME: Final = "join_tiles"
 
-Int64 = npt.NDArray[np.int64]
-Arrays = Mapping[str, npt.NDArray[Any]]
-Mask = npt.NDArray[np.bool_]
+TileArrays = Mapping[str, AnyArray]
+"""What is kept of a tile, by name."""
 
 _CRACK_CELLS: Final = 1.0
 """Open edges of two tiles this near to each other are a crack, not two rims."""
@@ -60,7 +60,7 @@ class Join:
     """(G, 3) shared vertices, lattice cells."""
     ratio: Float32
     """(G,) support ratio."""
-    colours: npt.NDArray[np.uint8]
+    colours: UInt8
     """(G, 3)"""
     attributes: tuple[Float32, ...]
     """(G,) each."""
@@ -76,16 +76,16 @@ class Join:
     """Where the surface ends."""
     base_rule: EdgeRule
     """Where the surface ends that the base is thinned from: farther out, with fewer gaps."""
-    forgiven: tuple[Mask, ...]
+    forgiven: tuple[Bool, ...]
     """Per tile: which of its weak places stay."""
-    base_forgiven: tuple[Mask, ...]
+    base_forgiven: tuple[Bool, ...]
     """Per tile: which of them stay in the base."""
 
     @classmethod
     def of(
         cls,
         seams: Seams,
-        tiles: Sequence[Arrays],
+        tiles: Sequence[TileArrays],
         names: int,
         codes: tuple[int, ...],
         rules: tuple[EdgeRule, EdgeRule],
@@ -271,7 +271,7 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         numbers = [rule.threshold, rule.largest, rule.spacing_m, rule.outward_m]
         values[name] = {"numbers": numbers, "footprint": place}
     arrays |= {f"attribute-{i}": values for i, values in enumerate(join.attributes)}
-    lists: tuple[tuple[str, Sequence[npt.NDArray[Any]]], ...] = (
+    lists: tuple[tuple[str, Sequence[AnyArray]], ...] = (
         ("rows", join.rows),
         ("ids", join.ids),
         ("fillers", join.fillers),

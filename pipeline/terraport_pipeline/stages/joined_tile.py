@@ -6,29 +6,24 @@ Memory: about 200 bytes per face of the tile.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.clip import Clip, clip_with_sources
 from terraport_pipeline.geometry.edges import EdgeRule
 from terraport_pipeline.geometry.tile_plan import Lattice
 from terraport_pipeline.geometry.trim import compact
 from terraport_pipeline.geometry.vertex_normals import normal_sums, unit_normals
-from terraport_pipeline.model import Float32, Float64, Int32
-from terraport_pipeline.stages.join_tiles import Join, Look, Settled, Weak, cut_ids
+from terraport_pipeline.stages.join_tiles import Join, Look, Settled, TileArrays, Weak, cut_ids
 from terraport_pipeline.stages.solve_tile import TileTask
 from terraport_pipeline.tiles import vertex_box
 
 __all__ = ["finish", "look", "weak_places"]
-
-Int64 = npt.NDArray[np.int64]
-Arrays = Mapping[str, npt.NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,10 +36,10 @@ class _Welded:
     ids: Int64
     """(V,) -1 where a vertex is not shared."""
     ratio: Float32
-    in_wall: npt.NDArray[np.bool_]
+    in_wall: Bool
 
 
-def weak_places(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Weak:
+def weak_places(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> Weak:
     """Find the connected weak places of a tile and how weak they get."""
     welded = _weld(task, tile, arrays, join)
     rows, label = _weak(welded, join.rule)
@@ -55,7 +50,7 @@ def weak_places(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Weak:
     return Weak(farthest, touch)
 
 
-def look(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Look:
+def look(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> Look:
     """Look at a tile as it will be, but for its loose pieces and shared normals."""
     welded = _weld(task, tile, arrays, join)
     cut = _cut(welded, join.rule, join.forgiven[tile])
@@ -70,7 +65,7 @@ def look(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Look:
 
 
 def finish(
-    task: TileTask, tile: int, arrays: Arrays, join: Join, settled: Settled
+    task: TileTask, tile: int, arrays: TileArrays, join: Join, settled: Settled
 ) -> tuple[dict[str, npt.NDArray[np.generic]], Float64]:
     """Make a tile as it will be: arrays of :class:`~terraport_pipeline.tiles.StoredTiles`, box.
 
@@ -128,7 +123,7 @@ def _between(values: Float64, cut: Clip) -> Float64:
     return found
 
 
-def _weld(task: TileTask, tile: int, arrays: Arrays, join: Join) -> _Welded:
+def _weld(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> _Welded:
     own = arrays["vertices"]
     rows, ids = join.rows[tile], join.ids[tile]
     guests = len(ids) - len(rows)
@@ -171,7 +166,7 @@ def _weak(welded: _Welded, rule: EdgeRule) -> tuple[Int64, Int64]:
     return rows, _renumbered(label)
 
 
-def _cut(welded: _Welded, rule: EdgeRule, forgiven: npt.NDArray[np.bool_]) -> Clip:
+def _cut(welded: _Welded, rule: EdgeRule, forgiven: Bool) -> Clip:
     """Cut along the end of support and footprint; as geometry/edges.py, decided for the whole."""
     rows, label = _weak(welded, rule)
     limit = np.full(len(welded.ratio), rule.threshold, dtype=np.float32)
@@ -197,7 +192,7 @@ def _pieces(faces: Int32, vertex_count: int) -> tuple[Int64, Int64]:
     return piece, np.bincount(piece).astype(np.int64)
 
 
-def _renumbered(labels: npt.NDArray[np.integer]) -> Int64:
+def _renumbered(labels: AnyInt) -> Int64:
     """Make labels 0, 1, 2, ... in order of their first occurrence: SciPy promises no order."""
     _, first, which = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.geometry.outliers import mean_distances, usual_distance
 from terraport_pipeline.geometry.spacing import areal_from_radius, nearest_neighbours
-from terraport_pipeline.model import Cloud, Float32, Float64, to_crs
+from terraport_pipeline.model import Cloud, to_crs
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 
 __all__ = ["NAME", "run"]
@@ -36,8 +36,6 @@ _PER_WINDOW: Final = 1000
 """Samples measured per window at most, so that dense places do not count more."""
 
 _BLOCK_ROWS: Final = 1_000_000
-
-Int64 = npt.NDArray[np.int64]
 
 
 def run(points_file: Path, thinned: Cloud, neighbours: int, context: Context) -> Stored:

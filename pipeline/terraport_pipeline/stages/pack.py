@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import (
     AttributeScale,
@@ -27,10 +26,11 @@ from terraport_payload import (
     gltf_attribute_name,
     snap,
 )
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.uv import split_wedges
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.region_ids import NewSurface, number_regions
 from terraport_pipeline.stages.contract import Context, Facts, Json
@@ -247,7 +247,7 @@ def _segment_makers(
     starts = np.searchsorted(segments[order], np.arange(count + 1))
     region_count = int(regions.max()) + 1
 
-    def make(segment: int, chosen: npt.NDArray[np.int64]) -> SegmentMesh:
+    def make(segment: int, chosen: Int64) -> SegmentMesh:
         keys = detail.faces[chosen].astype(np.int64) * region_count + regions[chosen, None]
         unique, corner = np.unique(keys, return_inverse=True)
         faces = corner.reshape(-1, 3)
@@ -272,7 +272,7 @@ def _segment_makers(
         yield partial(make, segment, order[begin:end])
 
 
-def kept_faces(base: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
+def kept_faces(base: Mesh, kept: Bool) -> Mesh:
     """Keep some faces in their order, and the vertices that they use."""
     faces = base.faces[kept]
     used, corner = np.unique(faces, return_inverse=True)
@@ -350,7 +350,7 @@ def _attribute_infos(
 
 
 def _range(values: Float32) -> tuple[float | None, float | None]:
-    known: npt.NDArray[np.float32] = values[~np.isnan(values)]
+    known: Float32 = values[~np.isnan(values)]
     return (float(known.min()), float(known.max())) if len(known) else (None, None)
 
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.npy_columns import NpyReader, NpyWriter
 from terraport_pipeline.geometry.tile_plan import Lattice, TilePlan
-from terraport_pipeline.model import Float64
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.solve_tile import sample_type
 
@@ -24,7 +23,6 @@ __all__ = ["BLOCK_CELLS", "NAME", "count_blocks", "run", "samples_name"]
 
 NAME: Final = "partition"
 
-Int64 = npt.NDArray[np.int64]
 
 _BLOCK_ROWS: Final = 500_000
 """Samples in memory at once: about 100 MB with what is computed of them."""
@@ -116,7 +114,7 @@ def run(
     writers = [NpyWriter(folder / f"{samples_name(t)}.npy", dtype) for t in range(plan.count)]
     context.progress.start("tiles: samples", float(len(points)), "points")
     for first, block in points.blocks(_BLOCK_ROWS):
-        rows: npt.NDArray[Any] = np.zeros(len(block), dtype=dtype)
+        rows: AnyArray = np.zeros(len(block), dtype=dtype)
         last = first + len(block)
         rows["position"] = block
         if colours is not None:

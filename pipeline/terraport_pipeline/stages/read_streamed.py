@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Bool, Float64
 from terraport_pipeline.engines.npy_columns import NpyReader, NpyWriter
 from terraport_pipeline.engines.raw_survey import (
     StreamPart,
@@ -26,7 +27,6 @@ from terraport_pipeline.engines.raw_survey import (
 from terraport_pipeline.engines.survey_crs import metre_factors
 from terraport_pipeline.engines.survey_stream import SurveyStream, open_stream
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.model import Float64
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.read import MAX_SPAN_M, find_format
 
@@ -50,7 +50,7 @@ class _Column:
     whole: bool = True
     """Finite whole numbers only."""
 
-    def look(self, values: npt.NDArray[Any]) -> None:
+    def look(self, values: AnyArray) -> None:
         if not len(values):
             return
         if self.first is None:
@@ -75,7 +75,7 @@ class _Points:
     read: int = 0
     low: Float64 = field(default_factory=lambda: np.full(3, np.inf))
     high: Float64 = field(default_factory=lambda: np.full(3, -np.inf))
-    single: npt.NDArray[np.bool_] = field(default_factory=lambda: np.ones(3, dtype=bool))
+    single: Bool = field(default_factory=lambda: np.ones(3, dtype=bool))
 
     def look(self, points: Float64) -> None:
         if len(points):
@@ -154,15 +154,15 @@ _COLOURS: Final = "\0colours"
 """Name of the three colour columns as one: no field can be called so."""
 
 
-def _columns_of(part: StreamPart, stream: SurveyStream) -> dict[str, npt.NDArray[Any]]:
+def _columns_of(part: StreamPart, stream: SurveyStream) -> dict[str, AnyArray]:
     """Take the colours together; give each part of a vector field its own name."""
-    out: dict[str, npt.NDArray[Any]] = {}
+    out: dict[str, AnyArray] = {}
     has_colour = bool(stream.colours) and all(name in part.columns for name in stream.colours)
     if has_colour:
         parts = [part.columns[name] for name in stream.colours]
         wide = parts[0] if len(parts) == 1 else np.stack(parts, axis=1)
         if wide.dtype.kind == "f":
-            valid = np.isfinite(wide).all(axis=1)
+            valid: Bool = np.all(np.isfinite(wide), axis=1)
             wide = np.where(valid[:, None], wide, wide.dtype.type(0))
         out[_COLOURS] = wide
     for name, values in part.columns.items():

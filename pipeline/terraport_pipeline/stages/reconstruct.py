@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_payload.order import order_for_cache
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_detail
@@ -26,7 +27,7 @@ from terraport_pipeline.geometry.chunks import side_by_side
 from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.geometry.trim import close_small_gaps, compact, near_mask
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import ESTIMATE_UNIT
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored

@@ -8,6 +8,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from terraport_payload.types import Float64, Int32
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
@@ -21,7 +22,7 @@ from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
 from terraport_pipeline.geometry.segmenter import Segmenter, SegmenterMesh, TriangleSegmenter
 from terraport_pipeline.geometry.shape_index import shape_index
 from terraport_pipeline.geometry.triangle_pool import FINE_POOLS, REGION_POOLS
-from terraport_pipeline.model import Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 
 __all__ = [
     "ENGINES",

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Int32, UInt32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.chunks import side_by_side
@@ -19,7 +19,6 @@ from terraport_pipeline.geometry.region_facts import region_facts
 from terraport_pipeline.geometry.segment_shapes import segment_shapes
 from terraport_pipeline.geometry.segmenter import Segmentation
 from terraport_pipeline.geometry.segments import SegmentOptions, Segments, build_segments
-from terraport_pipeline.model import Float32, Int32
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
 from terraport_pipeline.stages.region_engine import (
@@ -42,7 +41,6 @@ __all__ = [
 
 NAME: Final = "segment"
 
-UInt32 = npt.NDArray[np.uint32]
 
 MAX_REGIONS: Final = 65535
 """Feature ids travel as 16-bit numbers."""
@@ -112,7 +110,7 @@ class Segmented:
     """(F,) region of every detail face, 0 to R - 1."""
     segments: Int32
     """(F,) segment of every detail face, numbered along a Morton curve."""
-    base_kept: npt.NDArray[np.bool_]
+    base_kept: Bool
     """(B,) base faces with detail over them. The others reach beyond the surface that there is and
     are not published: never hidden, they would stand as a fringe around loaded detail."""
     cover_offsets: UInt32
@@ -234,7 +232,7 @@ def _cut_and_cover(
     pairs: tuple[Int32, Int32],
     options: Options,
     context: Context,
-) -> tuple[Segments, dict[str, list[float]], BaseCover, npt.NDArray[np.bool_], float]:
+) -> tuple[Segments, dict[str, list[float]], BaseCover, Bool, float]:
     """Cut the segments and find what they cover of the base."""
     detail, base, progress = reconstructed.detail, reconstructed.base, context.progress
     mesh = (detail.vertices, detail.faces)

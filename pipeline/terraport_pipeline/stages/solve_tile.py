@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.geometry.carry import carry_values
 from terraport_pipeline.geometry.footprint import Occupancy
@@ -29,7 +30,6 @@ from terraport_pipeline.geometry.support import BINS, support_histogram, support
 from terraport_pipeline.geometry.tile_plan import REACH_CELLS
 from terraport_pipeline.geometry.tile_weld import TileBorder
 from terraport_pipeline.geometry.trim import compact
-from terraport_pipeline.model import Float32, Float64, Int32
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 
@@ -41,8 +41,6 @@ SNAP_CELLS: Final = 2e-3
 """Vertices this near to a wall lie in it: the solver computes in 32 bits."""
 
 GREY: Final = 160
-
-Samples = npt.NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +102,7 @@ def sample_type(attributes: list[tuple[str, str]], *, has_colour: bool) -> np.dt
     return np.dtype(fields)
 
 
-def run(task: TileTask, samples: Samples, context: Context) -> Stored:
+def run(task: TileTask, samples: AnyArray, context: Context) -> Stored:
     """Reconstruct one tile.
 
     Parameters
@@ -221,8 +219,8 @@ def border_of(task: TileTask, vertices: Float32, faces: Int32, ratio: Float32) -
 
 
 def _clean(
-    task: TileTask, samples: Samples, counts: dict[str, Json], context: Context
-) -> tuple[Float32, Float32, Float32, npt.NDArray[np.int64]] | None:
+    task: TileTask, samples: AnyArray, counts: dict[str, Json], context: Context
+) -> tuple[Float32, Float32, Float32, Int64] | None:
     """Drop copies and outliers, estimate normals: (points, normals, local spacing, rows)."""
     stays = np.flatnonzero(~duplicate_mask(np.ascontiguousarray(samples["position"])))
     counts["duplicates"] = len(samples) - len(stays)
@@ -261,9 +259,7 @@ def _clean(
     return points, normals, local_m, stays
 
 
-def _occupied(
-    task: TileTask, points: Float32, local_m: Float32
-) -> tuple[npt.NDArray[np.int64], Float32]:
+def _occupied(task: TileTask, points: Float32, local_m: Float32) -> tuple[Int64, Float32]:
     """Cells of the scene's raster that samples of the core lie in, and their spacing there."""
     half_m = 0.5 * task.core_cells * task.cell_m
     own = ((points >= -half_m) & (points < half_m)).all(axis=1)
@@ -322,11 +318,11 @@ def _cut(task: TileTask, vertices: Float32, faces: Int32) -> tuple[Float32, Int3
 def _carry(
     task: TileTask,
     tree: cKDTree,
-    samples: Samples,
-    rows: npt.NDArray[np.int64],
+    samples: AnyArray,
+    rows: Int64,
     vertices: Float32,
     context: Context,
-) -> tuple[npt.NDArray[np.uint8], dict[str, Float32]]:
+) -> tuple[UInt8, dict[str, Float32]]:
     colours = np.full((len(rows), 3), GREY, dtype=np.uint8)
     if task.has_colour:
         colours = samples["colour"][rows]

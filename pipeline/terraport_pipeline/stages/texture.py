@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Bool, Float32, Int32
 from terraport_pipeline.engines.images import MEDIA_TYPES, ImageFormat
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
@@ -23,7 +23,7 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import choose_views as choosing
@@ -53,8 +53,6 @@ __all__ = [
 
 NAME: Final = "texture"
 
-UInt16 = npt.NDArray[np.uint16]
-Int64 = npt.NDArray[np.int64]
 
 _SIDES: Final = (256, 512, 1024, 2048, 4096)
 
@@ -303,7 +301,7 @@ def texture_mesh(
     offsets, sides = [0], []
     progress.start(label, float(count), "segments")
 
-    def make(faces: npt.NDArray[np.integer]) -> MadeAtlas:
+    def make(faces: AnyInt) -> MadeAtlas:
         return maker.make(faces, max_side=max_side)
 
     with path.open("wb") as file:
@@ -376,6 +374,6 @@ def _choose(
     )  # fmt: skip
 
 
-def faces_only(mesh: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
+def faces_only(mesh: Mesh, kept: Bool) -> Mesh:
     """Keep some faces, and all vertices."""
     return Mesh(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.colours, mesh.attributes)

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import Texture
-from terraport_pipeline.model import Float32, Int32, UInt8
+from terraport_payload.types import AnyInt, Float32, Int32, Int64, UInt8, UInt16
 from terraport_pipeline.stages.contract import Facts
 from terraport_store.manifest import TextureInfo
 
 __all__ = ["Source", "TextureSet", "Textured", "texture_info"]
 
-UInt16 = npt.NDArray[np.uint16]
-Int64 = npt.NDArray[np.int64]
 
 Source = Literal["photos", "vertex"]
 
@@ -38,7 +35,7 @@ class TextureSet:
         """Take one piece's image."""
         return Texture.of(self.images[self.offsets[piece] : self.offsets[piece + 1]].tobytes())
 
-    def uvs(self, faces: npt.NDArray[np.integer] | slice, piece: int) -> Float32:
+    def uvs(self, faces: AnyInt | slice, piece: int) -> Float32:
         """Coordinates of the corners of some faces of one piece, (K, 3, 2) in 0..1, exact."""
         sides: Float32 = self.sides[piece].astype(np.float32)
         return self.wedges[faces].astype(np.float32) / (np.float32(2.0) * sides)

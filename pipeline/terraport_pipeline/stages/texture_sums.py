@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64
+from terraport_payload.types import AnyArray, AnyInt, Float32, Float64
 from terraport_pipeline.stages.atlas_maker import MadeAtlas
 
 __all__ = ["TextureSums", "TextureTally"]
@@ -34,7 +33,7 @@ class TextureTally:
     crowded_m2: float
     """Surface of flat colours, for want of room."""
 
-    def arrays(self) -> dict[str, npt.NDArray[np.float64]]:
+    def arrays(self) -> dict[str, Float64]:
         """Give arrays to store."""
         return {
             "tally_texel": self.texel_m2,
@@ -43,7 +42,7 @@ class TextureTally:
         }
 
     @classmethod
-    def total(cls, parts: Iterable[Mapping[str, npt.NDArray[Any]]]) -> TextureTally:
+    def total(cls, parts: Iterable[Mapping[str, AnyArray]]) -> TextureTally:
         """Add up the arrays of several."""
         texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), np.zeros(2)
         for part in parts:
@@ -75,7 +74,7 @@ class TextureSums:
         self.charts = 0
         self.used = 0.0
 
-    def add(self, faces: npt.NDArray[np.integer], made: MadeAtlas) -> None:
+    def add(self, faces: AnyInt, made: MadeAtlas) -> None:
         """Add one piece's faces."""
         self.surface_m2[faces] = made.surface_m2
         self.texel_m[faces] = np.sqrt(made.surface_m2 / np.maximum(made.texels, 1e-12))
@@ -96,7 +95,7 @@ class TextureSums:
             float(self.surface_m2[self.crowded].sum(dtype=np.float64)),
         )
 
-    def facts(self, sides: npt.NDArray[np.integer], image_bytes: int) -> dict[str, Any]:
+    def facts(self, sides: AnyInt, image_bytes: int) -> dict[str, Any]:
         """Tell of all; *sides* is (S, 2)."""
         seen, drawn = ~np.isnan(self.gsd_m), ~self.flat
         area = float(self.surface_m2.sum(dtype=np.float64))

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_payload.order import order_for_cache
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_block, thin_detail
@@ -26,7 +27,7 @@ from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.geometry.face_blocks import weld
 from terraport_pipeline.geometry.trim import compact, island_mask
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options, trim_base

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32, UInt32
 from terraport_pipeline.geometry.curve import morton_codes
 from terraport_pipeline.geometry.region_facts import add_borders
 from terraport_pipeline.geometry.region_totals import (
@@ -24,7 +24,7 @@ from terraport_pipeline.geometry.region_totals import (
 from terraport_pipeline.geometry.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.tiled_cover import unite_covers
 from terraport_pipeline.geometry.tiled_means import JoinedRegions
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Facts, Json, Stored
 from terraport_pipeline.stages.segment import Options
 from terraport_pipeline.stages.tiled_segment import TiledScene, totals_of
@@ -32,8 +32,6 @@ from terraport_pipeline.stages.tiled_segment import TiledScene, totals_of
 __all__ = ["NAME", "TiledSegmented", "join", "restore", "store"]
 
 NAME: Final = "segment"
-
-UInt32 = npt.NDArray[np.uint32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class TiledSegmented:
     """(S,) regions in the segment."""
     bounds: Float32
     """(S, 6) each segment's box: minimum x, y, z, maximum x, y, z; metres, scene frame."""
-    base_kept: npt.NDArray[np.bool_]
+    base_kept: Bool
     """(B,) base faces with detail over them; the others are not published."""
     cover_offsets: UInt32
     """(K + 1,) CSR rows, one per base face that is kept."""
@@ -225,5 +223,5 @@ def _warnings(scene: TiledScene, joined: JoinedRegions, baseless: int) -> Iterat
         )
 
 
-def _quantiles(values: npt.NDArray[Any] | Float64, digits: int) -> list[float]:
+def _quantiles(values: AnyArray | Float64, digits: int) -> list[float]:
     return [round(float(value), digits) for value in np.quantile(values, QUANTILES)]

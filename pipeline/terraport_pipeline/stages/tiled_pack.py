@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import (
     AttributeScale,
@@ -23,7 +22,8 @@ from terraport_payload import (
     encode_glb,
     gltf_attribute_name,
 )
-from terraport_pipeline.model import Int32, Mesh
+from terraport_payload.types import AnyArray, Int32, Int64
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.region_ids import Surface, number_regions
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.pack import (
@@ -137,7 +137,7 @@ def encode(
             context.threads,
         )
     )
-    arrays: dict[str, npt.NDArray[Any]] = {
+    arrays: dict[str, AnyArray] = {
         "bounds": np.array([payload.bounds for payload in made], np.float64),
         "vertices": np.array([payload.vertices for payload in made], np.int64),
         "faces": np.array([payload.faces for payload in made], np.int64),
@@ -249,7 +249,7 @@ def publish(
 
 def _by_number(segmented: TiledSegmented, payloads: PayloadFiles) -> Iterator[Payload]:
     """Read every payload in the order of the scene's segments."""
-    opened: dict[int, tuple[Stored, npt.NDArray[np.int64]]] = {}
+    opened: dict[int, tuple[Stored, Int64]] = {}
     for tile, within in zip(segmented.tile.tolist(), segmented.within.tolist(), strict=True):
         if tile not in opened:
             stored = payloads(tile)

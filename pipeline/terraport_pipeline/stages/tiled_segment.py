@@ -19,8 +19,8 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float32, Float64, Int32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.face_measures import extent_of_area, longest_edge, surface_area
@@ -39,7 +39,7 @@ from terraport_pipeline.geometry.tiled_means import (
     join_tiles,
     tile_units,
 )
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Stored
 from terraport_pipeline.stages.region_engine import means_segmenter
 from terraport_pipeline.stages.segment import MAX_REGIONS, Options
@@ -362,7 +362,7 @@ def cut(
         tolerance_m=tolerance_m,
         threads=threads,
     )
-    arrays: dict[str, npt.NDArray[Any]] = {
+    arrays: dict[str, AnyArray] = {
         "segments": found.labels,
         "face_counts": found.face_counts,
         "bounds": found.bounds,
@@ -386,7 +386,7 @@ def cut(
     )
 
 
-def totals_of(arrays: Mapping[str, npt.NDArray[Any]]) -> RegionTotals:
+def totals_of(arrays: Mapping[str, AnyArray]) -> RegionTotals:
     """Read a tile's sums back."""
     return RegionTotals(
         **{f.name: np.asarray(arrays[f"totals_{f.name}"]) for f in fields(RegionTotals)}

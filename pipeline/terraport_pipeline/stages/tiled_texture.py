@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.level_sums import (
@@ -38,7 +38,7 @@ from terraport_pipeline.geometry.seams import Nodes, Seams, find_seams, label_no
 from terraport_pipeline.geometry.tile_band import Banded
 from terraport_pipeline.geometry.view_candidates import Candidates
 from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import choose_views as choosing
 from terraport_pipeline.stages.contract import Context, Stored
 from terraport_pipeline.stages.texture import Options, texture_mesh
@@ -73,7 +73,7 @@ _BINS_PER_LEVEL: Final = 4
 class Levels:
     """The smooth corrections of a whole scene; C cells."""
 
-    keys: npt.NDArray[np.int64]
+    keys: Int64
     """(C,) place and view."""
     level: Float64
     """(C, 3) sRGB levels."""
@@ -87,7 +87,7 @@ class _Settled:
     candidates: Candidates
     nodes: Nodes
     seams: Seams
-    own_sides: npt.NDArray[np.uint8]
+    own_sides: UInt8
     """(S,) how many of the two faces at every seam are the tile's own."""
     border_pairs: tuple[int, int]
     """Edges between two of the tile's own faces, and between one and a neighbour's."""
@@ -96,7 +96,7 @@ class _Settled:
 def _settled(
     tiles: DetailTiles,
     tile: int,
-    chosen: Sequence[Mapping[str, npt.NDArray[Any]]],
+    chosen: Sequence[Mapping[str, AnyArray]],
     gains: Float32,
     scale: TextureScale,
     context: Context,
@@ -114,7 +114,7 @@ def _settled(
     """
     piece = banded(tiles, tile, _BAND_EDGES * scale.edge_m)
 
-    def rows(name: str) -> npt.NDArray[Any]:
+    def rows(name: str) -> AnyArray:
         return np.concatenate([chosen[number][name][rows] for number, rows in piece.parts])
 
     view = rows("view").astype(np.int32)
@@ -136,7 +136,7 @@ def _settled(
 def level(
     tiles: DetailTiles,
     tile: int,
-    chosen: Sequence[Mapping[str, npt.NDArray[Any]]],
+    chosen: Sequence[Mapping[str, AnyArray]],
     gains: Float32,
     scale: TextureScale,
     context: Context,
@@ -154,7 +154,7 @@ def level(
     return Stored({field.name: getattr(short, field.name) for field in fields(LevelSums)}, {})
 
 
-def solve(parts: Sequence[Mapping[str, npt.NDArray[Any]]]) -> Levels:
+def solve(parts: Sequence[Mapping[str, AnyArray]]) -> Levels:
     """Level the whole scene; parts from :func:`level`."""
     sums = joined_sums(
         [
@@ -170,7 +170,7 @@ def draw(
     tiles: DetailTiles,
     tile: int,
     segments: Int32,
-    chosen: Sequence[Mapping[str, npt.NDArray[Any]]],
+    chosen: Sequence[Mapping[str, AnyArray]],
     levels: Levels,
     opened: OpenPhotos,
     gains: Float32,
@@ -224,7 +224,7 @@ def draw_plain(
     return _drawn(mesh, tile, segments, None, None, options, context, {})
 
 
-def tile_textures(arrays: Mapping[str, npt.NDArray[Any]]) -> TextureSet:
+def tile_textures(arrays: Mapping[str, AnyArray]) -> TextureSet:
     """Read a tile's textures back; arrays may be mapped."""
     return TextureSet(
         wedges=np.asarray(arrays["wedges"], np.uint16),
@@ -242,7 +242,7 @@ def _drawn(
     choice: ViewChoice | None,
     options: Options,
     context: Context,
-    steps: dict[str, npt.NDArray[Any]],
+    steps: dict[str, AnyArray],
 ) -> Stored:
     made = texture_mesh(
         mesh, segments, () if opened is None else opened.views,
@@ -265,7 +265,7 @@ def _drawn(
     )
 
 
-def _step_sums(found: _Settled, smooth: Float32, blend: Blend) -> dict[str, npt.NDArray[Any]]:
+def _step_sums(found: _Settled, smooth: Float32, blend: Blend) -> dict[str, AnyArray]:
     """Sum up the steps across seams, within the tile and across its border.
 
     Two rows everywhere: within, across (half of it: the tile beyond has the other half).
@@ -275,7 +275,7 @@ def _step_sums(found: _Settled, smooth: Float32, blend: Blend) -> dict[str, npt.
     seams = found.seams
     share = 0.5 * found.own_sides
     rows = [found.own_sides == 2, found.own_sides == 1]
-    arrays: dict[str, npt.NDArray[Any]] = {
+    arrays: dict[str, AnyArray] = {
         "steps_edges": np.array(
             [
                 [count * half, float(row.sum()) * half]

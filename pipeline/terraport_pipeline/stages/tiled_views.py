@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Float64
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.face_cells import CellGrid
@@ -27,7 +28,7 @@ from terraport_pipeline.geometry.tile_band import (
     touching,
     with_band,
 )
-from terraport_pipeline.model import Float32, Float64, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import choose_views as choosing
 from terraport_pipeline.stages.contract import Context, Stored
 from terraport_pipeline.stages.tiled_segment import TiledScene

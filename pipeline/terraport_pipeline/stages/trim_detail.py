@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.geometry.border import BorderFacts, measure_border
 from terraport_pipeline.geometry.chunks import side_by_side
@@ -23,7 +24,6 @@ from terraport_pipeline.geometry.support import (
     support_threshold,
 )
 from terraport_pipeline.geometry.trim import compact, island_mask
-from terraport_pipeline.model import Float32, Int32
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Json
 

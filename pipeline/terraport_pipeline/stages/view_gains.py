@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float32
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
@@ -19,7 +20,7 @@ from terraport_pipeline.geometry.occlusion import Occluder
 from terraport_pipeline.geometry.photo_gains import MAX_VIEWS, Sightings, solve_gains
 from terraport_pipeline.geometry.photo_samples import neutral_gains
 from terraport_pipeline.geometry.view_candidates import SLOTS, face_radii
-from terraport_pipeline.model import Float32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages.choose_views import Options, Photos, collect
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 
 __all__ = ["FIELDS", "develop_rows", "fields_at"]
 

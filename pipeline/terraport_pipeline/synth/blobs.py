@@ -10,13 +10,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Bool, Float64, Int64
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
-from terraport_pipeline.synth.triangulate import Int64
 
 __all__ = ["BUSH", "ROCK", "TREE", "Blobs"]
 
@@ -85,12 +83,12 @@ class Blobs:
         result: Float64 = local / np.linalg.norm(local, axis=1, keepdims=True)
         return result
 
-    def contain(self, points: Float64, body: Int64) -> npt.NDArray[np.bool_]:
+    def contain(self, points: Float64, body: Int64) -> Bool:
         """Say for each point (N, 3) whether it lies inside the body (N,) named for it."""
         local = (points - self.centres[body]) / self.radii[body]
         distance = np.linalg.norm(local, axis=1)
         unit = local / np.maximum(distance, 1e-9)[:, None]
-        result: npt.NDArray[np.bool_] = distance < self.reach(body, unit)
+        result: Bool = distance < self.reach(body, unit)
         return result
 
     def _plane_distances(self, body: Int64, directions: Float64) -> Float64:

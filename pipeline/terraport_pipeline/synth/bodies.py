@@ -11,15 +11,13 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import Float64, Int32, Int64
 from terraport_pipeline.synth.triangulate import icosphere
 
 __all__ = ["BODIES", "block", "gear", "sphere", "stairs", "torus"]
 
 Body = tuple[Float64, Int32]
-_Int64 = npt.NDArray[np.int64]
 
 _ROUND: Final = 192
 """Corners of a circle."""
@@ -100,7 +98,7 @@ def _extruded(outer: Float64, hole_radius: float, *, height: float) -> Body:
             rings.append(ring)
     low_out, high_out, low_in, high_in = (np.arange(n, dtype=np.int64) + k * n for k in range(4))
 
-    def strip(first: _Int64, second: _Int64) -> _Int64:
+    def strip(first: Int64, second: Int64) -> Int64:
         """Quads from one ring to the next: outward where `first` is below and angles grow left."""
         turn = np.roll(np.arange(n), -1)
         a, b, c, d = first, first[turn], second[turn], second

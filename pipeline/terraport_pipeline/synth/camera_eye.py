@@ -15,18 +15,16 @@ from os import cpu_count
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.engines.rays import Hits, RayScene
 from terraport_pipeline.geometry.lens import Lens, View
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 from terraport_pipeline.synth._photo_kernels import FIELDS, fields_at
 from terraport_pipeline.synth.appearance import SUN, Sunlight, lit_colours
 from terraport_pipeline.synth.blobs import ROCK, TREE
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import GROUND, Surface, SurfacePoints, ground_material
-from terraport_pipeline.synth.triangulate import Int64
 from terraport_pipeline.synth.truck import REACH, Truck
 
 __all__ = ["NOTHING", "TRUCK", "TRUCK_SHADOW", "CameraEye", "Seen"]
@@ -331,9 +329,7 @@ def _vertex_table(surface: Surface, body: Int64, parameters: Float64) -> Float32
     return table
 
 
-def _outline(
-    what: UInt8, body: Int32, distance: Float32, height: int, width: int
-) -> npt.NDArray[np.bool_]:
+def _outline(what: UInt8, body: Int32, distance: Float32, height: int, width: int) -> Bool:
     """Mark pixels that differ from a neighbour, (H * W,)."""
     edge = np.zeros((height, width), dtype=bool)
     kind, thing = what.reshape(height, width), body.reshape(height, width)

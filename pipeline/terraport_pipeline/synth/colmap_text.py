@@ -10,7 +10,7 @@ COLMAP documentation, "Output format", https://colmap.github.io/format.html
 
 from __future__ import annotations
 
-from terraport_pipeline.model import Float64, UInt8
+from terraport_payload.types import Float64, UInt8
 
 __all__ = ["offset_text", "points_text"]
 

@@ -32,8 +32,8 @@ import laspy
 import numpy as np
 from pyproj import CRS
 
+from terraport_payload.types import Float32, UInt8
 from terraport_pipeline.errors import OptionError, ResourceError
-from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.options import QuarryOptions

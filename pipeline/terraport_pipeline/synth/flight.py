@@ -15,9 +15,9 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.lens import Lens, View
-from terraport_pipeline.model import Float64
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 

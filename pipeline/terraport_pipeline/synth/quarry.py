@@ -14,19 +14,18 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from pyproj import CRS
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.model import Crs, Float32, Float64, Int32, Survey, UInt8
+from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth.appearance import Sunlight, grade, photographed
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface, SurfacePoints
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
-from terraport_pipeline.synth.triangulate import Int64
 
 __all__ = ["CHUNK_POINTS", "POINT_STEP_M", "Quarry", "QuarryChunk", "QuarryMaker", "synthesise"]
 
@@ -76,7 +75,7 @@ class Quarry:
         """Name of every label that may occur."""
         return {int(material): material.name.lower() for material in Material}
 
-    def surface_mesh(self, max_edge_m: float) -> tuple[Float64, npt.NDArray[np.int64]]:
+    def surface_mesh(self, max_edge_m: float) -> tuple[Float64, Int64]:
         """Triangulate the true surface.
 
         Parameters
@@ -222,7 +221,7 @@ class QuarryMaker:
         radius = rng.uniform(2.5, 6.0, (self.options.holes, 1))
         return np.concatenate([centre, radius], axis=1)
 
-    def _in_hole(self, positions: Float64) -> npt.NDArray[np.bool_]:
+    def _in_hole(self, positions: Float64) -> Bool:
         inside = np.zeros(len(positions), dtype=bool)
         for x, y, radius in self._holes:
             inside |= np.hypot(positions[:, 0] - x, positions[:, 1] - y) < radius

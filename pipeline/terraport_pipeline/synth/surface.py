@@ -12,17 +12,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from terraport_pipeline.model import Float64, UInt8
+from terraport_payload.types import Bool, Float64, Int64, UInt8
 from terraport_pipeline.synth.blobs import BUSH, ROCK, Blobs
 from terraport_pipeline.synth.materials import PILE_MATERIALS, Material
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.targets import place_targets
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
-from terraport_pipeline.synth.triangulate import Int64, grid_triangles, icosphere, refine
+from terraport_pipeline.synth.triangulate import grid_triangles, icosphere, refine
 
 __all__ = ["GROUND", "Surface", "SurfacePoints", "ground_material"]
 
@@ -54,7 +53,7 @@ class SurfacePoints:
     """(N,) -1..1 across the road; 0 elsewhere."""
     inside: Float64
     """(N,) distance inside the pit's rim; 0 on bodies."""
-    hidden: npt.NDArray[np.bool_]
+    hidden: Bool
     """(N,) inside another body or below the ground."""
 
 
@@ -155,7 +154,7 @@ class Surface:
         self._corners = parameters[faces][order]
         self._near_body = self._find_near(self.triangle_middles)
 
-    def _find_near(self, middles: Float64) -> npt.NDArray[np.bool_]:
+    def _find_near(self, middles: Float64) -> Bool:
         """Say which triangles may touch a body (only there are points tested against bodies)."""
         if len(self.blobs.kind) == 0:
             self._tree = None
@@ -163,7 +162,7 @@ class Surface:
         self._tree = cKDTree(self.blobs.centres[:, :2])
         self._widest = float(self.blobs.radii.max()) * 1.5
         distance, _ = self._tree.query(middles[:, :2], distance_upper_bound=self._widest + 2.0)
-        near: npt.NDArray[np.bool_] = np.isfinite(distance)
+        near: Bool = np.isfinite(distance)
         return near
 
     def evaluate(self, triangle: Int64, fractions: Float64) -> SurfacePoints:
@@ -196,9 +195,7 @@ class Surface:
         """
         return self._evaluate(body, parameters, np.ones(len(body), dtype=bool))
 
-    def _evaluate(
-        self, body: Int64, parameters: Float64, near_body: npt.NDArray[np.bool_]
-    ) -> SurfacePoints:
+    def _evaluate(self, body: Int64, parameters: Float64, near_body: Bool) -> SurfacePoints:
         count = len(body)
         positions, normals = np.empty((count, 3)), np.empty((count, 3))
         material = np.empty(count, dtype=np.uint8)
@@ -224,9 +221,7 @@ class Surface:
         hidden[off] = positions[off, 2] < below
         return SurfacePoints(positions, normals, material, lane, inside, hidden)
 
-    def _inside_bodies(
-        self, positions: Float64, candidates: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.bool_]:
+    def _inside_bodies(self, positions: Float64, candidates: Bool) -> Bool:
         """Say which points lie inside one of the three nearest bodies."""
         inside = np.zeros(len(positions), dtype=bool)
         rows = np.flatnonzero(candidates)

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Float32, Float64
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.surface import GROUND, Surface
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
@@ -57,7 +56,7 @@ class Truck:
     scale: float
     """Metres per design metre."""
 
-    def to_local(self, vectors: npt.NDArray[np.floating]) -> Float64:
+    def to_local(self, vectors: AnyFloat) -> Float64:
         """Turn scene vectors (N, 3) into (forward, left, up), design metres."""
         c, s = np.cos(self.heading_rad), np.sin(self.heading_rad)
         x, y, z = np.asarray(vectors, dtype=np.float64).T / self.scale
@@ -74,7 +73,7 @@ class Truck:
         return result
 
     def intersect(
-        self, origins: npt.NDArray[np.floating], directions: npt.NDArray[np.floating]
+        self, origins: AnyFloat, directions: AnyFloat
     ) -> tuple[Float64, Float64, Float64]:
         """Meet rays.
 

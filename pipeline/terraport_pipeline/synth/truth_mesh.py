@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float32, Int32, UInt8
+from terraport_payload.types import Float32, Int32, UInt8
 from terraport_pipeline.synth.appearance import Sunlight, photographed
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface

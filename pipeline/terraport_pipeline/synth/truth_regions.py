@@ -18,14 +18,13 @@ from __future__ import annotations
 from typing import Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from terraport_payload.types import Float64, Int32
 from terraport_pipeline.geometry.adjacency import components
 from terraport_pipeline.geometry.colour import srgb_to_lab
 from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first
-from terraport_pipeline.model import Float64, Int32
 from terraport_pipeline.synth.appearance import material_colours
 from terraport_pipeline.synth.truth_mesh import TruthMesh
 
@@ -115,9 +114,7 @@ def _areas(mesh: TruthMesh) -> Float64:
     return areas
 
 
-def _borders(
-    pieces: Int32, pairs: Int32, length: npt.NDArray[np.float64]
-) -> dict[int, dict[int, float]]:
+def _borders(pieces: Int32, pairs: Int32, length: Float64) -> dict[int, dict[int, float]]:
     """Length of the common border of every two pieces that touch."""
     a, b = pieces[pairs[:, 0]], pieces[pairs[:, 1]]
     apart = a != b

@@ -8,8 +8,7 @@ namespace Terraport.Json
         /// <summary>Make one.</summary>
         /// <param name="message">What was found and what was expected.</param>
         /// <param name="offset">Byte at which reading stopped.</param>
-        public JsonException(string message, int offset)
-            : base(message + " (at byte " + offset + ")")
+        public JsonException(string message, int offset) : base(message + " (at byte " + offset + ")")
         {
             What = message;
             Offset = offset;

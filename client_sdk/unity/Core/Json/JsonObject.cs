@@ -22,22 +22,13 @@ namespace Terraport.Json
         }
 
         /// <summary>Number of members.</summary>
-        public int Count
-        {
-            get { return names.Length; }
-        }
+        public int Count => names.Length;
 
         /// <summary>Name of a member, by its place.</summary>
-        public string NameAt(int place)
-        {
-            return names[place];
-        }
+        public string NameAt(int place) { return names[place]; }
 
         /// <summary>Value of a member, by its place.</summary>
-        public JsonValue ValueAt(int place)
-        {
-            return values[place];
-        }
+        public JsonValue ValueAt(int place) { return values[place]; }
 
         /// <summary>Look a member up; false where there is none of that name. Takes time in proportion to the members.</summary>
         public bool TryGet(string name, out JsonValue value)

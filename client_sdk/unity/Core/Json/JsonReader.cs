@@ -18,10 +18,7 @@ namespace Terraport.Json
         private readonly JsonTape tape = new JsonTape();
         private readonly List<string> names = new List<string>();
 
-        private JsonReader(ArraySegment<byte> text, int maxValues)
-        {
-            tape.Read(text.Array, text.Offset, text.Count, maxValues);
-        }
+        private JsonReader(ArraySegment<byte> text, int maxValues) { tape.Read(text.Array, text.Offset, text.Count, maxValues); }
 
         /// <summary>Read exactly one value.</summary>
         /// <param name="text">The text as UTF-8.</param>

@@ -51,64 +51,31 @@ namespace Terraport.Json
         }
 
         /// <summary>Let go of the bytes.</summary>
-        internal void Release()
-        {
-            bytes = null;
-        }
+        internal void Release() { bytes = null; }
 
-        internal bool IsObject(int node)
-        {
-            return node >= 0 && nodes[node].Kind == JsonNodeKind.Object;
-        }
+        internal bool IsObject(int node) { return node >= 0 && nodes[node].Kind == JsonNodeKind.Object; }
 
-        internal bool IsList(int node)
-        {
-            return node >= 0 && nodes[node].Kind == JsonNodeKind.List;
-        }
+        internal bool IsList(int node) { return node >= 0 && nodes[node].Kind == JsonNodeKind.List; }
 
-        internal bool IsText(int node)
-        {
-            return node >= 0 && nodes[node].Kind == JsonNodeKind.Text;
-        }
+        internal bool IsText(int node) { return node >= 0 && nodes[node].Kind == JsonNodeKind.Text; }
 
-        internal bool IsNumber(int node)
-        {
-            return node >= 0 && nodes[node].Kind == JsonNodeKind.Number;
-        }
+        internal bool IsNumber(int node) { return node >= 0 && nodes[node].Kind == JsonNodeKind.Number; }
 
-        internal bool IsTrue(int node)
-        {
-            return KindOf(node) == JsonNodeKind.True;
-        }
+        internal bool IsTrue(int node) { return KindOf(node) == JsonNodeKind.True; }
 
-        internal JsonNodeKind KindOf(int node)
-        {
-            return node >= 0 ? nodes[node].Kind : JsonNodeKind.Null;
-        }
+        internal JsonNodeKind KindOf(int node) { return node >= 0 ? nodes[node].Kind : JsonNodeKind.Null; }
 
         /// <summary>Entries of a list, or keys of an object.</summary>
-        internal int CountOf(int node)
-        {
-            return nodes[node].Count;
-        }
+        internal int CountOf(int node) { return nodes[node].Count; }
 
         /// <summary>Byte of the array at which a container or a scalar starts.</summary>
-        internal int StartOf(int node)
-        {
-            return nodes[node].Start;
-        }
+        internal int StartOf(int node) { return nodes[node].Start; }
 
         /// <summary>First entry of a list, or first key of an object; only where there is one.</summary>
-        internal int FirstOf(int node)
-        {
-            return node + 1;
-        }
+        internal int FirstOf(int node) { return node + 1; }
 
         /// <summary>The node after this one and everything in it.</summary>
-        internal int After(int node)
-        {
-            return nodes[node].Next;
-        }
+        internal int After(int node) { return nodes[node].Next; }
 
         /// <summary>
         /// Value under a key; the last where it stands twice, as everywhere. <see cref="None"/> where it does not stand.
@@ -181,10 +148,7 @@ namespace Terraport.Json
         }
 
         /// <summary>A number in float64, correctly rounded; infinite beyond its range.</summary>
-        internal double NumberOf(int node)
-        {
-            return numbers.Get(bytes, nodes[node].Start, nodes[node].Length);
-        }
+        internal double NumberOf(int node) { return numbers.Get(bytes, nodes[node].Start, nodes[node].Length); }
 
         /// <summary>A number as <see cref="JsonReader"/> gives it: whole where it has neither fraction nor exponent.</summary>
         internal JsonValue WholeOrFloat(int node)
@@ -212,23 +176,15 @@ namespace Terraport.Json
             }
             switch (nodes[node].Kind)
             {
-                case JsonNodeKind.Object:
-                    return "an object";
-                case JsonNodeKind.List:
-                    return "a list";
-                case JsonNodeKind.Null:
-                    return "null";
-                case JsonNodeKind.Text:
-                    return "\"" + Shortened(TextOf(node)) + "\"";
-                default:
-                    return Shortened(Encoding.UTF8.GetString(bytes, nodes[node].Start, nodes[node].Length));
+                case JsonNodeKind.Object: return "an object";
+                case JsonNodeKind.List: return "a list";
+                case JsonNodeKind.Null: return "null";
+                case JsonNodeKind.Text: return "\"" + Shortened(TextOf(node)) + "\"";
+                default: return Shortened(Encoding.UTF8.GetString(bytes, nodes[node].Start, nodes[node].Length));
             }
         }
 
-        private static string Shortened(string text)
-        {
-            return text.Length <= 48 ? text : text.Substring(0, 48);
-        }
+        private static string Shortened(string text) { return text.Length <= 48 ? text : text.Substring(0, 48); }
 
         /// <summary>One value with everything in it, without recursion: hostile nesting must not use up a thread's stack.</summary>
         private void Parse()
@@ -308,21 +264,11 @@ namespace Terraport.Json
         {
             switch (first)
             {
-                case (byte)'"':
-                    ReadText();
-                    break;
-                case (byte)'t':
-                    ReadWord("true", JsonNodeKind.True);
-                    break;
-                case (byte)'f':
-                    ReadWord("false", JsonNodeKind.False);
-                    break;
-                case (byte)'n':
-                    ReadWord("null", JsonNodeKind.Null);
-                    break;
-                default:
-                    ReadNumber();
-                    break;
+                case (byte)'"': ReadText(); break;
+                case (byte)'t': ReadWord("true", JsonNodeKind.True); break;
+                case (byte)'f': ReadWord("false", JsonNodeKind.False); break;
+                case (byte)'n': ReadWord("null", JsonNodeKind.Null); break;
+                default: ReadNumber(); break;
             }
         }
 
@@ -404,10 +350,7 @@ namespace Terraport.Json
             }
         }
 
-        private bool IsAt(byte mark)
-        {
-            return at < end && bytes[at] == mark;
-        }
+        private bool IsAt(byte mark) { return at < end && bytes[at] == mark; }
 
         private byte Peek()
         {
@@ -418,9 +361,6 @@ namespace Terraport.Json
             return bytes[at];
         }
 
-        private JsonException Damaged(string what)
-        {
-            return new JsonException(what, at);
-        }
+        private JsonException Damaged(string what) { return new JsonException(what, at); }
     }
 }

@@ -20,34 +20,21 @@ namespace Terraport.Json
         }
 
         /// <summary>What it holds.</summary>
-        public JsonKind Kind
-        {
-            get { return kind; }
-        }
+        public JsonKind Kind => kind;
 
         /// <summary>Whether it is null, or stands for a member that is absent.</summary>
-        public bool IsNull
-        {
-            get { return kind == JsonKind.Null; }
-        }
+        public bool IsNull => kind == JsonKind.Null;
 
         /// <summary>The text; null where it is none.</summary>
-        public string Text
-        {
-            get { return kind == JsonKind.Text ? (string)reference : null; }
-        }
+        public string Text => kind == JsonKind.Text ? (string)reference : null;
 
         /// <summary>The members; null where it is no object.</summary>
-        public JsonObject Members
-        {
-            get { return kind == JsonKind.Object ? (JsonObject)reference : null; }
-        }
+        public JsonObject Members => kind == JsonKind.Object ? (JsonObject)reference : null;
 
         /// <summary>Number of items of a list, of members of an object, of bytes of binary; else 0.</summary>
         public int Count
         {
-            get
-            {
+            get {
                 switch (kind)
                 {
                     case JsonKind.List: return ((JsonValue[])reference).Length;
@@ -61,8 +48,7 @@ namespace Terraport.Json
         /// <summary>The bytes of binary, a view of what was read; empty where it is none.</summary>
         public ArraySegment<byte> Bytes
         {
-            get
-            {
+            get {
                 if (kind != JsonKind.Binary) return default(ArraySegment<byte>);
                 return new ArraySegment<byte>((byte[])reference, (int)(bits >> 32), (int)(bits & 0xffffffffL));
             }
@@ -138,16 +124,10 @@ namespace Terraport.Json
         }
 
         /// <summary>True or false as a value.</summary>
-        public static JsonValue OfFlag(bool flag)
-        {
-            return new JsonValue(JsonKind.Flag, flag ? 1 : 0, null);
-        }
+        public static JsonValue OfFlag(bool flag) { return new JsonValue(JsonKind.Flag, flag ? 1 : 0, null); }
 
         /// <summary>An integer as a value.</summary>
-        public static JsonValue OfInteger(long integer)
-        {
-            return new JsonValue(JsonKind.Integer, integer, null);
-        }
+        public static JsonValue OfInteger(long integer) { return new JsonValue(JsonKind.Integer, integer, null); }
 
         /// <summary>An integer beyond 64 bits, as the double nearest to it.</summary>
         public static JsonValue OfHugeInteger(double nearest)
@@ -162,22 +142,13 @@ namespace Terraport.Json
         }
 
         /// <summary>Text as a value; null gives null.</summary>
-        public static JsonValue OfText(string text)
-        {
-            return text == null ? default(JsonValue) : new JsonValue(JsonKind.Text, 0, text);
-        }
+        public static JsonValue OfText(string text) { return text == null ? default(JsonValue) : new JsonValue(JsonKind.Text, 0, text); }
 
         /// <summary>Items as a value; the array is kept, not copied.</summary>
-        public static JsonValue OfList(JsonValue[] items)
-        {
-            return new JsonValue(JsonKind.List, 0, items);
-        }
+        public static JsonValue OfList(JsonValue[] items) { return new JsonValue(JsonKind.List, 0, items); }
 
         /// <summary>Members as a value.</summary>
-        public static JsonValue OfObject(JsonObject members)
-        {
-            return new JsonValue(JsonKind.Object, 0, members);
-        }
+        public static JsonValue OfObject(JsonObject members) { return new JsonValue(JsonKind.Object, 0, members); }
 
         /// <summary>Bytes as a value; they are kept, not copied.</summary>
         public static JsonValue OfBinary(ArraySegment<byte> bytes)

@@ -73,10 +73,7 @@ namespace Terraport
         }
 
         /// <summary>Let go of the bytes.</summary>
-        internal void Release()
-        {
-            file = default(ArraySegment<byte>);
-        }
+        internal void Release() { file = default(ArraySegment<byte>); }
 
         /// <summary>Number of the field of that name (ASCII); -1 where there is none.</summary>
         internal int Find(string name)
@@ -117,15 +114,11 @@ namespace Terraport
             switch (type)
             {
                 case ElementType.Int8:
-                case ElementType.UInt8:
-                    return 1;
+                case ElementType.UInt8: return 1;
                 case ElementType.Int16:
-                case ElementType.UInt16:
-                    return 2;
-                case ElementType.UInt64:
-                    return 8;
-                default:
-                    return 4;
+                case ElementType.UInt16: return 2;
+                case ElementType.UInt64: return 8;
+                default: return 4;
             }
         }
 
@@ -224,25 +217,13 @@ namespace Terraport
             return true;
         }
 
-        private byte Byte(int at)
-        {
-            return file.Array[file.Offset + at];
-        }
+        private byte Byte(int at) { return file.Array[file.Offset + at]; }
 
-        private int Short(int at)
-        {
-            return Byte(at) | (Byte(at + 1) << 8);
-        }
+        private int Short(int at) { return Byte(at) | (Byte(at + 1) << 8); }
 
-        private uint Word(int at)
-        {
-            return (uint)Short(at) | ((uint)Short(at + 2) << 16);
-        }
+        private uint Word(int at) { return (uint)Short(at) | ((uint)Short(at + 2) << 16); }
 
-        private ulong Long(int at)
-        {
-            return Word(at) | ((ulong)Word(at + 4) << 32);
-        }
+        private ulong Long(int at) { return Word(at) | ((ulong)Word(at + 4) << 32); }
 
         private struct Field
         {

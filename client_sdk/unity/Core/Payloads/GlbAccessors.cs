@@ -25,10 +25,7 @@ namespace Terraport
         private readonly GlbDocument document;
         private byte[] rows;
 
-        internal GlbAccessors(GlbDocument document)
-        {
-            this.document = document;
-        }
+        internal GlbAccessors(GlbDocument document) { this.document = document; }
 
         /// <summary>Rows of a vertex attribute.</summary>
         /// <remarks>number: Node that holds the accessor's number.
@@ -129,10 +126,7 @@ namespace Terraport
             return Slice(view, length, label);
         }
 
-        private static int SizeOf(int component)
-        {
-            return component == Byte ? 1 : component == UnsignedShort ? 2 : 4;
-        }
+        private static int SizeOf(int component) { return component == Byte ? 1 : component == UnsignedShort ? 2 : 4; }
 
         private static PayloadException Short(int length, string label, GlbRows found)
         {
@@ -204,8 +198,8 @@ namespace Terraport
         private int CheckPacked(int packed, string label, GlbRows found, string mode)
         {
             JsonTape tape = document.Tape;
-            bool isSame = tape.IsEqual(tape.Find(packed, "mode"), mode)
-                && IsNumber(tape.Find(packed, "count"), found.Count) && IsNumber(tape.Find(packed, "byteStride"), found.Stride);
+            bool isSame = tape.IsEqual(tape.Find(packed, "mode"), mode) && IsNumber(tape.Find(packed, "count"), found.Count)
+                && IsNumber(tape.Find(packed, "byteStride"), found.Stride);
             if (!isSame)
             {
                 string rowsOf = found.Count + " rows of " + found.Stride;
@@ -214,10 +208,7 @@ namespace Terraport
             return document.ExpectWhole(tape.Find(packed, "byteLength"), "compressed bytes", label, 1);
         }
 
-        private bool IsNumber(int node, int value)
-        {
-            return document.Tape.IsNumber(node) && document.Tape.NumberOf(node) == value;
-        }
+        private bool IsNumber(int node, int value) { return document.Tape.IsNumber(node) && document.Tape.NumberOf(node) == value; }
 
         private bool IsUnfiltered(int packed)
         {

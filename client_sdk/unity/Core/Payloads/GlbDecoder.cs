@@ -16,10 +16,7 @@ namespace Terraport
         private int[] words;
 
         /// <summary>A decoder with no scratch memory yet.</summary>
-        public GlbDecoder()
-        {
-            accessors = new GlbAccessors(document);
-        }
+        public GlbDecoder() { accessors = new GlbAccessors(document); }
 
         /// <summary>Decode a payload; arrays stay quantised. The bytes are only read, and nothing of them is kept.</summary>
         /// <param name="payload">The whole GLB.</param>
@@ -168,8 +165,7 @@ namespace Terraport
             ushort[] codes = mesh.CodeBounds;
             Vec3 at = mesh.Translation;
             double step = mesh.StepM;
-            return new Box(
-                Placed(at.X + step * codes[0]), Placed(at.Y + step * codes[1]), Placed(at.Z + step * codes[2]),
+            return new Box(Placed(at.X + step * codes[0]), Placed(at.Y + step * codes[1]), Placed(at.Z + step * codes[2]),
                 Placed(at.X + step * codes[3]), Placed(at.Y + step * codes[4]), Placed(at.Z + step * codes[5]));
         }
 

@@ -18,10 +18,7 @@ namespace Terraport
         private const uint BinaryChunk = 0x004E4942;
         private int payloadStart;
 
-        internal GlbDocument()
-        {
-            Tape = new JsonTape();
-        }
+        internal GlbDocument() { Tape = new JsonTape(); }
 
         /// <summary>The document; its root is node 0, an object.</summary>
         internal JsonTape Tape { get; private set; }
@@ -90,10 +87,7 @@ namespace Terraport
         }
 
         /// <summary>Byte of the payload at a place of <see cref="Bytes"/>, for error texts.</summary>
-        internal long OffsetOf(int place)
-        {
-            return place - payloadStart;
-        }
+        internal long OffsetOf(int place) { return place - payloadStart; }
 
         /// <summary>
         /// The node, if it is an object. The label of its part may be null; texts are put together for errors alone.
@@ -129,10 +123,7 @@ namespace Terraport
         }
 
         /// <summary>Node under a key; none where there is no owner.</summary>
-        internal int Find(int owner, string key)
-        {
-            return owner < 0 ? JsonTape.None : Tape.Find(owner, key);
-        }
+        internal int Find(int owner, string key) { return owner < 0 ? JsonTape.None : Tape.Find(owner, key); }
 
         /// <summary>The one object in the list under a key.</summary>
         internal int OnlyOne(int owner, string key)

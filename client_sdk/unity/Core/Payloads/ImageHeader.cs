@@ -74,10 +74,7 @@ namespace Terraport
             }
         }
 
-        private static bool IsSide(uint side, uint most)
-        {
-            return side >= 1 && side <= most && (side & (side - 1)) == 0;
-        }
+        private static bool IsSide(uint side, uint most) { return side >= 1 && side <= most && (side & (side - 1)) == 0; }
 
         private void ReadJpeg()
         {

@@ -13,10 +13,7 @@ namespace Terraport
         private const int TableBytes = 16;
 
         /// <summary>Least length of a buffer: header, a code a triangle, table.</summary>
-        internal static int LeastLength(int count)
-        {
-            return 1 + count / 3 + TableBytes;
-        }
+        internal static int LeastLength(int count) { return 1 + count / 3 + TableBytes; }
 
         /// <summary>
         /// Decode vertex numbers into the start of <paramref name="target"/>; safe on hostile bytes. False if they are no such
@@ -33,25 +30,24 @@ namespace Terraport
             {
                 return false;
             }
-            fixed (byte* start = source)
-            fixed (uint* indices = target)
+            fixed(byte *start = source) fixed(uint *indices = target)
             {
-                uint* fifos = stackalloc uint[48];
-                byte* code = start + offset + 1;
+                uint *fifos = stackalloc uint[48];
+                byte *code = start + offset + 1;
                 return Decode(code, code + count / 3, start + offset + length - TableBytes, indices, indices + count, fifos, mask);
             }
         }
 
         /// <remarks>table: Its 16 bytes end the buffer: a triangle reads at most 16 bytes, so one check serves it.</remarks>
-        private static bool Decode(byte* code, byte* data, byte* table, uint* target, uint* end, uint* fifos, uint mask)
+        private static bool Decode(byte *code, byte *data, byte *table, uint *target, uint *end, uint *fifos, uint mask)
         {
             // A place in a fifo that was never written to is no vertex number: callers refuse it.
             for (int at = 0; at < 48; at++)
             {
                 fifos[at] = uint.MaxValue;
             }
-            uint* edges = fifos;
-            uint* vertices = fifos + 32;
+            uint *edges = fifos;
+            uint *vertices = fifos + 32;
             uint edge = 0;
             uint vertex = 0;
             uint next = 0;
@@ -159,7 +155,7 @@ namespace Terraport
         }
 
         /// <summary>A zigzag difference of up to 5 bytes, 7 bits each, lowest first.</summary>
-        private static uint Difference(ref byte* data)
+        private static uint Difference(ref byte *data)
         {
             unchecked
             {

@@ -11,10 +11,7 @@ namespace Terraport
         private static readonly byte[] Levels = MakeLevels();
 
         /// <summary>The nearest sRGB level, 0 to 255, of a code of 0 to 65535.</summary>
-        public static byte ToSrgb(ushort code)
-        {
-            return Levels[code];
-        }
+        public static byte ToSrgb(ushort code) { return Levels[code]; }
 
         private static byte[] MakeLevels()
         {
@@ -31,9 +28,6 @@ namespace Terraport
             return levels;
         }
 
-        private static double Linear(double value)
-        {
-            return value <= 0.04045 ? value / 12.92 : Math.Pow((value + 0.055) / 1.055, 2.4);
-        }
+        private static double Linear(double value) { return value <= 0.04045 ? value / 12.92 : Math.Pow((value + 0.055) / 1.055, 2.4); }
     }
 }

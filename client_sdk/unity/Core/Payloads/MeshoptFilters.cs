@@ -24,11 +24,10 @@ namespace Terraport
             {
                 throw new ArgumentOutOfRangeException("count");
             }
-            fixed (byte* start = rows)
-            fixed (uint* results = FullResults)
+            fixed(byte *start = rows) fixed(uint *results = FullResults)
             {
-                uint* row = (uint*)start;
-                for (uint* stop = row + count; row < stop; row++)
+                uint *row = (uint *)start;
+                for (uint *stop = row + count; row < stop; row++)
                 {
                     uint value = *row;
                     uint size = (value >> 16) & 0xFF;
@@ -53,10 +52,7 @@ namespace Terraport
             }
         }
 
-        private static double PowerOfTwo(int exponent)
-        {
-            return BitConverter.Int64BitsToDouble((long)(exponent + 1023) << 52);
-        }
+        private static double PowerOfTwo(int exponent) { return BitConverter.Int64BitsToDouble((long)(exponent + 1023) << 52); }
 
         private static uint[] MakeFullResults()
         {
@@ -80,9 +76,6 @@ namespace Terraport
             return Rounded(x * scale) | (Rounded(y * scale) << 8) | (Rounded(z * scale) << 16);
         }
 
-        private static uint Rounded(float value)
-        {
-            return (byte)(sbyte)(int)(value + (value >= 0 ? 0.5f : -0.5f));
-        }
+        private static uint Rounded(float value) { return (byte)(sbyte)(int)(value + (value >= 0 ? 0.5f : -0.5f)); }
     }
 }

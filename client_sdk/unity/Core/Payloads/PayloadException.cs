@@ -7,11 +7,7 @@ namespace Terraport
     public sealed class PayloadException : TerraportException
     {
         /// <summary>What was received and what was expected.</summary>
-        public PayloadException(string message)
-            : base("damaged", message)
-        {
-            Offset = -1;
-        }
+        public PayloadException(string message) : base("damaged", message) { Offset = -1; }
 
         /// <summary>The same with the byte at which it was noticed.</summary>
         public PayloadException(string message, long offset)

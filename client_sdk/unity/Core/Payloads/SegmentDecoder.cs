@@ -12,9 +12,6 @@ namespace Terraport
 
         /// <summary>Decode a segment's payload. The bytes are only read, and nothing of them is kept.</summary>
         /// <exception cref="PayloadException">For anything that is not a whole payload: never another exception.</exception>
-        public void Decode(ArraySegment<byte> payload, SegmentMesh into)
-        {
-            glb.Decode(payload, false, into);
-        }
+        public void Decode(ArraySegment<byte> payload, SegmentMesh into) { glb.Decode(payload, false, into); }
     }
 }

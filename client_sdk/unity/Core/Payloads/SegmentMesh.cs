@@ -13,10 +13,7 @@ namespace Terraport
         private readonly List<MeshAttribute> spareAttributes = new List<MeshAttribute>();
 
         /// <summary>An empty mesh.</summary>
-        public SegmentMesh()
-        {
-            Image = new MeshImage();
-        }
+        public SegmentMesh() { Image = new MeshImage(); }
 
         /// <summary>Vertices; 0 in a mesh that holds nothing.</summary>
         public int VertexCount { get; internal set; }
@@ -53,10 +50,7 @@ namespace Terraport
         /// <summary>
         /// Whether there is an image, and texture coordinates; (0, 0) is its upper left corner.
         /// </summary>
-        public bool HasTexture
-        {
-            get { return Image.Length > 0; }
-        }
+        public bool HasTexture => Image.Length > 0;
 
         /// <summary>Two per vertex; a coordinate is code * <see cref="UvScaleU"/> or <see cref="UvScaleV"/>.</summary>
         public ushort[] UvCodes { get; internal set; } = Array.Empty<ushort>();
@@ -77,19 +71,13 @@ namespace Terraport
         public ushort[] RegionIds { get; internal set; } = Array.Empty<ushort>();
 
         /// <summary>The survey's attributes, in the payload's order.</summary>
-        public IReadOnlyList<MeshAttribute> Attributes
-        {
-            get { return attributes; }
-        }
+        public IReadOnlyList<MeshAttribute> Attributes => attributes;
 
         /// <summary>Three per face, counter-clockwise seen from outside, each below <see cref="VertexCount"/>.</summary>
         public uint[] Indices { get; internal set; } = Array.Empty<uint>();
 
         /// <summary>Whether every index fits into 16 bits, 65535 (primitive restart) left out.</summary>
-        public bool HasShortIndices
-        {
-            get { return VertexCount <= 65535; }
-        }
+        public bool HasShortIndices => VertexCount <= 65535;
 
         /// <summary>Lowest and highest position code along each axis, x y z x y z; zeros for float positions.</summary>
         public ushort[] CodeBounds { get; private set; } = new ushort[6];
@@ -105,8 +93,7 @@ namespace Terraport
         /// </summary>
         public long GpuBytes
         {
-            get
-            {
+            get {
                 long vertex = (HasFloatPositions ? 12 : 8) + 4;
                 vertex += HasColours ? 8 : 0;
                 vertex += HasTexture ? 4 : 0;

@@ -42,18 +42,17 @@ namespace Terraport
             {
                 return false;
             }
-            fixed (byte* start = source)
-            fixed (byte* rows = target)
+            fixed(byte *start = source) fixed(byte *rows = target)
             {
-                byte* deltas = stackalloc byte[4 * MostBlockRows];
-                uint* last = stackalloc uint[MostStride / 4];
-                byte* end = start + offset + length;
+                byte *deltas = stackalloc byte[4 * MostBlockRows];
+                uint *last = stackalloc uint[MostStride / 4];
+                byte *end = start + offset + length;
                 for (int four = 0; four < stride / 4; four++)
                 {
-                    last[four] = *(uint*)(end - stride + 4 * four);
+                    last[four] = *(uint *)(end - stride + 4 * four);
                 }
                 int blockRows = Math.Min((MostBlockBytes / stride) & ~(GroupRows - 1), MostBlockRows);
-                byte* data = start + offset + 1;
+                byte *data = start + offset + 1;
                 for (int first = 0; first < count; first += blockRows)
                 {
                     data = Block(data, end, rows + (long)first * stride, Math.Min(blockRows, count - first), stride, deltas, last);
@@ -67,7 +66,7 @@ namespace Terraport
         }
 
         /// <summary>One block of rows, four channels at a time; the byte after it, or null if it is damaged.</summary>
-        private static byte* Block(byte* data, byte* end, byte* rows, int count, int stride, byte* deltas, uint* last)
+        private static byte *Block(byte *data, byte *end, byte *rows, int count, int stride, byte *deltas, uint *last)
         {
             for (int channel = 0; channel < stride; channel += 4)
             {
@@ -82,7 +81,7 @@ namespace Terraport
                     }
                     hasDeltas |= hasAny;
                 }
-                uint* row = (uint*)(rows + channel);
+                uint *row = (uint *)(rows + channel);
                 uint before = last[channel >> 2];
                 last[channel >> 2] = hasDeltas ? Add(deltas, row, count, stride, before) : Repeat(row, count, stride, before);
             }
@@ -92,7 +91,7 @@ namespace Terraport
         /// <summary>
         /// Differences of one channel of a block, no longer zigzag; the byte after them, or null if they are damaged.
         /// </summary>
-        private static byte* Channel(byte* data, byte* end, byte* deltas, int count, out bool hasAny)
+        private static byte *Channel(byte *data, byte *end, byte *deltas, int count, out bool hasAny)
         {
             int groups = (count + GroupRows - 1) / GroupRows;
             int headerBytes = (groups + 3) / 4;
@@ -101,7 +100,7 @@ namespace Terraport
             {
                 return null;
             }
-            byte* header = data;
+            byte *header = data;
             data += headerBytes;
             for (int group = 0; group < groups; group++)
             {
@@ -109,7 +108,7 @@ namespace Terraport
                 {
                     return null;
                 }
-                ulong* wide = (ulong*)(deltas + group * GroupRows);
+                ulong *wide = (ulong *)(deltas + group * GroupRows);
                 int bits = (header[group >> 2] >> ((group & 3) << 1)) & 3;
                 if (bits == 0)
                 {
@@ -118,7 +117,7 @@ namespace Terraport
                     continue;
                 }
                 hasAny = true;
-                data = Group(data, (byte*)wide, bits);
+                data = Group(data, (byte *)wide, bits);
                 // Eight at a time: half the number, and all bits turned where it was odd.
                 ulong value = wide[0];
                 wide[0] = ((value >> 1) & 0x7F7F7F7F7F7F7F7F) ^ ((value & 0x0101010101010101) * 255);
@@ -129,16 +128,16 @@ namespace Terraport
         }
 
         /// <summary>Sum up four channels, and write them to their rows. The last row's.</summary>
-        private static uint Add(byte* deltas, uint* row, int count, int stride, uint value)
+        private static uint Add(byte *deltas, uint *row, int count, int stride, uint value)
         {
             unchecked
             {
-                byte* stop = deltas + count;
+                byte *stop = deltas + count;
                 int step = stride >> 2;
                 for (; deltas < stop; deltas++)
                 {
-                    uint delta = deltas[0] | ((uint)deltas[MostBlockRows] << 8)
-                        | ((uint)deltas[2 * MostBlockRows] << 16) | ((uint)deltas[3 * MostBlockRows] << 24);
+                    uint delta = deltas[0] | ((uint)deltas[MostBlockRows] << 8) | ((uint)deltas[2 * MostBlockRows] << 16)
+                        | ((uint)deltas[3 * MostBlockRows] << 24);
                     // Four sums of bytes: the highest bits apart, so that nothing is carried from one to the next.
                     value = ((value & 0x7F7F7F7F) + (delta & 0x7F7F7F7F)) ^ ((value ^ delta) & 0x80808080);
                     *row = value;
@@ -149,7 +148,7 @@ namespace Terraport
         }
 
         /// <summary>Four channels that do not change: padding, and high bytes.</summary>
-        private static uint Repeat(uint* row, int count, int stride, uint value)
+        private static uint Repeat(uint *row, int count, int stride, uint value)
         {
             for (; count > 0; count--)
             {
@@ -160,28 +159,28 @@ namespace Terraport
         }
 
         /// <summary>Sixteen differences; 24 bytes can be read. The byte after the group.</summary>
-        private static byte* Group(byte* data, byte* deltas, int bits)
+        private static byte *Group(byte *data, byte *deltas, int bits)
         {
             if (bits == 3)
             {
-                ulong* wide = (ulong*)deltas;
-                wide[0] = ((ulong*)data)[0];
-                wide[1] = ((ulong*)data)[1];
+                ulong *wide = (ulong *)deltas;
+                wide[0] = ((ulong *)data)[0];
+                wide[1] = ((ulong *)data)[1];
                 return data + GroupRows;
             }
             return bits == 1 ? Quarters(data, deltas) : Halves(data, deltas);
         }
 
         /// <summary>Sixteen differences of 2 bits, the highest first; a 3 stands for a byte behind the 4 bytes.</summary>
-        private static byte* Quarters(byte* data, byte* deltas)
+        private static byte *Quarters(byte *data, byte *deltas)
         {
-            uint all = *(uint*)data;
+            uint all = *(uint *)data;
             uint full = all & (all >> 1) & 0x55555555;
-            byte* more = data + 4;
+            byte *more = data + 4;
             for (int at = 0; at < 4; at++)
             {
                 uint four = all & 0xFF;
-                *(uint*)deltas = (four >> 6) | ((four & 0x30) << 4) | ((four & 0x0C) << 14) | ((four & 3) << 24);
+                *(uint *)deltas = (four >> 6) | ((four & 0x30) << 4) | ((four & 0x0C) << 14) | ((four & 3) << 24);
                 if ((full & 0xFF) != 0)
                 {
                     deltas[0] = deltas[0] == 3 ? *more++ : deltas[0];
@@ -197,13 +196,13 @@ namespace Terraport
         }
 
         /// <summary>Sixteen differences of 4 bits, the higher half first; a 15 stands for a byte behind the 8 bytes.</summary>
-        private static byte* Halves(byte* data, byte* deltas)
+        private static byte *Halves(byte *data, byte *deltas)
         {
-            byte* more = data + 8;
+            byte *more = data + 8;
             for (int at = 0; at < 8; at += 2)
             {
-                uint four = *(ushort*)(data + at);
-                *(uint*)deltas = ((four >> 4) & 15) | ((four & 15) << 8) | ((four & 0xF000) << 4) | ((four & 0x0F00) << 16);
+                uint four = *(ushort *)(data + at);
+                *(uint *)deltas = ((four >> 4) & 15) | ((four & 15) << 8) | ((four & 0xF000) << 4) | ((four & 0x0F00) << 16);
                 if ((four & (four >> 1) & (four >> 2) & (four >> 3) & 0x1111) != 0)
                 {
                     deltas[0] = deltas[0] == 15 ? *more++ : deltas[0];

@@ -27,14 +27,31 @@ namespace Terraport
         private const int BlockBytes = StripeBytes * StripesPerBlock;
 
         /// <summary>The 192 bytes of the standard secret, as little-endian words.</summary>
-        private static readonly ulong[] SecretWords =
-        {
-            0xBE4BA423396CFEB8, 0x1CAD21F72C81017C, 0xDB979083E96DD4DE, 0x1F67B3B7A4A44072,
-            0x78E5C0CC4EE679CB, 0x2172FFCC7DD05A82, 0x8E2443F7744608B8, 0x4C263A81E69035E0,
-            0xCB00C391BB52283C, 0xA32E531B8B65D088, 0x4EF90DA297486471, 0xD8ACDEA946EF1938,
-            0x3F349CE33F76FAA8, 0x1D4F0BC7C7BBDCF9, 0x3159B4CD4BE0518A, 0x647378D9C97E9FC8,
-            0xC3EBD33483ACC5EA, 0xEB6313FAFFA081C5, 0x49DAF0B751DD0D17, 0x9E68D429265516D3,
-            0xFCA1477D58BE162B, 0xCE31D07AD1B8F88F, 0x280416958F3ACB45, 0x7E404BBBCAFBD7AF,
+        private static readonly ulong[] SecretWords = {
+            0xBE4BA423396CFEB8,
+            0x1CAD21F72C81017C,
+            0xDB979083E96DD4DE,
+            0x1F67B3B7A4A44072,
+            0x78E5C0CC4EE679CB,
+            0x2172FFCC7DD05A82,
+            0x8E2443F7744608B8,
+            0x4C263A81E69035E0,
+            0xCB00C391BB52283C,
+            0xA32E531B8B65D088,
+            0x4EF90DA297486471,
+            0xD8ACDEA946EF1938,
+            0x3F349CE33F76FAA8,
+            0x1D4F0BC7C7BBDCF9,
+            0x3159B4CD4BE0518A,
+            0x647378D9C97E9FC8,
+            0xC3EBD33483ACC5EA,
+            0xEB6313FAFFA081C5,
+            0x49DAF0B751DD0D17,
+            0x9E68D429265516D3,
+            0xFCA1477D58BE162B,
+            0xCE31D07AD1B8F88F,
+            0x280416958F3ACB45,
+            0x7E404BBBCAFBD7AF,
         };
 
         /// <summary>Hash of a whole array.</summary>
@@ -59,12 +76,11 @@ namespace Terraport
             {
                 throw new ArgumentOutOfRangeException("length", length + " bytes from " + offset + ", expected within " + bytes.Length);
             }
-            fixed (byte* start = bytes)
-            fixed (ulong* words = SecretWords)
+            fixed(byte *start = bytes) fixed(ulong *words = SecretWords)
             {
                 // An empty array has no first byte to point to; none is read then.
-                byte* input = start + offset;
-                byte* secret = (byte*)words;
+                byte *input = start + offset;
+                byte *secret = (byte *)words;
                 if (length <= 16)
                 {
                     return Short(input, length, secret);
@@ -77,20 +93,20 @@ namespace Terraport
             }
         }
 
-        private static ulong Short(byte* input, int length, byte* secret)
+        private static ulong Short(byte *input, int length, byte *secret)
         {
             unchecked
             {
                 if (length > 8)
                 {
-                    ulong low = *(ulong*)input ^ *(ulong*)(secret + 24) ^ *(ulong*)(secret + 32);
-                    ulong high = *(ulong*)(input + length - 8) ^ *(ulong*)(secret + 40) ^ *(ulong*)(secret + 48);
+                    ulong low = *(ulong *)input ^ *(ulong *)(secret + 24) ^ *(ulong *)(secret + 32);
+                    ulong high = *(ulong *)(input + length - 8) ^ *(ulong *)(secret + 40) ^ *(ulong *)(secret + 48);
                     return Avalanche((ulong)length + Swapped(low) + high + Folded(low, high));
                 }
                 if (length >= 4)
                 {
-                    ulong both = *(uint*)(input + length - 4) + ((ulong)*(uint*)input << 32);
-                    ulong hash = both ^ *(ulong*)(secret + 8) ^ *(ulong*)(secret + 16);
+                    ulong both = *(uint *)(input + length - 4) + ((ulong) * (uint *)input << 32);
+                    ulong hash = both ^ *(ulong *)(secret + 8) ^ *(ulong *)(secret + 16);
                     hash ^= Rotated(hash, 49) ^ Rotated(hash, 24);
                     hash *= MixB;
                     hash ^= (hash >> 35) + (ulong)length;
@@ -100,13 +116,13 @@ namespace Terraport
                 if (length > 0)
                 {
                     uint three = ((uint)input[0] << 16) | ((uint)input[length >> 1] << 24) | input[length - 1] | ((uint)length << 8);
-                    return OldAvalanche(three ^ (ulong)(*(uint*)secret ^ *(uint*)(secret + 4)));
+                    return OldAvalanche(three ^ (ulong)(*(uint *)secret ^ *(uint *)(secret + 4)));
                 }
-                return OldAvalanche(*(ulong*)(secret + 56) ^ *(ulong*)(secret + 64));
+                return OldAvalanche(*(ulong *)(secret + 56) ^ *(ulong *)(secret + 64));
             }
         }
 
-        private static ulong UpTo128(byte* input, int length, byte* secret)
+        private static ulong UpTo128(byte *input, int length, byte *secret)
         {
             unchecked
             {
@@ -120,7 +136,7 @@ namespace Terraport
             }
         }
 
-        private static ulong UpTo240(byte* input, int length, byte* secret)
+        private static ulong UpTo240(byte *input, int length, byte *secret)
         {
             unchecked
             {
@@ -138,11 +154,11 @@ namespace Terraport
             }
         }
 
-        private static ulong Long(byte* input, int length, byte* secret)
+        private static ulong Long(byte *input, int length, byte *secret)
         {
             unchecked
             {
-                ulong* sums = stackalloc ulong[8];
+                ulong *sums = stackalloc ulong[8];
                 sums[0] = Prime32C;
                 sums[1] = Prime64A;
                 sums[2] = Prime64B;
@@ -158,7 +174,7 @@ namespace Terraport
                     for (int lane = 0; lane < 8; lane++)
                     {
                         ulong sum = sums[lane];
-                        sums[lane] = (sum ^ (sum >> 47) ^ ((ulong*)(secret + 128))[lane]) * Prime32A;
+                        sums[lane] = (sum ^ (sum >> 47) ^ ((ulong *)(secret + 128))[lane]) * Prime32A;
                     }
                 }
                 int rest = (length - 1 - blocks * BlockBytes) / StripeBytes;
@@ -167,7 +183,7 @@ namespace Terraport
                 ulong hash = (ulong)length * Prime64A;
                 for (int pair = 0; pair < 4; pair++)
                 {
-                    ulong* key = (ulong*)(secret + 11 + 16 * pair);
+                    ulong *key = (ulong *)(secret + 11 + 16 * pair);
                     hash += Folded(sums[2 * pair] ^ key[0], sums[2 * pair + 1] ^ key[1]);
                 }
                 return Avalanche(hash);
@@ -175,15 +191,15 @@ namespace Terraport
         }
 
         /// <summary>Each stripe has 64 bytes, and its secret starts 8 bytes after that of the one before.</summary>
-        private static void Accumulate(ulong* sums, byte* input, byte* secret, int stripes)
+        private static void Accumulate(ulong *sums, byte *input, byte *secret, int stripes)
         {
             unchecked
             {
                 ulong a = sums[0], b = sums[1], c = sums[2], d = sums[3], e = sums[4], f = sums[5], g = sums[6], h = sums[7];
                 for (int stripe = 0; stripe < stripes; stripe++)
                 {
-                    ulong* value = (ulong*)(input + stripe * StripeBytes);
-                    ulong* key = (ulong*)(secret + stripe * 8);
+                    ulong *value = (ulong *)(input + stripe * StripeBytes);
+                    ulong *key = (ulong *)(secret + stripe * 8);
                     ulong x = value[0] ^ key[0];
                     ulong y = value[1] ^ key[1];
                     a += value[1] + (uint)x * (x >> 32);
@@ -212,10 +228,10 @@ namespace Terraport
             }
         }
 
-        private static ulong Mixed(byte* input, byte* secret)
+        private static ulong Mixed(byte *input, byte *secret)
         {
-            ulong* value = (ulong*)input;
-            ulong* key = (ulong*)secret;
+            ulong *value = (ulong *)input;
+            ulong *key = (ulong *)secret;
             return Folded(value[0] ^ key[0], value[1] ^ key[1]);
         }
 
@@ -258,10 +274,7 @@ namespace Terraport
             }
         }
 
-        private static ulong Rotated(ulong value, int bits)
-        {
-            return (value << bits) | (value >> (64 - bits));
-        }
+        private static ulong Rotated(ulong value, int bits) { return (value << bits) | (value >> (64 - bits)); }
 
         private static ulong Swapped(ulong value)
         {

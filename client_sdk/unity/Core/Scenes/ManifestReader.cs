@@ -64,8 +64,7 @@ namespace Terraport
             SceneJson.ExpectObject(encodings["glb"], "encodings.glb");
             Vec3 origin = SceneJson.ExpectTriple(json["origin"], "origin");
             JsonValue bounds = SceneJson.ExpectObject(json["bounds"], "bounds");
-            var manifest = new SceneManifest
-            {
+            var manifest = new SceneManifest {
                 Id = id,
                 Name = SceneJson.ExpectText(json["name"], "name"),
                 Version = SceneJson.ExpectDigits(json["version"], "version", 32),
@@ -171,8 +170,7 @@ namespace Terraport
         {
             JsonValue file = SceneJson.ExpectObject(files[key], key);
             string digits = SceneJson.ExpectDigits(file["xxh3"], "xxh3 of " + key, 16);
-            return new FileFacts
-            {
+            return new FileFacts {
                 Length = (int)SceneJson.ExpectWhole(file["bytes"], "bytes of " + key, 1, mostBytes),
                 Xxh3 = ulong.Parse(digits, NumberStyles.HexNumber, CultureInfo.InvariantCulture),
             };

@@ -3,9 +3,7 @@ namespace Terraport
     /// <summary>One row of regions.json, with the label of labels.json. What the scene does not say is null.</summary>
     public sealed class RegionFacts
     {
-        internal RegionFacts()
-        {
-        }
+        internal RegionFacts() {}
 
         /// <summary>Position in the list: the number in payloads. Belongs to one scene version.</summary>
         public int Id { get; internal set; }

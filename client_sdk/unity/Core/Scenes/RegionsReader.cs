@@ -54,8 +54,7 @@ namespace Terraport
             {
                 label = string.IsNullOrEmpty(region["label"].Text) ? null : region["label"].Text;
             }
-            return new RegionFacts
-            {
+            return new RegionFacts {
                 Id = id,
                 StableId = hasStable ? number : (long?)null,
                 Label = label,

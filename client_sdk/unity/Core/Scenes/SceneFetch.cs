@@ -133,9 +133,6 @@ namespace Terraport
             }
         }
 
-        private void Count(int bytes)
-        {
-            onProgress(Interlocked.Add(ref doneBytes, bytes), totalBytes);
-        }
+        private void Count(int bytes) { onProgress(Interlocked.Add(ref doneBytes, bytes), totalBytes); }
     }
 }

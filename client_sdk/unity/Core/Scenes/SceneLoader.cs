@@ -27,19 +27,13 @@ namespace Terraport
         /// The server's code where it refuses; "unreachable", "damaged", "unsupported_version", "invalid_url", "several_scenes".
         /// </exception>
         /// <exception cref="OperationCanceledException">It was cancelled.</exception>
-        public static async Task<SceneFiles> LoadAsync(
-            string url,
-            string token,
-            IHttp http = null,
-            Action<long, long> onProgress = null,
-            CancellationToken cancelled = default(CancellationToken),
-            string version = null,
-            Func<Action, Task> aside = null)
+        public static async Task<SceneFiles> LoadAsync(string url, string token, IHttp http = null, Action<long, long> onProgress = null,
+            CancellationToken cancelled = default(CancellationToken), string version = null, Func<Action, Task> aside = null)
         {
             var fetch = new SceneFetch(http ?? new SystemHttp(), token, onProgress, cancelled, aside);
             string sceneUrl = await ResolveAsync(url, token, http, cancelled);
             SceneManifest manifest = await FetchManifestAsync(fetch, sceneUrl, version);
-            for (int attempt = 0; ; attempt++)
+            for (int attempt = 0;; attempt++)
             {
                 TerraportException failure;
                 try
@@ -67,10 +61,7 @@ namespace Terraport
         /// <summary>The scenes that a token opens.</summary>
         /// <exception cref="TerraportException">As <see cref="LoadAsync"/>.</exception>
         public static async Task<IReadOnlyList<SceneSummary>> ListAsync(
-            string serverUrl,
-            string token,
-            IHttp http = null,
-            CancellationToken cancelled = default(CancellationToken))
+            string serverUrl, string token, IHttp http = null, CancellationToken cancelled = default(CancellationToken))
         {
             SceneUrl server = SceneUrl.Parse(serverUrl);
             var fetch = new SceneFetch(http ?? new SystemHttp(), token, null, cancelled);
@@ -126,10 +117,7 @@ namespace Terraport
         }
 
         private static async Task<SceneFiles> LoadVersionAsync(
-            SceneFetch fetch,
-            string sceneUrl,
-            SceneManifest manifest,
-            Func<Action, Task> aside)
+            SceneFetch fetch, string sceneUrl, SceneManifest manifest, Func<Action, Task> aside)
         {
             fetch.Begin((long)manifest.BaseFile.Length + manifest.CoverFile.Length + manifest.RegionsFile.Length);
             string version = manifest.Version;
@@ -152,11 +140,7 @@ namespace Terraport
         }
 
         private static SceneFiles Decode(
-            SceneManifest manifest,
-            ArraySegment<byte> glb,
-            ArraySegment<byte> cover,
-            ArraySegment<byte> regions,
-            ArraySegment<byte> labels)
+            SceneManifest manifest, ArraySegment<byte> glb, ArraySegment<byte> cover, ArraySegment<byte> regions, ArraySegment<byte> labels)
         {
             try
             {

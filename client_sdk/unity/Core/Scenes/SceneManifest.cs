@@ -5,9 +5,7 @@ namespace Terraport
     /// <summary>What a client uses of scene.json (scene format, section 4).</summary>
     public sealed class SceneManifest
     {
-        internal SceneManifest()
-        {
-        }
+        internal SceneManifest() {}
 
         /// <summary>Scene id of the URL.</summary>
         public string Id { get; internal set; }

@@ -22,17 +22,13 @@ namespace Terraport
         public string Scene { get; }
 
         /// <summary>Address of the server's list of scenes.</summary>
-        public string ScenesUrl
-        {
-            get { return Server + Folder; }
-        }
+        public string ScenesUrl => Server + Folder;
 
         /// <summary>Address of the scene over HTTP, without a slash at the end.</summary>
         /// <exception cref="TerraportException">invalid_url: it names no scene.</exception>
         public string HttpUrl
         {
-            get
-            {
+            get {
                 if (Scene == null) throw Invalid(Server + " names no scene, expected .../scenes/ID");
                 return ScenesUrl + "/" + Uri.EscapeDataString(Scene);
             }
@@ -40,10 +36,7 @@ namespace Terraport
 
         /// <summary>Address of the scene's WebSocket.</summary>
         /// <exception cref="TerraportException">invalid_url: it names no scene.</exception>
-        public string StreamUrl
-        {
-            get { return "ws" + HttpUrl.Substring("http".Length) + "/stream"; }
-        }
+        public string StreamUrl => "ws" + HttpUrl.Substring("http".Length) + "/stream";
 
         /// <summary>Read a scene URL or a server URL.</summary>
         /// <exception cref="TerraportException">invalid_url: neither, or with credentials, a query or a fragment.</exception>
@@ -78,10 +71,7 @@ namespace Terraport
         }
 
         /// <summary>The URL of one scene of the same server.</summary>
-        public SceneUrl With(string scene)
-        {
-            return new SceneUrl(Server, scene);
-        }
+        public SceneUrl With(string scene) { return new SceneUrl(Server, scene); }
 
         private static string HttpOf(string scheme)
         {
@@ -95,9 +85,6 @@ namespace Terraport
             }
         }
 
-        private static TerraportException Invalid(string text)
-        {
-            return new TerraportException("invalid_url", text);
-        }
+        private static TerraportException Invalid(string text) { return new TerraportException("invalid_url", text); }
     }
 }

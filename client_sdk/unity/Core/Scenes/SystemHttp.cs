@@ -21,8 +21,8 @@ namespace Terraport
         public async Task<HttpAnswer> GetAsync(string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled)
         {
             // Inside, continuations need no particular thread; the caller's come back on the caller's context.
-            using (CancellationTokenSource stalled = CancellationTokenSource.CreateLinkedTokenSource(cancelled))
-            using (var request = new HttpRequestMessage(HttpMethod.Get, url))
+            using (CancellationTokenSource stalled = CancellationTokenSource.CreateLinkedTokenSource(cancelled)) using (
+                var request = new HttpRequestMessage(HttpMethod.Get, url))
             {
                 try
                 {
@@ -33,8 +33,8 @@ namespace Terraport
                     stalled.CancelAfter(StallMs);
                     const HttpCompletionOption headersFirst = HttpCompletionOption.ResponseHeadersRead;
                     Task<HttpResponseMessage> sent = Client.SendAsync(request, headersFirst, stalled.Token);
-                    using (HttpResponseMessage response = await sent.ConfigureAwait(false))
-                    using (Stream stream = await response.Content.ReadAsStreamAsync().ConfigureAwait(false))
+                    using (HttpResponseMessage response = await sent.ConfigureAwait(false)) using (
+                        Stream stream = await response.Content.ReadAsStreamAsync().ConfigureAwait(false))
                     {
                         long stated = response.Content.Headers.ContentLength ?? 0;
                         var body = new byte[(int)Math.Max(1, Math.Min(stated > 0 ? stated + 1 : PieceBytes, mostBytes + 1L))];

@@ -21,10 +21,7 @@ namespace Terraport.Sessions
         internal long UsedBytes { get; private set; }
 
         /// <summary>Note that an aim is answered: the next landing is judged by it.</summary>
-        internal void Prefetching()
-        {
-            hasAimed = true;
-        }
+        internal void Prefetching() { hasAimed = true; }
 
         /// <summary>Note a whole segment that came for an aim.</summary>
         internal void Arrived(uint segment, int length)

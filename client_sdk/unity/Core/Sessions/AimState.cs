@@ -14,26 +14,20 @@ namespace Terraport.Sessions
         private long sentGeneration = -1;
 
         /// <summary>Whether an aim is to be sent.</summary>
-        internal bool Waits
-        {
-            get { return noted.IsThere; }
-        }
+        internal bool Waits => noted.IsThere;
 
         /// <summary>Check what an aim says; nothing is allocated where it is right, since it may come with every frame.</summary>
         /// <exception cref="ArgumentException">A number that the protocol does not allow.</exception>
         internal static void Check(Vec3 position, double radiusM)
         {
             const double Most = WireLimits.MaxCoordinateM;
-            bool isRight = radiusM > 0 && radiusM <= WireLimits.MaxRadiusM
-                && Math.Abs(position.X) <= Most && Math.Abs(position.Y) <= Most && Math.Abs(position.Z) <= Most;
+            bool isRight = radiusM > 0 && radiusM <= WireLimits.MaxRadiusM && Math.Abs(position.X) <= Most && Math.Abs(position.Y) <= Most
+                && Math.Abs(position.Z) <= Most;
             if (!isRight) WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
         }
 
         /// <summary>Note the newest one, in place of any that waits.</summary>
-        internal void Note(Vec3 position, double radiusM)
-        {
-            noted = new Aim { Position = position, RadiusM = radiusM, IsThere = true };
-        }
+        internal void Note(Vec3 position, double radiusM) { noted = new Aim { Position = position, RadiusM = radiusM, IsThere = true }; }
 
         /// <summary>The message to send now, under a generation of this connection; an aim must wait.</summary>
         internal AimMessage Take(uint generation)

@@ -21,16 +21,10 @@ namespace Terraport.Sessions
         private readonly List<uint> unwanted = new List<uint>();
 
         /// <summary>Make one whose payloads come from this pool.</summary>
-        public Assembler(PayloadPool pool)
-        {
-            this.pool = pool;
-        }
+        public Assembler(PayloadPool pool) { this.pool = pool; }
 
         /// <summary>Segments that are partly here.</summary>
-        public int Count
-        {
-            get { return parts.Count; }
-        }
+        public int Count => parts.Count;
 
         /// <summary>Bytes of one segment that are here already.</summary>
         public int Received(uint segment)

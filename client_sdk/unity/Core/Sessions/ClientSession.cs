@@ -60,56 +60,34 @@ namespace Terraport.Sessions
         public bool IsOpen { get; private set; }
 
         /// <summary>Whether an aim waits for <see cref="FlushAim"/>.</summary>
-        public bool HasAim
-        {
-            get { return aim.Waits && IsOpen; }
-        }
+        public bool HasAim => aim.Waits && IsOpen;
 
         /// <summary>Ids that the last ready landing shows, ascending.</summary>
-        public IReadOnlyList<uint> Visible
-        {
-            get { return transfers.Visible; }
-        }
+        public IReadOnlyList<uint> Visible => transfers.Visible;
 
         /// <summary>Number of the newest landing that is not ready; null for none.</summary>
         public int? Unfinished
         {
-            get
-            {
+            get {
                 LandingState landing = queued ?? transfers.Unfinished;
                 return landing == null ? (int?)null : landing.Number;
             }
         }
 
         /// <summary>Whether the server owes an answer: to a landing or a pick.</summary>
-        public bool AwaitsAnswer
-        {
-            get { return queued != null || transfers.Unfinished != null || picks.Count > 0; }
-        }
+        public bool AwaitsAnswer => queued != null || transfers.Unfinished != null || picks.Count > 0;
 
         /// <summary>Picks that wait for an answer.</summary>
-        public int OpenPicks
-        {
-            get { return picks.Count; }
-        }
+        public int OpenPicks => picks.Count;
 
         /// <summary>Messages that wait for <see cref="TakeMessages"/>.</summary>
-        public int UnsentMessages
-        {
-            get { return outbox.Count; }
-        }
+        public int UnsentMessages => outbox.Count;
 
         /// <summary>Segments that are partly here.</summary>
-        public int OpenParts
-        {
-            get { return transfers.OpenParts; }
-        }
+        public int OpenParts => transfers.OpenParts;
 
         /// <summary>What has been counted over all connections.</summary>
-        public StreamStats Stats
-        {
-            get { return transfers.Stats; }
-        }
+        public StreamStats Stats => transfers.Stats;
 
         /// <summary>Take the next event; false where none waits.</summary>
         public bool TryNextEvent(out StreamEvent next)
@@ -190,8 +168,10 @@ namespace Terraport.Sessions
             WireCodec.Check(landing.Message(0));
             landings++;
             aim.Clear();
-            if (IsOpen) SendLanding(landing);
-            else AwaitWelcome(landing);
+            if (IsOpen)
+                SendLanding(landing);
+            else
+                AwaitWelcome(landing);
             return landing.Number;
         }
 
@@ -224,10 +204,7 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Refuse the picks that wait: nobody answers them any more.</summary>
-        public void RefusePicks(string code, string message)
-        {
-            picks.RefuseAll(code, message);
-        }
+        public void RefusePicks(string code, string message) { picks.RefuseAll(code, message); }
 
         /// <summary>Refuse one pick that waits; where it was not sent yet, it never is.</summary>
         public void RefusePick(int request, string code, string message)
@@ -254,10 +231,14 @@ namespace Terraport.Sessions
             if (message is UnknownMessage) return;
             var welcome = message as WelcomeMessage;
             var error = message as ErrorMessage;
-            if (welcome != null) OnWelcome(welcome);
-            else if (error != null) OnError(error);
-            else if (IsOpen) OnAnswer(message);
-            else throw new ProtocolViolationException("got " + message.Type + " first, expected welcome or error");
+            if (welcome != null)
+                OnWelcome(welcome);
+            else if (error != null)
+                OnError(error);
+            else if (IsOpen)
+                OnAnswer(message);
+            else
+                throw new ProtocolViolationException("got " + message.Type + " first, expected welcome or error");
         }
 
         /// <summary>Take a message that only an open session has.</summary>
@@ -281,8 +262,7 @@ namespace Terraport.Sessions
             if (IsOpen || !isGreeting) throw new ProtocolViolationException("got a second welcome, expected one");
             if (welcome.Protocol.Major != WireLimits.ProtocolMajor)
             {
-                throw new ProtocolViolationException(
-                    "got protocol " + welcome.Protocol + ", expected " + WireLimits.ProtocolMajor + ".x");
+                throw new ProtocolViolationException("got protocol " + welcome.Protocol + ", expected " + WireLimits.ProtocolMajor + ".x");
             }
             IsOpen = true;
             isGreeting = false;
@@ -291,8 +271,7 @@ namespace Terraport.Sessions
             Limits = welcome.Limits;
             if (isChanged) transfers.HideAll();
             creditStep = Math.Max(1, Math.Min(options.CreditBytes, Limits.MaxCreditBytes) / 2);
-            events.Enqueue(new StreamEvent
-            {
+            events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Opened,
                 SceneVersion = Version,
                 Session = welcome.Session,
@@ -323,8 +302,7 @@ namespace Terraport.Sessions
             if (picks.Refused(error) && !error.Fatal) return;
             aim.Refused(error.Generation);
             LandingState refused = error.Fatal ? null : transfers.Refused(error.Generation);
-            events.Enqueue(new StreamEvent
-            {
+            events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Refused,
                 Code = error.Code,
                 Message = error.Message,
@@ -336,8 +314,7 @@ namespace Terraport.Sessions
         private void OnNotice(NoticeMessage notice)
         {
             long? afterMs = notice.ReconnectAfterMs;
-            events.Enqueue(new StreamEvent
-            {
+            events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Notice,
                 Notice = notice.Kind,
                 SceneVersion = notice.Version,

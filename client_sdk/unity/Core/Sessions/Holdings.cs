@@ -14,10 +14,7 @@ namespace Terraport.Sessions
         private readonly Dictionary<uint, SegmentFacts> gone = new Dictionary<uint, SegmentFacts>();
         private readonly List<SegmentFacts> evicted = new List<SegmentFacts>();
 
-        internal Holdings(SegmentCache cache)
-        {
-            Cache = cache;
-        }
+        internal Holdings(SegmentCache cache) { Cache = cache; }
 
         internal SegmentCache Cache { get; }
 

@@ -62,16 +62,12 @@ namespace Terraport.Sessions
         internal bool IsDone { get; set; }
 
         /// <summary>Whether it is ready for the client (6.4, rule 5).</summary>
-        internal bool IsComplete
-        {
-            get { return IsReadySeen && (Waiting.Count == 0 || Waiting.IsSubsetOf(Missing)); }
-        }
+        internal bool IsComplete => IsReadySeen && (Waiting.Count == 0 || Waiting.IsSubsetOf(Missing));
 
         /// <summary>The message that asks for it under a generation.</summary>
         internal LandMessage Message(uint generation)
         {
-            return new LandMessage
-            {
+            return new LandMessage {
                 Generation = generation,
                 Position = position,
                 RadiusM = radiusM,
@@ -131,8 +127,7 @@ namespace Terraport.Sessions
         /// <summary>What the user is told of its plan.</summary>
         internal PlanFacts FactsOf(PlanMessage plan)
         {
-            return new PlanFacts
-            {
+            return new PlanFacts {
                 Landing = Number,
                 Position = plan.Position,
                 RadiusM = plan.RadiusM,

@@ -23,10 +23,7 @@ namespace Terraport.Sessions
         public int Length { get; private set; }
 
         /// <summary>Take part in it; from any thread that has it in its hands.</summary>
-        public void Retain()
-        {
-            Interlocked.Increment(ref users);
-        }
+        public void Retain() { Interlocked.Increment(ref users); }
 
         /// <summary>Give one part back; with the last one the array returns to the pool. From any thread.</summary>
         public void Release()
@@ -41,9 +38,6 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Say how many bytes count; at most those of the array.</summary>
-        internal void SetLength(int length)
-        {
-            Length = length;
-        }
+        internal void SetLength(int length) { Length = length; }
     }
 }

@@ -29,7 +29,9 @@ namespace Terraport.Sessions
         /// <summary>Bytes that lie idle now.</summary>
         public long IdleBytes
         {
-            get { lock (idle) return idleBytes; }
+            get {
+                lock (idle) return idleBytes;
+            }
         }
 
         /// <summary>Take a buffer of at least this length, which its user owns; its bytes are left over from before.</summary>

@@ -10,21 +10,12 @@ namespace Terraport.Sessions
         private readonly List<PickMessage> asked = new List<PickMessage>();
         private readonly Queue<StreamEvent> events;
 
-        internal PickState(Queue<StreamEvent> events)
-        {
-            this.events = events;
-        }
+        internal PickState(Queue<StreamEvent> events) { this.events = events; }
 
         /// <summary>How many wait.</summary>
-        internal int Count
-        {
-            get { return asked.Count; }
-        }
+        internal int Count => asked.Count;
 
-        internal void Ask(PickMessage pick)
-        {
-            asked.Add(pick);
-        }
+        internal void Ask(PickMessage pick) { asked.Add(pick); }
 
         /// <summary>Say those that wait to a new connection.</summary>
         internal void TellWaiting(List<WireMessage> into)
@@ -35,8 +26,7 @@ namespace Terraport.Sessions
         internal void Answered(PickedMessage picked)
         {
             if (!Remove(picked.Request)) return;
-            events.Enqueue(new StreamEvent
-            {
+            events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Picked,
                 Request = (int)picked.Request,
                 Hit = picked.Hit == null ? null : HitOf(picked.Hit),
@@ -66,8 +56,7 @@ namespace Terraport.Sessions
 
         private void Refuse(int request, string code, string message)
         {
-            events.Enqueue(new StreamEvent
-            {
+            events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.PickRefused,
                 Request = request,
                 Code = code,
@@ -86,8 +75,7 @@ namespace Terraport.Sessions
         {
             var attributes = new Dictionary<string, double>(StringComparer.Ordinal);
             foreach (KeyValuePair<string, double> attribute in hit.Attributes) attributes[attribute.Key] = attribute.Value;
-            return new PickHit
-            {
+            return new PickHit {
                 Position = hit.Position,
                 Normal = hit.Normal,
                 Segment = hit.Segment,

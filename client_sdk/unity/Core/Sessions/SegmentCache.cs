@@ -35,16 +35,10 @@ namespace Terraport.Sessions
         public long Bytes { get; private set; }
 
         /// <summary>Segments held now.</summary>
-        public int Count
-        {
-            get { return entries.Count; }
-        }
+        public int Count => entries.Count;
 
         /// <summary>Whether a segment is held.</summary>
-        public bool Contains(uint segment)
-        {
-            return entries.ContainsKey(segment);
-        }
+        public bool Contains(uint segment) { return entries.ContainsKey(segment); }
 
         /// <summary>Facts of a held segment; false where it is not held. Its age does not change.</summary>
         public bool TryGetFacts(uint segment, out SegmentFacts facts)

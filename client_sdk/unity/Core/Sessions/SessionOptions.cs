@@ -23,17 +23,16 @@ namespace Terraport.Sessions
         /// <summary>The message that opens a connection.</summary>
         internal HelloMessage Hello(HeldRow[] held)
         {
-            return new HelloMessage
-            {
+            return new HelloMessage {
                 Protocol = new ProtocolVersion(WireLimits.ProtocolMajor, WireLimits.ProtocolMinor),
                 Client = Client,
                 Encoding = SegmentDecoder.Encoding,
-                Budgets = new BudgetsPart
-                {
-                    MaxTriangles = Budgets == null ? null : Budgets.MaxTriangles,
-                    MaxBytes = Budgets == null ? null : Budgets.MaxBytes,
-                    MaxSegments = Budgets == null ? null : Budgets.MaxSegments,
-                },
+                Budgets =
+                    new BudgetsPart {
+                        MaxTriangles = Budgets == null ? null : Budgets.MaxTriangles,
+                        MaxBytes = Budgets == null ? null : Budgets.MaxBytes,
+                        MaxSegments = Budgets == null ? null : Budgets.MaxSegments,
+                    },
                 CreditBytes = CreditBytes,
                 ReleaseFactor = ReleaseFactor,
                 Held = held,

@@ -41,10 +41,8 @@ namespace Terraport.Sessions
         /// <summary>What has been counted over all connections.</summary>
         internal StreamStats Stats
         {
-            get
-            {
-                return new StreamStats
-                {
+            get {
+                return new StreamStats {
                     PayloadBytes = payloadBytes,
                     RepeatedBytes = repeatedBytes,
                     HeldSegments = held.Cache.Count,
@@ -63,42 +61,26 @@ namespace Terraport.Sessions
         /// <summary>The newest landing that is not ready; null for none.</summary>
         internal LandingState Unfinished
         {
-            get
-            {
+            get {
                 if (asked.Count > 0) return asked[asked.Count - 1];
                 return current != null && !current.IsDone ? current : null;
             }
         }
 
         /// <summary>Whether a land has no plan yet: then nothing may be evicted (6.7, rule 2).</summary>
-        internal bool AwaitsPlan
-        {
-            get { return asked.Count > 0; }
-        }
+        internal bool AwaitsPlan => asked.Count > 0;
 
         /// <summary>Ids of the plan that is not ready: these must not be evicted (6.7, rule 2). Null for none.</summary>
-        internal HashSet<uint> OpenPlan
-        {
-            get { return current != null && !current.IsDone ? current.Wanted : null; }
-        }
+        internal HashSet<uint> OpenPlan => current != null && !current.IsDone ? current.Wanted : null;
 
         /// <summary>Segments that are partly here.</summary>
-        internal int OpenParts
-        {
-            get { return assembler.Count; }
-        }
+        internal int OpenParts => assembler.Count;
 
         /// <summary>Note that a landing was sent.</summary>
-        internal void Ask(LandingState landing)
-        {
-            asked.Add(landing);
-        }
+        internal void Ask(LandingState landing) { asked.Add(landing); }
 
         /// <summary>Forget a landing that was never sent.</summary>
-        internal void Withdraw(LandingState landing)
-        {
-            asked.Remove(landing);
-        }
+        internal void Withdraw(LandingState landing) { asked.Remove(landing); }
 
         /// <summary>Forget a landing that the server refused; an older one goes on (6.5, rule 5). Null where it was none.</summary>
         internal LandingState Refused(uint? generation)
@@ -138,10 +120,7 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Give all memory back: the session is of no use any more.</summary>
-        internal void Free()
-        {
-            assembler.Clear();
-        }
+        internal void Free() { assembler.Clear(); }
 
         /// <summary>Take the plan of the oldest landing that has none.</summary>
         internal void OnPlan(PlanMessage plan)
@@ -166,12 +145,13 @@ namespace Terraport.Sessions
                 if (held.Cache.Touch(segment)) continue;
                 SegmentFacts crossed;
                 // Rejected already, and on its way again in this generation (6.4, rule 7).
-                if (landing.Crossed.TryGetValue(segment, out crossed)) landing.ExpectAgain(crossed);
-                else gone.Add(segment);
+                if (landing.Crossed.TryGetValue(segment, out crossed))
+                    landing.ExpectAgain(crossed);
+                else
+                    gone.Add(segment);
             }
             PinAndTrim();
-            events.Enqueue(new StreamEvent
-            {
+            events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Planned,
                 Landing = landing.Number,
                 Plan = landing.FactsOf(plan),
@@ -248,8 +228,7 @@ namespace Terraport.Sessions
                 return;
             }
             held.Put(facts, payload);
-            events.Enqueue(new StreamEvent
-            {
+            events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Arrived,
                 Landing = landing == null ? (int?)null : landing.Number,
                 Facts = facts,
@@ -273,8 +252,7 @@ namespace Terraport.Sessions
         {
             if (landing == null && ahead == null)
             {
-                throw new ProtocolViolationException(
-                    "got a frame of generation " + frame.Generation + ", which no landing or aim has now");
+                throw new ProtocolViolationException("got a frame of generation " + frame.Generation + ", which no landing or aim has now");
             }
             SegmentFacts facts;
             if ((landing != null ? landing.Facts : ahead.Facts).TryGetValue(frame.Segment, out facts)) return facts;
@@ -288,8 +266,7 @@ namespace Terraport.Sessions
             SegmentFacts facts;
             if (!held.TryGetFacts(segment, out facts))
             {
-                throw new ProtocolViolationException(
-                    "plan " + landing.Generation + " keeps segment " + segment + ", which was never held");
+                throw new ProtocolViolationException("plan " + landing.Generation + " keeps segment " + segment + ", which was never held");
             }
             landing.ExpectAgain(facts);
             Reject((uint)landing.Generation, facts, "lost");
@@ -335,8 +312,7 @@ namespace Terraport.Sessions
             current.IsDone = true;
             Visible = current.Shown();
             inner = new uint[0];
-            events.Enqueue(new StreamEvent
-            {
+            events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Ready,
                 Landing = current.Number,
                 Segments = Visible,

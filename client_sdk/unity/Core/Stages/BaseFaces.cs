@@ -48,10 +48,7 @@ namespace Terraport
         internal int PreparedRevision { get; private set; }
 
         /// <summary>What the lists hide once they are prepared; after a swap, what is drawn.</summary>
-        internal HiddenFaces Hidden
-        {
-            get { return counters.Hidden; }
-        }
+        internal HiddenFaces Hidden => counters.Hidden;
 
         /// <summary>Faces that the drawn lists hide.</summary>
         internal int DrawnHiddenCount { get; private set; }
@@ -177,10 +174,7 @@ namespace Terraport
             return true;
         }
 
-        private void Touch(int face)
-        {
-            TouchBlock(face / blockFaces);
-        }
+        private void Touch(int face) { TouchBlock(face / blockFaces); }
 
         private void TouchBlock(int block)
         {

@@ -66,16 +66,10 @@ namespace Terraport
         public HiddenFaces Hidden { get; private set; }
 
         /// <summary>How many segments count as shown.</summary>
-        public int ShownCount
-        {
-            get { return shown.Count; }
-        }
+        public int ShownCount => shown.Count;
 
         /// <summary>Whether a segment counts as shown.</summary>
-        public bool IsShown(uint segment)
-        {
-            return shown.Contains(segment);
-        }
+        public bool IsShown(uint segment) { return shown.Contains(segment); }
 
         /// <summary>Put the shown segments into a list.</summary>
         public void CopyShown(List<uint> target)

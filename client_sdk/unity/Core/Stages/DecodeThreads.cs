@@ -69,16 +69,10 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public bool Step()
-        {
-            return false;
-        }
+        public bool Step() { return false; }
 
         /// <inheritdoc/>
-        public void Recycle(SegmentMesh mesh)
-        {
-            pool.Give(mesh);
-        }
+        public void Recycle(SegmentMesh mesh) { pool.Give(mesh); }
 
         /// <summary>
         /// Let go of every payload that was not decoded, and end the threads; waits for a decode under way, a second at
@@ -120,10 +114,7 @@ namespace Terraport
                     job = jobs.Dequeue();
                 }
                 DecodeResult result = job.Run(decoder, pool, afterDecode);
-                lock (results)
-                {
-                    results.Enqueue(result);
-                }
+                lock (results) { results.Enqueue(result); }
             }
         }
     }

@@ -17,9 +17,6 @@ namespace Terraport
         }
 
         /// <summary>Number of the face after the last.</summary>
-        public int End
-        {
-            get { return First + Count; }
-        }
+        public int End => First + Count;
     }
 }

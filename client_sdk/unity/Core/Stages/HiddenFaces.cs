@@ -3,10 +3,7 @@ namespace Terraport
     /// <summary>Which faces of the base are not drawn. A live view of counters: read it within the call that gives it.</summary>
     public sealed class HiddenFaces
     {
-        internal HiddenFaces(byte[] mask)
-        {
-            Mask = mask;
-        }
+        internal HiddenFaces(byte[] mask) { Mask = mask; }
 
         /// <summary>One byte per base face, 1 where it is hidden. Read only.</summary>
         public byte[] Mask { get; private set; }

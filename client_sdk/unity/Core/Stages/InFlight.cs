@@ -26,27 +26,15 @@ namespace Terraport
             this.mostBytes = mostBytes;
         }
 
-        internal int Count
-        {
-            get { return decoding + waiting; }
-        }
+        internal int Count => decoding + waiting;
 
-        internal bool HasRoom
-        {
-            get { return Count == 0 || (Count < most && waitingBytes + (decoding + 1) * guessBytes <= mostBytes); }
-        }
+        internal bool HasRoom => Count == 0 || (Count < most && waitingBytes + (decoding + 1) * guessBytes <= mostBytes);
 
         /// <summary>A segment was asked for.</summary>
-        internal void Ask()
-        {
-            decoding++;
-        }
+        internal void Ask() { decoding++; }
 
         /// <summary>It came, or not; it is not kept.</summary>
-        internal void Dismiss()
-        {
-            decoding--;
-        }
+        internal void Dismiss() { decoding--; }
 
         /// <summary>It came, and waits.</summary>
         internal void Wait(long bytes)

@@ -14,10 +14,7 @@ namespace Terraport
 
         /// <summary>An empty queue.</summary>
         /// <param name="afterDecode">Run after each decode, before the mesh is handed out; may be null.</param>
-        public InlineDecodes(Action<SegmentMesh> afterDecode = null)
-        {
-            this.afterDecode = afterDecode;
-        }
+        public InlineDecodes(Action<SegmentMesh> afterDecode = null) { this.afterDecode = afterDecode; }
 
         /// <inheritdoc/>
         public void Enqueue(uint segment, int epoch, PinnedPayload payload)
@@ -44,10 +41,7 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public void Recycle(SegmentMesh mesh)
-        {
-            pool.Give(mesh);
-        }
+        public void Recycle(SegmentMesh mesh) { pool.Give(mesh); }
 
         /// <summary>Let go of every payload that was not decoded.</summary>
         public void Dispose()

@@ -77,10 +77,7 @@ namespace Terraport
             }
         }
 
-        internal void Degrade(IReadOnlyList<uint> segments)
-        {
-            inner = segments;
-        }
+        internal void Degrade(IReadOnlyList<uint> segments) { inner = segments; }
 
         internal void Ready(IReadOnlyList<uint> visible, IReadOnlyList<uint> missing, double elapsedMs, long payloadBytes)
         {
@@ -90,10 +87,7 @@ namespace Terraport
             PayloadBytes = payloadBytes;
         }
 
-        internal void Refuse(string message)
-        {
-            Refusal = message ?? "refused";
-        }
+        internal void Refuse(string message) { Refusal = message ?? "refused"; }
 
         /// <summary>A new scene version: there is no plan of it yet.</summary>
         internal void Restart()

@@ -11,10 +11,7 @@ namespace Terraport
 
         internal SegmentMesh Take()
         {
-            lock (spare)
-            {
-                return spare.Count > 0 ? spare.Pop() : new SegmentMesh();
-            }
+            lock (spare) { return spare.Count > 0 ? spare.Pop() : new SegmentMesh(); }
         }
 
         internal void Give(SegmentMesh mesh)

@@ -49,16 +49,10 @@ namespace Terraport
         internal int ComingRevision { get; private set; }
 
         /// <summary>Segments being decoded, or decoded and not uploaded.</summary>
-        internal int InFlight
-        {
-            get { return shelf.InFlightCount; }
-        }
+        internal int InFlight => shelf.InFlightCount;
 
         /// <summary>GPU bytes of segments there, or on their way, that nobody wants now.</summary>
-        internal long SpareBytes
-        {
-            get { return shelf.SpareBytes; }
-        }
+        internal long SpareBytes => shelf.SpareBytes;
 
         /// <summary>What to decode now, most urgent first; marks it so. False where nothing is to be decoded.</summary>
         internal bool TryTakeDecode(out uint segment)
@@ -145,22 +139,13 @@ namespace Terraport
         }
 
         /// <summary>And it can be drawn without any further preparation.</summary>
-        internal void Warmed(uint segment)
-        {
-            shelf.Warmed(segment);
-        }
+        internal void Warmed(uint segment) { shelf.Warmed(segment); }
 
         /// <summary>The base's lists for the coming set of this revision are ready too.</summary>
-        internal void BasePrepared(int revision)
-        {
-            preparedRevision = revision;
-        }
+        internal void BasePrepared(int revision) { preparedRevision = revision; }
 
         /// <summary>Ids whose GPU memory, or waiting mesh, is to be freed; each is told once.</summary>
-        internal void TakeFreed(List<uint> target)
-        {
-            shelf.TakeFreed(target);
-        }
+        internal void TakeFreed(List<uint> target) { shelf.TakeFreed(target); }
 
         /// <summary>Whether a swap would show the newest landing: in full, the declared inner part of it, or nothing yet.</summary>
         internal LandingRecord.Part Presentable()
@@ -224,10 +209,7 @@ namespace Terraport
         }
 
         /// <summary>Share of the newest landing that came and was uploaded, 0 to 1.</summary>
-        internal double Fraction()
-        {
-            return Newest == null ? 0 : Newest.Fraction(shelf);
-        }
+        internal double Fraction() { return Newest == null ? 0 : Newest.Fraction(shelf); }
 
         /// <summary>What the newest landing's full set lacks: told by the stream, or not decodable. Ascending.</summary>
         internal IReadOnlyList<uint> Missing()

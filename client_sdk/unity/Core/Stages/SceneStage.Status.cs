@@ -8,8 +8,7 @@ namespace Terraport
         /// <summary>Where the newest landing stands.</summary>
         public LandingStatus Status
         {
-            get
-            {
+            get {
                 LandingRecord landing = residency.Newest;
                 var status = new LandingStatus { Phase = Phase(), Missing = residency.Missing(), Fraction = residency.Fraction() };
                 if (landing != null)
@@ -30,10 +29,8 @@ namespace Terraport
         /// <summary>What the stage holds and does now.</summary>
         public StageStats Stats
         {
-            get
-            {
-                return new StageStats
-                {
+            get {
+                return new StageStats {
                     UploadedSegments = uploads.Count,
                     VisibleSegments = residency.Visible.Length,
                     InFlight = residency.InFlight,
@@ -49,8 +46,7 @@ namespace Terraport
         /// </summary>
         public string VisibleDigest
         {
-            get
-            {
+            get {
                 uint hash = 0;
                 foreach (uint segment in residency.Visible)
                 {

@@ -32,11 +32,7 @@ namespace Terraport
         /// <summary>A stage that shows nothing yet: base and segments come in <see cref="Update"/>.</summary>
         /// <exception cref="ArgumentException">An option that bounds nothing.</exception>
         public SceneStage(
-            ISceneStream stream,
-            SceneFiles files,
-            ISceneRenderer renderer,
-            IDecodeQueue decoders,
-            StageOptions options = null)
+            ISceneStream stream, SceneFiles files, ISceneRenderer renderer, IDecodeQueue decoders, StageOptions options = null)
         {
             if (stream == null || files == null || renderer == null || decoders == null)
             {
@@ -63,10 +59,7 @@ namespace Terraport
         public bool AutoShow { get; set; }
 
         /// <summary>Base, cover and regions that the stage shows, or will show.</summary>
-        public SceneFiles Files
-        {
-            get { return files; }
-        }
+        public SceneFiles Files => files;
 
         /// <summary>
         /// Another scene version was opened: load its files and call <see cref="ReplaceFiles"/>. Until then what is shown
@@ -83,16 +76,10 @@ namespace Terraport
         public bool IsBaseDrawn { get; private set; }
 
         /// <summary>Segments shown, ascending.</summary>
-        public IReadOnlyList<uint> Visible
-        {
-            get { return residency.Visible; }
-        }
+        public IReadOnlyList<uint> Visible => residency.Visible;
 
         /// <summary>Base faces that are hidden.</summary>
-        public int HiddenBaseFaces
-        {
-            get { return baseFaces.DrawnHiddenCount; }
-        }
+        public int HiddenBaseFaces => baseFaces.DrawnHiddenCount;
 
         /// <summary>Ask for a landing; it supersedes any that is not shown yet. Its number.</summary>
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
@@ -106,10 +93,7 @@ namespace Terraport
         /// <summary>
         /// Tell where the user points: what lies there is fetched ahead and, as far as there is room, made drawable.
         /// </summary>
-        public void Aim(Vec3 position, double radiusM)
-        {
-            stream.Aim(position, radiusM);
-        }
+        public void Aim(Vec3 position, double radiusM) { stream.Aim(position, radiusM); }
 
         /// <summary>Take an event of the stream; every one, in their order.</summary>
         public void Handle(ref StreamEvent next)
@@ -123,15 +107,9 @@ namespace Terraport
                         LeaveVersion();
                     }
                     break;
-                case StreamEventKind.Planned:
-                    residency.Planned(next.Plan);
-                    break;
-                case StreamEventKind.Arrived:
-                    residency.Arrived(next.Facts, next.Landing);
-                    break;
-                case StreamEventKind.Degraded:
-                    residency.Degraded(next.Landing ?? 0, next.Segments);
-                    break;
+                case StreamEventKind.Planned: residency.Planned(next.Plan); break;
+                case StreamEventKind.Arrived: residency.Arrived(next.Facts, next.Landing); break;
+                case StreamEventKind.Degraded: residency.Degraded(next.Landing ?? 0, next.Segments); break;
                 case StreamEventKind.Ready:
                     residency.Ready(next.Landing ?? 0, next.Segments, next.Missing, next.ElapsedMs, next.Bytes);
                     break;
@@ -141,9 +119,7 @@ namespace Terraport
                         residency.Refused(next.Landing.Value, next.Message);
                     }
                     break;
-                case StreamEventKind.Dropped:
-                    residency.Dropped(next.Segments);
-                    break;
+                case StreamEventKind.Dropped: residency.Dropped(next.Segments); break;
             }
         }
 
@@ -241,10 +217,7 @@ namespace Terraport
             uploads.FreeSeen(visible);
         }
 
-        private bool CanSwap
-        {
-            get { return IsBaseDrawn && !NeedsFiles; }
-        }
+        private bool CanSwap => IsBaseDrawn && !NeedsFiles;
 
         /// <summary>Ids mean other segments now: all but what is shown is freed.</summary>
         private void LeaveVersion()

@@ -55,9 +55,6 @@ namespace Terraport
         }
 
         /// <summary>The ids that are not in a set, in their order.</summary>
-        internal static uint[] Without(uint[] ids, HashSet<uint> left)
-        {
-            return Array.FindAll(ids, id => !left.Contains(id));
-        }
+        internal static uint[] Without(uint[] ids, HashSet<uint> left) { return Array.FindAll(ids, id => !left.Contains(id)); }
     }
 }

@@ -28,22 +28,13 @@ namespace Terraport
         internal long SpareBytes { get; private set; }
 
         /// <summary>Whether an aim's segment may be decoded now.</summary>
-        internal bool HasSpareRoom
-        {
-            get { return SpareBytes < mostSpareBytes; }
-        }
+        internal bool HasSpareRoom => SpareBytes < mostSpareBytes;
 
         /// <summary>Segments being decoded, or decoded and not uploaded.</summary>
-        internal int InFlightCount
-        {
-            get { return inFlight.Count; }
-        }
+        internal int InFlightCount => inFlight.Count;
 
         /// <summary>Whether one more may be decoded.</summary>
-        internal bool HasRoom
-        {
-            get { return inFlight.HasRoom; }
-        }
+        internal bool HasRoom => inFlight.HasRoom;
 
         internal SegmentStep StepOf(uint segment)
         {

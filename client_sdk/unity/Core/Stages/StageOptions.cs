@@ -46,9 +46,6 @@ namespace Terraport
             }
         }
 
-        private static double MachineMs()
-        {
-            return Stopwatch.GetTimestamp() * (1000.0 / Stopwatch.Frequency);
-        }
+        private static double MachineMs() { return Stopwatch.GetTimestamp() * (1000.0 / Stopwatch.Frequency); }
     }
 }

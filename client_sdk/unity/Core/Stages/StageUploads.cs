@@ -19,11 +19,7 @@ namespace Terraport
         /// <summary>Segments whose upload goes on in the next frame.</summary>
         private readonly HashSet<uint> paused = new HashSet<uint>();
 
-        internal StageUploads(
-            Residency residency,
-            ISceneStream stream,
-            ISceneRenderer renderer,
-            IDecodeQueue decoders,
+        internal StageUploads(Residency residency, ISceneStream stream, ISceneRenderer renderer, IDecodeQueue decoders,
             Action<uint, TerraportException> onFailed)
         {
             this.residency = residency;
@@ -34,10 +30,7 @@ namespace Terraport
         }
 
         /// <summary>Segments that the renderer has.</summary>
-        internal int Count
-        {
-            get { return uploaded.Count; }
-        }
+        internal int Count => uploaded.Count;
 
         /// <summary>Ask for decodes, note what became drawable, and what is to be freed.</summary>
         internal void BeginFrame()
@@ -138,10 +131,7 @@ namespace Terraport
         }
 
         /// <summary>A decode on this thread, where the queue has no threads.</summary>
-        internal long DecodeOne()
-        {
-            return decoders.Step() ? 1 : 0;
-        }
+        internal long DecodeOne() { return decoders.Step() ? 1 : 0; }
 
         /// <summary>
         /// Let go of all that waits, and of all that the renderer has but what is shown: of that <see cref="FreeSeen"/>.

@@ -63,8 +63,7 @@ namespace Terraport
         /// <summary>When something is due by itself, whatever the transport does; never where nothing is.</summary>
         internal double DueMs
         {
-            get
-            {
+            get {
                 if (transport == null) return retryAtMs;
                 double due = welcomedMs == Never ? connectedMs + ConnectMs : Never;
                 if (session.HasAim) due = Math.Min(due, nextAimMs);
@@ -73,16 +72,10 @@ namespace Terraport
             }
         }
 
-        private double SilentSinceMs
-        {
-            get { return Math.Max(heardMs, Math.Max(owedSinceMs, welcomedMs)); }
-        }
+        private double SilentSinceMs => Math.Max(heardMs, Math.Max(owedSinceMs, welcomedMs));
 
         /// <summary>Connect for the first time.</summary>
-        internal void Start(double nowMs)
-        {
-            Connect(nowMs);
-        }
+        internal void Start(double nowMs) { Connect(nowMs); }
 
         /// <summary>Do what is due; whether received messages are left for another time.</summary>
         /// <param name="nowMs">Now.</param>
@@ -101,11 +94,15 @@ namespace Terraport
             if (!isGreeted && (state == TransportState.Open || state == TransportState.Closed)) Greet(state, nowMs);
             bool isMore = true;
             bool isBlocked = session.UnsentMessages >= MaxUnsentMessages;
-            if (mayReceive && !isBlocked) isMore = Receive(nowMs);
-            else heardMs = nowMs;
+            if (mayReceive && !isBlocked)
+                isMore = Receive(nowMs);
+            else
+                heardMs = nowMs;
             if (transport != present) return false;
-            if (state == TransportState.Closed && !isMore) Lost(transport.CloseCode, transport.CloseReason, nowMs);
-            else if (welcomedMs == Never && nowMs - connectedMs > ConnectMs) Cut(CloseCodes.Timeout, "no welcome in time", nowMs);
+            if (state == TransportState.Closed && !isMore)
+                Lost(transport.CloseCode, transport.CloseReason, nowMs);
+            else if (welcomedMs == Never && nowMs - connectedMs > ConnectMs)
+                Cut(CloseCodes.Timeout, "no welcome in time", nowMs);
             else if (owedSinceMs != Never && welcomedMs != Never && nowMs - SilentSinceMs > SilenceMs)
             {
                 Cut(CloseCodes.Timeout, "the server is silent", nowMs);
@@ -129,8 +126,10 @@ namespace Terraport
                 session.TakeMessages(outgoing.Waiting);
             }
             outgoing.Send(transport, nowMs);
-            if (!session.AwaitsAnswer) owedSinceMs = Never;
-            else if (owedSinceMs == Never) owedSinceMs = nowMs;
+            if (!session.AwaitsAnswer)
+                owedSinceMs = Never;
+            else if (owedSinceMs == Never)
+                owedSinceMs = nowMs;
         }
 
         /// <summary>Connect now, unless there is a connection already; another token makes a new one in any case.</summary>
@@ -271,8 +270,7 @@ namespace Terraport
                 return;
             }
             if (livedMs >= StableMs) attempt = 0;
-            var state = new LinkState
-            {
+            var state = new LinkState {
                 CloseCode = closeCode,
                 Code = refusalCode ?? Closes.ErrorOf(closeCode),
                 Message = refusalMessage ?? (string.IsNullOrEmpty(reason) ? TextOf(closeCode) : reason),
@@ -311,10 +309,7 @@ namespace Terraport
             session.ConnectionLost();
         }
 
-        private void Tell(LinkState state)
-        {
-            settings.Tell(new StreamEvent { Kind = StreamEventKind.Link, Link = state });
-        }
+        private void Tell(LinkState state) { settings.Tell(new StreamEvent { Kind = StreamEventKind.Link, Link = state }); }
 
         private static string TextOf(int closeCode)
         {

@@ -18,10 +18,7 @@ namespace Terraport
         internal Queue<byte[]> Waiting { get; } = new Queue<byte[]>();
 
         /// <summary>When the first of those that wait may go; never where none does.</summary>
-        internal double DueMs
-        {
-            get { return Waiting.Count == 0 ? double.PositiveInfinity : isBooked ? dueMs : 0; }
-        }
+        internal double DueMs => Waiting.Count == 0 ? double.PositiveInfinity : isBooked ? dueMs : 0;
 
         /// <summary>Forget what waits: this is a new connection.</summary>
         internal void Begin(double nowMs)
@@ -32,10 +29,7 @@ namespace Terraport
         }
 
         /// <summary>Take what the server says it allows.</summary>
-        internal void Allow(double messagesPerS, double nowMs)
-        {
-            pacer = new Pacer(messagesPerS, nowMs);
-        }
+        internal void Allow(double messagesPerS, double nowMs) { pacer = new Pacer(messagesPerS, nowMs); }
 
         /// <summary>Hand over what may go now.</summary>
         internal void Send(ITransport transport, double nowMs)

@@ -22,10 +22,8 @@ namespace Terraport
         public SegmentFacts Facts { get; }
 
         /// <summary>The payload; its array is larger and belongs to a pool.</summary>
-        public ArraySegment<byte> Bytes
-        {
-            get { return buffer == null ? default(ArraySegment<byte>) : new ArraySegment<byte>(buffer.Data, 0, buffer.Length); }
-        }
+        public ArraySegment<byte> Bytes =>
+            buffer == null ? default(ArraySegment<byte>) : new ArraySegment<byte>(buffer.Data, 0, buffer.Length);
 
         /// <summary>Let the bytes go. They must not be read any more.</summary>
         public void Dispose()

@@ -33,46 +33,35 @@ namespace Terraport
         /// <param name="clockMs">Another clock than <see cref="StreamClock"/>; monotonic milliseconds.</param>
         /// <exception cref="TerraportException">invalid_url.</exception>
         /// <exception cref="ArgumentException">An option that the protocol does not allow.</exception>
-        public SceneStream(
-            StreamOptions options, ITransportFactory transports = null, Action changed = null, Func<double> clockMs = null)
+        public SceneStream(StreamOptions options, ITransportFactory transports = null, Action changed = null, Func<double> clockMs = null)
         {
             this.clockMs = clockMs ?? (() => StreamClock.NowMs);
-            session = new ClientSession(new SessionOptions
-            {
+            session = new ClientSession(new SessionOptions {
                 Client = options.Client ?? ClientVersion.Text,
                 Budgets = options.Budgets,
                 CreditBytes = options.CreditBytes,
                 ReleaseFactor = options.ReleaseFactor,
                 CacheBytes = options.CacheBytes,
             });
-            link = new Link(session, new LinkSettings
-            {
-                Url = new Uri(SceneUrl.Parse(options.SceneUrl).StreamUrl),
-                Token = options.Token,
-                Transports = transports ?? new WebSocketTransportFactory(),
-                Tell = Tell,
-                Changed = changed,
-            });
+            link = new Link(session,
+                new LinkSettings {
+                    Url = new Uri(SceneUrl.Parse(options.SceneUrl).StreamUrl),
+                    Token = options.Token,
+                    Transports = transports ?? new WebSocketTransportFactory(),
+                    Tell = Tell,
+                    Changed = changed,
+                });
             link.Start(this.clockMs());
         }
 
         /// <inheritdoc/>
-        public StreamStats Stats
-        {
-            get { return session.Stats; }
-        }
+        public StreamStats Stats => session.Stats;
 
         /// <summary>When something is due by itself, on the stream's clock; infinite where only a message or a command is waited for.</summary>
-        public double DueMs
-        {
-            get { return isClosed ? double.PositiveInfinity : link.DueMs; }
-        }
+        public double DueMs => isClosed ? double.PositiveInfinity : link.DueMs;
 
         /// <inheritdoc/>
-        public int Land(Vec3 position, double radiusM, LandOptions options = null)
-        {
-            return Land(position, radiusM, options, clockMs());
-        }
+        public int Land(Vec3 position, double radiusM, LandOptions options = null) { return Land(position, radiusM, options, clockMs()); }
 
         /// <inheritdoc/>
         public void Aim(Vec3 position, double radiusM)
@@ -85,17 +74,16 @@ namespace Terraport
         public int Pick(Vec3 origin, Vec3? direction = null)
         {
             int request = session.Pick(origin, direction);
-            if (endedCode != null) session.RefusePicks(endedCode, endedMessage);
-            else if (session.OpenPicks > MaxPicks) session.RefusePick(request, "too_many", MaxPicks + " picks wait for an answer already");
+            if (endedCode != null)
+                session.RefusePicks(endedCode, endedMessage);
+            else if (session.OpenPicks > MaxPicks)
+                session.RefusePick(request, "too_many", MaxPicks + " picks wait for an answer already");
             Flush();
             return request;
         }
 
         /// <inheritdoc/>
-        public void Pump()
-        {
-            PumpOnce();
-        }
+        public void Pump() { PumpOnce(); }
 
         /// <inheritdoc/>
         public bool TryNextEvent(out StreamEvent next)
@@ -106,10 +94,7 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public bool TryPin(uint segment, out PinnedPayload payload)
-        {
-            return session.Cache.TryPin(segment, out payload);
-        }
+        public bool TryPin(uint segment, out PinnedPayload payload) { return session.Cache.TryPin(segment, out payload); }
 
         /// <inheritdoc/>
         public void Reconnect(string token = null)
@@ -133,16 +118,10 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public void Dispose()
-        {
-            Close();
-        }
+        public void Dispose() { Close(); }
 
         /// <summary>As <see cref="Pump"/>; whether there is more to do at once.</summary>
-        internal bool PumpOnce()
-        {
-            return !isClosed && link.Pump(clockMs(), events.Count < MaxWaitingEvents);
-        }
+        internal bool PumpOnce() { return !isClosed && link.Pump(clockMs(), events.Count < MaxWaitingEvents); }
 
         /// <summary>As <see cref="Land(Vec3, double, LandOptions)"/>, asked for at a moment of the stream's clock.</summary>
         internal int Land(Vec3 position, double radiusM, LandOptions options, double atMs)
@@ -154,10 +133,7 @@ namespace Terraport
             return number;
         }
 
-        private void Flush()
-        {
-            link.Flush(clockMs());
-        }
+        private void Flush() { link.Flush(clockMs()); }
 
         /// <summary>Queue an event, with what only the stream knows of it.</summary>
         private void Tell(StreamEvent next)
@@ -169,8 +145,8 @@ namespace Terraport
                 bool isKnown = askedMs.TryGetValue(next.Landing.Value, out asked);
                 next.ElapsedMs = isKnown ? Math.Max(0, next.ReadyAtMs - asked) : 0;
             }
-            bool isOver = next.Kind == StreamEventKind.Ready || next.Kind == StreamEventKind.Superseded
-                || next.Kind == StreamEventKind.Refused;
+            bool isOver =
+                next.Kind == StreamEventKind.Ready || next.Kind == StreamEventKind.Superseded || next.Kind == StreamEventKind.Refused;
             if (isOver && next.Landing.HasValue) askedMs.Remove(next.Landing.Value);
             if (next.Kind == StreamEventKind.Link && next.Link.Phase == LinkPhase.Closed)
             {

@@ -6,9 +6,6 @@ namespace Terraport
     public static class StreamClock
     {
         /// <summary>Milliseconds since some moment that does not change while the process runs.</summary>
-        public static double NowMs
-        {
-            get { return Stopwatch.GetTimestamp() * (1000.0 / Stopwatch.Frequency); }
-        }
+        public static double NowMs => Stopwatch.GetTimestamp() * (1000.0 / Stopwatch.Frequency);
     }
 }

@@ -48,18 +48,20 @@ namespace Terraport
         /// <inheritdoc/>
         public StreamStats Stats
         {
-            get { lock (gate) return stats; }
+            get {
+                lock (gate) return stats;
+            }
         }
 
         /// <inheritdoc/>
         public int Land(Vec3 position, double radiusM, LandOptions options = null)
         {
-            LandOptions copy = options == null ? null : new LandOptions
-            {
-                InnerRadiusM = options.InnerRadiusM,
-                DeadlineMs = options.DeadlineMs,
-                StallMs = options.StallMs,
-            };
+            LandOptions copy = options == null ? null
+                                               : new LandOptions {
+                                                     InnerRadiusM = options.InnerRadiusM,
+                                                     DeadlineMs = options.DeadlineMs,
+                                                     StallMs = options.StallMs,
+                                                 };
             WireCodec.Check(new LandingState(0, position, radiusM, copy).Message(0));
             double atMs = StreamClock.NowMs;
             landings++;
@@ -92,9 +94,7 @@ namespace Terraport
         }
 
         /// <summary>Does nothing: the stream's own thread pumps.</summary>
-        public void Pump()
-        {
-        }
+        public void Pump() {}
 
         /// <inheritdoc/>
         public bool TryNextEvent(out StreamEvent next)
@@ -115,16 +115,10 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public bool TryPin(uint segment, out PinnedPayload payload)
-        {
-            return stream.TryPin(segment, out payload);
-        }
+        public bool TryPin(uint segment, out PinnedPayload payload) { return stream.TryPin(segment, out payload); }
 
         /// <inheritdoc/>
-        public void Reconnect(string token = null)
-        {
-            Command(() => stream.Reconnect(token));
-        }
+        public void Reconnect(string token = null) { Command(() => stream.Reconnect(token)); }
 
         /// <inheritdoc/>
         public void Close()
@@ -135,10 +129,7 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public void Dispose()
-        {
-            Close();
-        }
+        public void Dispose() { Close(); }
 
         private void Command(Action command)
         {
@@ -151,10 +142,7 @@ namespace Terraport
             Wake();
         }
 
-        private void Wake()
-        {
-            wake.Set();
-        }
+        private void Wake() { wake.Set(); }
 
         private void Run()
         {
@@ -177,8 +165,10 @@ namespace Terraport
                 isLast = RunCommands();
                 bool isMore = !isLast && stream.PumpOnce();
                 bool isFull = HandOver(isLast);
-                if (!isLast && !isMore && !isFull) wake.WaitOne(SleepMs());
-                else if (isFull) wake.WaitOne(LongestSleepMs);
+                if (!isLast && !isMore && !isFull)
+                    wake.WaitOne(SleepMs());
+                else if (isFull)
+                    wake.WaitOne(LongestSleepMs);
             }
             while (!isLast);
         }
@@ -213,14 +203,19 @@ namespace Terraport
                 double radiusM;
                 lock (gate)
                 {
-                    if (commands.Count > 0) command = commands.Dequeue();
-                    else if (!hasAim) return false;
-                    else hasAim = false;
+                    if (commands.Count > 0)
+                        command = commands.Dequeue();
+                    else if (!hasAim)
+                        return false;
+                    else
+                        hasAim = false;
                     position = aimPosition;
                     radiusM = aimRadiusM;
                 }
-                if (command == null) stream.Aim(position, radiusM);
-                else command();
+                if (command == null)
+                    stream.Aim(position, radiusM);
+                else
+                    command();
                 if (command == close) return true;
             }
         }

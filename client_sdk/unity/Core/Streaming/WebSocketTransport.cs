@@ -53,25 +53,28 @@ namespace Terraport
         /// <inheritdoc/>
         public TransportState State
         {
-            get { lock (gate) return state; }
+            get {
+                lock (gate) return state;
+            }
         }
 
         /// <inheritdoc/>
-        public string Subprotocol
-        {
-            get { return State == TransportState.Open ? socket.SubProtocol : null; }
-        }
+        public string Subprotocol => State == TransportState.Open ? socket.SubProtocol : null;
 
         /// <inheritdoc/>
         public int CloseCode
         {
-            get { lock (gate) return closeCode; }
+            get {
+                lock (gate) return closeCode;
+            }
         }
 
         /// <inheritdoc/>
         public string CloseReason
         {
-            get { lock (gate) return closeReason; }
+            get {
+                lock (gate) return closeReason;
+            }
         }
 
         /// <inheritdoc/>
@@ -136,17 +139,16 @@ namespace Terraport
                 if (goodbyeCode != 0) return;
                 goodbyeCode = code;
                 goodbyeReason = reason;
-                if (state != TransportState.Open) ended.Cancel();
-                else ended.CancelAfter(GoodbyeMs);
+                if (state != TransportState.Open)
+                    ended.Cancel();
+                else
+                    ended.CancelAfter(GoodbyeMs);
             }
             hasUnsent.Release();
         }
 
         /// <inheritdoc/>
-        public void Dispose()
-        {
-            Close(Closes.Normal, "");
-        }
+        public void Dispose() { Close(Closes.Normal, ""); }
 
         void ITransportBuffers.Return(byte[] buffer)
         {
@@ -253,10 +255,7 @@ namespace Terraport
             }
         }
 
-        private byte[] Rent()
-        {
-            lock (gate) return idle.Count > 0 ? idle.Pop() : new byte[BufferBytes];
-        }
+        private byte[] Rent() { lock (gate) return idle.Count > 0 ? idle.Pop() : new byte[BufferBytes]; }
 
         /// <summary>Make room for a longer message, twice as much each time; false beyond what a server may send.</summary>
         private static bool TryGrow(ref byte[] buffer)

@@ -4,9 +4,6 @@ namespace Terraport
     public sealed class WebSocketTransportFactory : ITransportFactory
     {
         /// <inheritdoc/>
-        public ITransport Create()
-        {
-            return new WebSocketTransport();
-        }
+        public ITransport Create() { return new WebSocketTransport(); }
     }
 }

@@ -22,8 +22,7 @@ namespace Terraport.Wire
                 case CloseCodes.Forbidden:
                 case CloseCodes.UnknownScene:
                 case CloseCodes.UnsupportedVersion:
-                case CloseCodes.TooLarge:
-                    return AfterClose.Stop;
+                case CloseCodes.TooLarge: return AfterClose.Stop;
                 default: return AfterClose.Again;
             }
         }

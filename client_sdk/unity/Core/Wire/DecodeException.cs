@@ -11,17 +11,9 @@ namespace Terraport.Wire
         // Messages that are refused alone: they changed nothing, so the session goes on.
         private static readonly string[] NotFatal = { "aim", "land", "pick", "join", "gather" };
 
-        internal DecodeException(string code, string text)
-            : base(text)
-        {
-            Code = code;
-        }
+        internal DecodeException(string code, string text) : base(text) { Code = code; }
 
-        internal DecodeException(string code, string text, int offset)
-            : base(text + " (at byte " + offset + ")")
-        {
-            Code = code;
-        }
+        internal DecodeException(string code, string text, int offset) : base(text + " (at byte " + offset + ")") { Code = code; }
 
         internal DecodeException(string messageType, string field, string text, uint? generation, uint? request)
             : base(messageType + "." + field + ": " + text)
@@ -49,9 +41,6 @@ namespace Terraport.Wire
         public uint? Request { get; }
 
         /// <summary>False for messages that change nothing by being refused; else the connection cannot go on.</summary>
-        public bool IsFatal
-        {
-            get { return MessageType == null || Array.IndexOf(NotFatal, MessageType) < 0; }
-        }
+        public bool IsFatal => MessageType == null || Array.IndexOf(NotFatal, MessageType) < 0;
     }
 }

@@ -10,10 +10,7 @@ namespace Terraport.Wire
     {
         /// <summary>First pass: what tables and parts hold; null for kinds whose layout is their value.</summary>
         /// <exception cref="RefusedException">It is laid out otherwise.</exception>
-        internal virtual object Layout(JsonValue raw)
-        {
-            return null;
-        }
+        internal virtual object Layout(JsonValue raw) { return null; }
 
         /// <summary>Second pass: the value, checked.</summary>
         /// <param name="raw">As received, not null.</param>
@@ -29,14 +26,8 @@ namespace Terraport.Wire
         /// <summary>What is expected, for error texts.</summary>
         internal abstract string Describe();
 
-        internal RefusedException Refuse(JsonValue raw)
-        {
-            return new RefusedException("got " + raw.Show() + ", expected " + Describe());
-        }
+        internal RefusedException Refuse(JsonValue raw) { return new RefusedException("got " + raw.Show() + ", expected " + Describe()); }
 
-        internal RefusedException Refuse(string got)
-        {
-            return new RefusedException("got " + got + ", expected " + Describe());
-        }
+        internal RefusedException Refuse(string got) { return new RefusedException("got " + got + ", expected " + Describe()); }
     }
 }

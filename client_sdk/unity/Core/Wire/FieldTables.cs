@@ -17,8 +17,10 @@ namespace Terraport.Wire
             {
                 Field field = fields[number];
                 values[number] = raw[field.Name];
-                if (!values[number].IsNull) layouts[number] = Layout(field, values[number]);
-                else if (field.IsRequired) throw Missing(field);
+                if (!values[number].IsNull)
+                    layouts[number] = Layout(field, values[number]);
+                else if (field.IsRequired)
+                    throw Missing(field);
             }
             for (int number = 0; number < fields.Length; number++)
             {

@@ -5,8 +5,7 @@ namespace Terraport.Wire
     /// <summary>Our own side tried to send what the protocol does not allow.</summary>
     public sealed class InvalidMessageException : ArgumentException
     {
-        internal InvalidMessageException(string messageType, string field, string text)
-            : base(messageType + "." + field + ": " + text)
+        internal InvalidMessageException(string messageType, string field, string text) : base(messageType + "." + field + ": " + text)
         {
             MessageType = messageType;
             Field = field;

@@ -5,25 +5,16 @@ namespace Terraport.Wire
     /// <summary>Little-endian numbers in byte arrays, on machines of either order. Callers have checked the length.</summary>
     internal static class LittleEndian
     {
-        internal static ushort ReadU16(byte[] data, int at)
-        {
-            return (ushort)(data[at] | data[at + 1] << 8);
-        }
+        internal static ushort ReadU16(byte[] data, int at) { return (ushort)(data[at] | data[at + 1] << 8); }
 
         internal static uint ReadU32(byte[] data, int at)
         {
             return data[at] | (uint)data[at + 1] << 8 | (uint)data[at + 2] << 16 | (uint)data[at + 3] << 24;
         }
 
-        internal static ulong ReadU64(byte[] data, int at)
-        {
-            return ReadU32(data, at) | (ulong)ReadU32(data, at + 4) << 32;
-        }
+        internal static ulong ReadU64(byte[] data, int at) { return ReadU32(data, at) | (ulong)ReadU32(data, at + 4) << 32; }
 
-        internal static float ReadF32(byte[] data, int at)
-        {
-            return new FloatBits { Bits = ReadU32(data, at) }.Number;
-        }
+        internal static float ReadF32(byte[] data, int at) { return new FloatBits { Bits = ReadU32(data, at) }.Number; }
 
         internal static void WriteU16(byte[] data, int at, ushort value)
         {
@@ -43,10 +34,7 @@ namespace Terraport.Wire
             WriteU32(data, at + 4, (uint)(value >> 32));
         }
 
-        internal static void WriteF32(byte[] data, int at, float value)
-        {
-            WriteU32(data, at, new FloatBits { Number = value }.Bits);
-        }
+        internal static void WriteF32(byte[] data, int at, float value) { WriteU32(data, at, new FloatBits { Number = value }.Bits); }
 
         /// <summary>A float32 and its bits in the same place.</summary>
         [StructLayout(LayoutKind.Explicit)]

@@ -5,32 +5,18 @@ namespace Terraport.Wire
     /// <summary>Segments with what the scene's index says of them.</summary>
     internal sealed class LoadKind : PackedKind<SegmentFacts>
     {
-        internal LoadKind(int most)
-            : base(most, 48)
-        {
-        }
+        internal LoadKind(int most) : base(most, 48) {}
 
-        protected override uint IdOf(SegmentFacts row)
-        {
-            return row.Segment;
-        }
+        protected override uint IdOf(SegmentFacts row) { return row.Segment; }
 
         protected override SegmentFacts RowAt(byte[] data, int at)
         {
-            return new SegmentFacts(
-                LittleEndian.ReadU32(data, at),
+            return new SegmentFacts(LittleEndian.ReadU32(data, at),
                 // Beyond 2^31 it is negative, and refused with what is too long.
-                unchecked((int)LittleEndian.ReadU32(data, at + 4)),
-                LittleEndian.ReadU64(data, at + 8),
-                LittleEndian.ReadU32(data, at + 16),
+                unchecked((int)LittleEndian.ReadU32(data, at + 4)), LittleEndian.ReadU64(data, at + 8), LittleEndian.ReadU32(data, at + 16),
                 LittleEndian.ReadU32(data, at + 20),
-                new Box(
-                    LittleEndian.ReadF32(data, at + 24),
-                    LittleEndian.ReadF32(data, at + 28),
-                    LittleEndian.ReadF32(data, at + 32),
-                    LittleEndian.ReadF32(data, at + 36),
-                    LittleEndian.ReadF32(data, at + 40),
-                    LittleEndian.ReadF32(data, at + 44)));
+                new Box(LittleEndian.ReadF32(data, at + 24), LittleEndian.ReadF32(data, at + 28), LittleEndian.ReadF32(data, at + 32),
+                    LittleEndian.ReadF32(data, at + 36), LittleEndian.ReadF32(data, at + 40), LittleEndian.ReadF32(data, at + 44)));
         }
 
         protected override void CheckRow(SegmentFacts row)
@@ -41,11 +27,10 @@ namespace Terraport.Wire
                     "got a length of " + unchecked((uint)row.Length) + ", expected 1 to " + WireLimits.MaxSegmentBytes, "length");
             }
             Box box = row.Bounds;
-            if (!(IsCoordinate(box.MinX) && IsCoordinate(box.MinY) && IsCoordinate(box.MinZ)
-                && IsCoordinate(box.MaxX) && IsCoordinate(box.MaxY) && IsCoordinate(box.MaxZ)))
+            if (!(IsCoordinate(box.MinX) && IsCoordinate(box.MinY) && IsCoordinate(box.MinZ) && IsCoordinate(box.MaxX)
+                    && IsCoordinate(box.MaxY) && IsCoordinate(box.MaxZ)))
             {
-                throw new RefusedException(
-                    "got a coordinate that is no number of size at most " + WireLimits.MaxCoordinateM, "bounds");
+                throw new RefusedException("got a coordinate that is no number of size at most " + WireLimits.MaxCoordinateM, "bounds");
             }
             if (box.MinX > box.MaxX || box.MinY > box.MaxY || box.MinZ > box.MaxZ)
             {
@@ -69,9 +54,6 @@ namespace Terraport.Wire
         }
 
         // A NaN fails the comparison, an infinity too.
-        private static bool IsCoordinate(float side)
-        {
-            return Math.Abs(side) <= WireLimits.MaxCoordinateM;
-        }
+        private static bool IsCoordinate(float side) { return Math.Abs(side) <= WireLimits.MaxCoordinateM; }
     }
 }

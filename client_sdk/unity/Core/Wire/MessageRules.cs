@@ -13,10 +13,14 @@ namespace Terraport.Wire
             var gather = message as GatherMessage;
             var plan = message as PlanMessage;
             var prefetch = message as PrefetchMessage;
-            if (land != null) CheckLand(land);
-            else if (gather != null) CheckInner(gather.InnerRadiusM, gather.RadiusM);
-            else if (plan != null) CheckPlan(plan);
-            else if (prefetch != null) ExpectSum("bytes", prefetch.Bytes, Bytes(prefetch.Segments));
+            if (land != null)
+                CheckLand(land);
+            else if (gather != null)
+                CheckInner(gather.InnerRadiusM, gather.RadiusM);
+            else if (plan != null)
+                CheckPlan(plan);
+            else if (prefetch != null)
+                ExpectSum("bytes", prefetch.Bytes, Bytes(prefetch.Segments));
         }
 
         private static void CheckLand(LandMessage land)

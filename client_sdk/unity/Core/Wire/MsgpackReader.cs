@@ -175,9 +175,6 @@ namespace Terraport.Wire
             if (depth + 1 > WireLimits.MaxDepth) throw Malformed("got nesting beyond " + WireLimits.MaxDepth + " levels", first);
         }
 
-        private DecodeException Malformed(string text, int place)
-        {
-            return new DecodeException("malformed", text, place - start);
-        }
+        private DecodeException Malformed(string text, int place) { return new DecodeException("malformed", text, place - start); }
     }
 }

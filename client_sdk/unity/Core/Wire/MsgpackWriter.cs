@@ -22,9 +22,7 @@ namespace Terraport.Wire
         {
             switch (value.Kind)
             {
-                case JsonKind.Null:
-                    into.WriteByte(0xc0);
-                    break;
+                case JsonKind.Null: into.WriteByte(0xc0); break;
                 case JsonKind.Flag:
                     bool flag;
                     value.TryFlag(out flag);
@@ -40,9 +38,7 @@ namespace Terraport.Wire
                     value.TryNumber(out number);
                     Sized(0xcb, 8, unchecked((ulong)BitConverter.DoubleToInt64Bits(number)), into);
                     break;
-                case JsonKind.Text:
-                    Text(value.Text, into);
-                    break;
+                case JsonKind.Text: Text(value.Text, into); break;
                 case JsonKind.Binary:
                     ArraySegment<byte> bytes = value.Bytes;
                     Head((uint)bytes.Count, 0, -1, 0xc4, 0xc5, into);
@@ -61,8 +57,7 @@ namespace Terraport.Wire
                         Value(members.ValueAt(place), into);
                     }
                     break;
-                default:
-                    throw new InvalidOperationException("got " + value.Show() + ", which no message has");
+                default: throw new InvalidOperationException("got " + value.Show() + ", which no message has");
             }
         }
 
@@ -70,17 +65,27 @@ namespace Terraport.Wire
         {
             if (value >= 0)
             {
-                if (value <= 0x7f) into.WriteByte((byte)value);
-                else if (value <= 0xff) Sized(0xcc, 1, (ulong)value, into);
-                else if (value <= 0xffff) Sized(0xcd, 2, (ulong)value, into);
-                else if (value <= 0xffffffffL) Sized(0xce, 4, (ulong)value, into);
-                else Sized(0xcf, 8, (ulong)value, into);
+                if (value <= 0x7f)
+                    into.WriteByte((byte)value);
+                else if (value <= 0xff)
+                    Sized(0xcc, 1, (ulong)value, into);
+                else if (value <= 0xffff)
+                    Sized(0xcd, 2, (ulong)value, into);
+                else if (value <= 0xffffffffL)
+                    Sized(0xce, 4, (ulong)value, into);
+                else
+                    Sized(0xcf, 8, (ulong)value, into);
             }
-            else if (value >= -0x20) into.WriteByte(unchecked((byte)value));
-            else if (value >= -0x80) Sized(0xd0, 1, unchecked((ulong)value), into);
-            else if (value >= -0x8000) Sized(0xd1, 2, unchecked((ulong)value), into);
-            else if (value >= -0x80000000L) Sized(0xd2, 4, unchecked((ulong)value), into);
-            else Sized(0xd3, 8, unchecked((ulong)value), into);
+            else if (value >= -0x20)
+                into.WriteByte(unchecked((byte)value));
+            else if (value >= -0x80)
+                Sized(0xd0, 1, unchecked((ulong)value), into);
+            else if (value >= -0x8000)
+                Sized(0xd1, 2, unchecked((ulong)value), into);
+            else if (value >= -0x80000000L)
+                Sized(0xd2, 4, unchecked((ulong)value), into);
+            else
+                Sized(0xd3, 8, unchecked((ulong)value), into);
         }
 
         private static void Text(string text, Stream into)
@@ -100,10 +105,14 @@ namespace Terraport.Wire
         /// <summary>A token with its count: in the token itself, else in 8 (where there is such a form), 16 or 32 bits.</summary>
         private static void Head(uint count, byte inToken, int mostInToken, byte token8, byte token16, Stream into)
         {
-            if (count <= mostInToken) into.WriteByte((byte)(inToken | count));
-            else if (token8 != 0 && count <= 0xff) Sized(token8, 1, count, into);
-            else if (count <= 0xffff) Sized(token16, 2, count, into);
-            else Sized((byte)(token16 + 1), 4, count, into);
+            if (count <= mostInToken)
+                into.WriteByte((byte)(inToken | count));
+            else if (token8 != 0 && count <= 0xff)
+                Sized(token8, 1, count, into);
+            else if (count <= 0xffff)
+                Sized(token16, 2, count, into);
+            else
+                Sized((byte)(token16 + 1), 4, count, into);
         }
     }
 }

@@ -31,10 +31,7 @@ namespace Terraport.Wire
             return JsonValue.OfList(new[] { JsonValue.OfInteger(version.Major), JsonValue.OfInteger(version.Minor) });
         }
 
-        internal override string Describe()
-        {
-            return "a version [major, minor]";
-        }
+        internal override string Describe() { return "a version [major, minor]"; }
 
         private int Part(JsonValue raw)
         {
@@ -50,10 +47,7 @@ namespace Terraport.Wire
         private static readonly VersionKind One = new VersionKind();
         private readonly int most;
 
-        internal VersionsKind(int most)
-        {
-            this.most = most;
-        }
+        internal VersionsKind(int most) { this.most = most; }
 
         internal override object Read(JsonValue raw, object layout)
         {
@@ -78,10 +72,7 @@ namespace Terraport.Wire
             return JsonValue.OfList(Array.ConvertAll((ProtocolVersion[])value, version => One.Write(version)));
         }
 
-        internal override string Describe()
-        {
-            return "a list of at most " + most + " versions";
-        }
+        internal override string Describe() { return "a list of at most " + most + " versions"; }
     }
 
     /// <summary>A map of names to finite numbers.</summary>
@@ -90,10 +81,7 @@ namespace Terraport.Wire
         private static readonly TextKind Name = new TextKind(1, 128, null);
         private readonly int most;
 
-        internal NumbersKind(int most)
-        {
-            this.most = most;
-        }
+        internal NumbersKind(int most) { this.most = most; }
 
         internal override object Layout(JsonValue raw)
         {
@@ -140,14 +128,10 @@ namespace Terraport.Wire
         {
             var numbers = (KeyValuePair<string, double>[])value;
             return JsonValue.OfObject(new JsonObject(
-                Array.ConvertAll(numbers, number => number.Key),
-                Array.ConvertAll(numbers, number => JsonValue.OfFloat(number.Value))));
+                Array.ConvertAll(numbers, number => number.Key), Array.ConvertAll(numbers, number => JsonValue.OfFloat(number.Value))));
         }
 
-        internal override string Describe()
-        {
-            return "a map of at most " + most + " numbers";
-        }
+        internal override string Describe() { return "a map of at most " + most + " numbers"; }
     }
 
     /// <summary>A map with fields of its own.</summary>
@@ -169,25 +153,13 @@ namespace Terraport.Wire
             return part;
         }
 
-        internal override object Read(JsonValue raw, object layout)
-        {
-            return layout;
-        }
+        internal override object Read(JsonValue raw, object layout) { return layout; }
 
-        internal override void Check(object value)
-        {
-            FieldTables.Check((WirePart)value);
-        }
+        internal override void Check(object value) { FieldTables.Check((WirePart)value); }
 
-        internal override JsonValue Write(object value)
-        {
-            return FieldTables.Write((WirePart)value, null);
-        }
+        internal override JsonValue Write(object value) { return FieldTables.Write((WirePart)value, null); }
 
-        internal override string Describe()
-        {
-            return "a map (" + name + ")";
-        }
+        internal override string Describe() { return "a map (" + name + ")"; }
     }
 
     /// <summary>A list of maps with the same fields.</summary>
@@ -221,10 +193,7 @@ namespace Terraport.Wire
             return parts;
         }
 
-        internal override object Read(JsonValue raw, object layout)
-        {
-            return layout;
-        }
+        internal override object Read(JsonValue raw, object layout) { return layout; }
 
         internal override void Check(object value)
         {
@@ -248,9 +217,6 @@ namespace Terraport.Wire
             return JsonValue.OfList(Array.ConvertAll((WirePart[])value, part => FieldTables.Write(part, null)));
         }
 
-        internal override string Describe()
-        {
-            return "a list of at most " + most + " maps";
-        }
+        internal override string Describe() { return "a list of at most " + most + " maps"; }
     }
 }

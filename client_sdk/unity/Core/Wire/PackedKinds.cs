@@ -63,10 +63,7 @@ namespace Terraport.Wire
             return JsonValue.OfBinary(new ArraySegment<byte>(bytes));
         }
 
-        internal override string Describe()
-        {
-            return "a table of at most " + most + " rows";
-        }
+        internal override string Describe() { return "a table of at most " + most + " rows"; }
 
         protected abstract uint IdOf(T row);
 
@@ -74,9 +71,7 @@ namespace Terraport.Wire
 
         protected abstract void WriteRow(byte[] data, int at, T row);
 
-        protected virtual void CheckRow(T row)
-        {
-        }
+        protected virtual void CheckRow(T row) {}
 
         private void ExpectCount(int count)
         {
@@ -87,39 +82,21 @@ namespace Terraport.Wire
     /// <summary>Segment ids.</summary>
     internal sealed class IdsKind : PackedKind<uint>
     {
-        internal IdsKind(int most)
-            : base(most, 4)
-        {
-        }
+        internal IdsKind(int most) : base(most, 4) {}
 
-        protected override uint IdOf(uint row)
-        {
-            return row;
-        }
+        protected override uint IdOf(uint row) { return row; }
 
-        protected override uint RowAt(byte[] data, int at)
-        {
-            return LittleEndian.ReadU32(data, at);
-        }
+        protected override uint RowAt(byte[] data, int at) { return LittleEndian.ReadU32(data, at); }
 
-        protected override void WriteRow(byte[] data, int at, uint row)
-        {
-            LittleEndian.WriteU32(data, at, row);
-        }
+        protected override void WriteRow(byte[] data, int at, uint row) { LittleEndian.WriteU32(data, at, row); }
     }
 
     /// <summary>Held segments with their hashes.</summary>
     internal sealed class HeldKind : PackedKind<HeldRow>
     {
-        internal HeldKind(int most)
-            : base(most, 12)
-        {
-        }
+        internal HeldKind(int most) : base(most, 12) {}
 
-        protected override uint IdOf(HeldRow row)
-        {
-            return row.Segment;
-        }
+        protected override uint IdOf(HeldRow row) { return row.Segment; }
 
         protected override HeldRow RowAt(byte[] data, int at)
         {

@@ -35,16 +35,10 @@ namespace Terraport.Wire
         public ArraySegment<byte> Chunk { get; }
 
         /// <summary>Whether the chunk ends the segment.</summary>
-        public bool IsLast
-        {
-            get { return Offset + Chunk.Count == Total; }
-        }
+        public bool IsLast => Offset + Chunk.Count == Total;
 
         /// <summary>Whether a binary WebSocket message is a payload frame and not a message: a msgpack map starts at 0x80.</summary>
-        public static bool IsPayload(ArraySegment<byte> data)
-        {
-            return data.Count > 0 && data.Array[data.Offset] < FirstMessageByte;
-        }
+        public static bool IsPayload(ArraySegment<byte> data) { return data.Count > 0 && data.Array[data.Offset] < FirstMessageByte; }
 
         /// <summary>Read the frame that one binary WebSocket message holds; nothing is allocated.</summary>
         /// <param name="data">The message.</param>
@@ -57,8 +51,7 @@ namespace Terraport.Wire
             int size = data.Count;
             if (size > WireLimits.MaxFrameBytes)
             {
-                throw new DecodeException(
-                    "too_large", "got a frame of " + size + " bytes, expected at most " + WireLimits.MaxFrameBytes);
+                throw new DecodeException("too_large", "got a frame of " + size + " bytes, expected at most " + WireLimits.MaxFrameBytes);
             }
             if (size == 0) throw Malformed("got an empty message, expected a frame", 0);
             byte[] bytes = data.Array;
@@ -95,11 +88,7 @@ namespace Terraport.Wire
             {
                 throw Malformed("got last = " + isLast + ", expected " + !isLast + " by offset and total", 1);
             }
-            frame = new PayloadFrame(
-                LittleEndian.ReadU32(bytes, at + 4),
-                LittleEndian.ReadU32(bytes, at + 8),
-                (int)offset,
-                (int)total,
+            frame = new PayloadFrame(LittleEndian.ReadU32(bytes, at + 4), LittleEndian.ReadU32(bytes, at + 8), (int)offset, (int)total,
                 new ArraySegment<byte>(bytes, at + header, length));
             return true;
         }
@@ -124,10 +113,7 @@ namespace Terraport.Wire
             return data;
         }
 
-        private static DecodeException Malformed(string text, int offset)
-        {
-            return new DecodeException("malformed", text, offset);
-        }
+        private static DecodeException Malformed(string text, int offset) { return new DecodeException("malformed", text, offset); }
 
         private static void Expect(string field, int value, int low, int high)
         {

@@ -17,9 +17,6 @@ namespace Terraport.Wire
         public int Minor { get; }
 
         /// <summary>Major and minor with a dot.</summary>
-        public override string ToString()
-        {
-            return Major + "." + Minor;
-        }
+        public override string ToString() { return Major + "." + Minor; }
     }
 }

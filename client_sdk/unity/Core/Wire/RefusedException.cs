@@ -7,11 +7,7 @@ namespace Terraport.Wire
     {
         /// <param name="text">What was received and what was expected.</param>
         /// <param name="path">Place below the field; empty for the field itself.</param>
-        internal RefusedException(string text, string path = "")
-            : base(text)
-        {
-            Path = path;
-        }
+        internal RefusedException(string text, string path = "") : base(text) { Path = path; }
 
         internal string Path { get; }
 

@@ -30,15 +30,9 @@ namespace Terraport.Wire
             if (integer < low || integer > high) throw Refuse(integer.ToString(CultureInfo.InvariantCulture));
         }
 
-        internal override JsonValue Write(object value)
-        {
-            return JsonValue.OfInteger((long)value);
-        }
+        internal override JsonValue Write(object value) { return JsonValue.OfInteger((long)value); }
 
-        internal override string Describe()
-        {
-            return "an integer from " + low + " to " + high;
-        }
+        internal override string Describe() { return "an integer from " + low + " to " + high; }
     }
 
     /// <summary>A finite number within bounds, written as a float.</summary>
@@ -67,21 +61,16 @@ namespace Terraport.Wire
             if (!IsWithin((double)value)) throw Refuse(JsonValue.OfFloat((double)value));
         }
 
-        internal override JsonValue Write(object value)
-        {
-            return JsonValue.OfFloat((double)value);
-        }
+        internal override JsonValue Write(object value) { return JsonValue.OfFloat((double)value); }
 
         internal override string Describe()
         {
-            return "a number " + (lowExcluded ? "above " : "from ") + JsonValue.OfFloat(low).Show() + " to " + JsonValue.OfFloat(high).Show();
+            return "a number " + (lowExcluded ? "above " : "from ") + JsonValue.OfFloat(low).Show() + " to "
+                + JsonValue.OfFloat(high).Show();
         }
 
         // A NaN fails every comparison.
-        private bool IsWithin(double value)
-        {
-            return (lowExcluded ? value > low : value >= low) && value <= high;
-        }
+        private bool IsWithin(double value) { return (lowExcluded ? value > low : value >= low) && value <= high; }
     }
 
     /// <summary>True or false.</summary>
@@ -94,19 +83,11 @@ namespace Terraport.Wire
             return value;
         }
 
-        internal override void Check(object value)
-        {
-        }
+        internal override void Check(object value) {}
 
-        internal override JsonValue Write(object value)
-        {
-            return JsonValue.OfFlag((bool)value);
-        }
+        internal override JsonValue Write(object value) { return JsonValue.OfFlag((bool)value); }
 
-        internal override string Describe()
-        {
-            return "true or false";
-        }
+        internal override string Describe() { return "true or false"; }
     }
 
     /// <summary>Text; lengths count Unicode code points, and a pattern is met in full.</summary>
@@ -140,18 +121,17 @@ namespace Terraport.Wire
             {
                 points++;
                 if (!char.IsSurrogate(text[place])) continue;
-                if (place + 1 < text.Length && char.IsSurrogatePair(text[place], text[place + 1])) place++;
-                else isLone = true;
+                if (place + 1 < text.Length && char.IsSurrogatePair(text[place], text[place + 1]))
+                    place++;
+                else
+                    isLone = true;
             }
             if (points < shortest || points > longest) throw Refuse(JsonValue.OfText(text));
             if (isLone) throw new RefusedException("got text with a lone surrogate, expected Unicode text");
             if (pattern != null && !pattern.IsMatch(text)) throw Refuse(JsonValue.OfText(text));
         }
 
-        internal override JsonValue Write(object value)
-        {
-            return JsonValue.OfText((string)value);
-        }
+        internal override JsonValue Write(object value) { return JsonValue.OfText((string)value); }
 
         internal override string Describe()
         {
@@ -165,10 +145,7 @@ namespace Terraport.Wire
     {
         private readonly string[] options;
 
-        internal ChoiceKind(params string[] options)
-        {
-            this.options = options;
-        }
+        internal ChoiceKind(params string[] options) { this.options = options; }
 
         internal override object Read(JsonValue raw, object layout)
         {
@@ -183,15 +160,9 @@ namespace Terraport.Wire
             if (Array.IndexOf(options, (string)value) < 0) throw Refuse(JsonValue.OfText((string)value));
         }
 
-        internal override JsonValue Write(object value)
-        {
-            return JsonValue.OfText((string)value);
-        }
+        internal override JsonValue Write(object value) { return JsonValue.OfText((string)value); }
 
-        internal override string Describe()
-        {
-            return "one of " + string.Join(", ", options);
-        }
+        internal override string Describe() { return "one of " + string.Join(", ", options); }
     }
 
     /// <summary>Three numbers of bounded size; not all zero where they are a direction.</summary>
@@ -229,16 +200,14 @@ namespace Terraport.Wire
         internal override JsonValue Write(object value)
         {
             var position = (Vec3)value;
-            return JsonValue.OfList(new[]
-            {
-                JsonValue.OfFloat(position.X), JsonValue.OfFloat(position.Y), JsonValue.OfFloat(position.Z),
+            return JsonValue.OfList(new[] {
+                JsonValue.OfFloat(position.X),
+                JsonValue.OfFloat(position.Y),
+                JsonValue.OfFloat(position.Z),
             });
         }
 
-        internal override string Describe()
-        {
-            return "three finite numbers of size at most " + JsonValue.OfFloat(bound).Show();
-        }
+        internal override string Describe() { return "three finite numbers of size at most " + JsonValue.OfFloat(bound).Show(); }
 
         private double Side(JsonValue raw)
         {

@@ -5,30 +5,15 @@ namespace Terraport.Wire
     {
         private readonly string name;
 
-        internal UnknownMessage(string name)
-        {
-            this.name = name;
-        }
+        internal UnknownMessage(string name) { this.name = name; }
 
         /// <summary>Its type, at most 64 characters of it.</summary>
-        public override string Type
-        {
-            get { return name; }
-        }
+        public override string Type => name;
 
-        internal override Field[] Fields
-        {
-            get { return new Field[0]; }
-        }
+        internal override Field[] Fields => new Field[0];
 
-        internal override object Get(int field)
-        {
-            throw NoField(field);
-        }
+        internal override object Get(int field) { throw NoField(field); }
 
-        internal override void Set(int field, object value)
-        {
-            throw NoField(field);
-        }
+        internal override void Set(int field, object value) { throw NoField(field); }
     }
 }

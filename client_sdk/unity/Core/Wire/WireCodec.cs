@@ -82,11 +82,7 @@ namespace Terraport.Wire
             }
             catch (RefusedException refused)
             {
-                throw new DecodeException(
-                    message.Type,
-                    refused.Path,
-                    refused.Message,
-                    Readable("generation", message, plain),
+                throw new DecodeException(message.Type, refused.Path, refused.Message, Readable("generation", message, plain),
                     Readable("request", message, plain));
             }
         }

@@ -19,9 +19,7 @@ namespace Terraport.Wire
             return new ArgumentOutOfRangeException("field", field, "expected a field of the table");
         }
 
-        internal static T[] Parts<T>(object value) where T : WirePart
-        {
-            return value == null ? null : Array.ConvertAll((WirePart[])value, part => (T)part);
-        }
+        internal static T[] Parts<T>(object value)
+            where T : WirePart { return value == null ? null : Array.ConvertAll((WirePart[])value, part => (T)part); }
     }
 }

@@ -12,10 +12,7 @@ namespace Terraport.Unity
     {
         /// <summary>Let <see cref="PhotoLoader"/> read KTX2. Done before the first scene is loaded; also with domain reload off.</summary>
         [RuntimeInitializeOnLoadMethod(RuntimeInitializeLoadType.BeforeSceneLoad)]
-        public static void Register()
-        {
-            PhotoLoader.KtxReader = ReadAsync;
-        }
+        public static void Register() { PhotoLoader.KtxReader = ReadAsync; }
 
         private static async Task<PhotoTexture> ReadAsync(byte[] file)
         {

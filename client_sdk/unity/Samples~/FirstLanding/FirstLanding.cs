@@ -45,12 +45,14 @@ namespace Terraport.Samples
             eye.transform.localPosition = new Vector3(0, EyeHeightM, 0);
             eye.nearClipPlane = 0.1f;
             eye.farClipPlane = 5000;
-            scene.Planned += plan => Debug.Log("planned: " + plan.TotalTriangles + " triangles, " + (plan.LoadBytes >> 10) + " KiB to load");
+            scene.Planned += plan =>
+                Debug.Log("planned: " + plan.TotalTriangles + " triangles, " + (plan.LoadBytes >> 10) + " KiB to load");
             scene.Shown += swap => Debug.Log("shown: landing " + swap.Landing);
             scene.Failed += why => Debug.LogWarning(why.Code + ": " + why.Message);
             ground.SetActive(true);
 #if !(ENABLE_INPUT_SYSTEM && TERRAPORT_INPUT_SYSTEM) && !ENABLE_LEGACY_INPUT_MANAGER
-            Debug.LogWarning("First landing: no mouse. Install the Input System (com.unity.inputsystem), or set Active Input Handling to Both.");
+            Debug.LogWarning(
+                "First landing: no mouse. Install the Input System (com.unity.inputsystem), or set Active Input Handling to Both.");
 #endif
         }
 

@@ -25,10 +25,7 @@ namespace Terraport.Samples
 
         private XRRayInteractor ray;
 
-        private void Awake()
-        {
-            ray = GetComponent<XRRayInteractor>();
-        }
+        private void Awake() { ray = GetComponent<XRRayInteractor>(); }
 
         private void Update()
         {

@@ -23,22 +23,13 @@ namespace Terraport.Samples
         private float darkness;
 
         /// <summary>Whether nothing is seen any more.</summary>
-        public bool IsClosed
-        {
-            get { return darkness >= 1; }
-        }
+        public bool IsClosed => darkness >= 1;
 
         /// <summary>Begin to cover the view.</summary>
-        public void Close()
-        {
-            isClosing = true;
-        }
+        public void Close() { isClosing = true; }
 
         /// <summary>Begin to uncover it.</summary>
-        public void Open()
-        {
-            isClosing = false;
-        }
+        public void Open() { isClosing = false; }
 
         private void Awake()
         {
@@ -47,10 +38,7 @@ namespace Terraport.Samples
             shell.enabled = false;
         }
 
-        private void OnDestroy()
-        {
-            Destroy(material);
-        }
+        private void OnDestroy() { Destroy(material); }
 
         private void Update()
         {

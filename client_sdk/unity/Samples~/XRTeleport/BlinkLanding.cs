@@ -96,10 +96,7 @@ namespace Terraport.Samples
             }
         }
 
-        private void OnShown(SceneSwap swap)
-        {
-            isShown = isShown || swap.Landing > 0;
-        }
+        private void OnShown(SceneSwap swap) { isShown = isShown || swap.Landing > 0; }
 
         private void OnPicked(int request, PickHit hit)
         {

@@ -13,13 +13,18 @@ namespace Terraport.Stubs
     /// </summary>
     public static class StubMembers
     {
-        private const BindingFlags Declared =
-            BindingFlags.Public | BindingFlags.Instance | BindingFlags.Static | BindingFlags.DeclaredOnly;
+        private const BindingFlags Declared = BindingFlags.Public | BindingFlags.Instance | BindingFlags.Static | BindingFlags.DeclaredOnly;
 
-        private static readonly Dictionary<Type, string> Keywords = new Dictionary<Type, string>
-        {
-            { typeof(void), "void" }, { typeof(bool), "bool" }, { typeof(byte), "byte" }, { typeof(int), "int" }, { typeof(uint), "uint" },
-            { typeof(long), "long" }, { typeof(float), "float" }, { typeof(string), "string" }, { typeof(object), "object" },
+        private static readonly Dictionary<Type, string> Keywords = new Dictionary<Type, string> {
+            { typeof(void), "void" },
+            { typeof(bool), "bool" },
+            { typeof(byte), "byte" },
+            { typeof(int), "int" },
+            { typeof(uint), "uint" },
+            { typeof(long), "long" },
+            { typeof(float), "float" },
+            { typeof(string), "string" },
+            { typeof(object), "object" },
         };
 
         /// <summary>See the class.</summary>
@@ -69,7 +74,8 @@ namespace Terraport.Stubs
             {
                 bool isOverride = method.IsVirtual && method.GetBaseDefinition().DeclaringType == typeof(object);
                 return method.IsSpecialName || isOverride
-                    ? null : Static(method.IsStatic) + "method " + method.Name + Parameters(method) + " : " + NameOf(method.ReturnType);
+                    ? null
+                    : Static(method.IsStatic) + "method " + method.Name + Parameters(method) + " : " + NameOf(method.ReturnType);
             }
             PropertyInfo property = member as PropertyInfo;
             if (property != null && property.GetIndexParameters().Length > 0)
@@ -86,13 +92,11 @@ namespace Terraport.Stubs
                 return Static(field.IsStatic && !field.IsLiteral) + "field " + field.Name + " : " + NameOf(field.FieldType);
             }
             ConstructorInfo constructor = member as ConstructorInfo;
-            return constructor != null && constructor.GetParameters().Length > 0 ? "ctor " + PlainName(type) + Parameters(constructor) : null;
+            return constructor != null && constructor.GetParameters().Length > 0 ? "ctor " + PlainName(type) + Parameters(constructor)
+                                                                                 : null;
         }
 
-        private static string Static(bool isStatic)
-        {
-            return isStatic ? "static " : "";
-        }
+        private static string Static(bool isStatic) { return isStatic ? "static " : ""; }
 
         private static string Parameters(MethodBase method)
         {
@@ -102,7 +106,8 @@ namespace Terraport.Stubs
         private static string ParameterOf(ParameterInfo parameter)
         {
             bool isParams = parameter.GetCustomAttributes(typeof(ParamArrayAttribute), false).Length > 0;
-            string name = parameter.ParameterType.IsByRef ? NameOf(parameter.ParameterType.GetElementType()) : NameOf(parameter.ParameterType);
+            string name =
+                parameter.ParameterType.IsByRef ? NameOf(parameter.ParameterType.GetElementType()) : NameOf(parameter.ParameterType);
             return (parameter.IsOut ? "out " : "") + name + (parameter.IsOptional || isParams ? "=" : "");
         }
 
@@ -117,8 +122,8 @@ namespace Terraport.Stubs
             {
                 return NameOf(type.GetElementType()) + "[]";
             }
-            return type.IsGenericType
-                ? PlainName(type) + "<" + string.Join(",", type.GetGenericArguments().Select(NameOf)) + ">" : PlainName(type);
+            return type.IsGenericType ? PlainName(type) + "<" + string.Join(",", type.GetGenericArguments().Select(NameOf)) + ">"
+                                      : PlainName(type);
         }
 
         private static string PlainName(Type type)

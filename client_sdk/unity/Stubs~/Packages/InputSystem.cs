@@ -5,12 +5,10 @@ namespace UnityEngine.InputSystem
     {
     }
 
-    public abstract class InputControl<TValue> : InputControl where TValue : struct
+    public abstract class InputControl<TValue> : InputControl
+        where TValue : struct
     {
-        public TValue ReadValue()
-        {
-            return default(TValue);
-        }
+        public TValue ReadValue() { return default(TValue); }
     }
 
     public abstract class Pointer
@@ -36,15 +34,9 @@ namespace UnityEngine.InputSystem.Controls
 
     public class ButtonControl : InputControl<float>
     {
-        public bool isPressed
-        {
-            get { return false; }
-        }
+        public bool isPressed => false;
 
-        public bool wasPressedThisFrame
-        {
-            get { return false; }
-        }
+        public bool wasPressedThisFrame => false;
     }
 }
 #endif

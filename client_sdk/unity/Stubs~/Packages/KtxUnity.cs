@@ -17,10 +17,7 @@ namespace KtxUnity
 
     public static class TextureOrientationExtension
     {
-        public static bool IsYFlipped(this TextureOrientation to)
-        {
-            return true;
-        }
+        public static bool IsYFlipped(this TextureOrientation to) { return true; }
     }
 
     public class TextureResult
@@ -32,18 +29,11 @@ namespace KtxUnity
 
     public class ManagedNativeArray : IDisposable
     {
-        public ManagedNativeArray(byte[] original)
-        {
-        }
+        public ManagedNativeArray(byte[] original) {}
 
-        public NativeArray<byte> nativeArray
-        {
-            get { return default(NativeArray<byte>); }
-        }
+        public NativeArray<byte> nativeArray => default(NativeArray<byte>);
 
-        public void Dispose()
-        {
-        }
+        public void Dispose() {}
     }
 
     public class KtxTexture

@@ -14,10 +14,7 @@ namespace UnityEngine.XR.Interaction.Toolkit
 
     public class TeleportationProvider : MonoBehaviour
     {
-        public virtual bool QueueTeleportRequest(TeleportRequest teleportRequest)
-        {
-            return true;
-        }
+        public virtual bool QueueTeleportRequest(TeleportRequest teleportRequest) { return true; }
     }
 }
 

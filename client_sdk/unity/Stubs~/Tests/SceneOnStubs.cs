@@ -92,7 +92,7 @@ namespace Terraport.Stubs
             }
             Console.WriteLine(
                 "landing {0}: {1} segments, {2} triangles drawn, {3} base faces hidden, {4} loaded, ready {5:0} ms, shown {6:0} ms, "
-                + "longest frame {7:0.0} ms",
+                    + "longest frame {7:0.0} ms",
                 lastSwap.Landing, scene.Figures.Segments, scene.Figures.DrawnTriangles, lastSwap.BaseHidden.Count, plan.Load.Count,
                 scene.Status.ReadyMs, watch.Elapsed.TotalMilliseconds - allLookMs, updateMaxMs);
             Expect(1, swaps, "swaps of a landing");
@@ -109,10 +109,7 @@ namespace Terraport.Stubs
             update();
         }
 
-        private static void CloseOnShown(SceneSwap swap)
-        {
-            scene.Close();
-        }
+        private static void CloseOnShown(SceneSwap swap) { scene.Close(); }
 
         /// <summary>A frame in which nothing comes must make no garbage at all.</summary>
         private static void Rest()
@@ -146,7 +143,8 @@ namespace Terraport.Stubs
             RunUntil(() => lastSwap != null && lastSwap.IsNewBase, "the new base");
             if (Faults.Count == 0)
             {
-                Console.WriteLine("version {0} took the place of {1}; {2} segments of it went", scene.Files.Manifest.Version, before, segments);
+                Console.WriteLine(
+                    "version {0} took the place of {1}; {2} segments of it went", scene.Files.Manifest.Version, before, segments);
                 Expect(0, string.CompareOrdinal(before, scene.Files.Manifest.Version) == 0 ? 1 : 0, "versions that are the same");
                 Vec3 low = scene.Files.Manifest.BoundsMin, high = scene.Files.Manifest.BoundsMax;
                 Land(new Vec3((low.X + high.X) / 2, (low.Y + high.Y) / 2, (low.Z + high.Z) / 2), radiusM);
@@ -272,9 +270,8 @@ namespace Terraport.Stubs
 
         private static string KeyOf(Bounds box)
         {
-            return string.Format(
-                System.Globalization.CultureInfo.InvariantCulture, "{0:R} {1:R} {2:R} {3:R} {4:R} {5:R}",
-                box.center.x, box.center.y, box.center.z, box.size.x, box.size.y, box.size.z);
+            return string.Format(System.Globalization.CultureInfo.InvariantCulture, "{0:R} {1:R} {2:R} {3:R} {4:R} {5:R}", box.center.x,
+                box.center.y, box.center.z, box.size.x, box.size.y, box.size.z);
         }
 
         private static int LiveCount()

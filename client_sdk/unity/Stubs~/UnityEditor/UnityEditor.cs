@@ -5,16 +5,12 @@ namespace UnityEditor
 {
     public sealed class CustomEditor : Attribute
     {
-        public CustomEditor(Type inspectedType)
-        {
-        }
+        public CustomEditor(Type inspectedType) {}
     }
 
     public sealed class MenuItem : Attribute
     {
-        public MenuItem(string itemName, bool isValidateFunction, int priority)
-        {
-        }
+        public MenuItem(string itemName, bool isValidateFunction, int priority) {}
     }
 
     public sealed class MenuCommand
@@ -26,19 +22,11 @@ namespace UnityEditor
     {
         public UnityEngine.Object target { get; set; }
 
-        public virtual void OnInspectorGUI()
-        {
-        }
+        public virtual void OnInspectorGUI() {}
 
-        public virtual bool RequiresConstantRepaint()
-        {
-            return false;
-        }
+        public virtual bool RequiresConstantRepaint() { return false; }
 
-        public bool DrawDefaultInspector()
-        {
-            return false;
-        }
+        public bool DrawDefaultInspector() { return false; }
     }
 
     public enum MessageType
@@ -48,31 +36,21 @@ namespace UnityEditor
 
     public sealed class EditorGUILayout
     {
-        public static void HelpBox(string message, MessageType type)
-        {
-        }
+        public static void HelpBox(string message, MessageType type) {}
 
-        public static void LabelField(string label, string label2, params GUILayoutOption[] options)
-        {
-        }
+        public static void LabelField(string label, string label2, params GUILayoutOption[] options) {}
 
-        public static void Space()
-        {
-        }
+        public static void Space() {}
     }
 
     public sealed class GameObjectUtility
     {
-        public static void SetParentAndAlign(GameObject child, GameObject parent)
-        {
-        }
+        public static void SetParentAndAlign(GameObject child, GameObject parent) {}
     }
 
     public sealed class Undo
     {
-        public static void RegisterCreatedObjectUndo(UnityEngine.Object objectToUndo, string name)
-        {
-        }
+        public static void RegisterCreatedObjectUndo(UnityEngine.Object objectToUndo, string name) {}
     }
 
     public enum BuildTarget
@@ -82,10 +60,7 @@ namespace UnityEditor
 
     public class EditorUserBuildSettings
     {
-        public static BuildTarget activeBuildTarget
-        {
-            get { return 0; }
-        }
+        public static BuildTarget activeBuildTarget => 0;
     }
 
     [Flags]

@@ -14,32 +14,24 @@ namespace UnityEngine
     [AttributeUsage(AttributeTargets.Field)]
     public class TooltipAttribute : PropertyAttribute
     {
-        public TooltipAttribute(string tooltip)
-        {
-        }
+        public TooltipAttribute(string tooltip) {}
     }
 
     [AttributeUsage(AttributeTargets.Field)]
     public sealed class RangeAttribute : PropertyAttribute
     {
-        public RangeAttribute(float min, float max)
-        {
-        }
+        public RangeAttribute(float min, float max) {}
     }
 
     [AttributeUsage(AttributeTargets.Field)]
     public sealed class MinAttribute : PropertyAttribute
     {
-        public MinAttribute(float min)
-        {
-        }
+        public MinAttribute(float min) {}
     }
 
     public sealed class AddComponentMenu : Attribute
     {
-        public AddComponentMenu(string menuName)
-        {
-        }
+        public AddComponentMenu(string menuName) {}
     }
 
     [AttributeUsage(AttributeTargets.Class)]
@@ -50,9 +42,7 @@ namespace UnityEngine
     [AttributeUsage(AttributeTargets.Class)]
     public sealed class RequireComponent : Attribute
     {
-        public RequireComponent(Type requiredComponent)
-        {
-        }
+        public RequireComponent(Type requiredComponent) {}
     }
 
     public enum RuntimeInitializeLoadType
@@ -63,8 +53,6 @@ namespace UnityEngine
     [AttributeUsage(AttributeTargets.Method)]
     public class RuntimeInitializeOnLoadMethodAttribute : Attribute
     {
-        public RuntimeInitializeOnLoadMethodAttribute(RuntimeInitializeLoadType loadType)
-        {
-        }
+        public RuntimeInitializeOnLoadMethodAttribute(RuntimeInitializeLoadType loadType) {}
     }
 }

@@ -8,15 +8,11 @@ namespace UnityEngine.Events
 
     public class UnityEvent : UnityEventBase
     {
-        public void Invoke()
-        {
-        }
+        public void Invoke() {}
     }
 
     public class UnityEvent<T0> : UnityEventBase
     {
-        public void Invoke(T0 arg0)
-        {
-        }
+        public void Invoke(T0 arg0) {}
     }
 }

@@ -25,28 +25,16 @@ namespace UnityEngine
             this.z = z;
         }
 
-        public static Vector3 operator +(Vector3 a, Vector3 b)
-        {
-            return new Vector3(a.x + b.x, a.y + b.y, a.z + b.z);
-        }
+        public static Vector3 operator +(Vector3 a, Vector3 b) { return new Vector3(a.x + b.x, a.y + b.y, a.z + b.z); }
 
-        public static Vector3 operator -(Vector3 a, Vector3 b)
-        {
-            return new Vector3(a.x - b.x, a.y - b.y, a.z - b.z);
-        }
+        public static Vector3 operator -(Vector3 a, Vector3 b) { return new Vector3(a.x - b.x, a.y - b.y, a.z - b.z); }
 
-        public static Vector3 operator *(Vector3 a, float d)
-        {
-            return new Vector3(a.x * d, a.y * d, a.z * d);
-        }
+        public static Vector3 operator *(Vector3 a, float d) { return new Vector3(a.x * d, a.y * d, a.z * d); }
     }
 
     public struct Quaternion
     {
-        public static Quaternion Euler(float x, float y, float z)
-        {
-            return default(Quaternion);
-        }
+        public static Quaternion Euler(float x, float y, float z) { return default(Quaternion); }
     }
 
     public struct Color
@@ -93,10 +81,7 @@ namespace UnityEngine
 
     public struct Mathf
     {
-        public static float Clamp(float value, float min, float max)
-        {
-            return value < min ? min : value > max ? max : value;
-        }
+        public static float Clamp(float value, float min, float max) { return value < min ? min : value > max ? max : value; }
 
         public static float MoveTowards(float current, float target, float maxDelta)
         {

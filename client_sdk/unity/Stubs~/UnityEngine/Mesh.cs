@@ -13,39 +13,33 @@ namespace UnityEngine
 
         /// <summary>The index buffer, ushort[] or uint[].</summary>
         [StubsOwn]
-        public Array IndexData { get; private set; }
+        public Array IndexData {
+            get; private set;
+        }
 
         [StubsOwn]
-        public VertexAttributeDescriptor[] Layout { get; private set; }
+        public VertexAttributeDescriptor[] Layout {
+            get; private set;
+        }
 
         [StubsOwn]
-        public SubMeshDescriptor SubMesh { get; private set; }
+        public SubMeshDescriptor SubMesh {
+            get; private set;
+        }
 
         public Bounds bounds { get; set; }
 
-        public void MarkDynamic()
-        {
-        }
+        public void MarkDynamic() {}
 
-        public void UploadMeshData(bool markNoLongerReadable)
-        {
-        }
+        public void UploadMeshData(bool markNoLongerReadable) {}
 
-        public void SetSubMesh(int index, SubMeshDescriptor desc, MeshUpdateFlags flags = MeshUpdateFlags.Default)
-        {
-            SubMesh = desc;
-        }
+        public void SetSubMesh(int index, SubMeshDescriptor desc, MeshUpdateFlags flags = MeshUpdateFlags.Default) { SubMesh = desc; }
 
         public void SetIndexBufferData<T>(
-            T[] data, int dataStart, int meshBufferStart, int count, MeshUpdateFlags flags = MeshUpdateFlags.Default) where T : struct
-        {
-            Array.Copy(data, dataStart, IndexData, meshBufferStart, count);
-        }
+            T[] data, int dataStart, int meshBufferStart, int count, MeshUpdateFlags flags = MeshUpdateFlags.Default)
+            where T : struct { Array.Copy(data, dataStart, IndexData, meshBufferStart, count); }
 
-        public static MeshDataArray AllocateWritableMeshData(int meshCount)
-        {
-            return new MeshDataArray(new Buffers());
-        }
+        public static MeshDataArray AllocateWritableMeshData(int meshCount) { return new MeshDataArray(new Buffers()); }
 
         public static void ApplyAndDisposeWritableMeshData(MeshDataArray data, Mesh mesh, MeshUpdateFlags flags = MeshUpdateFlags.Default)
         {
@@ -69,34 +63,26 @@ namespace UnityEngine
         {
             internal readonly Buffers Buffers;
 
-            internal MeshDataArray(Buffers buffers)
-            {
-                Buffers = buffers;
-            }
+            internal MeshDataArray(Buffers buffers) { Buffers = buffers; }
 
-            public MeshData this[int index]
-            {
-                get { return new MeshData(Buffers); }
-            }
+            public MeshData this[int index] => new MeshData(Buffers);
 
-            public void Dispose()
-            {
-            }
+            public void Dispose() {}
         }
 
         public struct MeshData
         {
             private readonly Buffers buffers;
 
-            internal MeshData(Buffers buffers)
-            {
-                this.buffers = buffers;
-            }
+            internal MeshData(Buffers buffers) { this.buffers = buffers; }
 
             public int subMeshCount
             {
-                get { return 1; }
-                set { }
+                get {
+                    return 1;
+                }
+                set {
+                }
             }
 
             public void SetVertexBufferParams(int vertexCount, params VertexAttributeDescriptor[] attributes)
@@ -105,19 +91,18 @@ namespace UnityEngine
                 buffers.Layout = attributes;
             }
 
-            public NativeArray<T> GetVertexData<T>(int stream = 0) where T : struct
+            public NativeArray<T> GetVertexData<T>(int stream = 0)
+                where T : struct
             {
                 T[] vertices = new T[buffers.VertexCount];
                 buffers.Vertices = vertices;
                 return new NativeArray<T>(vertices);
             }
 
-            public void SetIndexBufferParams(int indexCount, IndexFormat format)
-            {
-                buffers.IndexCount = indexCount;
-            }
+            public void SetIndexBufferParams(int indexCount, IndexFormat format) { buffers.IndexCount = indexCount; }
 
-            public NativeArray<T> GetIndexData<T>() where T : struct
+            public NativeArray<T> GetIndexData<T>()
+                where T : struct
             {
                 T[] indices = new T[buffers.IndexCount];
                 buffers.Indices = indices;
@@ -134,27 +119,23 @@ namespace UnityEngine
 
 namespace Unity.Collections
 {
-    public struct NativeArray<T> where T : struct
+    public struct NativeArray<T>
+        where T : struct
     {
         private readonly T[] elements;
 
-        internal NativeArray(T[] elements)
-        {
-            this.elements = elements;
-        }
+        internal NativeArray(T[] elements) { this.elements = elements; }
 
         public static void Copy(T[] src, int srcIndex, NativeArray<T> dst, int dstIndex, int length)
         {
             Array.Copy(src, srcIndex, dst.elements, dstIndex, length);
         }
 
-        public static implicit operator NativeSlice<T>(NativeArray<T> nativeArray)
-        {
-            return default(NativeSlice<T>);
-        }
+        public static implicit operator NativeSlice<T>(NativeArray<T> nativeArray) { return default(NativeSlice<T>); }
     }
 
-    public struct NativeSlice<T> where T : struct
+    public struct NativeSlice<T>
+        where T : struct
     {
     }
 }

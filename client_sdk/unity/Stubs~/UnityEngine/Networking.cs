@@ -24,14 +24,9 @@ namespace UnityEngine.Networking
 
     public class DownloadHandlerScript : DownloadHandler
     {
-        public DownloadHandlerScript(byte[] preallocatedBuffer)
-        {
-        }
+        public DownloadHandlerScript(byte[] preallocatedBuffer) {}
 
-        protected virtual bool ReceiveData(byte[] data, int dataLength)
-        {
-            return true;
-        }
+        protected virtual bool ReceiveData(byte[] data, int dataLength) { return true; }
     }
 
     public class UnityWebRequestAsyncOperation : AsyncOperation
@@ -42,9 +37,7 @@ namespace UnityEngine.Networking
     {
         public const string kHttpVerbGET = "GET";
 
-        public UnityWebRequest(string url, string method)
-        {
-        }
+        public UnityWebRequest(string url, string method) {}
 
         public DownloadHandler downloadHandler { get; set; }
 
@@ -54,21 +47,12 @@ namespace UnityEngine.Networking
 
         public string error { get; private set; }
 
-        public void SetRequestHeader(string name, string value)
-        {
-        }
+        public void SetRequestHeader(string name, string value) {}
 
-        public UnityWebRequestAsyncOperation SendWebRequest()
-        {
-            return new UnityWebRequestAsyncOperation();
-        }
+        public UnityWebRequestAsyncOperation SendWebRequest() { return new UnityWebRequestAsyncOperation(); }
 
-        public void Abort()
-        {
-        }
+        public void Abort() {}
 
-        public void Dispose()
-        {
-        }
+        public void Dispose() {}
     }
 }

@@ -15,15 +15,9 @@ namespace UnityEngine
     {
         private readonly int id;
 
-        internal EntityId(int id)
-        {
-            this.id = id;
-        }
+        internal EntityId(int id) { this.id = id; }
 
-        public override int GetHashCode()
-        {
-            return id;
-        }
+        public override int GetHashCode() { return id; }
     }
 #endif
 
@@ -35,14 +29,12 @@ namespace UnityEngine
         private readonly int id = ++lastId;
         private bool isDestroyed;
 
-        public Object()
-        {
-            live.Add(this);
-        }
+        public Object() { live.Add(this); }
 
         /// <summary>Everything of a type that was made and not destroyed.</summary>
         [StubsOwn]
-        public static List<T> LiveOf<T>() where T : Object
+        public static List<T> LiveOf<T>()
+            where T : Object
         {
             List<T> found = new List<T>();
             foreach (Object made in live)
@@ -69,10 +61,7 @@ namespace UnityEngine
         }
 
 #if UNITY_6000_3_OR_NEWER
-        public EntityId GetEntityId()
-        {
-            return new EntityId(id);
-        }
+        public EntityId GetEntityId() { return new EntityId(id); }
 #endif
 
         public static bool operator ==(Object x, Object y)
@@ -82,25 +71,13 @@ namespace UnityEngine
             return isXNull || isYNull ? isXNull && isYNull : ReferenceEquals(x, y);
         }
 
-        public static bool operator !=(Object x, Object y)
-        {
-            return !(x == y);
-        }
+        public static bool operator !=(Object x, Object y) { return !(x == y); }
 
-        public override bool Equals(object other)
-        {
-            return this == (other as Object);
-        }
+        public override bool Equals(object other) { return this == (other as Object); }
 
-        public override int GetHashCode()
-        {
-            return id;
-        }
+        public override int GetHashCode() { return id; }
 
-        public static void Destroy(Object obj)
-        {
-            DestroyImmediate(obj);
-        }
+        public static void Destroy(Object obj) { DestroyImmediate(obj); }
 
         public static void DestroyImmediate(Object obj)
         {
@@ -115,54 +92,33 @@ namespace UnityEngine
 #if UNITY_6000_0_OR_NEWER
         [Obsolete("FindAnyObjectByType")]
 #endif
-        public static T FindObjectOfType<T>() where T : Object
-        {
-            return null;
-        }
+        public static T FindObjectOfType<T>()
+            where T : Object { return null; }
 
-        public static T FindAnyObjectByType<T>() where T : Object
-        {
-            return null;
-        }
+        public static T FindAnyObjectByType<T>()
+            where T : Object { return null; }
 
-        internal virtual void OnDestroying()
-        {
-        }
+        internal virtual void OnDestroying() {}
     }
 
     public class Component : Object
     {
         public GameObject gameObject { get; internal set; }
 
-        public Transform transform
-        {
-            get { return gameObject.transform; }
-        }
+        public Transform transform => gameObject.transform;
 
-        public T GetComponent<T>()
-        {
-            return gameObject.GetComponent<T>();
-        }
+        public T GetComponent<T>() { return gameObject.GetComponent<T>(); }
 
-        public T[] GetComponents<T>()
-        {
-            return gameObject.GetComponents<T>();
-        }
+        public T[] GetComponents<T>() { return gameObject.GetComponents<T>(); }
 
-        public T GetComponentInParent<T>()
-        {
-            return gameObject.GetComponent<T>();
-        }
+        public T GetComponentInParent<T>() { return gameObject.GetComponent<T>(); }
     }
 
     public class Behaviour : Component
     {
         public bool enabled { get; set; } = true;
 
-        public bool isActiveAndEnabled
-        {
-            get { return enabled && gameObject.activeSelf; }
-        }
+        public bool isActiveAndEnabled => enabled && gameObject.activeSelf;
     }
 
     /// <summary>Messages (OnEnable, Update) are sent by whoever runs the stubs, not by an engine.</summary>
@@ -174,10 +130,7 @@ namespace UnityEngine
     {
         private readonly List<Component> components = new List<Component>();
 
-        public GameObject()
-            : this("")
-        {
-        }
+        public GameObject() : this("") {}
 
         public GameObject(string name)
         {
@@ -191,12 +144,10 @@ namespace UnityEngine
 
         public bool activeSelf { get; private set; } = true;
 
-        public void SetActive(bool value)
-        {
-            activeSelf = value;
-        }
+        public void SetActive(bool value) { activeSelf = value; }
 
-        public T AddComponent<T>() where T : Component
+        public T AddComponent<T>()
+            where T : Component
         {
             T made = Activator.CreateInstance<T>();
             made.gameObject = this;
@@ -243,78 +194,39 @@ namespace UnityEngine
 
         public Quaternion localRotation { get; set; }
 
-        public Vector3 forward
-        {
-            get { return new Vector3(0, 0, 1); }
-        }
+        public Vector3 forward => new Vector3(0, 0, 1);
 
-        public void SetParent(Transform parent, bool worldPositionStays)
-        {
-            this.parent = parent;
-        }
+        public void SetParent(Transform parent, bool worldPositionStays) { this.parent = parent; }
 
-        public Vector3 TransformPoint(Vector3 position)
-        {
-            return position + this.position;
-        }
+        public Vector3 TransformPoint(Vector3 position) { return position + this.position; }
 
-        public Vector3 InverseTransformPoint(Vector3 position)
-        {
-            return position - this.position;
-        }
+        public Vector3 InverseTransformPoint(Vector3 position) { return position - this.position; }
 
-        public Vector3 InverseTransformVector(Vector3 vector)
-        {
-            return vector;
-        }
+        public Vector3 InverseTransformVector(Vector3 vector) { return vector; }
     }
 
     public static class Debug
     {
-        public static void Log(object message)
-        {
-            Console.WriteLine(message);
-        }
+        public static void Log(object message) { Console.WriteLine(message); }
 
-        public static void LogWarning(object message)
-        {
-            Console.WriteLine(message);
-        }
+        public static void LogWarning(object message) { Console.WriteLine(message); }
 
-        public static void LogWarning(object message, Object context)
-        {
-            Console.WriteLine(message);
-        }
+        public static void LogWarning(object message, Object context) { Console.WriteLine(message); }
     }
 
     public static class Application
     {
-        public static bool isPlaying
-        {
-            get { return true; }
-        }
+        public static bool isPlaying => true;
 
-        public static bool isMobilePlatform
-        {
-            get { return false; }
-        }
+        public static bool isMobilePlatform => false;
 
-        public static string unityVersion
-        {
-            get { return "0.0.0 (stubs)"; }
-        }
+        public static string unityVersion => "0.0.0 (stubs)";
     }
 
     public static class Time
     {
-        public static float unscaledDeltaTime
-        {
-            get { return 0.02f; }
-        }
+        public static float unscaledDeltaTime => 0.02f;
 
-        public static float realtimeSinceStartup
-        {
-            get { return Environment.TickCount / 1000f; }
-        }
+        public static float realtimeSinceStartup => Environment.TickCount / 1000f;
     }
 }

@@ -19,9 +19,8 @@ namespace UnityEngine.Rendering
 
     public struct VertexAttributeDescriptor
     {
-        public VertexAttributeDescriptor(
-            VertexAttribute attribute = VertexAttribute.Position, VertexAttributeFormat format = VertexAttributeFormat.Float32,
-            int dimension = 3, int stream = 0)
+        public VertexAttributeDescriptor(VertexAttribute attribute = VertexAttribute.Position,
+            VertexAttributeFormat format = VertexAttributeFormat.Float32, int dimension = 3, int stream = 0)
         {
             this.attribute = attribute;
             this.format = format;
@@ -56,8 +55,7 @@ namespace UnityEngine.Rendering
 
     public struct SubMeshDescriptor
     {
-        public SubMeshDescriptor(int indexStart, int indexCount, MeshTopology topology = MeshTopology.Triangles)
-            : this()
+        public SubMeshDescriptor(int indexStart, int indexCount, MeshTopology topology = MeshTopology.Triangles) : this()
         {
             this.indexStart = indexStart;
             this.indexCount = indexCount;
@@ -107,15 +105,9 @@ namespace UnityEngine
 
     public static class SystemInfo
     {
-        public static int processorCount
-        {
-            get { return Environment.ProcessorCount; }
-        }
+        public static int processorCount => Environment.ProcessorCount;
 
-        public static bool SupportsVertexAttributeFormat(Rendering.VertexAttributeFormat format, int dimension)
-        {
-            return true;
-        }
+        public static bool SupportsVertexAttributeFormat(Rendering.VertexAttributeFormat format, int dimension) { return true; }
     }
 
     public class Renderer : Component
@@ -150,52 +142,33 @@ namespace UnityEngine
 
     public sealed class Camera : Behaviour
     {
-        public static Camera main
-        {
-            get { return null; }
-        }
+        public static Camera main => null;
 
         public float nearClipPlane { get; set; }
 
         public float farClipPlane { get; set; }
 
-        public Ray ScreenPointToRay(Vector3 pos)
-        {
-            return new Ray(pos, new Vector3(0, 0, 1));
-        }
+        public Ray ScreenPointToRay(Vector3 pos) { return new Ray(pos, new Vector3(0, 0, 1)); }
     }
 
     public sealed class Shader : Object
     {
-        public bool isSupported
-        {
-            get { return true; }
-        }
+        public bool isSupported => true;
 
-        public static int PropertyToID(string name)
-        {
-            return name.GetHashCode();
-        }
+        public static int PropertyToID(string name) { return name.GetHashCode(); }
     }
 
     public sealed class Resources
     {
-        public static T Load<T>(string path) where T : Object
-        {
-            return Activator.CreateInstance<T>();
-        }
+        public static T Load<T>(string path)
+            where T : Object { return Activator.CreateInstance<T>(); }
     }
 
     public class Material : Object
     {
-        public Material(Shader shader)
-        {
-        }
+        public Material(Shader shader) {}
 
-        public Material(Material source)
-        {
-            renderQueue = source.renderQueue;
-        }
+        public Material(Material source) { renderQueue = source.renderQueue; }
 
         public int renderQueue { get; set; }
 
@@ -205,23 +178,13 @@ namespace UnityEngine
 
         public Vector2 mainTextureOffset { get; set; }
 
-        public bool HasProperty(int nameID)
-        {
-            return true;
-        }
+        public bool HasProperty(int nameID) { return true; }
 
-        public bool HasProperty(string name)
-        {
-            return true;
-        }
+        public bool HasProperty(string name) { return true; }
 
-        public void SetFloat(int nameID, float value)
-        {
-        }
+        public void SetFloat(int nameID, float value) {}
 
-        public void SetColor(int nameID, Color value)
-        {
-        }
+        public void SetColor(int nameID, Color value) {}
     }
 
     public enum TextureWrapMode

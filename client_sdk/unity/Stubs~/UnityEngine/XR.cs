@@ -9,19 +9,14 @@ namespace UnityEngine
 
     public class IntegratedSubsystem : ISubsystem
     {
-        public bool running
-        {
-            get { return false; }
-        }
+        public bool running => false;
     }
 
     /// <summary>Nothing is plugged in.</summary>
     public static class SubsystemManager
     {
-        public static void GetSubsystems<T>(List<T> subsystems) where T : ISubsystem
-        {
-            subsystems.Clear();
-        }
+        public static void GetSubsystems<T>(List<T> subsystems)
+            where T : ISubsystem { subsystems.Clear(); }
     }
 }
 

@@ -27,16 +27,15 @@ namespace Terraport.Tests
         [Test]
         public void Inline_DecodesEverything()
         {
-            using (var queue = new InlineDecodes())
-            {
-                CheckAll(queue);
-            }
+            using (var queue = new InlineDecodes()) { CheckAll(queue); }
         }
 
         [Test]
         public void Hook_ThatThrows_FailsItsSegmentAlone()
         {
-            using (var queue = new DecodeThreads(1, mesh => { throw new InvalidOperationException("mine"); }))
+            using (var queue = new DecodeThreads(1,
+                       mesh =>
+                       { throw new InvalidOperationException("mine"); }))
             {
                 var pool = new PayloadPool();
                 queue.Enqueue(1, 0, Pin(pool, Good));

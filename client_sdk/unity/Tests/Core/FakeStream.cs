@@ -10,10 +10,7 @@ namespace Terraport.Tests
         private readonly Dictionary<uint, byte[]> payloads = new Dictionary<uint, byte[]>();
         private readonly PayloadPool pool = new PayloadPool();
 
-        public StreamStats Stats
-        {
-            get { return new StreamStats(); }
-        }
+        public StreamStats Stats => new StreamStats();
 
         /// <summary>Landings asked for.</summary>
         internal int Landings { get; private set; }
@@ -24,34 +21,17 @@ namespace Terraport.Tests
         /// <summary>Payloads handed out.</summary>
         internal int Pins { get; private set; }
 
-        internal void Hold(uint segment, byte[] payload)
-        {
-            payloads[segment] = payload;
-        }
+        internal void Hold(uint segment, byte[] payload) { payloads[segment] = payload; }
 
-        internal void Drop(uint segment)
-        {
-            payloads.Remove(segment);
-        }
+        internal void Drop(uint segment) { payloads.Remove(segment); }
 
-        public int Land(Vec3 position, double radiusM, LandOptions options = null)
-        {
-            return ++Landings;
-        }
+        public int Land(Vec3 position, double radiusM, LandOptions options = null) { return ++Landings; }
 
-        public void Aim(Vec3 position, double radiusM)
-        {
-            Aims++;
-        }
+        public void Aim(Vec3 position, double radiusM) { Aims++; }
 
-        public int Pick(Vec3 origin, Vec3? direction = null)
-        {
-            throw new NotSupportedException();
-        }
+        public int Pick(Vec3 origin, Vec3? direction = null) { throw new NotSupportedException(); }
 
-        public void Pump()
-        {
-        }
+        public void Pump() {}
 
         public bool TryNextEvent(out StreamEvent next)
         {
@@ -74,16 +54,10 @@ namespace Terraport.Tests
             return true;
         }
 
-        public void Reconnect(string token = null)
-        {
-        }
+        public void Reconnect(string token = null) {}
 
-        public void Close()
-        {
-        }
+        public void Close() {}
 
-        public void Dispose()
-        {
-        }
+        public void Dispose() {}
     }
 }

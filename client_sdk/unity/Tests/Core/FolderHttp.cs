@@ -13,10 +13,7 @@ namespace Terraport.Tests
     {
         private readonly string folder;
 
-        internal FolderHttp(string folder)
-        {
-            this.folder = folder;
-        }
+        internal FolderHttp(string folder) { this.folder = folder; }
 
         /// <summary>Name of the file whose last byte is flipped; null for none.</summary>
         internal string Damaged { get; set; }
@@ -66,7 +63,10 @@ namespace Terraport.Tests
         private string PathOf(string key)
         {
             byte[] manifest = File.ReadAllBytes(Path.Combine(folder, "scene.json"));
-            return JsonReader.Read(new ArraySegment<byte>(manifest))["files"][key]["path"].Text;
+            return JsonReader
+                .Read(new ArraySegment<byte>(manifest)) ["files"]
+                [key]["path"]
+                .Text;
         }
     }
 }

@@ -27,21 +27,22 @@ namespace Terraport.Tests
                 case JsonKind.List:
                     return "[" + string.Join(",", Enumerable.Range(0, value.Count).Select(place => Text(value[place]))) + "]";
                 case JsonKind.Object:
-                    return "{" + string.Join(",", Enumerable.Range(0, value.Count).Select(
-                        place => value.Members.NameAt(place) + ":" + Text(value.Members.ValueAt(place)))) + "}";
+                    return "{"
+                        + string.Join(",",
+                            Enumerable.Range(0, value.Count)
+                                .Select(place => value.Members.NameAt(place) + ":" + Text(value.Members.ValueAt(place))))
+                        + "}";
                 default: return value.Show();
             }
         }
 
         [TestCase("{\"a\":[1,-2,3.5,true,false,null,\"x\"],\"b\":{}}", "{a:[1,-2,3.5,true,false,null,'x'],b:{}}")]
         [TestCase("[9223372036854775807,-9223372036854775808,0]", "[9223372036854775807,-9223372036854775808,0]")]
-        [TestCase("\"\\\" \\\\ \\b\\f\\n\\r\\t \\u0001 \u00e9\u4e2d\ud83d\ude00 /\"", "'\" \\ \b\f\n\r\t \u0001 \u00e9\u4e2d\ud83d\ude00 /'")]
+        [TestCase(
+            "\"\\\" \\\\ \\b\\f\\n\\r\\t \\u0001 \u00e9\u4e2d\ud83d\ude00 /\"", "'\" \\ \b\f\n\r\t \u0001 \u00e9\u4e2d\ud83d\ude00 /'")]
         [TestCase("\"\\u00e9\\ud83d\\ude00\\/\"", "'\u00e9\ud83d\ude00/'")]
         [TestCase(" [ 1 , 2.50 ,\t-0 , 1E2 ]\r\n", "[1,2.5,0,100]")]
-        public void ValuesAreReadAsWhatTheyAre(string text, string shown)
-        {
-            Assert.AreEqual(shown, Text(Read(text)));
-        }
+        public void ValuesAreReadAsWhatTheyAre(string text, string shown) { Assert.AreEqual(shown, Text(Read(text))); }
 
         [TestCase("")]
         [TestCase(" ")]
@@ -67,21 +68,17 @@ namespace Terraport.Tests
         [TestCase("\"\\u123")]
         [TestCase("[1]]")]
         [TestCase("\ufeff1")]
-        public void WhatIsNotExactlyOneValueIsRefused(string text)
-        {
-            Assert.Throws<JsonException>(() => Read(text));
-        }
+        public void WhatIsNotExactlyOneValueIsRefused(string text) { Assert.Throws<JsonException>(() => Read(text)); }
 
         [Test]
         public void BytesThatAreNotUtf8AreRefused()
         {
-            foreach (byte[] bytes in new[]
-            {
-                new byte[] { 0x22, 0xff, 0x22 },
-                new byte[] { 0x22, 0xc0, 0x80, 0x22 },
-                new byte[] { 0x22, 0xed, 0xa0, 0x80, 0x22 },
-                new byte[] { 0x22, 0x41, 0xe4, 0xb8, 0x22 },
-            })
+            foreach (byte[] bytes in new[] {
+                         new byte[] { 0x22, 0xff, 0x22 },
+                         new byte[] { 0x22, 0xc0, 0x80, 0x22 },
+                         new byte[] { 0x22, 0xed, 0xa0, 0x80, 0x22 },
+                         new byte[] { 0x22, 0x41, 0xe4, 0xb8, 0x22 },
+                     })
             {
                 Assert.Throws<JsonException>(() => JsonReader.Read(new ArraySegment<byte>(bytes)));
             }

@@ -5,10 +5,7 @@ namespace Terraport.Tests
     {
         private uint state;
 
-        internal Noise(uint seed)
-        {
-            state = seed;
-        }
+        internal Noise(uint seed) { state = seed; }
 
         internal static byte[] Bytes(int count)
         {
@@ -31,9 +28,6 @@ namespace Terraport.Tests
         }
 
         /// <summary>A number below <paramref name="bound"/>, from the better bits.</summary>
-        internal int Below(int bound)
-        {
-            return (int)((Next() >> 8) % (uint)bound);
-        }
+        internal int Below(int bound) { return (int)((Next() >> 8) % (uint)bound); }
     }
 }

@@ -57,7 +57,10 @@ namespace Terraport.Tests
             Buffer.BlockCopy(bytes, 0, larger, 7, bytes.Length);
             var mesh = new SegmentMesh();
             new GlbDecoder().Decode(new ArraySegment<byte>(larger, 7, bytes.Length), false, mesh);
-            CheckMesh(mesh, JsonReader.Read(new ArraySegment<byte>(File.ReadAllBytes(Repository.PathTo("tests/conformance/scene/payload/good-full.glb.json")))), "moved");
+            CheckMesh(mesh,
+                JsonReader.Read(
+                    new ArraySegment<byte>(File.ReadAllBytes(Repository.PathTo("tests/conformance/scene/payload/good-full.glb.json")))),
+                "moved");
         }
 
         private static void CheckMesh(SegmentMesh mesh, JsonValue expected, string name)

@@ -72,7 +72,8 @@ namespace Terraport.Tests
         [Test]
         public void Document_ThatIsNoUtf8_IsRefused()
         {
-            byte[][] wrong = { new byte[] { 0xC0, 0x80 }, new byte[] { 0xED, 0xA0, 0x80 }, new byte[] { 0xF4, 0x90, 0x80, 0x80 }, new byte[] { 0xE2, 0x82 } };
+            byte[][] wrong = { new byte[] { 0xC0, 0x80 }, new byte[] { 0xED, 0xA0, 0x80 }, new byte[] { 0xF4, 0x90, 0x80, 0x80 },
+                new byte[] { 0xE2, 0x82 } };
             foreach (byte[] one in wrong)
             {
                 var text = new List<byte>(Encoding.ASCII.GetBytes("{\"a\":\""));
@@ -83,16 +84,12 @@ namespace Terraport.Tests
             }
         }
 
-        private static void Decode(byte[] glb)
-        {
-            new GlbDecoder().Decode(new ArraySegment<byte>(glb), false, new SegmentMesh());
-        }
+        private static void Decode(byte[] glb) { new GlbDecoder().Decode(new ArraySegment<byte>(glb), false, new SegmentMesh()); }
 
         private static byte[] Glb(byte[] text)
         {
             int padded = (text.Length + 3) / 4 * 4;
-            using (var file = new MemoryStream())
-            using (var writer = new BinaryWriter(file))
+            using (var file = new MemoryStream()) using (var writer = new BinaryWriter(file))
             {
                 writer.Write(0x46546C67u);
                 writer.Write(2u);

@@ -34,16 +34,17 @@ namespace Terraport.Tests
             if (numbers != null) return Map(numbers.Select(number => new KeyValuePair<string, object>(number.Key, number.Value)));
             var items = value as Array;
             if (items != null) return JsonValue.OfList(items.Cast<object>().Select(Of).ToArray());
-            return Map(((WirePart)value).GetType().GetProperties(BindingFlags.Public | BindingFlags.Instance)
-                .Select(field => new KeyValuePair<string, object>(NameOf(field.Name), field.GetValue(value, null)))
-                .Where(field => field.Value != null));
+            return Map(((WirePart)value)
+                    .GetType()
+                    .GetProperties(BindingFlags.Public | BindingFlags.Instance)
+                    .Select(field => new KeyValuePair<string, object>(NameOf(field.Name), field.GetValue(value, null)))
+                    .Where(field => field.Value != null));
         }
 
         private static JsonValue Of(SegmentFacts row)
         {
             Box box = row.Bounds;
-            return Map(new[]
-            {
+            return Map(new[] {
                 new KeyValuePair<string, object>("id", row.Segment),
                 new KeyValuePair<string, object>("length", row.Length),
                 new KeyValuePair<string, object>("xxh3", row.Xxh3),
@@ -53,16 +54,13 @@ namespace Terraport.Tests
             });
         }
 
-        private static JsonValue List(params object[] items)
-        {
-            return JsonValue.OfList(Array.ConvertAll(items, Of));
-        }
+        private static JsonValue List(params object[] items) { return JsonValue.OfList(Array.ConvertAll(items, Of)); }
 
         private static JsonValue Map(IEnumerable<KeyValuePair<string, object>> members)
         {
             KeyValuePair<string, object>[] all = members.ToArray();
-            return JsonValue.OfObject(new JsonObject(
-                Array.ConvertAll(all, member => member.Key), Array.ConvertAll(all, member => Of(member.Value))));
+            return JsonValue.OfObject(
+                new JsonObject(Array.ConvertAll(all, member => member.Key), Array.ConvertAll(all, member => Of(member.Value))));
         }
 
         /// <summary>RadiusM is radius_m on the wire.</summary>

@@ -43,10 +43,7 @@ namespace Terraport.Tests
 
         internal int UploadCalls { get; private set; }
 
-        internal int Uploaded
-        {
-            get { return calls.Count; }
-        }
+        internal int Uploaded => calls.Count;
 
         /// <summary>Faces of a block, as the stage's options say.</summary>
         internal int BlockFaces = 16;

@@ -112,7 +112,8 @@ namespace Terraport.Tests
             string text = File.ReadAllText(Repository.PathTo("tests/conformance/scene/tiny/scene.json"));
             // Pretty or not: keys are followed by a colon.
             text = text.Replace(from + ":", to + ":").Replace(from + " :", to + ":");
-            var error = Assert.Throws<TerraportException>(() => ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny"));
+            var error =
+                Assert.Throws<TerraportException>(() => ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny"));
             Assert.AreEqual(code, error.Code, error.Message);
         }
 
@@ -157,10 +158,7 @@ namespace Terraport.Tests
             Assert.Throws<PayloadException>(() => CoverReader.Read(new ArraySegment<byte>(bytes.Array, 0, bytes.Count - 8), faces, 4));
         }
 
-        private static FolderHttp Http(string scene)
-        {
-            return new FolderHttp(Repository.PathTo("tests/conformance/scene/" + scene));
-        }
+        private static FolderHttp Http(string scene) { return new FolderHttp(Repository.PathTo("tests/conformance/scene/" + scene)); }
 
         private static TerraportException Failure(string url, string token, IHttp http)
         {

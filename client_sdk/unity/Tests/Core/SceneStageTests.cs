@@ -194,11 +194,12 @@ namespace Terraport.Tests
             bench.LandOn(1, 2, 3);
             bench.Frames(60);
             long sum = 0;
-            long allocated = Allocations.Of(100, () =>
-            {
-                bench.Stage.Update(2);
-                sum += bench.Stage.Status.Landing + bench.Stage.Stats.InFlight;
-            });
+            long allocated = Allocations.Of(100,
+                () =>
+                {
+                    bench.Stage.Update(2);
+                    sum += bench.Stage.Status.Landing + bench.Stage.Stats.InFlight;
+                });
             Assert.AreEqual(120, sum);
             Assert.AreEqual(0, allocated);
         }

@@ -116,10 +116,9 @@ namespace Terraport.Tests
             pair.Until(() => pair.Received.Count > 0);
             pair.Disconnect();
             pair.Connect().Settle(true);
-            List<StreamEvent> ends = pair.Events.FindAll(
-                one => one.Kind == StreamEventKind.Ready || one.Kind == StreamEventKind.Prefetched);
-            Assert.AreEqual(
-                new[] { StreamEventKind.Ready, StreamEventKind.Prefetched }, ends.Select(one => one.Kind).ToArray());
+            List<StreamEvent> ends =
+                pair.Events.FindAll(one => one.Kind == StreamEventKind.Ready || one.Kind == StreamEventKind.Prefetched);
+            Assert.AreEqual(new[] { StreamEventKind.Ready, StreamEventKind.Prefetched }, ends.Select(one => one.Kind).ToArray());
             Assert.AreEqual(number, ends[0].Landing);
             Assert.AreEqual(pair.Received.Count, pair.Received.Distinct().Count());
         }

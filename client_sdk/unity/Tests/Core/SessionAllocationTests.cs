@@ -43,8 +43,8 @@ namespace Terraport.Tests
                 costs.Add(allocated() - before);
                 Assert.AreEqual(20, session.Cache.Count);
                 // The server drops all of it, so the buffers go back.
-                Give(session, WireCodec.Encode(
-                    new HeldCheckedMessage { Dropped = session.Cache.Rows().ConvertAll(row => row.Segment).ToArray() }));
+                Give(session,
+                    WireCodec.Encode(new HeldCheckedMessage { Dropped = session.Cache.Rows().ConvertAll(row => row.Segment).ToArray() }));
                 Drain(session);
             }
             Assert.Greater(costs[0], 20 * SegmentBytes);
@@ -81,8 +81,7 @@ namespace Terraport.Tests
             {
                 segments[number] = new SegmentFacts((first + number) % Segments, SegmentBytes, hash, 1, 3, default(Box));
             }
-            return WireCodec.Encode(
-                new PrefetchMessage { Generation = generation, Segments = segments, Bytes = 20L * SegmentBytes });
+            return WireCodec.Encode(new PrefetchMessage { Generation = generation, Segments = segments, Bytes = 20L * SegmentBytes });
         }
 
         private static byte[][] Frames(byte[] payload, uint generation, uint first)
@@ -99,9 +98,6 @@ namespace Terraport.Tests
             return frames.ToArray();
         }
 
-        private static void Give(ClientSession session, byte[] data)
-        {
-            session.Receive(new ArraySegment<byte>(data), false);
-        }
+        private static void Give(ClientSession session, byte[] data) { session.Receive(new ArraySegment<byte>(data), false); }
     }
 }

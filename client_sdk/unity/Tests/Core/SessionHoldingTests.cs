@@ -259,8 +259,7 @@ namespace Terraport.Tests
 
         private static List<WireMessage> Decoded(SessionPair pair)
         {
-            return pair.Said().ConvertAll(data => WireCodec.Decode(
-                new ArraySegment<byte>(data), Direction.ClientToServer));
+            return pair.Said().ConvertAll(data => WireCodec.Decode(new ArraySegment<byte>(data), Direction.ClientToServer));
         }
     }
 }

@@ -19,8 +19,7 @@ namespace Terraport.Tests
             SessionPair pair = new SessionPair(toy).Connect();
             pair.Settle();
             ClientSession client = pair.Client;
-            var calls = new Dictionary<string, Action>
-            {
+            var calls = new Dictionary<string, Action> {
                 { "radius_m 0", () => client.Land(Corner, 0) },
                 { "radius_m negative", () => client.Land(Corner, -1) },
                 { "radius_m NaN", () => client.Land(Corner, double.NaN) },
@@ -121,11 +120,20 @@ namespace Terraport.Tests
             }
             long bytes = (long)load.Length * WireLimits.MaxSegmentBytes;
             long before = GC.GetTotalMemory(true);
-            Say(pair, new PlanMessage
-            {
-                Generation = 1, RadiusM = 1, ReleaseRadiusM = 1, EffectiveRadiusM = 1, Load = load, Keep = new uint[0],
-                Release = new uint[0], LoadBytes = bytes, LoadTriangles = load.Length, TotalBytes = bytes, TotalTriangles = load.Length,
-            });
+            Say(pair,
+                new PlanMessage {
+                    Generation = 1,
+                    RadiusM = 1,
+                    ReleaseRadiusM = 1,
+                    EffectiveRadiusM = 1,
+                    Load = load,
+                    Keep = new uint[0],
+                    Release = new uint[0],
+                    LoadBytes = bytes,
+                    LoadTriangles = load.Length,
+                    TotalBytes = bytes,
+                    TotalTriangles = load.Length,
+                });
             for (uint segment = 0; segment < load.Length; segment++) pair.Give(Frame(1, segment, 0, WireLimits.MaxSegmentBytes));
             Assert.AreEqual(load.Length, pair.Client.OpenParts);
             Assert.Less(GC.GetTotalMemory(true) - before, 16L * 1024 * 1024);
@@ -168,10 +176,7 @@ namespace Terraport.Tests
             StringAssert.Contains(text, error.Message);
         }
 
-        private static void Say(SessionPair pair, WireMessage message)
-        {
-            pair.Give(WireCodec.Encode(message));
-        }
+        private static void Say(SessionPair pair, WireMessage message) { pair.Give(WireCodec.Encode(message)); }
 
         private static byte[] Frame(uint generation, uint segment, int offset, int total)
         {
@@ -184,8 +189,7 @@ namespace Terraport.Tests
             var client = new SessionPair(toy);
             client.Client.Connected();
             foreach (byte[] data in client.Said()) server.Receive(data);
-            var welcome = (WelcomeMessage)WireCodec.Decode(
-                new ArraySegment<byte>(server.Next()), Direction.ServerToClient);
+            var welcome = (WelcomeMessage)WireCodec.Decode(new ArraySegment<byte>(server.Next()), Direction.ServerToClient);
             welcome.Protocol = new ProtocolVersion(major, 1);
             return WireCodec.Encode(welcome);
         }

@@ -93,12 +93,11 @@ namespace Terraport.Tests
         public void KeepsToEveryBudgetAndSaysWhatWasLeftOut()
         {
             uint[] all = toy.Within(Middle, 4);
-            foreach (Budgets budgets in new[]
-            {
-                new Budgets { MaxSegments = 3 },
-                new Budgets { MaxTriangles = 3 * SessionToyScene.FacesEach + 1 },
-                new Budgets { MaxBytes = toy.BytesOf(all) / 2 },
-            })
+            foreach (Budgets budgets in new[] {
+                         new Budgets { MaxSegments = 3 },
+                         new Budgets { MaxTriangles = 3 * SessionToyScene.FacesEach + 1 },
+                         new Budgets { MaxBytes = toy.BytesOf(all) / 2 },
+                     })
             {
                 SessionPair pair = new SessionPair(toy, new SessionModelOptions { Budgets = budgets }).Connect();
                 pair.Client.Land(Middle, 4);
@@ -139,8 +138,8 @@ namespace Terraport.Tests
             pair.Settle();
             int at = pair.Events.FindIndex(one => one.Kind == StreamEventKind.Degraded);
             uint[] inner = toy.Within(Middle, 1.5);
-            List<uint> before = pair.Events.Take(at).Where(one => one.Kind == StreamEventKind.Arrived)
-                .Select(one => one.Facts.Segment).ToList();
+            List<uint> before =
+                pair.Events.Take(at).Where(one => one.Kind == StreamEventKind.Arrived).Select(one => one.Facts.Segment).ToList();
             Assert.IsTrue(inner.All(before.Contains));
             Assert.IsTrue(inner.Contains(pair.Rejects.Single().Segment));
         }

@@ -38,30 +38,35 @@ namespace Terraport.Tests
             this.options = options;
         }
 
-        internal void Say(WireMessage message)
-        {
-            said.Enqueue(message);
-        }
+        internal void Say(WireMessage message) { said.Enqueue(message); }
 
-        internal IEnumerable<T> HeardOf<T>() where T : WireMessage
-        {
-            return Heard.OfType<T>();
-        }
+        internal IEnumerable<T> HeardOf<T>()
+            where T : WireMessage { return Heard.OfType<T>(); }
 
         internal void Receive(byte[] data)
         {
             WireMessage message = WireCodec.Decode(new ArraySegment<byte>(data), Direction.ClientToServer);
             Heard.Add(message);
-            if (message is HelloMessage) Hello((HelloMessage)message);
-            else if (!isOpen) throw new InvalidOperationException("got " + message.Type + " before hello");
-            else if (message is HeldMessage) MoreHeld(((HeldMessage)message).Segments);
-            else if (message is CreditMessage) Credit += ((CreditMessage)message).Bytes;
-            else if (message is EvictMessage) Evict(((EvictMessage)message).Segments);
-            else if (message is RejectMessage) Reject(((RejectMessage)message).Segment);
-            else if (message is PickMessage) Pick(((PickMessage)message).Request);
-            else if (message is LandMessage) Land((LandMessage)message);
-            else if (message is AimMessage) Aim((AimMessage)message);
-            else if (!(message is ByeMessage)) throw new InvalidOperationException("the client said " + message.Type);
+            if (message is HelloMessage)
+                Hello((HelloMessage)message);
+            else if (!isOpen)
+                throw new InvalidOperationException("got " + message.Type + " before hello");
+            else if (message is HeldMessage)
+                MoreHeld(((HeldMessage)message).Segments);
+            else if (message is CreditMessage)
+                Credit += ((CreditMessage)message).Bytes;
+            else if (message is EvictMessage)
+                Evict(((EvictMessage)message).Segments);
+            else if (message is RejectMessage)
+                Reject(((RejectMessage)message).Segment);
+            else if (message is PickMessage)
+                Pick(((PickMessage)message).Request);
+            else if (message is LandMessage)
+                Land((LandMessage)message);
+            else if (message is AimMessage)
+                Aim((AimMessage)message);
+            else if (!(message is ByeMessage))
+                throw new InvalidOperationException("the client said " + message.Type);
         }
 
         /// <summary>The next WebSocket message; null where nothing can be sent now.</summary>
@@ -83,10 +88,7 @@ namespace Terraport.Tests
             return null;
         }
 
-        private byte[] Encoded()
-        {
-            return WireCodec.Encode(said.Dequeue());
-        }
+        private byte[] Encoded() { return WireCodec.Encode(said.Dequeue()); }
 
         private void Hello(HelloMessage hello)
         {
@@ -96,22 +98,21 @@ namespace Terraport.Tests
             budgets = hello.Budgets;
             releaseFactor = hello.ReleaseFactor ?? 1.25;
             uint[] dropped = Accept(hello.Held ?? new HeldRow[0]);
-            Say(new WelcomeMessage
-            {
+            Say(new WelcomeMessage {
                 Protocol = new ProtocolVersion(WireLimits.ProtocolMajor, WireLimits.ProtocolMinor),
                 Server = "model",
                 Session = "s",
                 Scene = new SceneInfoPart { Id = "toy", Version = scene.Version, Name = "toy", SegmentCount = (uint)scene.Facts.Length },
-                Limits = new ServerLimitsPart
-                {
-                    MaxRadiusM = 500,
-                    MaxMessageBytes = 1 << 20,
-                    MaxMessagesPerS = 60,
-                    MaxHeldSegments = options.MaxHeldSegments,
-                    MaxPlanSegments = 16384,
-                    MaxCreditBytes = 1 << 26,
-                    IdleTimeoutS = 60,
-                },
+                Limits =
+                    new ServerLimitsPart {
+                        MaxRadiusM = 500,
+                        MaxMessageBytes = 1 << 20,
+                        MaxMessagesPerS = 60,
+                        MaxHeldSegments = options.MaxHeldSegments,
+                        MaxPlanSegments = 16384,
+                        MaxCreditBytes = 1 << 26,
+                        IdleTimeoutS = 60,
+                    },
                 ReleaseFactor = releaseFactor,
                 Dropped = dropped,
                 HeldCount = Held.Count,
@@ -123,8 +124,10 @@ namespace Terraport.Tests
             var dropped = new List<uint>();
             foreach (HeldRow row in rows)
             {
-                if (row.Segment < scene.Facts.Length && scene.Facts[row.Segment].Xxh3 == row.Xxh3) Held.Add(row.Segment);
-                else dropped.Add(row.Segment);
+                if (row.Segment < scene.Facts.Length && scene.Facts[row.Segment].Xxh3 == row.Xxh3)
+                    Held.Add(row.Segment);
+                else
+                    dropped.Add(row.Segment);
             }
             return dropped.ToArray();
         }
@@ -174,17 +177,16 @@ namespace Terraport.Tests
                 Say(new ErrorMessage { Code = "too_many", Message = "picks", Fatal = false, Request = request });
                 return;
             }
-            Say(new PickedMessage
-            {
+            Say(new PickedMessage {
                 Request = request,
-                Hit = new HitPart
-                {
-                    Normal = new Vec3(0, 1, 0),
-                    Segment = 3,
-                    Region = 1,
-                    HeightM = 9,
-                    Attributes = new[] { new KeyValuePair<string, double>("grade", 1.5) },
-                },
+                Hit =
+                    new HitPart {
+                        Normal = new Vec3(0, 1, 0),
+                        Segment = 3,
+                        Region = 1,
+                        HeightM = 9,
+                        Attributes = new[] { new KeyValuePair<string, double>("grade", 1.5) },
+                    },
             });
         }
 
@@ -207,8 +209,7 @@ namespace Terraport.Tests
             prefetch = null;
             landing = Begin(land.Generation, land, wanted, load, inner);
             bool isCut = wanted.Length < order.Length;
-            Say(new PlanMessage
-            {
+            Say(new PlanMessage {
                 Generation = land.Generation,
                 Position = land.Position,
                 RadiusM = land.RadiusM,
@@ -246,8 +247,7 @@ namespace Terraport.Tests
             uint[] wanted = Within(Ordered(aim.Position, aim.RadiusM), out omittedBy);
             uint[] load = wanted.Where(segment => !Held.Contains(segment)).ToArray();
             prefetch = Begin(aim.Generation, null, wanted, load, new uint[0]);
-            Say(new PrefetchMessage
-            {
+            Say(new PrefetchMessage {
                 Generation = aim.Generation,
                 Segments = load.Select(segment => scene.Facts[segment]).ToArray(),
                 Bytes = scene.BytesOf(load),
@@ -260,8 +260,7 @@ namespace Terraport.Tests
             {
                 if (!load.Contains(segment)) parts.Remove(segment);
             }
-            return new SessionModelSending
-            {
+            return new SessionModelSending {
                 Generation = number,
                 Land = land,
                 Order = order,
@@ -289,17 +288,16 @@ namespace Terraport.Tests
             Say(new SupersededMessage { Generation = number, By = by, UnsentBytes = unsentBytes });
         }
 
-        private double Far(Vec3 centre, uint segment)
-        {
-            return scene.Facts[segment].Bounds.DistanceM(centre);
-        }
+        private double Far(Vec3 centre, uint segment) { return scene.Facts[segment].Bounds.DistanceM(centre); }
 
         /// <summary>Candidates in order (6.1).</summary>
         private uint[] Ordered(Vec3 centre, double radiusM)
         {
             return scene.Facts.Select(facts => facts.Segment)
                 .Where(one => Far(centre, one) <= (Held.Contains(one) ? radiusM * releaseFactor : radiusM))
-                .OrderBy(one => Far(centre, one)).ThenBy(one => one).ToArray();
+                .OrderBy(one => Far(centre, one))
+                .ThenBy(one => one)
+                .ToArray();
         }
 
         /// <summary>The strict prefix that the budgets allow (6.2).</summary>
@@ -309,9 +307,10 @@ namespace Terraport.Tests
             for (int count = 0; count < order.Length; count++)
             {
                 bytes += scene.Payloads[order[count]].Length;
-                omittedBy = count + 1 > (budgets.MaxSegments ?? 16384) ? "max_segments"
+                omittedBy = count + 1 > (budgets.MaxSegments ?? 16384)                                  ? "max_segments"
                     : SessionToyScene.FacesEach * (count + 1) > (budgets.MaxTriangles ?? long.MaxValue) ? "max_triangles"
-                    : bytes > (budgets.MaxBytes ?? long.MaxValue) ? "max_bytes" : null;
+                    : bytes > (budgets.MaxBytes ?? long.MaxValue)                                       ? "max_bytes"
+                                                                                                        : null;
                 if (omittedBy != null) return order.Take(count).ToArray();
             }
             omittedBy = null;
@@ -363,8 +362,7 @@ namespace Terraport.Tests
             if (sending.Land != null)
             {
                 shown = sending.Order.Where(segment => !sending.Missing.Contains(segment)).ToArray();
-                Say(new ReadyMessage
-                {
+                Say(new ReadyMessage {
                     Generation = sending.Generation,
                     Delivered = sending.Delivered,
                     PayloadBytes = sending.PayloadBytes,

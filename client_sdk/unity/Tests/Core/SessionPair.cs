@@ -30,8 +30,7 @@ namespace Terraport.Tests
         {
             Scene = scene;
             this.options = options ?? new SessionModelOptions();
-            Client = new ClientSession(new SessionOptions
-            {
+            Client = new ClientSession(new SessionOptions {
                 Client = "pair",
                 Budgets = this.options.Budgets,
                 CreditBytes = this.options.CreditBytes,
@@ -130,10 +129,7 @@ namespace Terraport.Tests
             return copy;
         }
 
-        internal static bool IsFrame(byte[] data)
-        {
-            return data.Length > 0 && data[0] > 0 && data[0] < 0x20;
-        }
+        internal static bool IsFrame(byte[] data) { return data.Length > 0 && data[0] > 0 && data[0] < 0x20; }
 
         /// <summary>Flip a bit of the last byte of a frame.</summary>
         internal static byte[] Flipped(byte[] data)

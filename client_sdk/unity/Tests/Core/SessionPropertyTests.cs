@@ -23,18 +23,20 @@ namespace Terraport.Tests
         private void OneHistory(int seed, bool spoils)
         {
             var random = new Random(seed);
-            string where = "seed " + seed;
+            string
+                where = "seed " + seed;
             long cacheBytes = Pick(random, 0, 2000, 8000, 1 << 20);
-            SessionPair pair = new SessionPair(toy, new SessionModelOptions
-            {
-                CacheBytes = cacheBytes,
-                CreditBytes = Pick(random, 50, 700, 1 << 20, 4000),
-                Lag = (int)Pick(random, 0, 1, 5, 30),
-                MaxChunk = (int)Pick(random, 7, 100, 100000, 900),
-                ReleaseFactor = random.Next(2) == 0 ? 1 : 1.5,
-                MaxHeldSegments = (int)Pick(random, 1, 5, 1000, 20),
-                Random = random,
-            }).Connect();
+            SessionPair pair = new SessionPair(toy,
+                new SessionModelOptions {
+                    CacheBytes = cacheBytes,
+                    CreditBytes = Pick(random, 50, 700, 1 << 20, 4000),
+                    Lag = (int)Pick(random, 0, 1, 5, 30),
+                    MaxChunk = (int)Pick(random, 7, 100, 100000, 900),
+                    ReleaseFactor = random.Next(2) == 0 ? 1 : 1.5,
+                    MaxHeldSegments = (int)Pick(random, 1, 5, 1000, 20),
+                    Random = random,
+                })
+                                   .Connect();
             pair.OffersHeld = random.Next(2) == 0;
             bool spoilNext = false;
             pair.Spoil = data =>
@@ -85,15 +87,17 @@ namespace Terraport.Tests
             var told = new HashSet<uint>();
             foreach (StreamEvent one in pair.Events)
             {
-                if (one.Kind == StreamEventKind.Arrived) told.Add(one.Facts.Segment);
-                else if (one.Kind == StreamEventKind.Dropped) told.ExceptWith(one.Segments);
+                if (one.Kind == StreamEventKind.Arrived)
+                    told.Add(one.Facts.Segment);
+                else if (one.Kind == StreamEventKind.Dropped)
+                    told.ExceptWith(one.Segments);
             }
             Assert.IsTrue(told.All(pair.Client.Cache.Contains), where);
             Assert.AreEqual(pair.Client.Cache.Count, told.Count, where);
             // Every landing ends in one way: ready, superseded, or the last one.
-            List<int?> ends = pair.Events
-                .Where(one => one.Kind == StreamEventKind.Ready || one.Kind == StreamEventKind.Superseded)
-                .Select(one => one.Landing).ToList();
+            List<int?> ends = pair.Events.Where(one => one.Kind == StreamEventKind.Ready || one.Kind == StreamEventKind.Superseded)
+                                  .Select(one => one.Landing)
+                                  .ToList();
             Assert.AreEqual(ends.Count, ends.Distinct().Count(), where);
             // What the server believes held is here, once the next landing has told the evictions.
             pair.Client.Land(SessionToyScene.Middle, 3.3);
@@ -101,14 +105,8 @@ namespace Terraport.Tests
             Assert.IsTrue(pair.Server.Held.All(pair.Client.Cache.Contains), where);
         }
 
-        private static long Pick(Random random, params long[] values)
-        {
-            return values[random.Next(values.Length)];
-        }
+        private static long Pick(Random random, params long[] values) { return values[random.Next(values.Length)]; }
 
-        private static Vec3 Place(Random random)
-        {
-            return new Vec3(16 * random.NextDouble() - 2, 0, 16 * random.NextDouble() - 2);
-        }
+        private static Vec3 Place(Random random) { return new Vec3(16 * random.NextDouble() - 2, 0, 16 * random.NextDouble() - 2); }
     }
 }

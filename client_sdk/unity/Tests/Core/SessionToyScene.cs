@@ -47,9 +47,6 @@ namespace Terraport.Tests
             return Facts.Where(facts => facts.Bounds.DistanceM(centre) <= radiusM).Select(facts => facts.Segment).ToArray();
         }
 
-        internal long BytesOf(IEnumerable<uint> segments)
-        {
-            return segments.Sum(segment => (long)Payloads[segment].Length);
-        }
+        internal long BytesOf(IEnumerable<uint> segments) { return segments.Sum(segment => (long)Payloads[segment].Length); }
     }
 }

@@ -34,8 +34,7 @@ namespace Terraport.Tests
         /// <summary>GPU bytes of one segment.</summary>
         internal static long SegmentBytes
         {
-            get
-            {
+            get {
                 var mesh = new SegmentMesh();
                 new GlbDecoder().Decode(new ArraySegment<byte>(Payload), false, mesh);
                 return mesh.GpuBytes;
@@ -53,20 +52,11 @@ namespace Terraport.Tests
             return new SceneFiles(manifest, new SegmentMesh(), cover, new RegionFacts[0]);
         }
 
-        internal static SegmentFacts Facts(uint segment)
-        {
-            return new SegmentFacts(segment, Payload.Length, 1, 8, 9, default(Box));
-        }
+        internal static SegmentFacts Facts(uint segment) { return new SegmentFacts(segment, Payload.Length, 1, 8, 9, default(Box)); }
 
-        internal void Handle(StreamEvent next)
-        {
-            Stage.Handle(ref next);
-        }
+        internal void Handle(StreamEvent next) { Stage.Handle(ref next); }
 
-        internal int Land()
-        {
-            return Stage.Land(new Vec3(1, 2, 3), 40);
-        }
+        internal int Land() { return Stage.Land(new Vec3(1, 2, 3), 40); }
 
         internal void Plan(int landing, uint[] load, uint[] keep = null)
         {
@@ -89,7 +79,8 @@ namespace Terraport.Tests
         {
             var sorted = (uint[])visible.Clone();
             Array.Sort(sorted);
-            Handle(new StreamEvent { Kind = StreamEventKind.Ready, Landing = landing, Segments = sorted, Missing = new uint[0], ElapsedMs = 5 });
+            Handle(new StreamEvent { Kind = StreamEventKind.Ready, Landing = landing, Segments = sorted, Missing = new uint[0],
+                ElapsedMs = 5 });
         }
 
         internal void Degrade(int landing, params uint[] segments)

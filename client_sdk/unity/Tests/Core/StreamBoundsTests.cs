@@ -122,8 +122,7 @@ namespace Terraport.Tests
             stream.Aim(Middle, 1);
             Pump(stream);
             SegmentFacts facts = Network.Scene.Facts[0];
-            Network.Last.Inject(WireCodec.Encode(
-                new PrefetchMessage { Generation = 1, Segments = new[] { facts }, Bytes = facts.Length }));
+            Network.Last.Inject(WireCodec.Encode(new PrefetchMessage { Generation = 1, Segments = new[] { facts }, Bytes = facts.Length }));
             var chunk = new ArraySegment<byte>(new byte[facts.Length]);
             byte[] wrong = new PayloadFrame(1, 0, 0, facts.Length, chunk).Encode();
             for (int count = 0; count < 5000; count++) Network.Last.Inject(wrong);

@@ -24,10 +24,7 @@ namespace Terraport.Tests
         // Called before a connection is made, on the thread that makes it.
         internal Action Creating;
 
-        internal StreamFakeTransport Last
-        {
-            get { return Made[Made.Count - 1]; }
-        }
+        internal StreamFakeTransport Last => Made[Made.Count - 1];
 
         public ITransport Create()
         {
@@ -43,8 +40,7 @@ namespace Terraport.Tests
 
         internal StreamOptions StreamOptions(Action<StreamOptions> change = null)
         {
-            var options = new StreamOptions
-            {
+            var options = new StreamOptions {
                 SceneUrl = "http://toy.example/scenes/toy",
                 CreditBytes = Options.CreditBytes,
                 ReleaseFactor = 1,

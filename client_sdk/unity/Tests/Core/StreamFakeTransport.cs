@@ -33,7 +33,9 @@ namespace Terraport.Tests
 
         public TransportState State
         {
-            get { lock (gate) return state; }
+            get {
+                lock (gate) return state;
+            }
         }
 
         public string Subprotocol { get; private set; }
@@ -95,15 +97,9 @@ namespace Terraport.Tests
             }
         }
 
-        public void Dispose()
-        {
-            IsDisposed = true;
-        }
+        public void Dispose() { IsDisposed = true; }
 
-        public void Return(byte[] buffer)
-        {
-            lock (gate) Lent--;
-        }
+        public void Return(byte[] buffer) { lock (gate) Lent--; }
 
         /// <summary>Close from the server's side, or break.</summary>
         internal void Break(int closeCode, string reason = "")
@@ -121,13 +117,12 @@ namespace Terraport.Tests
         /// <summary>Messages on the way to the client.</summary>
         internal int Left
         {
-            get { lock (gate) return down.Count; }
+            get {
+                lock (gate) return down.Count;
+            }
         }
 
         /// <summary>Put bytes on the way to the client.</summary>
-        internal void Inject(byte[] data)
-        {
-            lock (gate) down.Enqueue(data);
-        }
+        internal void Inject(byte[] data) { lock (gate) down.Enqueue(data); }
     }
 }

@@ -25,10 +25,7 @@ namespace Terraport.Tests
             thread.Start();
         }
 
-        internal Uri Url
-        {
-            get { return new Uri("ws://127.0.0.1:" + ((IPEndPoint)listener.LocalEndpoint).Port + "/stream"); }
-        }
+        internal Uri Url => new Uri("ws://127.0.0.1:" + ((IPEndPoint)listener.LocalEndpoint).Port + "/stream");
 
         /// <summary>The request's header lines.</summary>
         internal List<string> Request { get; } = new List<string>();
@@ -46,8 +43,10 @@ namespace Terraport.Tests
         internal void Send(int opcode, bool isLast, byte[] data)
         {
             var head = new List<byte> { (byte)(opcode | (isLast ? 0x80 : 0)) };
-            if (data.Length < 126) head.Add((byte)data.Length);
-            else if (data.Length < 65536) head.AddRange(new byte[] { 126, (byte)(data.Length >> 8), (byte)data.Length });
+            if (data.Length < 126)
+                head.Add((byte)data.Length);
+            else if (data.Length < 65536)
+                head.AddRange(new byte[] { 126, (byte)(data.Length >> 8), (byte)data.Length });
             else
             {
                 head.Add(127);
@@ -92,7 +91,8 @@ namespace Terraport.Tests
                 {
                     Stream = client.GetStream();
                     for (string line = ReadLine(); line.Length > 0; line = ReadLine()) Request.Add(line);
-                    string key = Request.Find(line => line.StartsWith("Sec-WebSocket-Key: ", StringComparison.OrdinalIgnoreCase)).Substring(19);
+                    string key =
+                        Request.Find(line => line.StartsWith("Sec-WebSocket-Key: ", StringComparison.OrdinalIgnoreCase)).Substring(19);
                     byte[] hash = SHA1.Create().ComputeHash(Encoding.ASCII.GetBytes(key + "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"));
                     string answer = status == 101
                         ? "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: "

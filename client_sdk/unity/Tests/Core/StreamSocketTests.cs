@@ -19,24 +19,25 @@ namespace Terraport.Tests
             byte[] large = Enumerable.Range(0, 400000).Select(at => (byte)(at * 31 >> 4)).ToArray();
             var heard = new List<byte[]>();
             int closedWith = 0;
-            using (var server = new StreamSocketServer(101, open =>
-            {
-                open.Send(1, true, Encoding.UTF8.GetBytes("text \u00e9"));
-                for (int at = 0; at < large.Length; at += 40000)
-                {
-                    open.Send(at == 0 ? 2 : 0, at + 40000 >= large.Length, large.Skip(at).Take(40000).ToArray());
-                    open.Send(9, true, new byte[] { 1 });
-                }
-                open.Send(2, true, new byte[0]);
-                int opcode;
-                for (byte[] data = open.Receive(out opcode); ; data = open.Receive(out opcode))
-                {
-                    if (opcode == 8) closedWith = data[0] << 8 | data[1];
-                    if (opcode == 8) break;
-                    heard.Add(data);
-                }
-                open.SendClose(1000, "");
-            }))
+            using (var server = new StreamSocketServer(101,
+                       open =>
+                       {
+                           open.Send(1, true, Encoding.UTF8.GetBytes("text \u00e9"));
+                           for (int at = 0; at < large.Length; at += 40000)
+                           {
+                               open.Send(at == 0 ? 2 : 0, at + 40000 >= large.Length, large.Skip(at).Take(40000).ToArray());
+                               open.Send(9, true, new byte[] { 1 });
+                           }
+                           open.Send(2, true, new byte[0]);
+                           int opcode;
+                           for (byte[] data = open.Receive(out opcode);; data = open.Receive(out opcode))
+                           {
+                               if (opcode == 8) closedWith = data[0] << 8 | data[1];
+                               if (opcode == 8) break;
+                               heard.Add(data);
+                           }
+                           open.SendClose(1000, "");
+                       }))
             {
                 WebSocketTransport transport = Opened(server, "secret");
                 var got = new List<byte[]>();
@@ -66,13 +67,14 @@ namespace Terraport.Tests
         [Test]
         public void TheServersCloseIsToldBehindItsMessages()
         {
-            using (var server = new StreamSocketServer(101, open =>
-            {
-                open.Send(2, true, new byte[] { 7 });
-                open.SendClose(4503, "draining");
-                int opcode;
-                open.Receive(out opcode);
-            }))
+            using (var server = new StreamSocketServer(101,
+                       open =>
+                       {
+                           open.Send(2, true, new byte[] { 7 });
+                           open.SendClose(4503, "draining");
+                           int opcode;
+                           open.Receive(out opcode);
+                       }))
             {
                 WebSocketTransport transport = Opened(server, null);
                 Until(() => transport.State == TransportState.Closed);
@@ -95,7 +97,9 @@ namespace Terraport.Tests
         [TestCase(418, 1006)]
         public void ARefusedHandshakeIsTheCloseCodeOfItsStatusWhereThePlatformTellsThat(int status, int closeCode)
         {
-            using (var server = new StreamSocketServer(status, open => { }))
+            using (var server = new StreamSocketServer(status,
+                       open =>
+                       {}))
             {
                 WebSocketTransport transport = Opened(server, "x");
                 Until(() => transport.State == TransportState.Closed);
@@ -128,17 +132,18 @@ namespace Terraport.Tests
         [Test]
         public void AMessageBeyondEveryLimitEndsTheConnectionForGood()
         {
-            using (var server = new StreamSocketServer(101, open =>
-            {
-                try
-                {
-                    for (int count = 0; count < 40; count++) open.Send(count == 0 ? 2 : 0, false, new byte[262144]);
-                }
-                catch (System.IO.IOException)
-                {
-                    // The client has gone, as it should.
-                }
-            }))
+            using (var server = new StreamSocketServer(101,
+                       open =>
+                       {
+                           try
+                           {
+                               for (int count = 0; count < 40; count++) open.Send(count == 0 ? 2 : 0, false, new byte[262144]);
+                           }
+                           catch (System.IO.IOException)
+                           {
+                               // The client has gone, as it should.
+                           }
+                       }))
             {
                 WebSocketTransport transport = Opened(server, null);
                 Until(() => transport.State == TransportState.Closed);
@@ -151,11 +156,12 @@ namespace Terraport.Tests
         public void WhatNobodyTakesIsBounded()
         {
             int sent = 0;
-            using (var server = new StreamSocketServer(101, open =>
-            {
-                for (; sent < 400; sent++) open.Send(2, true, new byte[131072]);
-                open.SendClose(1000, "");
-            }))
+            using (var server = new StreamSocketServer(101,
+                       open =>
+                       {
+                           for (; sent < 400; sent++) open.Send(2, true, new byte[131072]);
+                           open.SendClose(1000, "");
+                       }))
             {
                 WebSocketTransport transport = Opened(server, null);
                 Thread.Sleep(700);

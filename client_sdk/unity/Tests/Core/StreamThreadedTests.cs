@@ -28,8 +28,9 @@ namespace Terraport.Tests
                 stream.Aim(Middle, 2);
             }
             int request = stream.Pick(Middle);
-            Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == last)
-                && events.Exists(one => one.Kind == StreamEventKind.Picked));
+            Until(stream, events,
+                () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == last)
+                    && events.Exists(one => one.Kind == StreamEventKind.Picked));
             StreamEvent ready = events.FindLast(one => one.Kind == StreamEventKind.Ready);
             Assert.AreEqual(network.Scene.Within(Middle, 1 + 20 % 5), ready.Segments);
             Assert.GreaterOrEqual(ready.ElapsedMs, 0);

@@ -11,10 +11,7 @@ namespace Terraport.Tests
         [TestCase("ws://localhost/scenes/a/stream", "ws://localhost/scenes/a/stream")]
         [TestCase("WSS://localhost:443/scenes/a/", "wss://localhost/scenes/a/stream")]
         [TestCase("http://[::1]:80/scenes/%C3%A9", "ws://[::1]/scenes/%C3%A9/stream")]
-        public void SceneUrlsGiveTheStream(string url, string stream)
-        {
-            Assert.AreEqual(stream, SceneUrl.Parse(url).StreamUrl);
-        }
+        public void SceneUrlsGiveTheStream(string url, string stream) { Assert.AreEqual(stream, SceneUrl.Parse(url).StreamUrl); }
 
         [TestCase("http://host:1", "http://host:1")]
         [TestCase("http://host/", "http://host")]

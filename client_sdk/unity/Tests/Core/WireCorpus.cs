@@ -36,9 +36,6 @@ namespace Terraport.Tests
             return facts;
         }
 
-        private static string FolderOf(string kind)
-        {
-            return Repository.PathTo("tests/conformance/wire/" + kind);
-        }
+        private static string FolderOf(string kind) { return Repository.PathTo("tests/conformance/wire/" + kind); }
     }
 }

@@ -12,16 +12,10 @@ namespace Terraport.Tests
     public class WireCorpusTests
     {
         [Test]
-        public void GoodMessagesAreReadAndWrittenBack()
-        {
-            RunAll("good", 140);
-        }
+        public void GoodMessagesAreReadAndWrittenBack() { RunAll("good", 140); }
 
         [Test]
-        public void BadMessagesAreRefusedWithTheRightCodeAndField()
-        {
-            RunAll("bad", 400);
-        }
+        public void BadMessagesAreRefusedWithTheRightCodeAndField() { RunAll("bad", 400); }
 
         private static void RunAll(string kind, int fewest)
         {
@@ -81,8 +75,8 @@ namespace Terraport.Tests
             string got = frame.Generation + " " + frame.Segment + " " + frame.Offset + " " + frame.Total + " " + frame.IsLast + " " + hex;
             bool isLast;
             expected["last"].TryFlag(out isLast);
-            string want = expected["generation"].Show() + " " + expected["segment"].Show() + " " + expected["offset"].Show()
-                + " " + expected["total"].Show() + " " + isLast + " " + expected["chunk_hex"].Text;
+            string want = expected["generation"].Show() + " " + expected["segment"].Show() + " " + expected["offset"].Show() + " "
+                + expected["total"].Show() + " " + isLast + " " + expected["chunk_hex"].Text;
             if (got != want) return got + ", expected " + want;
             PayloadFrame again;
             PayloadFrame.TryDecode(new ArraySegment<byte>(frame.Encode()), out again);
@@ -95,8 +89,8 @@ namespace Terraport.Tests
             bool isFatal;
             expected["fatal"].TryFlag(out isFatal);
             string got = Facts(error.Code, error.IsFatal, error.Field, Number(error.Generation), Number(error.Request));
-            string want = Facts(
-                expected["code"].Text, isFatal, expected["field"].Text, Number(expected["generation"]), Number(expected["request"]));
+            string want =
+                Facts(expected["code"].Text, isFatal, expected["field"].Text, Number(expected["generation"]), Number(expected["request"]));
             return got == want ? null : got + ", expected " + want + ": " + error.Message;
         }
 
@@ -105,15 +99,9 @@ namespace Terraport.Tests
             return code + " fatal=" + isFatal + " field=" + field + " generation=" + generation + " request=" + request;
         }
 
-        private static string Number(uint? number)
-        {
-            return number.HasValue ? number.Value.ToString() : "";
-        }
+        private static string Number(uint? number) { return number.HasValue ? number.Value.ToString() : ""; }
 
-        private static string Number(JsonValue number)
-        {
-            return number.IsNull ? "" : number.Show();
-        }
+        private static string Number(JsonValue number) { return number.IsNull ? "" : number.Show(); }
 
         /// <summary>The same values, whatever the order of members; numbers by value.</summary>
         private static bool SameTree(JsonValue one, JsonValue other)

@@ -62,9 +62,7 @@ namespace Terraport.Tests
             var data = (byte[])from.Clone();
             switch (random.Next(4))
             {
-                case 0:
-                    Array.Resize(ref data, random.Next(data.Length + 1));
-                    break;
+                case 0: Array.Resize(ref data, random.Next(data.Length + 1)); break;
                 case 1:
                     int cut = random.Next(data.Length + 1);
                     int rest = random.Next(other.Length + 1);

@@ -33,7 +33,8 @@ namespace Terraport.Tests
             float step = 1f / 4096;
             float[] metres = new float[6];
             Axes.Positions(new ushort[] { 0, 1, 2, 9, 65535, 65535, 65535, 9 }, 2, 4000, -8, -4000, step, metres);
-            Assert.AreEqual(new[] { 4000f, -8f + step, 4000f - 2 * step, 4000f + 65535 * step, -8f + 65535 * step, 4000f - 65535 * step }, metres);
+            Assert.AreEqual(
+                new[] { 4000f, -8f + step, 4000f - 2 * step, 4000f + 65535 * step, -8f + 65535 * step, 4000f - 65535 * step }, metres);
         }
 
         [Test]

@@ -50,8 +50,8 @@ namespace Terraport.Tests
             AddVertices("TEXCOORD_0", uvCodes, 2, 2, 5123, "VEC2", false);
             int view = AddView(png, 1, 0);
             string factor = scale.ToString("R", CultureInfo.InvariantCulture);
-            texture = ",\"baseColorTexture\":{\"index\":0,\"extensions\":{\"KHR_texture_transform\":{\"scale\":["
-                + factor + "," + factor + "]}}}";
+            texture = ",\"baseColorTexture\":{\"index\":0,\"extensions\":{\"KHR_texture_transform\":{\"scale\":[" + factor + "," + factor
+                + "]}}}";
             textureTables = ",\"textures\":[{\"source\":0}],\"images\":[{\"mimeType\":\"image/png\",\"bufferView\":" + view + "}]";
             return this;
         }
@@ -87,21 +87,19 @@ namespace Terraport.Tests
             return whole.ToArray();
         }
 
-        private void AddVertices(
-            string name, Array values, int elementBytes, int width, int component, string type, bool isNormalised)
+        private void AddVertices(string name, Array values, int elementBytes, int width, int component, string type, bool isNormalised)
         {
             int stride = elementBytes * width;
             int number = AddAccessor(values, elementBytes, values.Length / width, component, type, isNormalised, stride);
             attributes.Add("\"" + name + "\":" + number);
         }
 
-        private int AddAccessor(
-            Array values, int elementBytes, int count, int component, string type, bool isNormalised, int stride)
+        private int AddAccessor(Array values, int elementBytes, int count, int component, string type, bool isNormalised, int stride)
         {
             int view = AddView(values, elementBytes, stride);
             string normalised = isNormalised ? ",\"normalized\":true" : "";
-            accessors.Add("{\"bufferView\":" + view + ",\"count\":" + count + ",\"componentType\":" + component
-                + ",\"type\":\"" + type + "\"" + normalised + "}");
+            accessors.Add("{\"bufferView\":" + view + ",\"count\":" + count + ",\"componentType\":" + component + ",\"type\":\"" + type
+                + "\"" + normalised + "}");
             return accessors.Count - 1;
         }
 

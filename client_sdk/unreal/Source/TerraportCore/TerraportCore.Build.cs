@@ -6,15 +6,15 @@ using UnrealBuildTool;
 /// </summary>
 public class TerraportCore : ModuleRules
 {
-	public TerraportCore(ReadOnlyTargetRules Target) : base(Target)
-	{
-		PCHUsage = PCHUsageMode.NoPCHs;
-		// Names in anonymous namespaces would meet in merged files.
-		bUseUnity = false;
-		bEnableExceptions = false;
-		bUseRTTI = false;
-		// For IMPLEMENT_MODULE alone.
-		PrivateDependencyModuleNames.Add("Core");
-		PrivateDefinitions.Add("TERRAPORT_UNREAL=1");
-	}
+    public TerraportCore(ReadOnlyTargetRules Target) : base(Target)
+    {
+        PCHUsage = PCHUsageMode.NoPCHs;
+        // Names in anonymous namespaces would meet in merged files.
+        bUseUnity = false;
+        bEnableExceptions = false;
+        bUseRTTI = false;
+        // For IMPLEMENT_MODULE alone.
+        PrivateDependencyModuleNames.Add("Core");
+        PrivateDefinitions.Add("TERRAPORT_UNREAL=1");
+    }
 }

@@ -33,22 +33,10 @@ class UActorComponent : public UObject
 public:
 	using Super = UActorComponent;
 	FActorComponentTickFunction PrimaryComponentTick;
-	void RegisterComponent()
-	{
-		bStubRegistered = true;
-	}
-	virtual void DestroyComponent(bool = false)
-	{
-		bStubDestroyed = true;
-	}
-	AActor* GetOwner() const
-	{
-		return StubOwner;
-	}
-	UWorld* GetWorld() const
-	{
-		return StubWorld;
-	}
+	void RegisterComponent() { bStubRegistered = true; }
+	virtual void DestroyComponent(bool = false) { bStubDestroyed = true; }
+	AActor* GetOwner() const { return StubOwner; }
+	UWorld* GetWorld() const { return StubWorld; }
 	virtual void TickComponent(float, ELevelTick, FActorComponentTickFunction*) {}
 	virtual void EndPlay(const EEndPlayReason::Type) {}
 	AActor* StubOwner = nullptr;

@@ -15,13 +15,7 @@ public:
 	using Super = UDynamicMeshComponent;
 	bool bUseAsyncCooking = false;
 	bool bEnableComplexCollision = false;
-	void SetMesh(UE::Geometry::FDynamicMesh3&& Mesh)
-	{
-		StubMesh = std::move(Mesh);
-	}
-	void SetComplexAsSimpleCollisionEnabled(bool bEnabled, bool = true)
-	{
-		bEnableComplexCollision = bEnabled;
-	}
+	void SetMesh(UE::Geometry::FDynamicMesh3&& Mesh) { StubMesh = std::move(Mesh); }
+	void SetComplexAsSimpleCollisionEnabled(bool bEnabled, bool = true) { bEnableComplexCollision = bEnabled; }
 	UE::Geometry::FDynamicMesh3 StubMesh;
 };

@@ -18,14 +18,8 @@ class UPrimitiveComponent : public USceneComponent
 public:
 	using Super = UPrimitiveComponent;
 	void SetCastShadow(bool) {}
-	virtual void SetCollisionEnabled(ECollisionEnabled::Type Type)
-	{
-		StubCollision = Type;
-	}
-	virtual void SetMaterial(int32, UMaterialInterface* Material)
-	{
-		StubMaterial = Material;
-	}
+	virtual void SetCollisionEnabled(ECollisionEnabled::Type Type) { StubCollision = Type; }
+	virtual void SetMaterial(int32, UMaterialInterface* Material) { StubMaterial = Material; }
 	ECollisionEnabled::Type StubCollision = ECollisionEnabled::QueryAndPhysics;
 	UMaterialInterface* StubMaterial = nullptr;
 };

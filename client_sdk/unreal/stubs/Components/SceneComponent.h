@@ -6,30 +6,12 @@ class USceneComponent : public UActorComponent
 {
 public:
 	using Super = USceneComponent;
-	void SetupAttachment(USceneComponent* Parent, FName = NAME_None)
-	{
-		StubParent = Parent;
-	}
-	void SetVisibility(bool bVisible, bool = false)
-	{
-		bStubVisible = bVisible;
-	}
-	FVector GetComponentLocation() const
-	{
-		return StubLocation;
-	}
-	FVector GetForwardVector() const
-	{
-		return FVector(1.0, 0.0, 0.0);
-	}
-	void SetRelativeLocation(FVector Location)
-	{
-		StubLocation = Location;
-	}
-	void SetWorldLocation(FVector Location)
-	{
-		StubLocation = Location;
-	}
+	void SetupAttachment(USceneComponent* Parent, FName = NAME_None) { StubParent = Parent; }
+	void SetVisibility(bool bVisible, bool = false) { bStubVisible = bVisible; }
+	FVector GetComponentLocation() const { return StubLocation; }
+	FVector GetForwardVector() const { return FVector(1.0, 0.0, 0.0); }
+	void SetRelativeLocation(FVector Location) { StubLocation = Location; }
+	void SetWorldLocation(FVector Location) { StubLocation = Location; }
 	void SetWorldScale3D(FVector) {}
 	USceneComponent* StubParent = nullptr;
 	FVector StubLocation;

@@ -8,8 +8,5 @@ class UStaticMeshComponent : public UMeshComponent
 {
 public:
 	using Super = UStaticMeshComponent;
-	virtual bool SetStaticMesh(UStaticMesh*)
-	{
-		return true;
-	}
+	virtual bool SetStaticMesh(UStaticMesh*) { return true; }
 };

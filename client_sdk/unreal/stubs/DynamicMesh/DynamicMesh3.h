@@ -22,10 +22,7 @@ public:
 	FDynamicMesh3(FDynamicMesh3&&) = default;
 	FDynamicMesh3& operator=(FDynamicMesh3&&) = default;
 	void EnableAttributes();
-	FDynamicMeshAttributeSet* Attributes()
-	{
-		return StubAttributes.get();
-	}
+	FDynamicMeshAttributeSet* Attributes() { return StubAttributes.get(); }
 	int AppendVertex(const FVector3d& Place)
 	{
 		StubVertices.push_back(Place);

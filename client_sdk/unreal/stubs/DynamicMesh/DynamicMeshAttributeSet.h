@@ -26,18 +26,9 @@ class FDynamicMeshAttributeSet
 {
 public:
 	void EnablePrimaryColors() {}
-	TDynamicMeshVectorOverlay<FVector3f>* PrimaryNormals()
-	{
-		return &Normals;
-	}
-	TDynamicMeshVectorOverlay<FVector2f>* PrimaryUV()
-	{
-		return &Uvs;
-	}
-	TDynamicMeshVectorOverlay<FVector4f>* PrimaryColors()
-	{
-		return &Colours;
-	}
+	TDynamicMeshVectorOverlay<FVector3f>* PrimaryNormals() { return &Normals; }
+	TDynamicMeshVectorOverlay<FVector2f>* PrimaryUV() { return &Uvs; }
+	TDynamicMeshVectorOverlay<FVector4f>* PrimaryColors() { return &Colours; }
 
 private:
 	TDynamicMeshVectorOverlay<FVector3f> Normals;

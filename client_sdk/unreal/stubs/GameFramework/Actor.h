@@ -31,49 +31,22 @@ public:
 		StubRoot = Component;
 		return true;
 	}
-	USceneComponent* GetRootComponent() const
-	{
-		return StubRoot;
-	}
-	const FTransform& GetActorTransform() const
-	{
-		return StubTransform;
-	}
-	FVector GetActorLocation() const
-	{
-		return StubTransform.Place;
-	}
-	FVector GetActorScale3D() const
-	{
-		return FVector(1.0, 1.0, 1.0);
-	}
+	USceneComponent* GetRootComponent() const { return StubRoot; }
+	const FTransform& GetActorTransform() const { return StubTransform; }
+	FVector GetActorLocation() const { return StubTransform.Place; }
+	FVector GetActorScale3D() const { return FVector(1.0, 1.0, 1.0); }
 	bool SetActorLocation(const FVector& Location, bool = false, FHitResult* = nullptr, ETeleportType = ETeleportType::None)
 	{
 		StubTransform.Place = Location;
 		return true;
 	}
-	void AddActorWorldRotation(FRotator Turn)
-	{
-		StubTransform.YawDegrees += Turn.Yaw;
-	}
-	void AddActorWorldOffset(FVector Offset)
-	{
-		StubTransform.Place += Offset;
-	}
+	void AddActorWorldRotation(FRotator Turn) { StubTransform.YawDegrees += Turn.Yaw; }
+	void AddActorWorldOffset(FVector Offset) { StubTransform.Place += Offset; }
 	/// Of the pawn that this is, or that it was made by.
-	AController* GetInstigatorController() const
-	{
-		return StubController;
-	}
+	AController* GetInstigatorController() const { return StubController; }
 	AController* StubController = nullptr;
-	virtual float GetSimpleCollisionHalfHeight() const
-	{
-		return 0.0f;
-	}
-	UWorld* GetWorld() const
-	{
-		return StubWorld;
-	}
+	virtual float GetSimpleCollisionHalfHeight() const { return 0.0f; }
+	UWorld* GetWorld() const { return StubWorld; }
 	template <typename T>
 	T* FindComponentByClass() const
 	{

@@ -13,14 +13,8 @@ public:
 		Made->StubParent = Parent;
 		return Made;
 	}
-	void SetScalarParameterValue(FName, float Value)
-	{
-		StubScalar = Value;
-	}
-	void SetTextureParameterValue(FName, UTexture* Value)
-	{
-		StubTexture = Value;
-	}
+	void SetScalarParameterValue(FName, float Value) { StubScalar = Value; }
+	void SetTextureParameterValue(FName, UTexture* Value) { StubTexture = Value; }
 	UMaterialInterface* StubParent = nullptr;
 	float StubScalar = 0.0f;
 	UTexture* StubTexture = nullptr;

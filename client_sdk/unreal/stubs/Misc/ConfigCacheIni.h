@@ -28,10 +28,7 @@ public:
 	std::map<std::u16string, bool> StubBools;
 
 private:
-	static std::u16string StubName(const TCHAR* Section, const TCHAR* Key)
-	{
-		return std::u16string(Section) + u"/" + Key;
-	}
+	static std::u16string StubName(const TCHAR* Section, const TCHAR* Key) { return std::u16string(Section) + u"/" + Key; }
 	template <typename T>
 	static bool Find(const std::map<std::u16string, T>& All, const TCHAR* Section, const TCHAR* Key, T& Value)
 	{

@@ -59,10 +59,10 @@ public:
 };
 
 /// A test declares the function, and starts the module as the engine does.
-#define IMPLEMENT_MODULE(Class, Name)     \
-	IModuleInterface& StubModule##Name(); \
-	IModuleInterface& StubModule##Name()  \
-	{                                     \
-		static Class Module;              \
-		return Module;                    \
+#define IMPLEMENT_MODULE(Class, Name)                                                                                          \
+	IModuleInterface& StubModule##Name();                                                                                      \
+	IModuleInterface& StubModule##Name()                                                                                       \
+	{                                                                                                                          \
+		static Class Module;                                                                                                   \
+		return Module;                                                                                                         \
 	}

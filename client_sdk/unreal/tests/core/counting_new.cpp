@@ -25,17 +25,39 @@ void* takenOrEnd(std::size_t size) {
 
 namespace terraport_tests {
 
-std::size_t allocationCount() { return allocations; }
+std::size_t allocationCount() {
+  return allocations;
+}
 
 }  // namespace terraport_tests
 
-void* operator new(std::size_t size) { return takenOrEnd(size); }
-void* operator new[](std::size_t size) { return takenOrEnd(size); }
-void* operator new(std::size_t size, const std::nothrow_t&) noexcept { return taken(size); }
-void* operator new[](std::size_t size, const std::nothrow_t&) noexcept { return taken(size); }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete[](void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete(void* memory, const std::nothrow_t&) noexcept { std::free(memory); }
-void operator delete[](void* memory, const std::nothrow_t&) noexcept { std::free(memory); }
+void* operator new(std::size_t size) {
+  return takenOrEnd(size);
+}
+void* operator new[](std::size_t size) {
+  return takenOrEnd(size);
+}
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  return taken(size);
+}
+void* operator new[](std::size_t size, const std::nothrow_t&) noexcept {
+  return taken(size);
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, const std::nothrow_t&) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory, const std::nothrow_t&) noexcept {
+  std::free(memory);
+}

@@ -96,7 +96,8 @@ TEST_SUITE("meshopt") {
       int wrong = 0;
       for (int x = -one; x <= one; ++x) {
         for (int y = -one; y <= one; ++y) {
-          std::uint8_t row[4] = {static_cast<std::uint8_t>(x), static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(one), 77};
+          std::uint8_t row[4] = {
+              static_cast<std::uint8_t>(x), static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(one), 77};
           meshoptUnfilterOctahedral(row, 1);
           double vector[3] = {static_cast<double>(x), static_cast<double>(y), 0.0};
           vector[2] = one - std::fabs(vector[0]) - std::fabs(vector[1]);
@@ -119,7 +120,8 @@ TEST_SUITE("meshopt") {
 
   TEST_CASE("the exponential filter") {
     const auto decoded = [](std::int32_t exponent, std::int32_t mantissa) {
-      const std::uint32_t bits = (static_cast<std::uint32_t>(exponent) << 24) | (static_cast<std::uint32_t>(mantissa) & 0xFFFFFFU);
+      const std::uint32_t bits =
+          (static_cast<std::uint32_t>(exponent) << 24) | (static_cast<std::uint32_t>(mantissa) & 0xFFFFFFU);
       std::uint8_t word[4];
       std::memcpy(word, &bits, 4);
       meshoptUnfilterExponential(word, 1);

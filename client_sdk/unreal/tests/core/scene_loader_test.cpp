@@ -107,7 +107,9 @@ LoadState pumped(SceneLoader& loader) {
   return loader.state();
 }
 
-std::string manifestText(const std::string& folder = "tiny") { return readText(conformance() / "scene" / folder / "scene.json"); }
+std::string manifestText(const std::string& folder = "tiny") {
+  return readText(conformance() / "scene" / folder / "scene.json");
+}
 
 Status readManifestText(const std::string& text) {
   CheckedManifest checked;
@@ -258,8 +260,8 @@ TEST_SUITE("scene loader") {
     CHECK(readManifestText(whole).isOk());
     CHECK(readManifestText(replaced(whole, "\"terraport-scene\"", "\"other\"")).code() == "damaged");
     CHECK(readManifestText(replaced(whole, "\"format_version\"", "\"no_version\"")).code() == "unsupported_version");
-    for (const char* key : {"\"counts\"", "\"files\"", "\"encodings\"", "\"origin\"", "\"step_m\"", "\"bounds\"", "\"hand_off\"",
-                            "\"base.cover\"", "\"has_colour\"", "\"attributes\"", "\"version\"", "\"name\"", "\"crs\""}) {
+    for (const char* key : {"\"counts\"", "\"files\"", "\"encodings\"", "\"origin\"", "\"step_m\"", "\"bounds\"",
+             "\"hand_off\"", "\"base.cover\"", "\"has_colour\"", "\"attributes\"", "\"version\"", "\"name\"", "\"crs\""}) {
       CAPTURE(key);
       CHECK(readManifestText(replaced(whole, key, "\"renamed\"")).code() == "damaged");
     }

@@ -14,7 +14,9 @@ using Ids = std::vector<std::uint32_t>;
 
 const ToyScene toy;
 
-bool isOnce(const Ids& ids) { return std::set<std::uint32_t>(ids.begin(), ids.end()).size() == ids.size(); }
+bool isOnce(const Ids& ids) {
+  return std::set<std::uint32_t>(ids.begin(), ids.end()).size() == ids.size();
+}
 
 PairOptions withCredit(std::uint64_t creditBytes) {
   PairOptions options;

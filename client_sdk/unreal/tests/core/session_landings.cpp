@@ -20,7 +20,9 @@ std::vector<std::int64_t> landingsOf(const std::vector<StreamEvent>& events) {
   return numbers;
 }
 
-bool isOnce(const Ids& ids) { return std::set<std::uint32_t>(ids.begin(), ids.end()).size() == ids.size(); }
+bool isOnce(const Ids& ids) {
+  return std::set<std::uint32_t>(ids.begin(), ids.end()).size() == ids.size();
+}
 
 PairOptions withCredit(std::uint64_t creditBytes) {
   PairOptions options;

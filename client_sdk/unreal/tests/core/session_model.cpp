@@ -62,7 +62,9 @@ std::optional<EncodedMessage> ModelServer::told() {
   return data;
 }
 
-void ModelServer::on(const UnknownMessage& message) { FAIL("the client said " << message.type); }
+void ModelServer::on(const UnknownMessage& message) {
+  FAIL("the client said " << message.type);
+}
 
 void ModelServer::on(const HelloMessage& hello) {
   isOpen_ = true;
@@ -140,7 +142,7 @@ void ModelServer::on(const RejectMessage& reject) {
     return std::find(sending->order.begin(), sending->order.end(), one) - sending->order.begin();
   };
   std::stable_sort(sending->queue.begin(), sending->queue.end(),
-                   [&rank](std::uint32_t one, std::uint32_t other) { return rank(one) < rank(other); });
+      [&rank](std::uint32_t one, std::uint32_t other) { return rank(one) < rank(other); });
 }
 
 void ModelServer::on(const PickMessage& pick) {
@@ -196,9 +198,8 @@ void ModelServer::on(const LandMessage& land) {
   plan.position = land.position;
   plan.radiusM = land.radiusM;
   plan.releaseRadiusM = land.radiusM * releaseFactor_;
-  plan.effectiveRadiusM = wanted.size() == order.size()
-                              ? land.radiusM
-                              : distance(land.position, scene_.facts[order[wanted.size()]].bounds);
+  plan.effectiveRadiusM =
+      wanted.size() == order.size() ? land.radiusM : distance(land.position, scene_.facts[order[wanted.size()]].bounds);
   plan.innerCount = static_cast<std::uint32_t>(landing_->inner.size());
   plan.load = rowsOf(landing_->queue);
   plan.loadBytes = scene_.bytesOf(landing_->queue);
@@ -271,14 +272,14 @@ std::vector<std::uint32_t> ModelServer::ordered(const Vec3& centre, double radiu
     const double reach = held.count(row.segment) != 0 ? radiusM * releaseFactor_ : radiusM;
     if (far(row.segment) <= reach) order.push_back(row.segment);
   }
-  std::stable_sort(order.begin(), order.end(),
-                   [&far](std::uint32_t one, std::uint32_t other) { return far(one) < far(other); });
+  std::stable_sort(
+      order.begin(), order.end(), [&far](std::uint32_t one, std::uint32_t other) { return far(one) < far(other); });
   return order;
 }
 
 /// The strict prefix that the budgets allow (6.2).
-std::vector<std::uint32_t> ModelServer::within(const std::vector<std::uint32_t>& order,
-                                               std::optional<std::string>& omittedBy) const {
+std::vector<std::uint32_t> ModelServer::within(
+    const std::vector<std::uint32_t>& order, std::optional<std::string>& omittedBy) const {
   std::vector<std::uint32_t> wanted;
   std::uint64_t bytes = 0;
   for (const std::uint32_t segment : order) {
@@ -337,8 +338,8 @@ std::optional<EncodedMessage> ModelServer::chunk(Sending& sending) {
 
 /// Say `degraded` where the deadline has passed and the inner set is whole.
 void ModelServer::degrade(Sending& sending) {
-  const bool isWhole = !sending.inner.empty() && std::all_of(sending.inner.begin(), sending.inner.end(),
-                                                             [this](std::uint32_t one) { return held.count(one) != 0; });
+  const bool isWhole = !sending.inner.empty() &&
+      std::all_of(sending.inner.begin(), sending.inner.end(), [this](std::uint32_t one) { return held.count(one) != 0; });
   if (!isDeadlinePassed || sending.isDegradedSent || !isWhole) return;
   sending.isDegradedSent = true;
   DegradedMessage message;

@@ -142,7 +142,9 @@ class Pair {
 };
 
 /// Flip a bit of the last byte of a frame.
-inline void flip(EncodedMessage& data) { data.bytes.back() = static_cast<char>(data.bytes.back() ^ 1); }
+inline void flip(EncodedMessage& data) {
+  data.bytes.back() = static_cast<char>(data.bytes.back() ^ 1);
+}
 
 /// Segment id of a frame.
 inline std::uint32_t segmentOf(const EncodedMessage& frame) {

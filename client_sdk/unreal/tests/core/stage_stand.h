@@ -1,5 +1,5 @@
-// A stage with everything around it: a stream that is told what to tell, a renderer that notes what would be drawn, a clock that runs
-// with the work.
+// A stage with everything around it: a stream that is told what to tell, a renderer that notes what would be drawn, a clock
+// that runs with the work.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -215,9 +215,7 @@ class Stand {
   void ready(std::int64_t landing, const SegmentSet& visible, const SegmentSet& missing = {}) {
     tell(terraport::EventKind::Ready, landing, visible, missing);
   }
-  void degraded(std::int64_t landing, const SegmentSet& segments) {
-    tell(terraport::EventKind::Degraded, landing, segments);
-  }
+  void degraded(std::int64_t landing, const SegmentSet& segments) { tell(terraport::EventKind::Degraded, landing, segments); }
   void refused(std::int64_t landing) { tell(terraport::EventKind::Refused, landing, {}); }
   void dropped(const SegmentSet& segments) {
     for (const std::uint32_t segment : segments) {

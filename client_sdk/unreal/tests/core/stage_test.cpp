@@ -335,9 +335,8 @@ TEST_SUITE("stage") {
         CHECK(stand.stage->stats().spareGpuBytes <= options.spareGpuBytes);
         const SegmentSet shown = stand.renderer.shown;
         // Nothing is ever drawn that was not declared, whole but for what could not be had.
-        CHECK(std::any_of(declared.begin(), declared.end(), [&](const SegmentSet& set) {
-          return std::includes(set.begin(), set.end(), shown.begin(), shown.end());
-        }));
+        CHECK(std::any_of(declared.begin(), declared.end(),
+            [&](const SegmentSet& set) { return std::includes(set.begin(), set.end(), shown.begin(), shown.end()); }));
       }
     }
   }

@@ -15,8 +15,7 @@ namespace terraport::testing {
 
 /// What all connections of one stream share.
 struct FakeNetwork {
-  explicit FakeNetwork(const ToyScene& toy, ModelOptions modelOptions = {})
-      : scene(&toy), options(std::move(modelOptions)) {}
+  explicit FakeNetwork(const ToyScene& toy, ModelOptions modelOptions = {}) : scene(&toy), options(std::move(modelOptions)) {}
 
   const ToyScene* scene;
   ModelOptions options;

@@ -10,9 +10,13 @@ using namespace terraport;
 
 namespace {
 
-ByteSpan spanOf(const std::string& text) { return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}; }
+ByteSpan spanOf(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
 
-std::string textOf(const TransportMessage& message) { return std::string(message.bytes.begin(), message.bytes.end()); }
+std::string textOf(const TransportMessage& message) {
+  return std::string(message.bytes.begin(), message.bytes.end());
+}
 
 MessageAssembler::Limits limitsOf(std::size_t message, std::size_t waiting) {
   MessageAssembler::Limits limits;
@@ -71,18 +75,15 @@ TEST_CASE("transport: messages beyond the bounds are refused") {
 }
 
 TEST_CASE("urls: every form that a user may paste") {
-  const std::vector<std::vector<std::string>> known{
-      {"http://h/scenes/a", "http://h", "a", "ws://h/scenes/a/stream"},
+  const std::vector<std::vector<std::string>> known{{"http://h/scenes/a", "http://h", "a", "ws://h/scenes/a/stream"},
       {"https://h:8443/scenes/a/", "https://h:8443", "a", "wss://h:8443/scenes/a/stream"},
       {"ws://h/p/q/scenes/a/stream", "http://h/p/q", "a", "ws://h/p/q/scenes/a/stream"},
       {"WSS://H.Example/scenes/%C3%A9t%C3%A9", "https://h.example", "\xC3\xA9t\xC3\xA9",
-       "wss://h.example/scenes/%C3%A9t%C3%A9/stream"},
+          "wss://h.example/scenes/%C3%A9t%C3%A9/stream"},
       {"http://[::1]:8000/scenes/a b", "", "", ""},
       {"http://[::1]:8000/scenes/a%20b", "http://[::1]:8000", "a b", "ws://[::1]:8000/scenes/a%20b/stream"},
-      {"http://h/scenes/stream", "http://h", "stream", "ws://h/scenes/stream/stream"},
-      {"http://h", "http://h", "", ""},
-      {"http://h/prefix/", "http://h/prefix", "", ""},
-      {"http://h/scenes/", "http://h", "", ""}};
+      {"http://h/scenes/stream", "http://h", "stream", "ws://h/scenes/stream/stream"}, {"http://h", "http://h", "", ""},
+      {"http://h/prefix/", "http://h/prefix", "", ""}, {"http://h/scenes/", "http://h", "", ""}};
   for (const auto& one : known) {
     CAPTURE(one[0]);
     const Result<SceneUrl> parsed = parseSceneUrl(one[0]);
@@ -98,12 +99,12 @@ TEST_CASE("urls: every form that a user may paste") {
 }
 
 TEST_CASE("urls: what is none is refused") {
-  for (const char* const url :
-       {"", "h/scenes/a", "ftp://h/scenes/a", "http://", "http:///scenes/a", "http://user:pw@h/scenes/a",
-        "http://h/scenes/a?token=secret", "ftp://user:secret@h/", "http://h/scenes/a#f", "http://h/scenes/a/b", "http://h/scenesX/a", "http://h:port/scenes/a",
-        "http://h:/scenes/a", "http://h:99999/scenes/a", "http://h:000080/scenes/a", "http://h/scenes/a/segments/3.glb",
-        "quarry", "http://h/scenes/%zz", "http://h/scenes/%", "http://h/scenes/%ff", "http://h /scenes/a",
-        "http://h\\x/scenes/a", "http://[::1/scenes/a", "http://h/scenes/a\nb"}) {
+  for (const char* const url : {"", "h/scenes/a", "ftp://h/scenes/a", "http://", "http:///scenes/a",
+           "http://user:pw@h/scenes/a", "http://h/scenes/a?token=secret", "ftp://user:secret@h/", "http://h/scenes/a#f",
+           "http://h/scenes/a/b", "http://h/scenesX/a", "http://h:port/scenes/a", "http://h:/scenes/a",
+           "http://h:99999/scenes/a", "http://h:000080/scenes/a", "http://h/scenes/a/segments/3.glb", "quarry",
+           "http://h/scenes/%zz", "http://h/scenes/%", "http://h/scenes/%ff", "http://h /scenes/a", "http://h\\x/scenes/a",
+           "http://[::1/scenes/a", "http://h/scenes/a\nb"}) {
     CAPTURE(url);
     const Status status = parseSceneUrl(url).status();
     CHECK(status.code() == "invalid_url");

@@ -11,7 +11,9 @@
 namespace terraport_tests {
 
 /// The repository's tests/conformance.
-inline std::filesystem::path conformance() { return TERRAPORT_CONFORMANCE; }
+inline std::filesystem::path conformance() {
+  return TERRAPORT_CONFORMANCE;
+}
 
 inline std::vector<std::uint8_t> readFile(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);

@@ -28,7 +28,9 @@ std::string fileText(const std::filesystem::path& path) {
   return text;
 }
 
-ByteSpan spanOf(const std::string& bytes) { return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}; }
+ByteSpan spanOf(const std::string& bytes) {
+  return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
+}
 
 std::vector<std::filesystem::path> filesOf(const char* kind) {
   std::vector<std::filesystem::path> files;
@@ -57,8 +59,8 @@ struct Sample {
     subprotocol = std::string(facts.member("subprotocol").text().value_or(""));
     isFromClient = facts.member("direction").text().value_or("") == "client_to_server";
     if (facts.member("pad_to").exists()) {
-      bytes.resize(static_cast<std::size_t>(*facts.member("pad_to").integer()),
-                   static_cast<char>(*facts.member("pad_byte").integer()));
+      bytes.resize(
+          static_cast<std::size_t>(*facts.member("pad_to").integer()), static_cast<char>(*facts.member("pad_byte").integer()));
     }
   }
 };
@@ -163,7 +165,7 @@ TEST_CASE("wire: every bad message of the corpus is refused, with its code and f
     DecodeError error;
     PayloadFrame frame;
     const bool refused = sample.subprotocol == "frame" ? !decodeFrame(spanOf(sample.bytes), frame, error)
-                         : sample.isFromClient         ? isRefused<ClientMessage>(sample, error)
+        : sample.isFromClient                          ? isRefused<ClientMessage>(sample, error)
                                                        : isRefused<ServerMessage>(sample, error);
     CHECK(refused);
     if (refused) expectError(sample, error);

@@ -47,8 +47,7 @@ TEST_CASE("points may be changed in place")
 TEST_CASE("a face keeps its front: outwards in the scene is the renderer's front, with the corners in the same order")
 {
 	// Level ground seen from above, and two walls.
-	const float Faces[3][9] = {
-		{0, 0, 0, 0, 0, 1, 1, 0, 0}, {0, 0, 0, 1, 0, 0, 0, 1, 0}, {0, 0, 0, 0, 1, 0, 0, 0, 1}};
+	const float Faces[3][9] = {{0, 0, 0, 0, 0, 1, 1, 0, 0}, {0, 0, 0, 1, 0, 0, 0, 1, 0}, {0, 0, 0, 0, 1, 0, 0, 0, 1}};
 	for (const auto& Face : Faces)
 	{
 		float Outwards[3], Expected[3], Corners[9], Front[3];
@@ -71,8 +70,7 @@ TEST_CASE("a border vertex of two segments is the same to the bit, whatever thei
 	for (std::uint16_t Code = 500; Code < 600; ++Code)
 	{
 		const std::uint16_t InOne[4] = {Code, 200, 77, 0};
-		const std::uint16_t InOther[4] = {
-			std::uint16_t(Code + 411), std::uint16_t(200 - 90), std::uint16_t(77 + 65000), 0};
+		const std::uint16_t InOther[4] = {std::uint16_t(Code + 411), std::uint16_t(200 - 90), std::uint16_t(77 + 65000), 0};
 		float PlaceInOne[3], PlaceInOther[3];
 		TerraportAxes::PositionsToUnreal(InOne, 1, One, Step, PlaceInOne);
 		TerraportAxes::PositionsToUnreal(InOther, 1, Other, Step, PlaceInOther);

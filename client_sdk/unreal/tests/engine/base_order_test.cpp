@@ -19,8 +19,9 @@ FRows RowsOf(const terraport::SceneFiles& Files)
 	for (std::size_t Face = 0; Face < Files.base.faceCount; ++Face)
 	{
 		const std::uint32_t* Corners = Files.base.indices.data() + 3 * Face;
-		Rows[{Corners[0], Corners[1], Corners[2]}] = std::vector<std::uint32_t>(
-			Files.cover.segments.begin() + Files.cover.offsets[Face], Files.cover.segments.begin() + Files.cover.offsets[Face + 1]);
+		Rows[{Corners[0], Corners[1], Corners[2]}] =
+			std::vector<std::uint32_t>(Files.cover.segments.begin() + Files.cover.offsets[Face],
+				Files.cover.segments.begin() + Files.cover.offsets[Face + 1]);
 	}
 	return Rows;
 }

@@ -14,7 +14,8 @@ FTerraportGroundMesh MakeHills(int32 Side, TArray<FVector3f>& Positions, TArray<
 	{
 		for (int32 X = 0; X <= Side; ++X)
 		{
-			Positions.Add(FVector3f(100.0f * float(X), 100.0f * float(Y), 80.0f * std::sin(0.7f * float(X)) * std::cos(0.4f * float(Y))));
+			Positions.Add(
+				FVector3f(100.0f * float(X), 100.0f * float(Y), 80.0f * std::sin(0.7f * float(X)) * std::cos(0.4f * float(Y))));
 		}
 	}
 	for (int32 Y = 0; Y < Side; ++Y)

@@ -20,14 +20,8 @@ public:
 		Content.SetNumUninitialized(int32(Text.size()));
 		std::copy(Text.begin(), Text.end(), Content.begin());
 	}
-	virtual int32 GetResponseCode() const override
-	{
-		return Code;
-	}
-	virtual const TArray<uint8>& GetContent() const override
-	{
-		return Content;
-	}
+	virtual int32 GetResponseCode() const override { return Code; }
+	virtual const TArray<uint8>& GetContent() const override { return Content; }
 
 private:
 	int32 Code;
@@ -37,33 +31,18 @@ private:
 class FFakeRequest final : public IHttpRequest
 {
 public:
-	virtual void SetURL(const FString& InUrl) override
-	{
-		Url = InUrl;
-	}
+	virtual void SetURL(const FString& InUrl) override { Url = InUrl; }
 	virtual void SetVerb(const FString&) override {}
-	virtual void SetHeader(const FString& Name, const FString& Value) override
-	{
-		Headers[Name] = Value;
-	}
-	virtual bool ProcessRequest() override
-	{
-		return bStarts;
-	}
+	virtual void SetHeader(const FString& Name, const FString& Value) override { Headers[Name] = Value; }
+	virtual bool ProcessRequest() override { return bStarts; }
 	virtual void CancelRequest() override
 	{
 		bCancelled = true;
 		// As the module does it: a request that is given up has failed.
 		Complete.ExecuteIfBound(FHttpRequestPtr(), FHttpResponsePtr(), false);
 	}
-	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override
-	{
-		return Complete;
-	}
-	virtual FHttpRequestProgressDelegate64& OnRequestProgress64() override
-	{
-		return Progress;
-	}
+	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override { return Complete; }
+	virtual FHttpRequestProgressDelegate64& OnRequestProgress64() override { return Progress; }
 	void Answer(int32 Code, const std::string& Text)
 	{
 		Complete.ExecuteIfBound(FHttpRequestPtr(), MakeShared<FFakeResponse>(Code, Text), true);
@@ -88,10 +67,7 @@ struct FStand
 			return Made;
 		};
 	}
-	FFakeRequest& Newest()
-	{
-		return *All.back();
-	}
+	FFakeRequest& Newest() { return *All.back(); }
 	bool bStarts = true;
 	std::vector<TSharedRef<FFakeRequest>> All;
 };

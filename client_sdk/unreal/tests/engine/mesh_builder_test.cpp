@@ -76,7 +76,8 @@ TEST_CASE("the procedural backend makes one hidden section, and shows it by its 
 TEST_CASE("the dynamic backend keeps faces that three share an edge with")
 {
 	FTerraportMeshPart Part;
-	for (const FVector3f& Place : {FVector3f(0, 0, 0), FVector3f(0, 0, 1), FVector3f(1, 0, 0), FVector3f(0, 1, 0), FVector3f(-1, 0, 0)})
+	for (const FVector3f& Place :
+		{FVector3f(0, 0, 0), FVector3f(0, 0, 1), FVector3f(1, 0, 0), FVector3f(0, 1, 0), FVector3f(-1, 0, 0)})
 	{
 		Part.Positions.Add(Place);
 		Part.Normals.Add(FVector3f(0, 0, 1));

@@ -1,5 +1,5 @@
-#include "TerraportRenderer.h"
 #include "TerraportBaseOrder.h"
+#include "TerraportRenderer.h"
 #include "meshes.h"
 
 #include "Components/PrimitiveComponent.h"
@@ -54,10 +54,7 @@ public:
 	{
 		static_cast<FFakeComponent&>(Component).bShown = bShown;
 	}
-	virtual SIZE_T BytesOf(int32 Vertices, int32 Indices) const override
-	{
-		return SIZE_T(Vertices + Indices);
-	}
+	virtual SIZE_T BytesOf(int32 Vertices, int32 Indices) const override { return SIZE_T(Vertices + Indices); }
 
 	/// Centres of the faces that are drawn, each as often as it is drawn.
 	std::multiset<std::pair<int, int>> Drawn() const
@@ -65,7 +62,8 @@ public:
 		std::multiset<std::pair<int, int>> Faces;
 		for (const auto& Component : Made)
 		{
-			for (int32 First = 0; Component->bShown && IsValid(Component.get()) && First < Component->Part.Indices.Num(); First += 3)
+			for (int32 First = 0; Component->bShown && IsValid(Component.get()) && First < Component->Part.Indices.Num();
+				First += 3)
 			{
 				FVector3f Sum;
 				for (int32 Corner = 0; Corner < 3; ++Corner)
@@ -92,14 +90,8 @@ public:
 class FKeeper final : public ITerraportKeeper
 {
 public:
-	virtual void Keep(UObject* Object) override
-	{
-		CHECK(Held.insert(Object).second);
-	}
-	virtual void Release(UObject* Object) override
-	{
-		CHECK(Held.erase(Object) == 1);
-	}
+	virtual void Keep(UObject* Object) override { CHECK(Held.insert(Object).second); }
+	virtual void Release(UObject* Object) override { CHECK(Held.erase(Object) == 1); }
 	std::set<UObject*> Held;
 };
 
@@ -232,11 +224,13 @@ TEST_CASE("preparing changes nothing of what is drawn; the swap changes all of i
 	auto Expected = Stand.Expected(Mask);
 	FFakeBackend Segment;
 	Segment.Made.push_back(std::make_unique<FFakeComponent>());
-	TerraportMeshBuilder::BuildPart([] {
-		static terraport::SegmentMesh Mesh;
-		MakeGrid(2, Mesh);
-		return std::cref(Mesh);
-	}(), ETerraportVertexColours::Srgb, Segment.Made.back()->Part);
+	TerraportMeshBuilder::BuildPart(
+		[] {
+			static terraport::SegmentMesh Mesh;
+			MakeGrid(2, Mesh);
+			return std::cref(Mesh);
+		}(),
+		ETerraportVertexColours::Srgb, Segment.Made.back()->Part);
 	Segment.Made.back()->bShown = true;
 	for (const auto& Face : Segment.Drawn())
 	{
@@ -311,8 +305,7 @@ TEST_CASE("a texture is made in a step of its own, and a payload that was not bu
 	Mesh.engineData = std::move(Data);
 	CHECK(Stand.Renderer->upload(1, Mesh, terraport::ByteSpan{}) == terraport::UploadState::More);
 	CHECK(Stand.Renderer->upload(1, Mesh, terraport::ByteSpan{}) == terraport::UploadState::Done);
-	const UMaterialInstanceDynamic* Instance =
-		static_cast<UMaterialInstanceDynamic*>(Stand.Backend->Made.back()->StubMaterial);
+	const UMaterialInstanceDynamic* Instance = static_cast<UMaterialInstanceDynamic*>(Stand.Backend->Made.back()->StubMaterial);
 	REQUIRE(Instance != nullptr);
 	REQUIRE(Instance->StubTexture != nullptr);
 	UTexture* const Texture = Instance->StubTexture;

@@ -6,30 +6,12 @@
 class FSocketEvents : public IWebSocket
 {
 public:
-	virtual FWebSocketConnectedEvent& OnConnected() override
-	{
-		return Connected;
-	}
-	virtual FWebSocketConnectionErrorEvent& OnConnectionError() override
-	{
-		return Error;
-	}
-	virtual FWebSocketClosedEvent& OnClosed() override
-	{
-		return Closed;
-	}
-	virtual FWebSocketMessageEvent& OnMessage() override
-	{
-		return Message;
-	}
-	virtual FWebSocketRawMessageEvent& OnRawMessage() override
-	{
-		return Raw;
-	}
-	virtual FWebSocketBinaryMessageEvent& OnBinaryMessage() override
-	{
-		return Binary;
-	}
+	virtual FWebSocketConnectedEvent& OnConnected() override { return Connected; }
+	virtual FWebSocketConnectionErrorEvent& OnConnectionError() override { return Error; }
+	virtual FWebSocketClosedEvent& OnClosed() override { return Closed; }
+	virtual FWebSocketMessageEvent& OnMessage() override { return Message; }
+	virtual FWebSocketRawMessageEvent& OnRawMessage() override { return Raw; }
+	virtual FWebSocketBinaryMessageEvent& OnBinaryMessage() override { return Binary; }
 	virtual void SetTextMessageMemoryLimit(uint64) override {}
 
 	FWebSocketConnectedEvent Connected;

@@ -23,14 +23,8 @@ constexpr const TCHAR* LeastSleep = TEXT("ThreadMinimumSleepTimeInSeconds");
 class FFreshEngine
 {
 public:
-	FFreshEngine()
-	{
-		Clear();
-	}
-	~FFreshEngine()
-	{
-		Clear();
-	}
+	FFreshEngine() { Clear(); }
+	~FFreshEngine() { Clear(); }
 	double FrameTimeS() const
 	{
 		double Value = -1.0;
@@ -44,10 +38,7 @@ public:
 		StubModuleTerraport().StartupModule();
 		return StubWarnings.size() - Before;
 	}
-	void Load()
-	{
-		FModuleManager::Get().LoadModule(TEXT("WebSockets"));
-	}
+	void Load() { FModuleManager::Get().LoadModule(TEXT("WebSockets")); }
 
 private:
 	static void Clear()
@@ -63,10 +54,7 @@ class FNoSocket final : public FSocketEvents
 public:
 	virtual void Connect() override {}
 	virtual void Close(int32, const FString&) override {}
-	virtual bool IsConnected() override
-	{
-		return false;
-	}
+	virtual bool IsConnected() override { return false; }
 	virtual void Send(const FString&) override {}
 	virtual void Send(const void*, SIZE_T, bool) override {}
 };
@@ -74,15 +62,10 @@ public:
 class FSocketModule final : public FWebSocketsModule
 {
 public:
-	FSocketModule()
-	{
-		Stub = this;
-	}
-	virtual ~FSocketModule() override
-	{
-		Stub = nullptr;
-	}
-	virtual TSharedRef<IWebSocket> CreateWebSocket(const FString&, const TArray<FString>&, const TMap<FString, FString>&) override
+	FSocketModule() { Stub = this; }
+	virtual ~FSocketModule() override { Stub = nullptr; }
+	virtual TSharedRef<IWebSocket> CreateWebSocket(
+		const FString&, const TArray<FString>&, const TMap<FString, FString>&) override
 	{
 		return MakeShared<FNoSocket>();
 	}

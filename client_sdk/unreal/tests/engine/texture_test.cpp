@@ -11,14 +11,8 @@ namespace
 class FFakeImages final : public IImageWrapperModule
 {
 public:
-	FFakeImages(int32 InWidth, int32 InHeight) : Width(InWidth), Height(InHeight)
-	{
-		Stub = this;
-	}
-	virtual ~FFakeImages() override
-	{
-		Stub = nullptr;
-	}
+	FFakeImages(int32 InWidth, int32 InHeight) : Width(InWidth), Height(InHeight) { Stub = this; }
+	virtual ~FFakeImages() override { Stub = nullptr; }
 	virtual bool DecompressImage(const void* Bytes, int64 Size, FImage& Image) override
 	{
 		First = Size > 0 ? static_cast<const uint8*>(Bytes)[0] : 0;

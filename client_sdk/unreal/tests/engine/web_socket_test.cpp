@@ -1,7 +1,7 @@
 #include "TerraportWebSocket.h"
 
-#include "socket_events.h"
 #include "WebSocketsModule.h"
+#include "socket_events.h"
 
 #include <doctest/doctest.h>
 
@@ -12,18 +12,9 @@ namespace
 class FFakeSocket final : public FSocketEvents
 {
 public:
-	virtual void Connect() override
-	{
-		bConnecting = true;
-	}
-	virtual void Close(int32 Code, const FString&) override
-	{
-		ClosedWith = Code;
-	}
-	virtual bool IsConnected() override
-	{
-		return bConnecting;
-	}
+	virtual void Connect() override { bConnecting = true; }
+	virtual void Close(int32 Code, const FString&) override { ClosedWith = Code; }
+	virtual bool IsConnected() override { return bConnecting; }
 	virtual void Send(const FString&) override {}
 	virtual void Send(const void* Data, SIZE_T Size, bool bIsBinary) override
 	{
@@ -40,14 +31,8 @@ public:
 class FFakeModule final : public FWebSocketsModule
 {
 public:
-	FFakeModule()
-	{
-		Stub = this;
-	}
-	virtual ~FFakeModule() override
-	{
-		Stub = nullptr;
-	}
+	FFakeModule() { Stub = this; }
+	virtual ~FFakeModule() override { Stub = nullptr; }
 	virtual TSharedRef<IWebSocket> CreateWebSocket(
 		const FString& InUrl, const TArray<FString>& InProtocols, const TMap<FString, FString>& InHeaders) override
 	{

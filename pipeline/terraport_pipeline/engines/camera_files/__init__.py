@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.agisoft import read_agisoft
 from terraport_pipeline.engines.camera_files.bundler import MAGIC as BUNDLER_MAGIC
 from terraport_pipeline.engines.camera_files.bundler import read_bundler
@@ -25,7 +26,7 @@ from terraport_pipeline.engines.camera_files.pix4d import read_pix4d, read_pix4d
 from terraport_pipeline.engines.camera_files.raw_cameras import PhotoSize, RawCameras
 from terraport_pipeline.errors import PhotoError, ReadError
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Crs, Float64
+from terraport_pipeline.model import Crs
 
 __all__ = ["CameraSet", "has_cameras", "read_cameras", "read_raw_cameras"]
 

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.colmap import stated_offset
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
@@ -30,7 +31,6 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     text_lines,
 )
 from terraport_pipeline.errors import PhotoError, ReadError
-from terraport_pipeline.model import Float64
 
 __all__ = ["MAGIC", "read_bundler"]
 

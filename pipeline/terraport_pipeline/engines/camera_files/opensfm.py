@@ -21,6 +21,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
     MAX_TEXT_BYTES,
@@ -37,7 +38,6 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
 )
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.lens import Lens
-from terraport_pipeline.model import Float64
 
 __all__ = ["MODELS", "read_opensfm", "read_shots"]
 

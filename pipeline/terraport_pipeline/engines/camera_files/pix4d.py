@@ -28,6 +28,7 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
     Frame,
@@ -42,7 +43,6 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
 )
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.lens import Lens
-from terraport_pipeline.model import Float64
 
 __all__ = ["EXTERNAL_MAGIC", "MAGIC", "omega_phi_kappa", "read_pix4d", "read_pix4d_external"]
 

@@ -16,9 +16,9 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Float64
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.lens import Lens
-from terraport_pipeline.model import Float64
 
 __all__ = [
     "AGAIN",

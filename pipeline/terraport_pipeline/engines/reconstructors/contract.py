@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from terraport_pipeline.model import Float32, Int32, UInt8
+from terraport_payload.types import Float32, Int32, UInt8
 
 __all__ = ["Reconstructor", "Samples", "Surface", "Work"]
 

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Int32
 from terraport_pipeline.engines.reconstructors.contract import (
     Reconstructor,
     Samples,
@@ -22,7 +23,6 @@ from terraport_pipeline.engines.reconstructors.contract import (
     Work,
 )
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.model import Int32
 
 __all__ = ["GREEDY_PROJECTION", "PROGRAM"]
 

@@ -13,8 +13,8 @@ struct Centre
 };
 
 /// Sort `Order[Begin, End)` into leaves. The cut falls on a multiple of the leaf's size, so that leaves stay whole.
-void Split(
-	std::vector<std::uint32_t>& Order, const std::vector<Centre>& Centres, std::size_t Begin, std::size_t End, std::uint32_t BlockFaces)
+void Split(std::vector<std::uint32_t>& Order, const std::vector<Centre>& Centres, std::size_t Begin, std::size_t End,
+	std::uint32_t BlockFaces)
 {
 	// An explicit list instead of recursion: depth is then no matter, whatever the base.
 	struct Range

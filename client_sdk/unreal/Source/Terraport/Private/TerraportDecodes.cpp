@@ -16,7 +16,8 @@ constexpr std::size_t MaxSpareMeshes = 16;
 
 struct FTerraportDecodes::FShared
 {
-	FShared(TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend, ETerraportVertexColours InColours, int32 InMaxTasks)
+	FShared(
+		TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend, ETerraportVertexColours InColours, int32 InMaxTasks)
 		: Backend(InBackend), Colours(InColours), MaxTasks(InMaxTasks)
 	{
 	}

@@ -53,7 +53,8 @@ TUniquePtr<FTerraportPreparedMesh> FTerraportDynamicBackend::Prepare(const FTerr
 		{
 			// A third face at one edge, which a surveyed surface may have: it gets vertices of its own.
 			Corners = FIndex3i(AppendVertex(Mesh, Part, int32(Part.Indices[First])),
-				AppendVertex(Mesh, Part, int32(Part.Indices[First + 1])), AppendVertex(Mesh, Part, int32(Part.Indices[First + 2])));
+				AppendVertex(Mesh, Part, int32(Part.Indices[First + 1])),
+				AppendVertex(Mesh, Part, int32(Part.Indices[First + 2])));
 			Triangle = Mesh.AppendTriangle(Corners);
 		}
 		if (Triangle >= 0)

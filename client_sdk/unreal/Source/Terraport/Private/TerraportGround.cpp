@@ -97,7 +97,8 @@ void FTerraportGroundMesh::VisitHits(const FVector3f& Origin, const FVector3f& D
 			float Front[3];
 			TerraportAxes::FrontOfFace(CornerA, CornerB, CornerC, Front);
 			const float Length = std::sqrt(Front[0] * Front[0] + Front[1] * Front[1] + Front[2] * Front[2]);
-			Point.Normal = Length > 0.0f ? FVector3f(Front[0] / Length, Front[1] / Length, Front[2] / Length) : FVector3f(0.0f, 0.0f, 1.0f);
+			Point.Normal = Length > 0.0f ? FVector3f(Front[0] / Length, Front[1] / Length, Front[2] / Length)
+										 : FVector3f(0.0f, 0.0f, 1.0f);
 			Take(Point);
 		}
 	}

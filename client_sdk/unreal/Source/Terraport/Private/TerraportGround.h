@@ -28,16 +28,15 @@ public:
 	bool Cast(const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point) const;
 
 	/** Every point of the ray at 0 < At <= MaxAt, in no order, added to `Points`. */
-	void CastAll(const FVector3f& Origin, const FVector3f& Direction, float MaxAt, std::vector<FTerraportGroundPoint>& Points) const;
+	void CastAll(
+		const FVector3f& Origin, const FVector3f& Direction, float MaxAt, std::vector<FTerraportGroundPoint>& Points) const;
 
-	bool IsEmpty() const
-	{
-		return Indices.Num() == 0;
-	}
+	bool IsEmpty() const { return Indices.Num() == 0; }
 
 	SIZE_T Bytes() const
 	{
-		return SIZE_T(Positions.Num()) * sizeof(FVector3f) + SIZE_T(Indices.Num()) * sizeof(uint32) + Boxes.size() * sizeof(FBox3f);
+		return SIZE_T(Positions.Num()) * sizeof(FVector3f) + SIZE_T(Indices.Num()) * sizeof(uint32) +
+			Boxes.size() * sizeof(FBox3f);
 	}
 
 private:

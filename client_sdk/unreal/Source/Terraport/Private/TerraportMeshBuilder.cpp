@@ -78,7 +78,8 @@ void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerra
 {
 	Part = FTerraportMeshPart();
 	// The vertices that are used, each once, in ascending order.
-	std::vector<uint32> Used(Whole.Indices.GetData() + 3 * std::size_t(First), Whole.Indices.GetData() + 3 * std::size_t(First + Count));
+	std::vector<uint32> Used(
+		Whole.Indices.GetData() + 3 * std::size_t(First), Whole.Indices.GetData() + 3 * std::size_t(First + Count));
 	const std::vector<uint32> Corners = Used;
 	std::sort(Used.begin(), Used.end());
 	Used.erase(std::unique(Used.begin(), Used.end()), Used.end());

@@ -6,8 +6,8 @@
 #include "Terraport/SegmentMesh.h"
 #include "TerraportGround.h"
 #include "TerraportMeshBackend.h"
-#include "TerraportTexture.h"
 #include "TerraportSettings.h"
+#include "TerraportTexture.h"
 
 #include <cstdint>
 #include <vector>

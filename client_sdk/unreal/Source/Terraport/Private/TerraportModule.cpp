@@ -8,10 +8,7 @@ class FTerraportModule final : public FDefaultModuleImpl
 {
 public:
 	/** Early (see LoadingPhase in Terraport.uplugin), since whoever loads WebSockets first fixes the pace of its thread. */
-	virtual void StartupModule() override
-	{
-		TerraportSocketThread::Prepare();
-	}
+	virtual void StartupModule() override { TerraportSocketThread::Prepare(); }
 };
 
 IMPLEMENT_MODULE(FTerraportModule, Terraport)

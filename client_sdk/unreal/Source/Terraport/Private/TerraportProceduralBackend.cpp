@@ -12,7 +12,8 @@ public:
 	FProcMeshSection Section;
 };
 
-/** Position, normal and tangent, four pairs of texture coordinates of 16 bits, colour: what the engine's vertex factory takes. */
+/** Position, normal and tangent, four pairs of texture coordinates of 16 bits, colour: what the engine's vertex factory takes.
+ */
 constexpr SIZE_T GpuVertexBytes = 12 + 8 + 16 + 4;
 } // namespace
 

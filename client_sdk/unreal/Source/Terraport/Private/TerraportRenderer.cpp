@@ -103,7 +103,8 @@ terraport::UploadState FTerraportRenderer::upload(
 			return terraport::UploadState::More;
 		}
 	}
-	UMaterialInterface* Material = Drawable.Texture != nullptr ? Textured(Materials.Texture, Drawable.Texture) : Materials.Colour;
+	UMaterialInterface* Material =
+		Drawable.Texture != nullptr ? Textured(Materials.Texture, Drawable.Texture) : Materials.Colour;
 	const bool bMade = Make(Drawable, *Data->Prepared, Material);
 	Data->Prepared.Reset();
 	if (!bMade)

@@ -65,12 +65,14 @@ public:
 	void Step(double EndS);
 
 	/** First point of what is shown along a ray of component space, and its segment (-1: the base). */
-	bool CastGround(const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const;
+	bool CastGround(
+		const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const;
 
 	/** As CastGround along the vertical through a point: the highest ground not above it, else the lowest above it. */
 	bool GroundAt(const FVector3f& From, FTerraportGroundPoint& Point, int32& Segment, bool& bBelow) const;
 
-	virtual terraport::UploadState upload(std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload) override;
+	virtual terraport::UploadState upload(
+		std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload) override;
 	virtual bool isDrawable(std::uint32_t Segment) override;
 	virtual void free(std::uint32_t Segment) override;
 	virtual std::size_t gpuBytesOf(const terraport::SegmentMesh& Mesh) const override;

@@ -301,8 +301,9 @@ FBox ATerraportScene::GetSceneBounds() const
 		const terraport::Vec3& Most = Stage->files().manifest.boundsMax;
 		for (int32 Corner = 0; Corner < 8; ++Corner)
 		{
-			Box += WorldOf(*this, terraport::Vec3{(Corner & 1) != 0 ? Most.x : Least.x, (Corner & 2) != 0 ? Most.y : Least.y,
-									  (Corner & 4) != 0 ? Most.z : Least.z});
+			Box += WorldOf(*this,
+				terraport::Vec3{(Corner & 1) != 0 ? Most.x : Least.x, (Corner & 2) != 0 ? Most.y : Least.y,
+					(Corner & 4) != 0 ? Most.z : Least.z});
 		}
 	}
 	return Box;

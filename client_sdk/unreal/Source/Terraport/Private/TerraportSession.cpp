@@ -262,8 +262,8 @@ void FTerraportSession::PollLoading(double NowMs)
 	{
 		if (Stage && Result.Files->manifest.version != StreamVersion)
 		{
-			// The connection went on to another version meanwhile. Ids in the cover belong to one: with another one's base there
-			// would be holes.
+			// The connection went on to another version meanwhile. Ids in the cover belong to one: with another one's base
+			// there would be holes.
 			RetryLater(NowMs);
 			return;
 		}
@@ -344,8 +344,8 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& S
 FTerraportMaterials FTerraportSession::MaterialsOf()
 {
 	FTerraportMaterials Materials;
-	UMaterialInterface* Fallback = LoadObject<UMaterialInterface>(
-		nullptr, TEXT("/Engine/EngineDebugMaterials/VertexColorMaterial.VertexColorMaterial"));
+	UMaterialInterface* Fallback =
+		LoadObject<UMaterialInterface>(nullptr, TEXT("/Engine/EngineDebugMaterials/VertexColorMaterial.VertexColorMaterial"));
 	if (Fallback == nullptr)
 	{
 		// Debug materials may be missing from a packaged game.
@@ -362,7 +362,8 @@ FTerraportMaterials FTerraportSession::MaterialsOf()
 	if (Owner.BaseColourMaterial == nullptr && Owner.BaseTextureMaterial == nullptr)
 	{
 		UE_LOG(LogTerraport, Warning,
-			TEXT("%s has no base material: the base is not pushed back, and may poke through detail at the rim (see docs/how-to/unreal.md)"),
+			TEXT("%s has no base material: the base is not pushed back, and may poke through detail at the rim (see "
+				 "docs/how-to/unreal.md)"),
 			*Owner.GetName());
 	}
 	return Materials;

@@ -42,14 +42,8 @@ public:
 	void Reconnect(const std::string& NewToken);
 
 	/** Null before the scene is open. */
-	const terraport::SceneStage* GetStage() const
-	{
-		return Stage.get();
-	}
-	const FTerraportRenderer* GetRenderer() const
-	{
-		return Renderer.get();
-	}
+	const terraport::SceneStage* GetStage() const { return Stage.get(); }
+	const FTerraportRenderer* GetRenderer() const { return Renderer.get(); }
 	FTerraportStats TakeStats();
 
 	virtual void Keep(UObject* Object) override;

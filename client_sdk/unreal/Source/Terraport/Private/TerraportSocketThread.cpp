@@ -45,7 +45,8 @@ void TerraportSocketThread::Prepare()
 	if (bPolls && PaceS > SlowS)
 	{
 		UE_LOG(LogTerraport, Warning,
-			TEXT("%s: its thread looks at its sockets every %.1f ms, and landings may take seconds. Write into DefaultEngine.ini: "
+			TEXT("%s: its thread looks at its sockets every %.1f ms, and landings may take seconds. Write into "
+				 "DefaultEngine.ini: "
 				 "[WebSockets.LibWebSockets] ThreadTargetFrameTimeInSeconds=%.3f"),
 			bIsTooLate ? TEXT("the WebSockets module was loaded before terraport could set its pace")
 					   : TEXT("the WebSockets module is configured to be slow"),

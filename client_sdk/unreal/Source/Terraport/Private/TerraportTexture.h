@@ -17,18 +17,15 @@ struct FTerraportPixels
 	/** The whole image first. Empty where there is none. */
 	std::vector<TArray64<uint8>> Mips;
 
-	bool IsEmpty() const
-	{
-		return Mips.empty();
-	}
+	bool IsEmpty() const { return Mips.empty(); }
 };
 
 namespace TerraportTexture
 {
 /**
  * Decode a payload's image and make its mips. For worker threads; the module ImageWrapper must have been loaded before (the
- * scene does that when it opens). Empty where there is no image, where its format is none that the engine reads (WebP, KTX2), or
- * where it is damaged: the ground is then drawn without.
+ * scene does that when it opens). Empty where there is no image, where its format is none that the engine reads (WebP, KTX2),
+ * or where it is damaged: the ground is then drawn without.
  */
 FTerraportPixels Decode(const terraport::PayloadImage& Image, terraport::ByteSpan Payload);
 

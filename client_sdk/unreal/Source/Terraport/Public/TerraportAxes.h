@@ -69,9 +69,7 @@ inline void PositionsToUnreal(
 	for (std::size_t Vertex = 0; Vertex < Count; ++Vertex)
 	{
 		const std::uint16_t* Code = Codes + 4 * Vertex;
-		const float Scene[3] = {
-			Translation[0] + StepM * float(Code[0]),
-			Translation[1] + StepM * float(Code[1]),
+		const float Scene[3] = {Translation[0] + StepM * float(Code[0]), Translation[1] + StepM * float(Code[1]),
 			Translation[2] + StepM * float(Code[2])};
 		PointToUnreal(Scene, Out + 3 * Vertex);
 	}

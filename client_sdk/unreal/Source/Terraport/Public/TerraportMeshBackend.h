@@ -51,11 +51,12 @@ public:
 	virtual TUniquePtr<FTerraportPreparedMesh> Prepare(const FTerraportMeshPart& Part) const = 0;
 
 	/**
-	 * Make a component, attached to the owner's root with no offset, registered, and not to be seen yet. All of its cost for the
-	 * game thread should fall into this call, since the frame's time budget is measured around it. Null where that is impossible.
+	 * Make a component, attached to the owner's root with no offset, registered, and not to be seen yet. All of its cost for
+	 * the game thread should fall into this call, since the frame's time budget is measured around it. Null where that is
+	 * impossible.
 	 */
-	virtual UPrimitiveComponent* Create(
-		AActor& Owner, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material, const FTerraportMeshSettings& Settings) = 0;
+	virtual UPrimitiveComponent* Create(AActor& Owner, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material,
+		const FTerraportMeshSettings& Settings) = 0;
 
 	/** Show or hide a component that Create made. */
 	virtual void SetShown(UPrimitiveComponent& Component, bool bShown) = 0;

@@ -24,9 +24,9 @@ DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportPickedEvent, const FTerrap
 /**
  * A surveyed place, streamed: the base mesh of everything, and full detail around the last landing.
  *
- * Put one into the level, give it the address of a scene and a token, and call Land. What is shown changes in the frame of a swap
- * alone, never with the head. The scene's origin is the actor's; metres become centimetres; X is east, Y south, Z up. Move and
- * turn the actor as you like before it opens; scale must be 1.
+ * Put one into the level, give it the address of a scene and a token, and call Land. What is shown changes in the frame of a
+ * swap alone, never with the head. The scene's origin is the actor's; metres become centimetres; X is east, Y south, Z up. Move
+ * and turn the actor as you like before it opens; scale must be 1.
  *
  * Everything is called, and every event told, on the game thread.
  */
@@ -43,7 +43,8 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
 	FString SceneUrl = TEXT("http://127.0.0.1:8080");
 
-	/** Bearer token, where the server wants one. Saved in the level in the clear: for anything but a trial set it at run time. */
+	/** Bearer token, where the server wants one. Saved in the level in the clear: for anything but a trial set it at run time.
+	 */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (PasswordField = "true"))
 	FString Token;
 
@@ -51,8 +52,8 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
 	bool bOpenOnBeginPlay = true;
 
-	/** Show a landing as soon as all of it can be drawn; may be changed at any time. Switch it off to show it in the dark of a fade, by Show; a
-	 * TerraportUserComponent that teleports does so. */
+	/** Show a landing as soon as all of it can be drawn; may be changed at any time. Switch it off to show it in the dark of a
+	 * fade, by Show; a TerraportUserComponent that teleports does so. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
 	bool bAutoShow = true;
 
@@ -65,9 +66,10 @@ public:
 		meta = (EditCondition = "Device == ETerraportDevice::Custom"))
 	FTerraportBudgets CustomBudgets;
 
-	/** Milliseconds of each frame that the game thread may spend here. Less makes landings slower, more makes frames longer; 1 for
-	 * a headset at 90 Hz. The step in hand is ended: about half a millisecond more. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance", meta = (ClampMin = "0.1", ClampMax = "30", Units = "ms"))
+	/** Milliseconds of each frame that the game thread may spend here. Less makes landings slower, more makes frames longer; 1
+	 * for a headset at 90 Hz. The step in hand is ended: about half a millisecond more. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance",
+		meta = (ClampMin = "0.1", ClampMax = "30", Units = "ms"))
 	float FrameBudgetMs = 2.0f;
 
 	/** Payloads decoded at a time on task threads. */
@@ -78,7 +80,8 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	ETerraportMeshes Meshes = ETerraportMeshes::Procedural;
 
-	/** Cook collision for whatever is drawn, on task threads: for things that fall and roll. Teleports need none, see CastGround. */
+	/** Cook collision for whatever is drawn, on task threads: for things that fall and roll. Teleports need none, see
+	 * CastGround. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	bool bCollision = false;
 
@@ -111,7 +114,8 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Materials")
 	FName PushParameter = TEXT("TerraportPushBackCm");
 
-	/** How vertex colours are coded. The materials of terraport_materials.py want sRGB; the fallback material always gets linear. */
+	/** How vertex colours are coded. The materials of terraport_materials.py want sRGB; the fallback material always gets
+	 * linear. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Materials")
 	ETerraportVertexColours VertexColours = ETerraportVertexColours::Srgb;
 
@@ -159,22 +163,24 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Close();
 
-	/** Connect now: after the link was closed for good, or to cut a wait short. A token that is not empty replaces the present one. */
+	/** Connect now: after the link was closed for good, or to cut a wait short. A token that is not empty replaces the present
+	 * one. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Reconnect(const FString& NewToken);
 
-	/** Ask for full detail around a place. A newer landing supersedes one that is not ready. Returns its number in the events; 0
-	 * where the scene is not open yet (the newest such landing is asked for as soon as it is), -1 where the numbers are no place. */
+	/** Ask for full detail around a place. A newer landing supersedes one that is not ready. Returns its number in the events;
+	 * 0 where the scene is not open yet (the newest such landing is asked for as soon as it is), -1 where the numbers are no
+	 * place. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport", meta = (AdvancedDisplay = "Options", AutoCreateRefTerm = "Options"))
 	int64 Land(const FVector& WorldLocation, double RadiusM, const FTerraportLandOptions& Options);
 
-	/** Tell where the user points: detail starts to come, at low priority, and a landing there is quicker. Call it as often as you
-	 * like; only the newest counts, ten times a second at most. */
+	/** Tell where the user points: detail starts to come, at low priority, and a landing there is quicker. Call it as often as
+	 * you like; only the newest counts, ten times a second at most. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Aim(const FVector& WorldLocation, double RadiusM);
 
-	/** Ask the server what full detail has along a ray, loaded or not; answered by OnPicked. Returns the request's number, -1 where
-	 * it cannot be asked. */
+	/** Ask the server what full detail has along a ray, loaded or not; answered by OnPicked. Returns the request's number, -1
+	 * where it cannot be asked. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	int64 Pick(const FVector& WorldOrigin, const FVector& WorldDirection);
 
@@ -184,7 +190,8 @@ public:
 
 	/** First point of what is shown along a ray of MaxDistanceCm. Exact, without collision; a fraction of a millisecond. */
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
-	bool CastGround(const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit) const;
+	bool CastGround(
+		const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit) const;
 
 	/** Ground of what is shown on the vertical through a place: the highest not above it, else the lowest above it. */
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
@@ -204,7 +211,8 @@ public:
 	UFUNCTION(BlueprintPure, Category = "Terraport")
 	FBox GetSceneBounds() const;
 
-	/** East, north and height in the survey's reference system, metres, of a place in the world. False before the scene is open. */
+	/** East, north and height in the survey's reference system, metres, of a place in the world. False before the scene is
+	 * open. */
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
 	bool WorldToSurvey(const FVector& WorldLocation, FVector& EastNorthHeightM) const;
 

@@ -4,7 +4,8 @@
 
 #include "TerraportSettings.generated.h"
 
-/** What a device is asked to hold: the bounds of a landing and of what is kept beside it. The same numbers as in the web client. */
+/** What a device is asked to hold: the bounds of a landing and of what is kept beside it. The same numbers as in the web
+ * client. */
 UENUM(BlueprintType)
 enum class ETerraportDevice : uint8
 {
@@ -18,8 +19,8 @@ enum class ETerraportDevice : uint8
 	Custom,
 };
 
-/** Bounds of everything that can grow with the length of a visit. The server keeps those of a landing: nearest first until the next
- * segment would exceed one. */
+/** Bounds of everything that can grow with the length of a visit. The server keeps those of a landing: nearest first until the
+ * next segment would exceed one. */
 USTRUCT(BlueprintType)
 struct TERRAPORT_API FTerraportBudgets
 {
@@ -59,7 +60,8 @@ enum class ETerraportMeshes : uint8
 {
 	/** UProceduralMeshComponent: shown and hidden without a new render state. */
 	Procedural,
-	/** UDynamicMeshComponent: for projects that go on with Geometry Script. Showing makes render states in the frame of the swap. */
+	/** UDynamicMeshComponent: for projects that go on with Geometry Script. Showing makes render states in the frame of the
+	 * swap. */
 	Dynamic,
 };
 

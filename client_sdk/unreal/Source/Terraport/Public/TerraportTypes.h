@@ -44,7 +44,8 @@ struct TERRAPORT_API FTerraportLandOptions
 {
 	GENERATED_BODY()
 
-	/** Radius in metres of what must be sharp first; 0 for none. It is shown alone where the deadline passes before the rest is here. */
+	/** Radius in metres of what must be sharp first; 0 for none. It is shown alone where the deadline passes before the rest is
+	 * here. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "0", Units = "m"))
 	double InnerRadiusM = 0.0;
 

@@ -15,8 +15,8 @@ DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportTeleportFailedEvent, const
 /**
  * Somebody who lands: put it on the pawn.
  *
- * TeleportTo does a whole teleport as comfort wants it: dark, wait until the ground is there, show it and move in one frame, light.
- * Land and Aim are the scene's, with this component's radius.
+ * TeleportTo does a whole teleport as comfort wants it: dark, wait until the ground is there, show it and move in one frame,
+ * light. Land and Aim are the scene's, with this component's radius.
  */
 UCLASS(ClassGroup = "Terraport", meta = (BlueprintSpawnableComponent, DisplayName = "Terraport User"))
 class TERRAPORT_API UTerraportUserComponent : public UActorComponent
@@ -31,23 +31,28 @@ public:
 	TObjectPtr<ATerraportScene> Scene;
 
 	/** Metres of full detail around a landing. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "10000", Units = "m"))
+	UPROPERTY(
+		EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "10000", Units = "m"))
 	double RadiusM = 60.0;
 
 	/** What must be sharp first, metres, deadline and stall. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
 	FTerraportLandOptions Options;
 
-	/** Darken the camera by the player's camera manager. Needs post-processing: on mobile without Mobile HDR use OnDarken and OnLighten. */
+	/** Darken the camera by the player's camera manager. Needs post-processing: on mobile without Mobile HDR use OnDarken and
+	 * OnLighten. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Teleport")
 	bool bFadeCamera = true;
 
 	/** Seconds to dark, and to light again. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Teleport", meta = (ClampMin = "0", ClampMax = "5", Units = "s"))
+	UPROPERTY(
+		EditAnywhere, BlueprintReadWrite, Category = "Terraport|Teleport", meta = (ClampMin = "0", ClampMax = "5", Units = "s"))
 	float FadeS = 0.15f;
 
-	/** Longest time in the dark, seconds. Then the user is moved all the same, onto the base, and detail follows when it is there. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Teleport", meta = (ClampMin = "0", ClampMax = "60", Units = "s"))
+	/** Longest time in the dark, seconds. Then the user is moved all the same, onto the base, and detail follows when it is
+	 * there. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Teleport",
+		meta = (ClampMin = "0", ClampMax = "60", Units = "s"))
 	float MaxDarkS = 6.0f;
 
 	/** Begin to darken. For a fade of your own. */
@@ -74,8 +79,8 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Aim(const FVector& WorldLocation);
 
-	/** Teleport: feet on the ground at this place, the head above it, looking the same way, turned by YawDegrees. One that is under
-	 * way is replaced. False without an open scene. */
+	/** Teleport: feet on the ground at this place, the head above it, looking the same way, turned by YawDegrees. One that is
+	 * under way is replaced. False without an open scene. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport|Teleport")
 	bool TeleportTo(const FVector& WorldLocation, float YawDegrees = 0.0f);
 

@@ -90,8 +90,8 @@ void BaseBlocks::flip(SceneSwap& swap) {
 
 FaceRange BaseBlocks::rangeOf(std::size_t block) const {
   const std::size_t first = block * blockFaces_;
-  return {static_cast<std::uint32_t>(first),
-          static_cast<std::uint32_t>(std::min<std::size_t>(blockFaces_, drawn_.size() - first))};
+  return {
+      static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(std::min<std::size_t>(blockFaces_, drawn_.size() - first))};
 }
 
 bool BaseBlocks::isAsDrawn(std::size_t block) const {

@@ -7,7 +7,9 @@
 
 namespace terraport {
 
-inline std::uint32_t readU16Le(const std::uint8_t* at) { return at[0] | (static_cast<std::uint32_t>(at[1]) << 8); }
+inline std::uint32_t readU16Le(const std::uint8_t* at) {
+  return at[0] | (static_cast<std::uint32_t>(at[1]) << 8);
+}
 
 inline std::uint32_t readU32Le(const std::uint8_t* at) {
   return readU16Le(at) | (readU16Le(at + 2) << 16);

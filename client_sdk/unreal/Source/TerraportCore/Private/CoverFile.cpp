@@ -33,7 +33,7 @@ Status decodeCover(ByteSpan file, std::uint32_t baseFaces, std::uint32_t segment
   TERRAPORT_RETURN_IF_ERROR(readColumn(*flat, "segments", cover.segments));
   if (flat->rows() != baseFaces || cover.offsets.size() != std::size_t{baseFaces} + 1) {
     return Status::damaged("cover of " + std::to_string(flat->rows()) + " rows with " + std::to_string(cover.offsets.size()) +
-                           " offsets, expected " + std::to_string(baseFaces) + ": one a base face");
+        " offsets, expected " + std::to_string(baseFaces) + ": one a base face");
   }
   return checkCover(cover, segmentCount);
 }
@@ -53,12 +53,12 @@ Status checkCover(const Cover& cover, std::uint32_t segmentCount) {
   for (std::size_t face = 0; face + 1 < offsets.size(); ++face) {
     for (std::size_t at = offsets[face]; at < offsets[face + 1]; ++at) {
       if (segments[at] >= segmentCount) {
-        return Status::damaged("segment " + std::to_string(segments[at]) + " in the cover, expected below " +
-                               std::to_string(segmentCount));
+        return Status::damaged(
+            "segment " + std::to_string(segments[at]) + " in the cover, expected below " + std::to_string(segmentCount));
       }
       if (at > offsets[face] && segments[at] <= segments[at - 1]) {
-        return Status::damaged("segments over base face " + std::to_string(face) +
-                               " do not ascend, expected each once, ascending");
+        return Status::damaged(
+            "segments over base face " + std::to_string(face) + " do not ascend, expected each once, ascending");
       }
     }
   }

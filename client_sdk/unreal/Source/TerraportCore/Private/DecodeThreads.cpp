@@ -150,7 +150,9 @@ InlineDecodes::InlineDecodes(AfterDecode afterDecode, std::size_t maxSpare)
 
 InlineDecodes::~InlineDecodes() = default;
 
-void InlineDecodes::push(DecodeJob job) { impl_->jobs.push_back(std::move(job)); }
+void InlineDecodes::push(DecodeJob job) {
+  impl_->jobs.push_back(std::move(job));
+}
 
 bool InlineDecodes::tryPop(DecodedSegment& out) {
   if (impl_->answers.empty()) {
@@ -161,7 +163,9 @@ bool InlineDecodes::tryPop(DecodedSegment& out) {
   return true;
 }
 
-void InlineDecodes::release(std::unique_ptr<SegmentMesh> mesh) { impl_->spare.give(std::move(mesh)); }
+void InlineDecodes::release(std::unique_ptr<SegmentMesh> mesh) {
+  impl_->spare.give(std::move(mesh));
+}
 
 bool InlineDecodes::step() {
   if (impl_->jobs.empty()) {

@@ -73,13 +73,12 @@ Status FlatFile::readDirectory(ByteSpan file) {
   const std::uint64_t entryBytes = readU32(file.data + 36);
   if (count > kMaxFields || entryBytes < kEntryBytes || start < kHeaderBytes) {
     return Status::damaged(std::to_string(count) + " fields of " + std::to_string(entryBytes) + " bytes at " +
-                               std::to_string(start) + ", expected a directory",
-                           32);
+            std::to_string(start) + ", expected a directory",
+        32);
   }
   if (start + count * entryBytes > file.size) {
-    return Status::damaged("a directory of " + std::to_string(count) + " fields runs past the end at " +
-                               std::to_string(file.size),
-                           32);
+    return Status::damaged(
+        "a directory of " + std::to_string(count) + " fields runs past the end at " + std::to_string(file.size), 32);
   }
   for (std::uint64_t entry = 0; entry < count; ++entry) {
     TERRAPORT_RETURN_IF_ERROR(readEntry(file, static_cast<std::size_t>(start + entry * entryBytes)));
@@ -103,13 +102,13 @@ Status FlatFile::readEntry(ByteSpan file, std::size_t at) {
   // At most 2^32 * 255 * 8: no overflow.
   if (field.components < 1 || length != field.rows * (field.components * valueBytes)) {
     return Status::damaged(std::to_string(length) + " bytes for " + std::to_string(field.rows) + " rows of " +
-                               std::to_string(field.components) + " x " + std::to_string(valueBytes) + " bytes",
-                           offset);
+            std::to_string(field.components) + " x " + std::to_string(valueBytes) + " bytes",
+        offset);
   }
   if (first % kAlignment != 0 || first > file.size || length > file.size - first) {
     return Status::damaged("an array at " + std::to_string(first) + " with " + std::to_string(length) +
-                               " bytes, expected a multiple of 8 within " + std::to_string(file.size),
-                           offset);
+            " bytes, expected a multiple of 8 within " + std::to_string(file.size),
+        offset);
   }
   field.bytes = {file.data + first, static_cast<std::size_t>(length)};
   std::size_t nameBytes = kNameBytes;

@@ -20,13 +20,15 @@ bool refused(const char* code, std::string text, DecodeError& error) {
 
 }  // namespace
 
-bool isPayload(ByteSpan data) { return data.size > 0 && data.data[0] < kFirstMessageByte; }
+bool isPayload(ByteSpan data) {
+  return data.size > 0 && data.data[0] < kFirstMessageByte;
+}
 
 bool decodeFrame(ByteSpan data, PayloadFrame& into, DecodeError& error) {
   if (data.size > limits::kMaxFrameBytes) {
-    return refused("too_large", "got a frame of " + std::to_string(data.size) + " bytes, expected at most " +
-                                    std::to_string(limits::kMaxFrameBytes),
-                   error);
+    return refused("too_large",
+        "got a frame of " + std::to_string(data.size) + " bytes, expected at most " + std::to_string(limits::kMaxFrameBytes),
+        error);
   }
   if (data.size == 0) return refused("malformed", "got an empty message, expected a frame", error);
   const std::uint8_t kind = data.data[0];
@@ -50,17 +52,19 @@ bool decodeFrame(ByteSpan data, PayloadFrame& into, DecodeError& error) {
   into.offset = readU32Le(data.data + 12);
   into.total = readU32Le(data.data + 16);
   if (into.total > limits::kMaxSegmentBytes) {
-    return refused("too_large", "got a segment of " + std::to_string(into.total) + " bytes, expected at most " +
-                                    std::to_string(limits::kMaxSegmentBytes),
-                   error);
+    return refused("too_large",
+        "got a segment of " + std::to_string(into.total) + " bytes, expected at most " +
+            std::to_string(limits::kMaxSegmentBytes),
+        error);
   }
   if (data.size <= header) return refused("malformed", "got no payload bytes, expected at least one", error);
   into.chunk = {data.data + header, data.size - header};
   const std::uint64_t end = std::uint64_t{into.offset} + into.chunk.size;
   if (end > into.total) {
-    return refused("malformed", "got " + std::to_string(into.chunk.size) + " bytes at " + std::to_string(into.offset) +
-                                    ", expected to end within " + std::to_string(into.total),
-                   error);
+    return refused("malformed",
+        "got " + std::to_string(into.chunk.size) + " bytes at " + std::to_string(into.offset) + ", expected to end within " +
+            std::to_string(into.total),
+        error);
   }
   into.isLast = (data.data[1] & kFlagLast) != 0;
   if (into.isLast != (end == into.total)) {
@@ -73,8 +77,9 @@ Status encodeFrame(const PayloadFrame& frame, std::string& into) {
   const std::uint64_t end = std::uint64_t{frame.offset} + frame.chunk.size;
   if (frame.chunk.size < 1 || frame.chunk.size > limits::kMaxChunkBytes || end > frame.total ||
       frame.total > limits::kMaxSegmentBytes) {
-    return Status::failed("invalid_field", "frame: got " + std::to_string(frame.chunk.size) + " bytes at " +
-                                               std::to_string(frame.offset) + " of " + std::to_string(frame.total));
+    return Status::failed("invalid_field",
+        "frame: got " + std::to_string(frame.chunk.size) + " bytes at " + std::to_string(frame.offset) + " of " +
+            std::to_string(frame.total));
   }
   into.clear();
   into.push_back(static_cast<char>(kSegmentChunk));

@@ -29,7 +29,9 @@ std::size_t bytesOf(GltfComponent component) {
   }
 }
 
-std::string text(std::string_view label) { return std::string(label); }
+std::string text(std::string_view label) {
+  return std::string(label);
+}
 
 }  // namespace
 
@@ -50,8 +52,8 @@ Status GltfReader::findVertices(JsonValue number, const GltfWanted& wanted, Gltf
   TERRAPORT_RETURN_IF_ERROR(
       expectWholeOr(view.member("byteStride"), "byteStride", static_cast<std::int64_t>(width), width, stride));
   if (stride > 16 || stride % 4 != 0) {
-    return Status::damaged("byteStride of " + text(wanted.label) + " is " + std::to_string(stride) +
-                           ", expected 4, 8, 12 or 16");
+    return Status::damaged(
+        "byteStride of " + text(wanted.label) + " is " + std::to_string(stride) + ", expected 4, 8, 12 or 16");
   }
   rows.stride = static_cast<std::size_t>(stride);
   return locate(view, rows);
@@ -89,12 +91,12 @@ Status GltfReader::find(JsonValue number, const GltfWanted& wanted, GltfRows& ro
   JsonValue accessor;
   TERRAPORT_RETURN_IF_ERROR(pickMap(accessors_, number, wanted.label, accessor));
   const auto component = accessor.member("componentType").integer();
-  const bool isKnown = component && (*component == static_cast<std::int64_t>(wanted.component) ||
-                                     *component == static_cast<std::int64_t>(wanted.other));
+  const bool isKnown = component &&
+      (*component == static_cast<std::int64_t>(wanted.component) || *component == static_cast<std::int64_t>(wanted.other));
   if (!isKnown || accessor.member("type").text().value_or("") != wanted.type) {
     return Status::damaged(text(wanted.label) + " is " + shortly(accessor.member("componentType")) + " " +
-                           shortly(accessor.member("type")) + ", expected " + text(wanted.type) + " of " +
-                           std::to_string(static_cast<std::uint32_t>(wanted.component)));
+        shortly(accessor.member("type")) + ", expected " + text(wanted.type) + " of " +
+        std::to_string(static_cast<std::uint32_t>(wanted.component)));
   }
   std::uint64_t byteOffset = 0;
   TERRAPORT_RETURN_IF_ERROR(expectWholeOr(accessor.member("byteOffset"), "byteOffset of accessor", 0, 0, byteOffset));
@@ -116,13 +118,13 @@ Status GltfReader::locate(JsonValue view, GltfRows& rows) {
   TERRAPORT_RETURN_IF_ERROR(expectWhole(view.member("byteLength"), "byteLength of bufferView", 1, length));
   if (length != std::uint64_t{rows.count} * rows.stride) {
     return Status::damaged("bufferView of " + text(rows.label) + " has " + std::to_string(length) + " bytes, expected " +
-                           std::to_string(rows.count) + " rows of " + std::to_string(rows.stride));
+        std::to_string(rows.count) + " rows of " + std::to_string(rows.stride));
   }
   const JsonValue extensions = view.member("extensions");
   TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(extensions, "extensions"));
   const JsonValue packed = extensions.member(kMeshopt);
-  TERRAPORT_RETURN_IF_ERROR(packed.exists() ? locatePacked(packed, rows)
-                                            : slice(view, length, rows.label, rows.bytes, rows.offset));
+  TERRAPORT_RETURN_IF_ERROR(
+      packed.exists() ? locatePacked(packed, rows) : slice(view, length, rows.label, rows.bytes, rows.offset));
   if (length > leftBytes_) {
     return Status::damaged("parts of it are named again and again, expected every bufferView once");
   }
@@ -138,24 +140,23 @@ Status GltfReader::locatePacked(JsonValue packed, GltfRows& rows) {
   if (packed.member("mode").text().value_or("") != mode || !count || !stride ||
       *count != static_cast<std::int64_t>(rows.count) || *stride != static_cast<std::int64_t>(rows.stride)) {
     return Status::damaged(text(rows.label) + " is compressed otherwise than as " + std::to_string(rows.count) + " rows of " +
-                           std::to_string(rows.stride) + " in mode " + text(mode));
+        std::to_string(rows.stride) + " in mode " + text(mode));
   }
   std::uint64_t length = 0;
   TERRAPORT_RETURN_IF_ERROR(expectWhole(packed.member("byteLength"), "compressed byteLength", 1, length));
-  const std::uint64_t least =
-      rows.isTriangles ? rows.count / 3 : std::uint64_t{rows.count} * rows.stride / kVertexExpansion;
+  const std::uint64_t least = rows.isTriangles ? rows.count / 3 : std::uint64_t{rows.count} * rows.stride / kVertexExpansion;
   if (length < least) {
     return Status::damaged(std::to_string(length) + " compressed bytes for " + std::to_string(rows.count) + " rows of " +
-                               text(rows.label) + ", expected at least " + std::to_string(least),
-                           static_cast<std::int64_t>(chunks_.binaryOffset));
+            text(rows.label) + ", expected at least " + std::to_string(least),
+        static_cast<std::int64_t>(chunks_.binaryOffset));
   }
   TERRAPORT_RETURN_IF_ERROR(readFilter(packed, rows));
   TERRAPORT_RETURN_IF_ERROR(slice(packed, length, rows.label, rows.bytes, rows.offset));
   const std::uint8_t codec = rows.isTriangles ? kMeshoptIndexCodec : kMeshoptVertexCodec;
   if (rows.bytes.data[0] != codec) {
-    return Status::damaged("codec byte " + std::to_string(rows.bytes.data[0]) + " of " + text(rows.label) + ", expected " +
-                               std::to_string(codec),
-                           static_cast<std::int64_t>(rows.offset));
+    return Status::damaged(
+        "codec byte " + std::to_string(rows.bytes.data[0]) + " of " + text(rows.label) + ", expected " + std::to_string(codec),
+        static_cast<std::int64_t>(rows.offset));
   }
   rows.isCompressed = true;
   return {};
@@ -172,8 +173,8 @@ Status GltfReader::readFilter(JsonValue packed, GltfRows& rows) const {
   return Status::damaged("filter " + shortly(filter) + " of " + text(rows.label) + ", expected none, or the one for it");
 }
 
-Status GltfReader::slice(JsonValue where, std::uint64_t length, std::string_view label, ByteSpan& bytes,
-                         std::size_t& offset) const {
+Status GltfReader::slice(
+    JsonValue where, std::uint64_t length, std::string_view label, ByteSpan& bytes, std::size_t& offset) const {
   const JsonValue buffer = where.member("buffer");
   if (buffer.integer().value_or(-1) != 0) {
     return Status::damaged(text(label) + " is in buffer " + shortly(buffer) + ", expected 0 (the BIN chunk)");
@@ -182,8 +183,8 @@ Status GltfReader::slice(JsonValue where, std::uint64_t length, std::string_view
   TERRAPORT_RETURN_IF_ERROR(expectWholeOr(where.member("byteOffset"), "byteOffset", 0, 0, first));
   if (first > chunks_.binary.size || length > chunks_.binary.size - first) {
     return Status::damaged(text(label) + " lies at " + std::to_string(first) + " with " + std::to_string(length) +
-                               " bytes, expected within " + std::to_string(chunks_.binary.size),
-                           static_cast<std::int64_t>(chunks_.binaryOffset));
+            " bytes, expected within " + std::to_string(chunks_.binary.size),
+        static_cast<std::int64_t>(chunks_.binaryOffset));
   }
   bytes = {chunks_.binary.data + first, static_cast<std::size_t>(length)};
   offset = chunks_.binaryOffset + static_cast<std::size_t>(first);

@@ -27,7 +27,7 @@ Status chunkAt(ByteSpan payload, std::size_t at, std::uint32_t kind, const char*
   const std::uint32_t length = readU32(payload.data + at);
   if (length > left - kChunkBytes) {
     return Status::damaged("chunk of " + std::to_string(length) + " bytes, " + std::to_string(left - kChunkBytes) + " left",
-                           static_cast<std::int64_t>(at));
+        static_cast<std::int64_t>(at));
   }
   out = {payload.data + at + kChunkBytes, length};
   return {};
@@ -62,8 +62,8 @@ Status splitGlb(ByteSpan payload, GlbChunks& chunks) {
   chunks.binaryOffset = binaryAt + kChunkBytes;
   const std::size_t end = chunks.binaryOffset + chunks.binary.size;
   if (end != payload.size) {
-    return Status::damaged(std::to_string(payload.size - end) + " bytes after the BIN chunk, expected none",
-                           static_cast<std::int64_t>(end));
+    return Status::damaged(
+        std::to_string(payload.size - end) + " bytes after the BIN chunk, expected none", static_cast<std::int64_t>(end));
   }
   return {};
 }

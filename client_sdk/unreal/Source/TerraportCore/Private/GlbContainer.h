@@ -19,8 +19,8 @@ struct GlbChunks {
   std::size_t binaryOffset = 0;
 };
 
-/// Find a GLB's two chunks; safe on hostile bytes. The failure has the offset: wrong magic, version or length, a chunk of another
-/// type or beyond the end, a JSON chunk of more than 1 MiB.
+/// Find a GLB's two chunks; safe on hostile bytes. The failure has the offset: wrong magic, version or length, a chunk of
+/// another type or beyond the end, a JSON chunk of more than 1 MiB.
 Status splitGlb(ByteSpan payload, GlbChunks& chunks);
 
 }  // namespace terraport

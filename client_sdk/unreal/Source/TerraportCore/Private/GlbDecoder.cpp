@@ -22,7 +22,7 @@ constexpr double kLastCode = 65534.0;
 /// More than any survey has: bounds what the names of one payload take.
 constexpr std::uint32_t kMaxAttributes = 240;
 constexpr std::string_view kKnown[] = {"KHR_mesh_quantization", "EXT_meshopt_compression", "EXT_mesh_features",
-                                       "KHR_texture_transform", "EXT_texture_webp",        "KHR_texture_basisu"};
+    "KHR_texture_transform", "EXT_texture_webp", "KHR_texture_basisu"};
 
 JsonLimits glbJson() {
   JsonLimits limits;
@@ -31,9 +31,13 @@ JsonLimits glbJson() {
   return limits;
 }
 
-Status noMemory() { return Status::failed("out_of_memory", "no memory for a payload's arrays"); }
+Status noMemory() {
+  return Status::failed("out_of_memory", "no memory for a payload's arrays");
+}
 
-std::string text(std::string_view label) { return std::string(label); }
+std::string text(std::string_view label) {
+  return std::string(label);
+}
 
 }  // namespace
 
@@ -177,7 +181,7 @@ class GlbReading {
     TERRAPORT_RETURN_IF_ERROR(reader_.findVertices(names_.member(wanted.label), wanted, rows));
     if (rows.count != mesh_.vertexCount) {
       return Status::damaged(text(wanted.label) + " has " + std::to_string(rows.count) + " rows, expected " +
-                             std::to_string(mesh_.vertexCount) + ": one a vertex");
+          std::to_string(mesh_.vertexCount) + ": one a vertex");
     }
     return {};
   }
@@ -220,8 +224,8 @@ class GlbReading {
     ImageHeader header;
     TERRAPORT_RETURN_IF_ERROR(readPayloadImage(file, mesh_.segment < 0, header));
     if (header.type != texture.type) {
-      return Status::damaged(std::string("image is ") + mediaTypeOf(header.type) + ", expected " +
-                             mediaTypeOf(texture.type) + " by mimeType");
+      return Status::damaged(
+          std::string("image is ") + mediaTypeOf(header.type) + ", expected " + mediaTypeOf(texture.type) + " by mimeType");
     }
     mesh_.image = {header.type, header.width, header.height, offset, file.size};
     return {};
@@ -273,7 +277,7 @@ class GlbReading {
     const auto gltfName = row.member("gltf_name").text();
     if (!name || !gltfName || gltfName->empty() || gltfName->front() != '_') {
       return Status::damaged("attribute names " + shortly(row.member("name")) + ", " + shortly(row.member("gltf_name")) +
-                             ", expected text and _TEXT");
+          ", expected text and _TEXT");
     }
     const JsonValue null = row.member("null");
     if (null.exists() && null.integer().value_or(-1) != kNullCode) {

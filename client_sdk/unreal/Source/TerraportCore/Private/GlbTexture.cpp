@@ -45,9 +45,9 @@ Status findImage(JsonValue document, JsonValue place, GlbTexture& texture) {
   TERRAPORT_RETURN_IF_ERROR(pickMap(images, source, "image", image));
   const std::string_view mediaType = image.member("mimeType").text().value_or("");
   for (const ImageType type : {ImageType::Jpeg, ImageType::Png, ImageType::Webp, ImageType::Ktx2}) {
-    const bool isAllowed = ktx2.exists()   ? type == ImageType::Ktx2
-                           : webp.exists() ? type == ImageType::Webp
-                                           : type == ImageType::Jpeg || type == ImageType::Png;
+    const bool isAllowed = ktx2.exists() ? type == ImageType::Ktx2
+        : webp.exists()                  ? type == ImageType::Webp
+                                         : type == ImageType::Jpeg || type == ImageType::Png;
     if (isAllowed && mediaType == mediaTypeOf(type)) {
       texture.type = type;
       texture.view = image.member("bufferView");
@@ -55,7 +55,7 @@ Status findImage(JsonValue document, JsonValue place, GlbTexture& texture) {
     }
   }
   return Status::damaged("image of type " + shortly(image.member("mimeType")) +
-                         ", expected image/jpeg or image/png, or that of the texture's extension");
+      ", expected image/jpeg or image/png, or that of the texture's extension");
 }
 
 Status findScale(JsonValue place, GlbTexture& texture) {

@@ -1,5 +1,5 @@
-// The texture of a GLB: image and texture coordinates' scale, found along the chain from the material (glTF 2.0, sections 3.8 and
-// 3.9; EXT_texture_webp, KHR_texture_basisu, KHR_texture_transform).
+// The texture of a GLB: image and texture coordinates' scale, found along the chain from the material (glTF 2.0, sections 3.8
+// and 3.9; EXT_texture_webp, KHR_texture_basisu, KHR_texture_transform).
 #pragma once
 
 #include "Terraport/Json.h"

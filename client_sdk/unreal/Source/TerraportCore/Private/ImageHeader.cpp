@@ -27,7 +27,9 @@ bool startsWith(ByteSpan file, const std::uint8_t (&start)[N]) {
 }
 
 /// Four letters at a place that is there.
-bool hasLetters(ByteSpan file, std::size_t at, const char* letters) { return std::memcmp(file.data + at, letters, 4) == 0; }
+bool hasLetters(ByteSpan file, std::size_t at, const char* letters) {
+  return std::memcmp(file.data + at, letters, 4) == 0;
+}
 
 Status readJpeg(ByteSpan file, ImageHeader& header) {
   std::size_t at = 2;
@@ -57,7 +59,9 @@ Status readJpeg(ByteSpan file, ImageHeader& header) {
   return Status::damaged("JPEG without a frame header before its first scan");
 }
 
-std::uint32_t readU24(const std::uint8_t* at) { return readU16(at) | (std::uint32_t{at[2]} << 16); }
+std::uint32_t readU24(const std::uint8_t* at) {
+  return readU16(at) | (std::uint32_t{at[2]} << 16);
+}
 
 Status readWebp(ByteSpan file, ImageHeader& header) {
   // What the longest of the three headers takes.
@@ -126,7 +130,7 @@ Status readPayloadImage(ByteSpan file, bool isBase, ImageHeader& header) {
   for (const std::uint32_t side : {header.width, header.height}) {
     if (side < 1 || side > most || (side & (side - 1)) != 0) {
       return Status::damaged("image of " + std::to_string(header.width) + " x " + std::to_string(header.height) +
-                             " pixels, expected powers of two, at most " + std::to_string(most));
+          " pixels, expected powers of two, at most " + std::to_string(most));
     }
   }
   return {};

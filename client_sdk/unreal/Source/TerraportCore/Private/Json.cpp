@@ -44,7 +44,9 @@ bool JsonDocument::hasKeyTwice(std::uint32_t map) const {
   return std::adjacent_find(keys_.begin(), keys_.end()) != keys_.end();
 }
 
-JsonKind JsonValue::kind() const { return exists() ? document_->nodes_[index_].kind : JsonKind::Null; }
+JsonKind JsonValue::kind() const {
+  return exists() ? document_->nodes_[index_].kind : JsonKind::Null;
+}
 
 std::optional<bool> JsonValue::boolean() const {
   if (kind() != JsonKind::Boolean) return std::nullopt;
@@ -85,7 +87,9 @@ std::optional<ByteSpan> JsonValue::binary() const {
   return ByteSpan{reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
 }
 
-std::uint32_t JsonValue::size() const { return isMap() || isList() ? document_->nodes_[index_].length : 0; }
+std::uint32_t JsonValue::size() const {
+  return isMap() || isList() ? document_->nodes_[index_].length : 0;
+}
 
 JsonValue JsonValue::member(std::string_view key) const {
   if (!isMap()) return {};

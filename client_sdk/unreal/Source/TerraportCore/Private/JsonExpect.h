@@ -74,12 +74,12 @@ inline Status expectWhole(JsonValue value, std::string_view label, std::int64_t 
     return {};
   }
   return Status::damaged(std::string(label) + " is " + shortly(value) + ", expected a whole number from " +
-                         std::to_string(least) + " to " + std::to_string(kMostWhole));
+      std::to_string(least) + " to " + std::to_string(kMostWhole));
 }
 
 /// As expectWhole, where absent means `otherwise`.
-inline Status expectWholeOr(JsonValue value, std::string_view label, std::int64_t least, std::uint64_t otherwise,
-                            std::uint64_t& out) {
+inline Status expectWholeOr(
+    JsonValue value, std::string_view label, std::int64_t least, std::uint64_t otherwise, std::uint64_t& out) {
   out = otherwise;
   return value.exists() ? expectWhole(value, label, least, out) : Status();
 }
@@ -127,7 +127,7 @@ inline Status pickMap(JsonValue list, JsonValue number, std::string_view label, 
   out = itemAt(list, number);
   if (!out.exists()) {
     return Status::damaged(std::string(label) + " is " + shortly(number) + ", expected 0 to " +
-                           std::to_string(static_cast<std::int64_t>(list.size()) - 1));
+        std::to_string(static_cast<std::int64_t>(list.size()) - 1));
   }
   return expectMap(out, label);
 }

@@ -151,8 +151,8 @@ Decimal split(std::string_view text) {
 
 /// Powers of ten that are exact as doubles.
 double smallPowerOf10(long power) {
-  static const double powers[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8,  1e9,  1e10, 1e11,
-                                  1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+  static const double powers[] = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16,
+      1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
   return powers[power];
 }
 
@@ -248,8 +248,7 @@ double readDecimal(std::string_view text) {
     if (isShort && mantissa <= kMostExact && decimal.exponent >= -22 && decimal.exponent <= 22) {
       // Both are exact, so that one division or product is rounded once.
       value = static_cast<double>(mantissa);
-      value = decimal.exponent >= 0 ? value * smallPowerOf10(decimal.exponent)
-                                    : value / smallPowerOf10(-decimal.exponent);
+      value = decimal.exponent >= 0 ? value * smallPowerOf10(decimal.exponent) : value / smallPowerOf10(-decimal.exponent);
     } else {
       value = nearest(decimal);
     }

@@ -14,7 +14,9 @@ constexpr std::int64_t kMaxInteger = (std::int64_t{1} << 53) - 1;
 constexpr std::uint32_t kDeepest = 256;
 constexpr std::uint32_t kNone = 0xFFFFFFFF;
 
-bool isDigit(char letter) { return letter >= '0' && letter <= '9'; }
+bool isDigit(char letter) {
+  return letter >= '0' && letter <= '9';
+}
 
 int hexDigit(char letter) {
   if (isDigit(letter)) return letter - '0';
@@ -338,8 +340,8 @@ Status JsonDocument::read(std::string_view text, const JsonLimits& limits) {
   // Places in the text are 32-bit numbers.
   const std::size_t maxBytes = std::min<std::size_t>(limits.maxBytes, 0x7FFFFFFF);
   if (text.size() > maxBytes) {
-    return Status::failed("malformed", "got JSON of " + std::to_string(text.size()) + " bytes, expected at most " +
-                                           std::to_string(maxBytes));
+    return Status::failed(
+        "malformed", "got JSON of " + std::to_string(text.size()) + " bytes, expected at most " + std::to_string(maxBytes));
   }
   if (!isUtf8(text)) return Status::failed("malformed", "got text that is not UTF-8");
   source_ = text;

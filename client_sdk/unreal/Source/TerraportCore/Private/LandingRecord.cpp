@@ -26,8 +26,8 @@ void LandingRecord::degrade(const SegmentList& segments) {
   hasInner_ = true;
 }
 
-void LandingRecord::ready(const SegmentList& visible, const SegmentList& missingSegments, double elapsedMs,
-                          std::uint64_t bytes) {
+void LandingRecord::ready(
+    const SegmentList& visible, const SegmentList& missingSegments, double elapsedMs, std::uint64_t bytes) {
   whole_ = visible;
   hasWhole_ = true;
   missing = missingSegments;

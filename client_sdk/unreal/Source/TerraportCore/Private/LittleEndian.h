@@ -14,7 +14,9 @@ inline std::uint32_t readU32(const std::uint8_t* at) {
   return at[0] | (std::uint32_t{at[1]} << 8) | (std::uint32_t{at[2]} << 16) | (std::uint32_t{at[3]} << 24);
 }
 
-inline std::uint64_t readU64(const std::uint8_t* at) { return readU32(at) | (std::uint64_t{readU32(at + 4)} << 32); }
+inline std::uint64_t readU64(const std::uint8_t* at) {
+  return readU32(at) | (std::uint64_t{readU32(at + 4)} << 32);
+}
 
 /// Most significant byte first.
 inline std::uint32_t readU32Big(const std::uint8_t* at) {

@@ -45,13 +45,13 @@ Status expectPoint(JsonValue value, std::string_view label, Vec3& out) {
 
 Status expectFormat(JsonValue json) {
   if (json.member("format").text().value_or("") != "terraport-scene") {
-    return Status::damaged("got format " + shortly(json.member("format")) +
-                           ", expected \"terraport-scene\"; is this a terraport server?");
+    return Status::damaged(
+        "got format " + shortly(json.member("format")) + ", expected \"terraport-scene\"; is this a terraport server?");
   }
   const std::string_view version = json.member("format_version").text().value_or("");
   if (version.substr(0, version.find('.')) != "1") {
-    return Status::failed("unsupported_version", "got scene format " + shortly(json.member("format_version")) +
-                                                     ", expected 1.x; a newer client is needed");
+    return Status::failed("unsupported_version",
+        "got scene format " + shortly(json.member("format_version")) + ", expected 1.x; a newer client is needed");
   }
   return {};
 }
@@ -112,13 +112,13 @@ Status readFile(JsonValue files, const char* key, std::uint64_t mostBytes, FileF
   TERRAPORT_RETURN_IF_ERROR(expectMap(file, key));
   TERRAPORT_RETURN_IF_ERROR(expectWhole(file.member("bytes"), key, 1, out.bytes));
   if (out.bytes > mostBytes) {
-    return Status::damaged(std::string(key) + " of " + std::to_string(out.bytes) + " bytes, expected at most " +
-                           std::to_string(mostBytes));
+    return Status::damaged(
+        std::string(key) + " of " + std::to_string(out.bytes) + " bytes, expected at most " + std::to_string(mostBytes));
   }
   const std::string_view hash = file.member("xxh3").text().value_or("");
   if (!isDigest(hash, 16)) {
-    return Status::damaged("xxh3 of " + std::string(key) + " is " + shortly(file.member("xxh3")) +
-                           ", expected 16 hexadecimal digits");
+    return Status::damaged(
+        "xxh3 of " + std::string(key) + " is " + shortly(file.member("xxh3")) + ", expected 16 hexadecimal digits");
   }
   out.xxh3 = 0;
   for (const char digit : hash) {

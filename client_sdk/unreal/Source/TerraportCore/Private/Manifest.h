@@ -1,5 +1,5 @@
-// scene.json as a server gives it, checked for what a client uses (scene format, section 4); regions.json and labels.json (section
-// 11).
+// scene.json as a server gives it, checked for what a client uses (scene format, section 4); regions.json and labels.json
+// (section 11).
 #pragma once
 
 #include <cstdint>
@@ -29,8 +29,8 @@ struct CheckedManifest {
   std::uint64_t totalBytes() const { return baseGlb.bytes + baseCover.bytes + regionsJson.bytes; }
 };
 
-/// Check a manifest; keys that are not known are skipped. `id` is the scene's of the URL. Codes: `unsupported_version` for another
-/// major version; `damaged` for another format, or where a needed key is missing or not what it should be.
+/// Check a manifest; keys that are not known are skipped. `id` is the scene's of the URL. Codes: `unsupported_version` for
+/// another major version; `damaged` for another format, or where a needed key is missing or not what it should be.
 Status readManifest(ByteSpan json, const std::string& id, CheckedManifest& out);
 
 /// A label by stable id.
@@ -43,6 +43,8 @@ RegionLabels readLabels(ByteSpan json);
 Status readRegions(ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out);
 
 /// JSON text of a file.
-inline std::string_view textOf(ByteSpan bytes) { return {reinterpret_cast<const char*>(bytes.data), bytes.size}; }
+inline std::string_view textOf(ByteSpan bytes) {
+  return {reinterpret_cast<const char*>(bytes.data), bytes.size};
+}
 
 }  // namespace terraport

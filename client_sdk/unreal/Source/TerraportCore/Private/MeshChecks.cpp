@@ -47,8 +47,8 @@ Status checkIndices(SegmentMesh& mesh) {
   }
   mesh.maxIndex = most;
   if (most >= mesh.vertexCount) {
-    return Status::damaged("a face uses vertex " + std::to_string(most) + ", expected below " +
-                           std::to_string(mesh.vertexCount));
+    return Status::damaged(
+        "a face uses vertex " + std::to_string(most) + ", expected below " + std::to_string(mesh.vertexCount));
   }
   return {};
 }

@@ -20,12 +20,12 @@ constexpr std::uint8_t kMeshoptIndexCodec = 0xe1;
 /// Decode mode 1 into `count` numbers; count is a multiple of 3. Numbers are not compared with any number of vertices.
 [[nodiscard]] bool meshoptDecodeTriangles(ByteSpan packed, std::size_t count, std::uint32_t* indices);
 
-/// Undo the octahedral filter in place: rows of four bytes become unit vectors, 127 is 1, the fourth byte stays. A row that is no
-/// vector becomes 0, 0, 0.
+/// Undo the octahedral filter in place: rows of four bytes become unit vectors, 127 is 1, the fourth byte stays. A row that is
+/// no vector becomes 0, 0, 0.
 void meshoptUnfilterOctahedral(std::uint8_t* rows, std::size_t count);
 
-/// Undo the exponential filter in place, for `count` numbers of 32 bits. What is out of the filter's range may become infinite or
-/// NaN.
+/// Undo the exponential filter in place, for `count` numbers of 32 bits. What is out of the filter's range may become infinite
+/// or NaN.
 void meshoptUnfilterExponential(std::uint8_t* words, std::size_t count);
 
 }  // namespace terraport

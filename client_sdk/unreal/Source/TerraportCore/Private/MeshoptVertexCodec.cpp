@@ -1,8 +1,8 @@
 // Attributes of EXT_meshopt_compression (specification, appendix A, "Mode 0: attributes").
 //
-// A block of up to 256 rows is decoded in two steps: the differences of each byte of a row, channel by channel, into a buffer of
-// 4 KiB; then all channels of four bytes together, summed up from row to row. Where the processor has SSE2 (every x86-64) both
-// steps work on 16 differences at once.
+// A block of up to 256 rows is decoded in two steps: the differences of each byte of a row, channel by channel, into a buffer
+// of 4 KiB; then all channels of four bytes together, summed up from row to row. Where the processor has SSE2 (every x86-64)
+// both steps work on 16 differences at once.
 #include <algorithm>
 #include <cstring>
 
@@ -26,8 +26,8 @@ constexpr std::size_t kMaxStride = 16;
 constexpr std::size_t kGroupRows = 16;
 constexpr std::size_t kMaxBlockRows = 256;
 constexpr std::size_t kTailBytes = 32;
-/// What a group takes at most: 8 bytes of 4-bit codes and 16 bytes of their own. The stream's tail is longer, so that a group that
-/// starts before it never leads beyond the end.
+/// What a group takes at most: 8 bytes of 4-bit codes and 16 bytes of their own. The stream's tail is longer, so that a group
+/// that starts before it never leads beyond the end.
 constexpr std::size_t kMaxGroupBytes = 24;
 static_assert(kMaxGroupBytes <= kTailBytes, "groups are checked at their start alone");
 
@@ -122,10 +122,11 @@ const std::uint8_t* decodeChannel(const std::uint8_t* data, const std::uint8_t* 
   return data;
 }
 
-/// Sum up four channels of a block into bytes `at` to `at + 3` of its rows; `last` is the row before, and the last one afterwards.
+/// Sum up four channels of a block into bytes `at` to `at + 3` of its rows; `last` is the row before, and the last one
+/// afterwards.
 void sumRows(const std::uint8_t* differences, std::size_t rows, std::size_t stride, std::uint8_t* out, std::uint8_t* last) {
-  const std::uint8_t* channels[4] = {differences, differences + kMaxBlockRows, differences + 2 * kMaxBlockRows,
-                                     differences + 3 * kMaxBlockRows};
+  const std::uint8_t* channels[4] = {
+      differences, differences + kMaxBlockRows, differences + 2 * kMaxBlockRows, differences + 3 * kMaxBlockRows};
   std::uint32_t sum = readU32(last);
   std::size_t row = 0;
 #if TERRAPORT_SSE2
@@ -144,7 +145,7 @@ void sumRows(const std::uint8_t* differences, std::size_t rows, std::size_t stri
     const __m128i lowCd = _mm_unpacklo_epi8(parts[2], parts[3]);
     const __m128i highCd = _mm_unpackhi_epi8(parts[2], parts[3]);
     const __m128i fours[4] = {_mm_unpacklo_epi16(lowAb, lowCd), _mm_unpackhi_epi16(lowAb, lowCd),
-                              _mm_unpacklo_epi16(highAb, highCd), _mm_unpackhi_epi16(highAb, highCd)};
+        _mm_unpacklo_epi16(highAb, highCd), _mm_unpackhi_epi16(highAb, highCd)};
     for (int quarter = 0; quarter < 4; ++quarter) {
       __m128i four = fours[quarter];
       four = _mm_add_epi8(four, _mm_slli_si128(four, 4));
@@ -167,7 +168,7 @@ void sumRows(const std::uint8_t* differences, std::size_t rows, std::size_t stri
 #endif
   for (; row < rows; ++row, out += stride) {
     const std::uint32_t code = channels[0][row] | (std::uint32_t{channels[1][row]} << 8) |
-                               (std::uint32_t{channels[2][row]} << 16) | (std::uint32_t{channels[3][row]} << 24);
+        (std::uint32_t{channels[2][row]} << 16) | (std::uint32_t{channels[3][row]} << 24);
     // Four bytes at a time: halves and signs, then a sum that carries nothing from one byte into the next.
     const std::uint32_t signs = (code & 0x01010101U) * 0xFFU;
     const std::uint32_t difference = ((code >> 1) & 0x7F7F7F7FU) ^ signs;

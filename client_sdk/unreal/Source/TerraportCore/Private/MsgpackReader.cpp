@@ -62,8 +62,8 @@ class MsgpackReader {
   bool take(std::uint64_t length, std::size_t& start) {
     start = at_;
     if (length > data_.size - at_) {
-      return fail("got " + std::to_string(data_.size - at_) + " bytes, expected " + std::to_string(length) + " of a value",
-                  at_);
+      return fail(
+          "got " + std::to_string(data_.size - at_) + " bytes, expected " + std::to_string(length) + " of a value", at_);
     }
     at_ += static_cast<std::size_t>(length);
     return true;
@@ -115,12 +115,10 @@ class MsgpackReader {
         return counted(1u << (token - 0xD9), [this](std::uint64_t count) { return bytes(JsonKind::Text, count); });
       case 0xDC:
       case 0xDD:
-        return counted(token == 0xDC ? 2 : 4,
-                       [this, depth, start](std::uint64_t count) { return list(count, depth, start); });
+        return counted(token == 0xDC ? 2 : 4, [this, depth, start](std::uint64_t count) { return list(count, depth, start); });
       case 0xDE:
       case 0xDF:
-        return counted(token == 0xDE ? 2 : 4,
-                       [this, depth, start](std::uint64_t count) { return map(count, depth, start); });
+        return counted(token == 0xDE ? 2 : 4, [this, depth, start](std::uint64_t count) { return map(count, depth, start); });
       default: {
         char text[64];
         std::snprintf(text, sizeof text, "got msgpack token 0x%02x, which no message uses", static_cast<unsigned>(token));

@@ -27,8 +27,7 @@ void MsgpackWriter::real(double value) {
   appendBe(bits, 8, into_);
 }
 
-void MsgpackWriter::head(std::size_t count, unsigned shortToken, std::size_t shortMost, unsigned token8,
-                         unsigned token16) {
+void MsgpackWriter::head(std::size_t count, unsigned shortToken, std::size_t shortMost, unsigned token8, unsigned token16) {
   if (shortToken != 0 && count <= shortMost) {
     into_.push_back(static_cast<char>(shortToken | count));
   } else if (token8 != 0 && count <= 0xFF) {

@@ -47,17 +47,14 @@ bool hasControls(std::string_view text) {
 }
 
 bool startsOrEnds(std::string_view text, std::string_view with) {
-  return text.substr(0, with.size()) == with ||
-         (text.size() >= with.size() && text.substr(text.size() - with.size()) == with);
+  return text.substr(0, with.size()) == with || (text.size() >= with.size() && text.substr(text.size() - with.size()) == with);
 }
 
 /// A blank at either end: those of Unicode that are no controls.
 bool hasBlankEnds(std::string_view text) {
-  constexpr std::string_view kBlanks[] = {
-      " ",            "\xc2\xa0",     "\xe1\x9a\x80", "\xe2\x80\x80", "\xe2\x80\x81", "\xe2\x80\x82",
-      "\xe2\x80\x83", "\xe2\x80\x84", "\xe2\x80\x85", "\xe2\x80\x86", "\xe2\x80\x87", "\xe2\x80\x88",
-      "\xe2\x80\x89", "\xe2\x80\x8a", "\xe2\x80\xa8", "\xe2\x80\xa9", "\xe2\x80\xaf", "\xe2\x81\x9f",
-      "\xe3\x80\x80"};
+  constexpr std::string_view kBlanks[] = {" ", "\xc2\xa0", "\xe1\x9a\x80", "\xe2\x80\x80", "\xe2\x80\x81", "\xe2\x80\x82",
+      "\xe2\x80\x83", "\xe2\x80\x84", "\xe2\x80\x85", "\xe2\x80\x86", "\xe2\x80\x87", "\xe2\x80\x88", "\xe2\x80\x89",
+      "\xe2\x80\x8a", "\xe2\x80\xa8", "\xe2\x80\xa9", "\xe2\x80\xaf", "\xe2\x81\x9f", "\xe3\x80\x80"};
   for (const std::string_view blank : kBlanks) {
     if (startsOrEnds(text, blank)) {
       return true;

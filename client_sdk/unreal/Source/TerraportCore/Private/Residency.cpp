@@ -19,13 +19,13 @@ SegmentList sorted(SegmentList segments) {
 
 Residency::Residency(const ShelfLimits& limits)
     : shelf_(limits,
-             [this](std::uint32_t segment) { return wantedPlaces_.count(segment) != 0 || visibleIds_.count(segment) != 0; }) {}
+          [this](std::uint32_t segment) { return wantedPlaces_.count(segment) != 0 || visibleIds_.count(segment) != 0; }) {}
 
 bool Residency::isBusy() const {
   const auto waits = [this](std::uint32_t segment) { return shelf_.stepOf(segment) == ShelfStep::Held; };
   return shelf_.inFlight() > 0 || shelf_.hasFrees() ||
-         (newest_ && newest_->hasPlan && std::any_of(wanted_.begin(), wanted_.end(), waits)) ||
-         (shelf_.hasSpareRoom() && std::any_of(prefetched_.begin(), prefetched_.end(), waits));
+      (newest_ && newest_->hasPlan && std::any_of(wanted_.begin(), wanted_.end(), waits)) ||
+      (shelf_.hasSpareRoom() && std::any_of(prefetched_.begin(), prefetched_.end(), waits));
 }
 
 void Residency::land(std::int64_t landing, const Vec3& position, double radiusM, double nowMs) {
@@ -77,7 +77,7 @@ void Residency::degraded(std::int64_t landing, const SegmentList& segments) {
 }
 
 void Residency::ready(std::int64_t landing, const SegmentList& visible, const SegmentList& missing, double elapsedMs,
-                      std::uint64_t payloadBytes) {
+    std::uint64_t payloadBytes) {
   LandingRecord* const record = landingOf(landing);
   if (record == nullptr) {
     return;
@@ -95,8 +95,7 @@ void Residency::ready(std::int64_t landing, const SegmentList& visible, const Se
     const auto found = wantedPlaces_.find(segment);
     return found == wantedPlaces_.end() ? wanted_.size() : found->second;
   };
-  std::stable_sort(wanted.begin(), wanted.end(),
-                   [&](std::uint32_t a, std::uint32_t b) { return placeOf(a) < placeOf(b); });
+  std::stable_sort(wanted.begin(), wanted.end(), [&](std::uint32_t a, std::uint32_t b) { return placeOf(a) < placeOf(b); });
   setWanted(std::move(wanted));
   shelf_.freeUnneededMeshes();
 }
@@ -197,9 +196,8 @@ PresentablePart Residency::presentable() const {
   if (checkedShelf_ != shelf_.revision() || checkedComing_ != comingRevision_) {
     checkedShelf_ = shelf_.revision();
     checkedComing_ = comingRevision_;
-    isComingDrawable_ = std::all_of(coming_->begin(), coming_->end(), [this](std::uint32_t segment) {
-      return shelf_.stepOf(segment) == ShelfStep::Drawable;
-    });
+    isComingDrawable_ = std::all_of(coming_->begin(), coming_->end(),
+        [this](std::uint32_t segment) { return shelf_.stepOf(segment) == ShelfStep::Drawable; });
   }
   if (!isComingDrawable_) {
     return PresentablePart::Nothing;

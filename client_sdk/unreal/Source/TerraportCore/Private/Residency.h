@@ -1,8 +1,8 @@
 // Which segments the renderer has, which it should have, and when the visible set may change.
 //
-// A segment goes Held (its payload is here) -> Decoding -> Decoded (waiting for, or under, upload) -> Uploaded -> Drawable, and from
-// each of them back. What is *visible* is another matter: it changes in Residency::swap alone, to exactly what the newest landing's
-// `ready` or `degraded` said. (One exception, where there is no choice: a new scene version.)
+// A segment goes Held (its payload is here) -> Decoding -> Decoded (waiting for, or under, upload) -> Uploaded -> Drawable, and
+// from each of them back. What is *visible* is another matter: it changes in Residency::swap alone, to exactly what the newest
+// landing's `ready` or `degraded` said. (One exception, where there is no choice: a new scene version.)
 #pragma once
 
 #include <cstdint>
@@ -34,8 +34,8 @@ struct ResidencyRequest {
 /// What a swap would show of the newest landing.
 enum class PresentablePart : std::uint8_t { Nothing, Degraded, Full };
 
-/// The segments of one stage. No I/O, no clock: whoever owns it decodes, uploads, frees, and says so. A call is a step, in whatever
-/// order events come.
+/// The segments of one stage. No I/O, no clock: whoever owns it decodes, uploads, frees, and says so. A call is a step, in
+/// whatever order events come.
 class Residency {
  public:
   explicit Residency(const ShelfLimits& limits);
@@ -71,13 +71,13 @@ class Residency {
   void degraded(std::int64_t landing, const SegmentList& segments);
   /// Every byte is here: exactly these are to be shown.
   void ready(std::int64_t landing, const SegmentList& visible, const SegmentList& missing, double elapsedMs,
-             std::uint64_t payloadBytes);
+      std::uint64_t payloadBytes);
   /// The server said no to a landing: what is shown stays.
   void refused(std::int64_t landing, const std::string& message);
   /// The cache let these go: they cannot be decoded any more. What is uploaded stays.
   void dropped(const SegmentList& segments);
-  /// Another scene version: ids mean other segments now. Everything is forgotten but `visible`, until `clearVisible`. Nothing is put
-  /// on the list of what is to be freed.
+  /// Another scene version: ids mean other segments now. Everything is forgotten but `visible`, until `clearVisible`. Nothing
+  /// is put on the list of what is to be freed.
   void versionChanged();
   /// The base of the new version is here: nothing of the old one is shown any more.
   void clearVisible();

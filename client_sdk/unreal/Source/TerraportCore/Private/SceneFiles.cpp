@@ -15,7 +15,7 @@ namespace {
 Status expectFile(const SharedPayload& bytes, const FileFacts& facts, const char* name) {
   if (!bytes || bytes->size() != facts.bytes) {
     return Status::damaged(std::string(name) + " has " + std::to_string(bytes ? bytes->size() : 0) + " bytes, expected " +
-                           std::to_string(facts.bytes) + " by the manifest; load it again");
+        std::to_string(facts.bytes) + " by the manifest; load it again");
   }
   if (xxh3Hash64(viewOf(*bytes)) != facts.xxh3) {
     return Status::damaged(std::string(name) + " has another hash than the manifest says; load it again");
@@ -33,7 +33,7 @@ Status decodeAll(const CheckedManifest& checked, const SceneFileBytes& bytes, Sc
   files.basePayload = bytes.baseGlb;
   if (files.base.faceCount != checked.manifest.baseFaces) {
     return Status::damaged("base of " + std::to_string(files.base.faceCount) + " faces, expected " +
-                           std::to_string(checked.manifest.baseFaces) + " by the manifest");
+        std::to_string(checked.manifest.baseFaces) + " by the manifest");
   }
   TERRAPORT_RETURN_IF_ERROR(
       decodeCover(viewOf(*bytes.baseCover), checked.manifest.baseFaces, checked.manifest.segmentCount, files.cover));
@@ -52,8 +52,8 @@ Vec3 fromSurvey(const SceneManifest& manifest, const Vec3& survey) {
   return {survey.x - manifest.origin[0], survey.z - manifest.origin[2], manifest.origin[1] - survey.y};
 }
 
-Result<std::shared_ptr<SceneFiles>> decodeSceneFiles(ByteSpan manifestJson, const std::string& id,
-                                                     const SceneFileBytes& bytes) {
+Result<std::shared_ptr<SceneFiles>> decodeSceneFiles(
+    ByteSpan manifestJson, const std::string& id, const SceneFileBytes& bytes) {
   CheckedManifest checked;
   Status status = readManifest(manifestJson, id, checked);
   if (!status.isOk()) {

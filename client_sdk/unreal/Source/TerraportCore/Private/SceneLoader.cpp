@@ -52,8 +52,8 @@ Status statusOf(const std::string& url, const HttpAnswer& answer, std::size_t mo
     return Status::damaged(url + " has more than " + std::to_string(mostBytes) + " bytes; is this a terraport server?");
   }
   if (answer.status == 0) {
-    return Status::failed("unreachable", "no answer from " + url + " (" + answer.reason +
-                                             "); is the server running, and reachable from here?");
+    return Status::failed(
+        "unreachable", "no answer from " + url + " (" + answer.reason + "); is the server running, and reachable from here?");
   }
   if (answer.status == 200 && answer.body.size() <= mostBytes) {
     return {};
@@ -94,9 +94,9 @@ Status onlyScene(const std::string& server, const std::vector<std::uint8_t>& bod
     }
   }
   if (scenes.size() != 1 || id.empty()) {
-    return Status::failed("several_scenes", server + " serves " + std::to_string(scenes.size()) + " scenes (" +
-                                                (names.empty() ? "none" : names) +
-                                                "), expected one: name it as .../scenes/ID");
+    return Status::failed("several_scenes",
+        server + " serves " + std::to_string(scenes.size()) + " scenes (" + (names.empty() ? "none" : names) +
+            "), expected one: name it as .../scenes/ID");
   }
   return {};
 }
@@ -265,9 +265,8 @@ class SceneLoader::Impl {
     step_ = Step::Files;
     const std::string version = "?v=" + lastVersion_;
     begin({{sceneUrl_ + "/base.glb" + version, checked_.baseGlb.bytes},
-           {sceneUrl_ + "/base.cover" + version, checked_.baseCover.bytes},
-           {sceneUrl_ + "/regions.json" + version, checked_.regionsJson.bytes},
-           {sceneUrl_ + "/labels.json", kMaxLabelsBytes}});
+        {sceneUrl_ + "/base.cover" + version, checked_.baseCover.bytes},
+        {sceneUrl_ + "/regions.json" + version, checked_.regionsJson.bytes}, {sceneUrl_ + "/labels.json", kMaxLabelsBytes}});
   }
 
   void decode() {
@@ -276,7 +275,7 @@ class SceneLoader::Impl {
     work_->manifest = manifest_;
     work_->id = id_;
     work_->bytes = {sharedOf(fetches_[0].answer), sharedOf(fetches_[1].answer), sharedOf(fetches_[2].answer),
-                    sharedOf(fetches_[kLabels].answer)};
+        sharedOf(fetches_[kLabels].answer)};
     work_->afterLoad = options_.afterLoad;
     fetches_.clear();
     if (options_.runElsewhere) {
@@ -349,16 +348,28 @@ LoadState SceneLoader::pump() {
   return impl_->state_;
 }
 
-LoadState SceneLoader::state() const { return impl_->state_; }
+LoadState SceneLoader::state() const {
+  return impl_->state_;
+}
 
-const Status& SceneLoader::status() const { return impl_->status_; }
+const Status& SceneLoader::status() const {
+  return impl_->status_;
+}
 
-const SharedSceneFiles& SceneLoader::files() const { return impl_->files_; }
+const SharedSceneFiles& SceneLoader::files() const {
+  return impl_->files_;
+}
 
-const std::string& SceneLoader::sceneUrl() const { return impl_->sceneUrl_; }
+const std::string& SceneLoader::sceneUrl() const {
+  return impl_->sceneUrl_;
+}
 
-std::uint64_t SceneLoader::doneBytes() const { return impl_->doneBytes(); }
+std::uint64_t SceneLoader::doneBytes() const {
+  return impl_->doneBytes();
+}
 
-std::uint64_t SceneLoader::totalBytes() const { return impl_->totalBytes(); }
+std::uint64_t SceneLoader::totalBytes() const {
+  return impl_->totalBytes();
+}
 
 }  // namespace terraport

@@ -16,9 +16,8 @@ std::string VisibleDigest::text() const {
 
 bool SceneStage::Impl::isBusy() const {
   const bool isBaseBehind = residency_.coming() != nullptr && base_.preparedRevision() != residency_.comingRevision();
-  return !isBaseReady_ || !freeing_.empty() || !warming_.empty() ||
-         (!isOldVersion_ && (isBaseBehind || residency_.isBusy())) ||
-         (autoShow_ && presentable() != PresentablePart::Nothing);
+  return !isBaseReady_ || !freeing_.empty() || !warming_.empty() || (!isOldVersion_ && (isBaseBehind || residency_.isBusy())) ||
+      (autoShow_ && presentable() != PresentablePart::Nothing);
 }
 
 LandingStatus SceneStage::Impl::status() const {
@@ -75,8 +74,8 @@ StageStats SceneStage::Impl::stats() const {
   return stats;
 }
 
-SceneStage::SceneStage(LandingStream& stream, SharedSceneFiles files, SceneRenderer& renderer, DecodeQueue& decoders,
-                       const StageOptions& options)
+SceneStage::SceneStage(
+    LandingStream& stream, SharedSceneFiles files, SceneRenderer& renderer, DecodeQueue& decoders, const StageOptions& options)
     : impl_(new Impl(stream, std::move(files), renderer, decoders, options)) {}
 
 SceneStage::~SceneStage() = default;
@@ -85,34 +84,64 @@ std::int64_t SceneStage::land(const Vec3& position, double radiusM, const LandOp
   return impl_->land(position, radiusM, options, nowMs);
 }
 
-void SceneStage::aim(const Vec3& position, double radiusM) { impl_->stream_.aim(position, radiusM); }
+void SceneStage::aim(const Vec3& position, double radiusM) {
+  impl_->stream_.aim(position, radiusM);
+}
 
-void SceneStage::handle(const StreamEvent& event) { impl_->handle(event); }
+void SceneStage::handle(const StreamEvent& event) {
+  impl_->handle(event);
+}
 
-void SceneStage::update(const std::function<double()>& clockMs, double budgetMs) { impl_->update(clockMs, budgetMs); }
+void SceneStage::update(const std::function<double()>& clockMs, double budgetMs) {
+  impl_->update(clockMs, budgetMs);
+}
 
-bool SceneStage::isPresentable() const { return impl_->presentable() != PresentablePart::Nothing; }
+bool SceneStage::isPresentable() const {
+  return impl_->presentable() != PresentablePart::Nothing;
+}
 
-bool SceneStage::show() { return impl_->show(); }
+bool SceneStage::show() {
+  return impl_->show();
+}
 
-void SceneStage::setAutoShow(bool autoShow) { impl_->autoShow_ = autoShow; }
+void SceneStage::setAutoShow(bool autoShow) {
+  impl_->autoShow_ = autoShow;
+}
 
-void SceneStage::replaceFiles(SharedSceneFiles files) { impl_->replaceFiles(std::move(files)); }
+void SceneStage::replaceFiles(SharedSceneFiles files) {
+  impl_->replaceFiles(std::move(files));
+}
 
-bool SceneStage::needsFiles() const { return impl_->isOldVersion_; }
+bool SceneStage::needsFiles() const {
+  return impl_->isOldVersion_;
+}
 
-bool SceneStage::isBusy() const { return impl_->isBusy(); }
+bool SceneStage::isBusy() const {
+  return impl_->isBusy();
+}
 
-const std::vector<std::uint32_t>& SceneStage::visible() const { return impl_->residency().visible(); }
+const std::vector<std::uint32_t>& SceneStage::visible() const {
+  return impl_->residency().visible();
+}
 
-LandingStatus SceneStage::status() const { return impl_->status(); }
+LandingStatus SceneStage::status() const {
+  return impl_->status();
+}
 
-VisibleDigest SceneStage::visibleDigest() const { return impl_->visibleDigest(); }
+VisibleDigest SceneStage::visibleDigest() const {
+  return impl_->visibleDigest();
+}
 
-StageStats SceneStage::stats() const { return impl_->stats(); }
+StageStats SceneStage::stats() const {
+  return impl_->stats();
+}
 
-const SceneFiles& SceneStage::files() const { return impl_->files(); }
+const SceneFiles& SceneStage::files() const {
+  return impl_->files();
+}
 
-void SceneStage::onSwap(std::function<void(const SceneSwap&)> listener) { impl_->onSwap_ = std::move(listener); }
+void SceneStage::onSwap(std::function<void(const SceneSwap&)> listener) {
+  impl_->onSwap_ = std::move(listener);
+}
 
 }  // namespace terraport

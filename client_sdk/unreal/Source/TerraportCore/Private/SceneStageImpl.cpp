@@ -16,8 +16,8 @@ ShelfLimits limitsOf(const StageOptions& options) {
 
 }  // namespace
 
-SceneStage::Impl::Impl(LandingStream& stream, SharedSceneFiles files, SceneRenderer& renderer, DecodeQueue& decoders,
-                       const StageOptions& options)
+SceneStage::Impl::Impl(
+    LandingStream& stream, SharedSceneFiles files, SceneRenderer& renderer, DecodeQueue& decoders, const StageOptions& options)
     : stream_(stream),
       autoShow_(options.autoShow),
       renderer_(renderer),
@@ -201,7 +201,7 @@ void SceneStage::Impl::takeDecoded() {
       decodeFailures_ += answer.epoch == residency_.epoch() ? 1 : 0;
       residency_.decodeFailed(answer.segment, answer.epoch);
     } else if (const std::size_t bytes = renderer_.gpuBytesOf(*answer.mesh);
-               residency_.decoded(answer.segment, answer.epoch, bytes)) {
+        residency_.decoded(answer.segment, answer.epoch, bytes)) {
       letGo(answer.segment);  // what was to be freed of it, and still waited for that
       Piece& piece = pieces_[answer.segment];
       piece.gpuBytes = bytes;

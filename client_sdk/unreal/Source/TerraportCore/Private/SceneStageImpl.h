@@ -13,7 +13,7 @@ namespace terraport {
 class SceneStage::Impl {
  public:
   Impl(LandingStream& stream, SharedSceneFiles files, SceneRenderer& renderer, DecodeQueue& decoders,
-       const StageOptions& options);
+      const StageOptions& options);
 
   ~Impl();
 

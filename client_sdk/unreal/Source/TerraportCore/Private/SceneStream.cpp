@@ -53,14 +53,12 @@ class Chance {
 }  // namespace
 
 struct SceneStream::Impl {
-  Impl(const StreamOptions& options, std::string url, std::shared_ptr<TransportFactory> factory,
-       std::function<double()> chance)
+  Impl(const StreamOptions& options, std::string url, std::shared_ptr<TransportFactory> factory, std::function<double()> chance)
       : transports(std::move(factory)),
         session(sessionOptions(options), &xxh3Hash64),
         link(Link::Parts{session, *transports, std::move(url), options.token, std::move(chance),
-                         [this](SessionEvent& event) { handle(event); },
-                         [this](const LinkState& state) { onLink(state); },
-                         [this] { return events.size() < kMaxWaitingEvents; }}) {}
+            [this](SessionEvent& event) { handle(event); }, [this](const LinkState& state) { onLink(state); },
+            [this] { return events.size() < kMaxWaitingEvents; }}) {}
 
   void tell(StreamEvent event) { events.push_back(std::move(event)); }
 
@@ -89,7 +87,7 @@ struct SceneStream::Impl {
     if (event.news == SessionNews::Rejected) return;
     StreamEvent& told = event.told;
     const bool isOver = told.kind == EventKind::Ready || told.kind == EventKind::Superseded ||
-                        (told.kind == EventKind::Refused && told.landing != kNoLanding);
+        (told.kind == EventKind::Refused && told.landing != kNoLanding);
     if (isOver) {
       const auto asked = askedMs.find(told.landing);
       if (asked != askedMs.end()) {
@@ -121,9 +119,8 @@ struct SceneStream::Impl {
   Link link;
 };
 
-Result<std::unique_ptr<SceneStream>> SceneStream::make(const StreamOptions& options,
-                                                       std::shared_ptr<TransportFactory> transports,
-                                                       double (*chance)()) {
+Result<std::unique_ptr<SceneStream>> SceneStream::make(
+    const StreamOptions& options, std::shared_ptr<TransportFactory> transports, double (*chance)()) {
   Result<std::string> url = streamUrl(options.sceneUrl);
   if (!url.isOk()) return url.status();
   TERRAPORT_RETURN_IF_ERROR(checkSessionOptions(sessionOptions(options)));
@@ -135,11 +132,17 @@ Result<std::unique_ptr<SceneStream>> SceneStream::make(const StreamOptions& opti
 
 SceneStream::SceneStream(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 
-SceneStream::~SceneStream() { close(); }
+SceneStream::~SceneStream() {
+  close();
+}
 
-void SceneStream::pump(double nowMs) { impl_->link.pump(nowMs, impl_->maxPumpBytes); }
+void SceneStream::pump(double nowMs) {
+  impl_->link.pump(nowMs, impl_->maxPumpBytes);
+}
 
-void SceneStream::setMaxPumpBytes(std::size_t bytes) { impl_->maxPumpBytes = bytes; }
+void SceneStream::setMaxPumpBytes(std::size_t bytes) {
+  impl_->maxPumpBytes = bytes;
+}
 
 std::int64_t SceneStream::land(const Vec3& position, double radiusM, const LandOptions& options) {
   const Status status = checkLand(position, radiusM, options);
@@ -181,7 +184,6 @@ SharedPayload SceneStream::payload(std::uint32_t segment) const {
   const CachedSegment* const entry = impl_->session.held().peek(segment);
   return entry == nullptr ? nullptr : entry->payload;
 }
-
 
 StreamStats SceneStream::stats() const {
   const Transfers& transfers = impl_->session.transfers();

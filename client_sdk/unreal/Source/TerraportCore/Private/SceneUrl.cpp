@@ -13,7 +13,9 @@ namespace {
 constexpr std::string_view kScenes = "/scenes";
 constexpr std::string_view kStream = "/stream";
 
-Status invalid(const std::string& text) { return Status::failed("invalid_url", text); }
+Status invalid(const std::string& text) {
+  return Status::failed("invalid_url", text);
+}
 
 std::string lower(std::string_view text) {
   std::string small(text);
@@ -25,7 +27,7 @@ std::string lower(std::string_view text) {
 
 bool isPlain(char letter) {
   return (letter >= '0' && letter <= '9') || (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z') ||
-         std::string_view("_.-~").find(letter) != std::string_view::npos;
+      std::string_view("_.-~").find(letter) != std::string_view::npos;
 }
 
 int hexDigit(char letter) {
@@ -89,9 +91,9 @@ bool isAuthority(std::string_view text) {
     if (number < 1 || number > 65535 || port.size() > 5) return false;
   }
   if (!host.empty() && host.front() == '[') {
-    return host.size() > 2 && host.back() == ']' &&
-           std::all_of(host.begin() + 1, host.end() - 1,
-                       [](char letter) { return hexDigit(letter) >= 0 || letter == ':' || letter == '.'; });
+    return host.size() > 2 && host.back() == ']' && std::all_of(host.begin() + 1, host.end() - 1, [](char letter) {
+      return hexDigit(letter) >= 0 || letter == ':' || letter == '.';
+    });
   }
   // Everything else that is no ASCII must come as punycode.
   return !host.empty() && std::all_of(host.begin(), host.end(), isPlain);
@@ -115,9 +117,8 @@ Result<SceneUrl> parseSceneUrl(const std::string& url) {
   const std::size_t slash = std::min(rest.find('/'), rest.size());
   const std::string_view authority = rest.substr(0, slash);
   const std::string_view path = rest.substr(slash);
-  const bool isClean = std::all_of(path.begin(), path.end(), [](char letter) {
-    return static_cast<unsigned char>(letter) > 0x20 && letter != '\\' && letter != 0x7F;
-  });
+  const bool isClean = std::all_of(path.begin(), path.end(),
+      [](char letter) { return static_cast<unsigned char>(letter) > 0x20 && letter != '\\' && letter != 0x7F; });
   if (!isAuthority(authority) || !isClean) {
     return invalid("URL " + url + ", expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)");
   }

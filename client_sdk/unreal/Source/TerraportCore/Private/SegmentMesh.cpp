@@ -53,7 +53,9 @@ const char* mediaTypeOf(ImageType type) {
   return "";
 }
 
-std::uint8_t srgbOfLinear16(std::uint16_t code) { return srgbTable().levels[code]; }
+std::uint8_t srgbOfLinear16(std::uint16_t code) {
+  return srgbTable().levels[code];
+}
 
 void SegmentMesh::clear() {
   segment = -1;
@@ -85,7 +87,7 @@ void SegmentMesh::clear() {
 
 std::size_t SegmentMesh::capacityBytes() const {
   std::size_t bytes = positionCodes.capacityBytes() + positions.capacityBytes() + normalCodes.capacityBytes() +
-                      coloursLinear16.capacityBytes() + uvCodes.capacityBytes() + regionIds.capacityBytes() + indices.capacityBytes();
+      coloursLinear16.capacityBytes() + uvCodes.capacityBytes() + regionIds.capacityBytes() + indices.capacityBytes();
   for (const AttributeColumn& column : attributes) {
     bytes += column.codes.capacityBytes();
   }

@@ -181,7 +181,9 @@ bool SegmentShelf::isAimedSince(std::uint32_t segment, std::int64_t landing) con
   return found != entries_.end() && found->second.aimedDuring >= landing;
 }
 
-std::vector<std::uint32_t> SegmentShelf::takeFreed() { return std::exchange(toFree_, {}); }
+std::vector<std::uint32_t> SegmentShelf::takeFreed() {
+  return std::exchange(toFree_, {});
+}
 
 void SegmentShelf::trim() {
   std::vector<std::pair<std::uint64_t, std::uint32_t>> spare;

@@ -23,7 +23,9 @@ HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> he
   return hello;
 }
 
-Status violation(std::string text) { return Status::failed("malformed", std::move(text)); }
+Status violation(std::string text) {
+  return Status::failed("malformed", std::move(text));
+}
 
 }  // namespace
 
@@ -63,7 +65,9 @@ std::int64_t ClientSession::unfinished() const {
 
 // ---- output
 
-std::vector<SessionEvent> ClientSession::takeEvents() { return std::exchange(events_, {}); }
+std::vector<SessionEvent> ClientSession::takeEvents() {
+  return std::exchange(events_, {});
+}
 
 std::vector<EncodedMessage> ClientSession::takeMessages() {
   unsent_.reset();
@@ -179,7 +183,7 @@ Status ClientSession::onWelcome(const WelcomeMessage& welcome) {
   if (isOpen_ || !isGreeting_) return violation("got a second welcome, expected one");
   if (welcome.protocol.majorNumber != kProtocol.majorNumber) {
     return violation("got protocol " + std::to_string(welcome.protocol.majorNumber) + "." +
-                     std::to_string(welcome.protocol.minorNumber) + ", expected 1.x");
+        std::to_string(welcome.protocol.minorNumber) + ", expected 1.x");
   }
   isOpen_ = true;
   isGreeting_ = false;
@@ -264,8 +268,8 @@ void ClientSession::sendLanding(const Transfers::Landing& landing) {
 void ClientSession::withdrawUnsent(std::int64_t by) {
   if (unsent_ == nullptr) return;
   outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(),
-                               [](const ClientMessage& one) { return std::holds_alternative<LandMessage>(one); }),
-                outbox_.end());
+                    [](const ClientMessage& one) { return std::holds_alternative<LandMessage>(one); }),
+      outbox_.end());
   transfers_.withdraw(unsent_);
   supersede(unsent_->number, by);
   unsent_.reset();

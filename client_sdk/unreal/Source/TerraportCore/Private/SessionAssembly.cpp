@@ -9,8 +9,8 @@ Status Assembler::take(const PayloadFrame& frame, std::uint32_t length, SharedPa
     return Status::failed("malformed", "segment " + std::to_string(frame.segment) + text);
   };
   if (frame.total != length) {
-    return violation(" announces " + std::to_string(frame.total) + " bytes, expected " + std::to_string(length) +
-                     " by the plan");
+    return violation(
+        " announces " + std::to_string(frame.total) + " bytes, expected " + std::to_string(length) + " by the plan");
   }
   const std::uint8_t* const begin = frame.chunk.data;
   const std::uint8_t* const end = begin + frame.chunk.size;

@@ -37,8 +37,7 @@ std::vector<HeldMessage> HeldOffer::rest(const WelcomeMessage& welcome, std::vec
   for (std::size_t at = 0; at < rows.size(); at += most) {
     HeldMessage message;
     const std::size_t end = std::min(rows.size(), at + most);
-    message.segments.assign(rows.begin() + static_cast<std::ptrdiff_t>(at),
-                            rows.begin() + static_cast<std::ptrdiff_t>(end));
+    message.segments.assign(rows.begin() + static_cast<std::ptrdiff_t>(at), rows.begin() + static_cast<std::ptrdiff_t>(end));
     messages.push_back(std::move(message));
   }
   return messages;

@@ -97,8 +97,8 @@ struct StreamThread::Impl {
         std::unique_lock<std::mutex> lock(mutex);
         const double pauseMs = nowMs() - busyMs < kQuietMs ? kShortPauseMs : kLongPauseMs;
         if (!wasBusy) {
-          wake.wait_for(lock, std::chrono::duration<double, std::milli>(pauseMs),
-                        [this] { return isStopping || !commands.empty(); });
+          wake.wait_for(
+              lock, std::chrono::duration<double, std::milli>(pauseMs), [this] { return isStopping || !commands.empty(); });
         }
         if (isStopping) break;
         todo.swap(commands);
@@ -196,8 +196,8 @@ struct StreamThread::Impl {
   bool isStopping = false;
 };
 
-Result<std::unique_ptr<StreamThread>> StreamThread::make(const StreamOptions& options,
-                                                         std::shared_ptr<TransportFactory> transports) {
+Result<std::unique_ptr<StreamThread>> StreamThread::make(
+    const StreamOptions& options, std::shared_ptr<TransportFactory> transports) {
   Result<std::unique_ptr<SceneStream>> stream = SceneStream::make(options, std::move(transports));
   if (!stream.isOk()) return stream.status();
   auto impl = std::make_unique<Impl>(stream.take());
@@ -219,7 +219,9 @@ std::int64_t StreamThread::land(const Vec3& position, double radiusM, const Land
   return impl_->landings;
 }
 
-void StreamThread::aim(const Vec3& position, double radiusM) { impl_->say(AimCommand{position, radiusM}); }
+void StreamThread::aim(const Vec3& position, double radiusM) {
+  impl_->say(AimCommand{position, radiusM});
+}
 
 Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional<Vec3>& direction) {
   TERRAPORT_RETURN_IF_ERROR(checkPick(origin, direction));
@@ -250,14 +252,17 @@ SharedPayload StreamThread::payload(std::uint32_t segment) const {
   return found == impl_->payloads.end() ? nullptr : found->second;
 }
 
-
 StreamStats StreamThread::stats() const {
   const std::lock_guard<std::mutex> lock(impl_->mutex);
   return impl_->stats;
 }
 
-void StreamThread::reconnect(const std::string& token) { impl_->say(ReconnectCommand{token}); }
+void StreamThread::reconnect(const std::string& token) {
+  impl_->say(ReconnectCommand{token});
+}
 
-void StreamThread::close() { impl_->stop(); }
+void StreamThread::close() {
+  impl_->stop();
+}
 
 }  // namespace terraport

@@ -10,7 +10,9 @@ namespace {
 /// A server sends a segment once more after the first reject, and lists it as missing after the second (6.4, rule 4).
 constexpr int kMostRejects = 2;
 
-Status violation(std::string text) { return Status::failed("malformed", std::move(text)); }
+Status violation(std::string text) {
+  return Status::failed("malformed", std::move(text));
+}
 
 SessionEvent eventOf(EventKind kind, std::int64_t landing) {
   SessionEvent event;
@@ -52,9 +54,8 @@ void Transfers::withdraw(const Landing& landing) {
 }
 
 Transfers::Landing Transfers::refused(const std::optional<std::uint32_t>& generation) {
-  const auto at = std::find_if(asked_.begin(), asked_.end(), [&generation](const Landing& landing) {
-    return generation.has_value() && landing->generation == generation;
-  });
+  const auto at = std::find_if(asked_.begin(), asked_.end(),
+      [&generation](const Landing& landing) { return generation.has_value() && landing->generation == generation; });
   if (at == asked_.end()) return nullptr;
   Landing landing = *at;
   asked_.erase(at);
@@ -94,8 +95,7 @@ Status Transfers::onPlan(const PlanMessage& plan) {
   if (asked_.empty() || asked_.front()->generation != plan.generation) {
     return violation("got a plan of generation " + std::to_string(plan.generation) + ", which no landing waits for");
   }
-  TERRAPORT_RETURN_IF_ERROR(
-      expectWithinBudgets(plan.totalBytes, plan.totalTriangles, plan.load.size() + plan.keep.size()));
+  TERRAPORT_RETURN_IF_ERROR(expectWithinBudgets(plan.totalBytes, plan.totalTriangles, plan.load.size() + plan.keep.size()));
   const Landing landing = asked_.front();
   asked_.erase(asked_.begin());
   endCurrent(landing->number);
@@ -178,8 +178,8 @@ Status Transfers::onFrame(const PayloadFrame& frame) {
   const std::map<std::uint32_t, SegmentFacts>& loads = isOfLanding ? current_->facts : prefetch_->facts;
   const auto found = loads.find(frame.segment);
   if (found == loads.end()) {
-    return violation("got segment " + std::to_string(frame.segment) + ", which generation " +
-                     std::to_string(frame.generation) + " does not load");
+    return violation("got segment " + std::to_string(frame.segment) + ", which generation " + std::to_string(frame.generation) +
+        " does not load");
   }
   // A copy: what follows may forget the generation.
   const SegmentFacts facts = found->second;
@@ -197,9 +197,8 @@ Status Transfers::onFrame(const PayloadFrame& frame) {
 // ---- private
 
 Status Transfers::expectWithinBudgets(std::uint64_t bytes, std::uint64_t triangles, std::size_t segments) const {
-  const bool isBeyond = bytes > budgets_.maxBytes.value_or(bytes) ||
-                        triangles > budgets_.maxTriangles.value_or(triangles) ||
-                        segments > budgets_.maxSegments.value_or(segments);
+  const bool isBeyond = bytes > budgets_.maxBytes.value_or(bytes) || triangles > budgets_.maxTriangles.value_or(triangles) ||
+      segments > budgets_.maxSegments.value_or(segments);
   return isBeyond ? violation("got more segments, triangles or bytes than the budgets of hello allow (6.2)") : Status::ok();
 }
 
@@ -289,9 +288,8 @@ void Transfers::endCurrent(std::int64_t by) {
 void Transfers::degradeIfWhole() {
   LandingState& landing = *current_;
   if (!landing.inner) return;
-  const bool isOpen = std::any_of(landing.inner->begin(), landing.inner->end(), [&landing](std::uint32_t segment) {
-    return landing.waiting.count(segment) != 0 || landing.wanted.count(segment) == 0;
-  });
+  const bool isOpen = std::any_of(landing.inner->begin(), landing.inner->end(),
+      [&landing](std::uint32_t segment) { return landing.waiting.count(segment) != 0 || landing.wanted.count(segment) == 0; });
   if (isOpen) return;
   inner_ = std::move(*landing.inner);
   landing.inner.reset();

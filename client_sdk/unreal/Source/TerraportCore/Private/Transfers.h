@@ -30,7 +30,7 @@ class Transfers {
 
   /// All of these outlive it. `outbox` takes the messages to send, `events` the events, in order.
   Transfers(const Budgets& budgets, Holdings& held, PayloadHash hash, std::vector<ClientMessage>& outbox,
-            std::vector<SessionEvent>& events)
+      std::vector<SessionEvent>& events)
       : budgets_(budgets), held_(held), hash_(hash), outbox_(outbox), events_(events) {}
 
   /// Ids that the last ready landing shows, ascending.

@@ -4,7 +4,9 @@ namespace terraport {
 
 namespace {
 
-bool isTail(unsigned char byte) { return (byte & 0xC0) == 0x80; }
+bool isTail(unsigned char byte) {
+  return (byte & 0xC0) == 0x80;
+}
 
 }  // namespace
 

@@ -21,17 +21,18 @@ bool isOf(TextPattern pattern, std::string_view text) {
   if (pattern == TextPattern::Any) return true;
   if (text.empty()) return false;
   if (pattern == TextPattern::GroupName) {
-    return std::all_of(text.begin(), text.end(), [](char letter) {
-      return isLetterOrDigit(letter) || std::string_view("_.~-").find(letter) != std::string_view::npos;
-    });
+    return std::all_of(text.begin(), text.end(),
+        [](char letter) { return isLetterOrDigit(letter) || std::string_view("_.~-").find(letter) != std::string_view::npos; });
   }
   const auto isLower = [](char letter) { return letter >= 'a' && letter <= 'z'; };
   return isLower(text.front()) && std::all_of(text.begin(), text.end(), [isLower](char letter) {
-           return isLower(letter) || letter == '_' || (letter >= '0' && letter <= '9');
-         });
+    return isLower(letter) || letter == '_' || (letter >= '0' && letter <= '9');
+  });
 }
 
-bool isWithin(double value, double bound) { return std::abs(value) <= bound; }
+bool isWithin(double value, double bound) {
+  return std::abs(value) <= bound;
+}
 
 bool checkCount(std::size_t count, std::size_t most, const char* noun, Refusal& refusal) {
   if (count <= most) return true;
@@ -57,9 +58,8 @@ std::vector<std::uint32_t> idsOf(const std::vector<Row>& rows) {
 bool checkFacts(const SegmentFacts& row, Refusal& refusal) {
   if (row.length < 1 || row.length > limits::kMaxSegmentBytes) {
     return refuse(refusal,
-                  "got a length of " + std::to_string(row.length) + ", expected 1 to " +
-                      std::to_string(limits::kMaxSegmentBytes),
-                  "length");
+        "got a length of " + std::to_string(row.length) + ", expected 1 to " + std::to_string(limits::kMaxSegmentBytes),
+        "length");
   }
   const Box& box = row.bounds;
   for (const float side : {box.minX, box.minY, box.minZ, box.maxX, box.maxY, box.maxZ}) {
@@ -81,9 +81,8 @@ bool checkInnerRadius(const std::optional<double>& innerRadiusM, double radiusM,
 
 bool checkSum(const char* field, std::uint64_t got, std::uint64_t expected, Refusal& refusal) {
   if (got == expected) return true;
-  return refuse(refusal,
-                "got " + std::to_string(got) + ", expected the sum over the segments, " + std::to_string(expected),
-                field);
+  return refuse(
+      refusal, "got " + std::to_string(got) + ", expected the sum over the segments, " + std::to_string(expected), field);
 }
 
 bool checkAtLeast(const char* field, std::uint64_t got, std::uint64_t least, Refusal& refusal) {
@@ -132,25 +131,29 @@ std::string shortened(std::string_view text) {
 
 bool checkValue(std::uint64_t value, const IntegerKind& kind, Refusal& refusal) {
   if (value >= kind.low && value <= kind.high) return true;
-  return refuse(refusal, "got " + std::to_string(value) + ", expected an integer from " + std::to_string(kind.low) +
-                             " to " + std::to_string(kind.high));
+  return refuse(refusal,
+      "got " + std::to_string(value) + ", expected an integer from " + std::to_string(kind.low) + " to " +
+          std::to_string(kind.high));
 }
 
 bool checkValue(double value, const NumberKind& kind, Refusal& refusal) {
   const bool isAbove = kind.lowExcluded ? value > kind.low : value >= kind.low;
   if (isAbove && value <= kind.high && std::isfinite(value)) return true;
-  return refuse(refusal, "got " + std::to_string(value) + ", expected a number " +
-                             (kind.lowExcluded ? "above " : "from ") + std::to_string(kind.low) + " to " +
-                             std::to_string(kind.high));
+  return refuse(refusal,
+      "got " + std::to_string(value) + ", expected a number " + (kind.lowExcluded ? "above " : "from ") +
+          std::to_string(kind.low) + " to " + std::to_string(kind.high));
 }
 
-bool checkValue(bool, const FlagKind&, Refusal&) { return true; }
+bool checkValue(bool, const FlagKind&, Refusal&) {
+  return true;
+}
 
 bool checkValue(const std::string& value, const TextKind& kind, Refusal& refusal) {
   const std::size_t length = codePointCount(value);
   if (length < kind.shortest || length > kind.longest) {
-    return refuse(refusal, "got " + shortened(value) + ", expected text of " + std::to_string(kind.shortest) + " to " +
-                               std::to_string(kind.longest) + " characters");
+    return refuse(refusal,
+        "got " + shortened(value) + ", expected text of " + std::to_string(kind.shortest) + " to " +
+            std::to_string(kind.longest) + " characters");
   }
   if (!isUtf8(value)) return refuse(refusal, "got text with a lone surrogate, expected Unicode text");
   if (!isOf(kind.pattern, value)) {
@@ -170,9 +173,9 @@ bool checkValue(const std::string& value, const ChoiceKind& kind, Refusal& refus
 
 bool checkValue(const Vec3& value, const PositionKind& kind, Refusal& refusal) {
   if (!isWithin(value.x, kind.bound) || !isWithin(value.y, kind.bound) || !isWithin(value.z, kind.bound)) {
-    return refuse(refusal, "got (" + std::to_string(value.x) + ", " + std::to_string(value.y) + ", " +
-                               std::to_string(value.z) + "), expected three finite numbers of size at most " +
-                               std::to_string(kind.bound));
+    return refuse(refusal,
+        "got (" + std::to_string(value.x) + ", " + std::to_string(value.y) + ", " + std::to_string(value.z) +
+            "), expected three finite numbers of size at most " + std::to_string(kind.bound));
   }
   if (kind.nonzero && value.x == 0 && value.y == 0 && value.z == 0) {
     return refuse(refusal, "got (0, 0, 0), expected a direction");
@@ -187,9 +190,8 @@ bool checkValue(const ProtocolVersion& value, const VersionKind&, Refusal& refus
 
 bool checkValue(const std::vector<ProtocolVersion>& value, const VersionsKind& kind, Refusal& refusal) {
   if (!checkCount(value.size(), kind.most, "versions", refusal)) return false;
-  return std::all_of(value.begin(), value.end(), [&refusal](const ProtocolVersion& version) {
-    return checkValue(version, VersionKind{}, refusal);
-  });
+  return std::all_of(value.begin(), value.end(),
+      [&refusal](const ProtocolVersion& version) { return checkValue(version, VersionKind{}, refusal); });
 }
 
 bool checkValue(const std::vector<NamedNumber>& value, const NumbersKind& kind, Refusal& refusal) {
@@ -213,8 +215,7 @@ bool checkValue(const std::vector<HeldRow>& value, const RowsKind& kind, Refusal
 
 bool checkValue(const std::vector<SegmentFacts>& value, const RowsKind& kind, Refusal& refusal) {
   if (!checkCount(value.size(), kind.most, "rows", refusal) || !checkIds(idsOf(value), refusal)) return false;
-  return std::all_of(value.begin(), value.end(),
-                     [&refusal](const SegmentFacts& row) { return checkFacts(row, refusal); });
+  return std::all_of(value.begin(), value.end(), [&refusal](const SegmentFacts& row) { return checkFacts(row, refusal); });
 }
 
 bool checkRules(const LandMessage& land, Refusal& refusal) {

@@ -86,11 +86,19 @@ bool readNamed(std::string_view type, const JsonValue& root, Variant& into, Deco
   }
 }
 
-constexpr std::size_t mostBytes(const ClientMessage*) { return limits::kMaxClientMessageBytes; }
-constexpr std::size_t mostBytes(const ServerMessage*) { return limits::kMaxServerMessageBytes; }
+constexpr std::size_t mostBytes(const ClientMessage*) {
+  return limits::kMaxClientMessageBytes;
+}
+constexpr std::size_t mostBytes(const ServerMessage*) {
+  return limits::kMaxServerMessageBytes;
+}
 
-constexpr std::uint32_t mostValues(const ClientMessage*) { return limits::kMaxClientValues; }
-constexpr std::uint32_t mostValues(const ServerMessage*) { return kMaxValues; }
+constexpr std::uint32_t mostValues(const ClientMessage*) {
+  return limits::kMaxClientValues;
+}
+constexpr std::uint32_t mostValues(const ServerMessage*) {
+  return kMaxValues;
+}
 
 struct Encoder {
   EncodedMessage& into;
@@ -104,8 +112,7 @@ struct Encoder {
     Refusal refusal;
     CheckPass checks{refusal};
     if (!FieldsOf<Message>::visit(checks, message) || !checkRules(message, refusal)) {
-      return Status::failed("invalid_field",
-                            std::string(FieldsOf<Message>::kType) + "." + refusal.path + ": " + refusal.text);
+      return Status::failed("invalid_field", std::string(FieldsOf<Message>::kType) + "." + refusal.path + ": " + refusal.text);
     }
     into.bytes.clear();
     MsgpackWriter writer(into.bytes);
@@ -122,8 +129,7 @@ struct Checker {
     Refusal refusal;
     CheckPass checks{refusal};
     if (FieldsOf<Message>::visit(checks, message) && checkRules(message, refusal)) return Status::ok();
-    return Status::failed("invalid_field",
-                          std::string(FieldsOf<Message>::kType) + "." + refusal.path + ": " + refusal.text);
+    return Status::failed("invalid_field", std::string(FieldsOf<Message>::kType) + "." + refusal.path + ": " + refusal.text);
   }
 };
 
@@ -138,8 +144,12 @@ struct TypeName {
 
 }  // namespace
 
-const char* typeOf(const ClientMessage& message) { return std::visit(TypeName{}, message); }
-const char* typeOf(const ServerMessage& message) { return std::visit(TypeName{}, message); }
+const char* typeOf(const ClientMessage& message) {
+  return std::visit(TypeName{}, message);
+}
+const char* typeOf(const ServerMessage& message) {
+  return std::visit(TypeName{}, message);
+}
 
 Status encodeMessage(const ClientMessage& message, EncodedMessage& into) {
   return std::visit(Encoder{into}, message);
@@ -149,14 +159,15 @@ Status encodeMessage(const ServerMessage& message, EncodedMessage& into) {
   return std::visit(Encoder{into}, message);
 }
 
-Status checkMessage(const ClientMessage& message) { return std::visit(Checker{}, message); }
+Status checkMessage(const ClientMessage& message) {
+  return std::visit(Checker{}, message);
+}
 
 template <typename Message>
 bool MessageReader::readAny(ByteSpan data, std::size_t maxBytes, Message& into, DecodeError& error) {
   const std::size_t limit = std::min(maxBytes, mostBytes(&into));
   if (data.size > limit) {
-    malformed("got a message of " + std::to_string(data.size) + " bytes, expected at most " + std::to_string(limit),
-              error);
+    malformed("got a message of " + std::to_string(data.size) + " bytes, expected at most " + std::to_string(limit), error);
     error.code = "too_large";
     return false;
   }
@@ -166,8 +177,7 @@ bool MessageReader::readAny(ByteSpan data, std::size_t maxBytes, Message& into, 
   read.maxValues = mostValues(&into);
   const Status status = readMsgpack(data, read, document_);
   if (!status.isOk()) {
-    malformed(status.message() + (status.offset() < 0 ? "" : " (at byte " + std::to_string(status.offset()) + ")"),
-              error);
+    malformed(status.message() + (status.offset() < 0 ? "" : " (at byte " + std::to_string(status.offset()) + ")"), error);
     return false;
   }
   const JsonValue root = document_.root();
@@ -179,13 +189,11 @@ bool MessageReader::readAny(ByteSpan data, std::size_t maxBytes, Message& into, 
   return readNamed<1>(*type, root, into, error);
 }
 
-bool MessageReader::read(ByteSpan data, ClientMessage& into, DecodeError& error,
-                         std::size_t maxBytes) {
+bool MessageReader::read(ByteSpan data, ClientMessage& into, DecodeError& error, std::size_t maxBytes) {
   return readAny(data, maxBytes, into, error);
 }
 
-bool MessageReader::read(ByteSpan data, ServerMessage& into, DecodeError& error,
-                         std::size_t maxBytes) {
+bool MessageReader::read(ByteSpan data, ServerMessage& into, DecodeError& error, std::size_t maxBytes) {
   return readAny(data, maxBytes, into, error);
 }
 

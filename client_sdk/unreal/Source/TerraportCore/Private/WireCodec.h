@@ -38,10 +38,8 @@ class MessageReader {
   // Read the message that a binary WebSocket message holds; unknown keys are skipped. `maxBytes` is a stricter limit than the
   // protocol's own for this direction. False where it is no message, too long, or has a field that is missing, mistyped or
   // out of range: `error` then says why, and `into` is anything.
-  bool read(ByteSpan data, ClientMessage& into, DecodeError& error,
-            std::size_t maxBytes = static_cast<std::size_t>(-1));
-  bool read(ByteSpan data, ServerMessage& into, DecodeError& error,
-            std::size_t maxBytes = static_cast<std::size_t>(-1));
+  bool read(ByteSpan data, ClientMessage& into, DecodeError& error, std::size_t maxBytes = static_cast<std::size_t>(-1));
+  bool read(ByteSpan data, ServerMessage& into, DecodeError& error, std::size_t maxBytes = static_cast<std::size_t>(-1));
 
  private:
   template <typename Message>

@@ -54,7 +54,9 @@ bool readU32(const JsonValue& raw, std::uint32_t& into, Refusal& refusal) {
   return readValue(raw, into, IntegerKind{0, kMaxU32}, refusal);
 }
 
-void unpack(const std::uint8_t* row, std::uint32_t& into) { into = readU32Le(row); }
+void unpack(const std::uint8_t* row, std::uint32_t& into) {
+  into = readU32Le(row);
+}
 
 void unpack(const std::uint8_t* row, HeldRow& into) {
   into.segment = readU32Le(row);
@@ -67,8 +69,8 @@ void unpack(const std::uint8_t* row, SegmentFacts& into) {
   into.xxh3 = readU64Le(row + 8);
   into.faces = readU32Le(row + 16);
   into.vertices = readU32Le(row + 20);
-  into.bounds = {readF32Le(row + 24), readF32Le(row + 28), readF32Le(row + 32),
-                 readF32Le(row + 36), readF32Le(row + 40), readF32Le(row + 44)};
+  into.bounds = {readF32Le(row + 24), readF32Le(row + 28), readF32Le(row + 32), readF32Le(row + 36), readF32Le(row + 40),
+      readF32Le(row + 44)};
 }
 
 template <typename Row>

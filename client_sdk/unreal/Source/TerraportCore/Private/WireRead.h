@@ -22,10 +22,8 @@ bool readLayout(const JsonValue&, Value&, const Kind&, Refusal&) {
 }
 bool readLayout(const JsonValue& raw, std::vector<std::uint32_t>& into, const RowsKind& kind, Refusal& refusal);
 bool readLayout(const JsonValue& raw, std::vector<HeldRow>& into, const RowsKind& kind, Refusal& refusal);
-bool readLayout(const JsonValue& raw, std::vector<SegmentFacts>& into, const RowsKind& kind,
-                Refusal& refusal);
-bool readLayout(const JsonValue& raw, std::vector<NamedNumber>& into, const NumbersKind& kind,
-                Refusal& refusal);
+bool readLayout(const JsonValue& raw, std::vector<SegmentFacts>& into, const RowsKind& kind, Refusal& refusal);
+bool readLayout(const JsonValue& raw, std::vector<NamedNumber>& into, const NumbersKind& kind, Refusal& refusal);
 
 template <typename Part>
 bool readLayout(const JsonValue& raw, Part& into, const PartKind&, Refusal& refusal) {

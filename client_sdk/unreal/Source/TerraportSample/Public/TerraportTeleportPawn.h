@@ -43,7 +43,8 @@ public:
 	TObjectPtr<UTerraportUserComponent> User;
 
 	/** How fast the arc starts, centimetres a second: faster reaches farther. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "200", ClampMax = "20000", Units = "cm/s"))
+	UPROPERTY(
+		EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "200", ClampMax = "20000", Units = "cm/s"))
 	double ArcSpeedCmS = 1400.0;
 
 	/** Steepest ground that can be stood on, degrees. */

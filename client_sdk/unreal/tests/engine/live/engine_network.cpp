@@ -30,8 +30,8 @@ constexpr double GameFrameS = 0.005;
 /// In a frame, where the thread does not wait at all.
 constexpr int MaxRounds = 50;
 
-/// The engine's thread, counted instead of run: how many rounds it makes in a frame of the game. What it reads when the module is
-/// loaded, it keeps.
+/// The engine's thread, counted instead of run: how many rounds it makes in a frame of the game. What it reads when the module
+/// is loaded, it keeps.
 struct FSocketThread
 {
 	double FrameTimeS = 1.0 / 30.0;
@@ -64,7 +64,8 @@ std::string TextOf(const FString& Text)
 class FSocket final : public FSocketEvents
 {
 public:
-	FSocket(const FString& InUrl, const TArray<FString>& InProtocols, const TMap<FString, FString>& Headers) : Url(TextOf(InUrl))
+	FSocket(const FString& InUrl, const TArray<FString>& InProtocols, const TMap<FString, FString>& Headers)
+		: Url(TextOf(InUrl))
 	{
 		for (const FString& Protocol : InProtocols)
 		{
@@ -91,10 +92,7 @@ public:
 		}
 		Transport.reset();
 	}
-	virtual bool IsConnected() override
-	{
-		return Transport && Transport->state() == terraport::TransportState::Open;
-	}
+	virtual bool IsConnected() override { return Transport && Transport->state() == terraport::TransportState::Open; }
 	virtual void Send(const FString& Text) override
 	{
 		const std::string Bytes = TextOf(Text);
@@ -163,14 +161,8 @@ private:
 class FResponse final : public IHttpResponse
 {
 public:
-	virtual int32 GetResponseCode() const override
-	{
-		return Code;
-	}
-	virtual const TArray<uint8>& GetContent() const override
-	{
-		return Content;
-	}
+	virtual int32 GetResponseCode() const override { return Code; }
+	virtual const TArray<uint8>& GetContent() const override { return Content; }
 	int32 Code = 0;
 	TArray<uint8> Content;
 };
@@ -238,10 +230,7 @@ public:
 		bool bIsOver = false;
 		std::shared_ptr<FResponse> Response;
 	};
-	virtual void SetURL(const FString& InUrl) override
-	{
-		Url = TextOf(InUrl);
-	}
+	virtual void SetURL(const FString& InUrl) override { Url = TextOf(InUrl); }
 	virtual void SetVerb(const FString&) override {}
 	virtual void SetHeader(const FString& Name, const FString& Value) override
 	{
@@ -262,14 +251,8 @@ public:
 		bTold = true;
 		Complete.ExecuteIfBound(FHttpRequestPtr(), FHttpResponsePtr(), false);
 	}
-	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override
-	{
-		return Complete;
-	}
-	virtual FHttpRequestProgressDelegate64& OnRequestProgress64() override
-	{
-		return Progress;
-	}
+	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override { return Complete; }
+	virtual FHttpRequestProgressDelegate64& OnRequestProgress64() override { return Progress; }
 	void Pump()
 	{
 		std::shared_ptr<FResponse> Response;

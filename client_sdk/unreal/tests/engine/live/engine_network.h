@@ -4,10 +4,10 @@
 #include "IWebSocket.h"
 #include "WebSocketsModule.h"
 
-/// The stubs' network made real: WebSockets by libwebsockets, HTTP by plain sockets. What comes is told in `Pump`, as the engine
-/// tells it on the game thread; binary messages come in pieces of 60,000 bytes. The socket is looked at as often as the engine's thread
-/// would do it at the pace that the configuration had when the module was loaded, and gives 32 KiB at a time: in rounds that are counted
-/// against frames of 5 ms.
+/// The stubs' network made real: WebSockets by libwebsockets, HTTP by plain sockets. What comes is told in `Pump`, as the
+/// engine tells it on the game thread; binary messages come in pieces of 60,000 bytes. The socket is looked at as often as the
+/// engine's thread would do it at the pace that the configuration had when the module was loaded, and gives 32 KiB at a time:
+/// in rounds that are counted against frames of 5 ms.
 namespace EngineNetwork
 {
 struct FPace

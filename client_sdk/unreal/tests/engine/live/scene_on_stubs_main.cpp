@@ -1,9 +1,10 @@
-// The scene actor itself, on an engine of stubs, against a live service: lands, supersedes, teleports, closes, and looks at what
-// would be drawn after each.
+// The scene actor itself, on an engine of stubs, against a live service: lands, supersedes, teleports, closes, and looks at
+// what would be drawn after each.
 //
 //   terraport-scene-on-stubs URL RADIUS_M [TOKEN [late]]
 //
-// With "late" something else has loaded the engine's WebSockets module before the plugin starts. Prints one line of JSON, and ends with 0 where everything was as it must be.
+// With "late" something else has loaded the engine's WebSockets module before the plugin starts. Prints one line of JSON, and
+// ends with 0 where everything was as it must be.
 #include "TerraportScene.h"
 #include "TerraportUserComponent.h"
 #include "engine_network.h"
@@ -188,7 +189,8 @@ int main(int Count, char** Arguments)
 	ExpectShown(Visit, Visit.Scene.GetStatus().Landing);
 	const FVector Head = Visit.Pawn.GetActorLocation() + FVector(30.0, 40.0, 0.0);
 	Expect(Head.Equals(FVector(Corner.X, Corner.Y, Head.Z), 0.5), "the head is above the place");
-	Expect(Visit.Scene.GroundAt(Head + FVector(0.0, 0.0, 100.0), Ground) && Ground.Location.Equals(Head, 1.0), "the feet are on the ground");
+	Expect(Visit.Scene.GroundAt(Head + FVector(0.0, 0.0, 100.0), Ground) && Ground.Location.Equals(Head, 1.0),
+		"the feet are on the ground");
 
 	FVector Survey, Back;
 	Expect(Visit.Scene.WorldToSurvey(Head, Survey) && Visit.Scene.SurveyToWorld(Survey, Back) && Back.Equals(Head, 0.01),
@@ -200,9 +202,10 @@ int main(int Count, char** Arguments)
 	Expect(Drawn().Alive == 0, "closing leaves no component");
 	// Decodes that were under way end by themselves.
 	std::this_thread::sleep_for(std::chrono::milliseconds(300));
-	std::printf("{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"components\": %d}, \"last\": {\"triangles\": %lld, "
-				"\"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, \"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
-				"\"rounds\": %d, \"payload_bytes\": %lld, \"ms\": %.0f, \"warnings\": %zu}}\n",
+	std::printf(
+		"{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"components\": %d}, \"last\": {\"triangles\": %lld, "
+		"\"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, \"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
+		"\"rounds\": %d, \"payload_bytes\": %lld, \"ms\": %.0f, \"warnings\": %zu}}\n",
 		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Components, Last.Triangles, Last.Components,
 		UProceduralMeshComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS, After.Frames - Before.Frames,
 		After.Rounds - Before.Rounds, FirstBytes, FirstMs, Warnings);

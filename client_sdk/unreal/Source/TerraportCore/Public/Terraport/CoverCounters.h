@@ -12,13 +12,13 @@ namespace terraport {
 
 /// Which faces of the base mesh the shown segments hide.
 ///
-/// The rule (docs/topics/hand-off.md): a base face is hidden if and only if its list is not empty and every segment in it is shown.
-/// Each face has one counter, the number of segments over it that are *not* shown, so a landing costs only the faces under the
-/// segments that change. No distance, no geometry: the outcome depends on the set alone.
+/// The rule (docs/topics/hand-off.md): a base face is hidden if and only if its list is not empty and every segment in it is
+/// shown. Each face has one counter, the number of segments over it that are *not* shown, so a landing costs only the faces
+/// under the segments that change. No distance, no geometry: the outcome depends on the set alone.
 class TERRAPORTCORE_API CoverCounters {
  public:
-  /// Begin with nothing shown. O(faces + entries), once for a version. A failure where the arrays are no cover; the counters are
-  /// then of a base without faces.
+  /// Begin with nothing shown. O(faces + entries), once for a version. A failure where the arrays are no cover; the counters
+  /// are then of a base without faces.
   Status begin(const Cover& cover);
 
   std::uint32_t faceCount() const { return static_cast<std::uint32_t>(hidden_.size()); }
@@ -52,7 +52,8 @@ class TERRAPORTCORE_API CoverCounters {
   std::uint32_t hiddenHash_ = 0;
 };
 
-/// A well-mixed number for an id: the finaliser of MurmurHash3 (A. Appleby, public domain) over id + 1, as in every terraport client.
+/// A well-mixed number for an id: the finaliser of MurmurHash3 (A. Appleby, public domain) over id + 1, as in every terraport
+/// client.
 TERRAPORTCORE_API std::uint32_t mix32(std::uint32_t id);
 
 }  // namespace terraport

@@ -31,8 +31,8 @@ struct DecodedSegment {
   SharedPayload payload;
 };
 
-/// Decode one job into `mesh`, in the calling thread: what every queue does. The decoder's own memory belongs to the thread, and is
-/// used again.
+/// Decode one job into `mesh`, in the calling thread: what every queue does. The decoder's own memory belongs to the thread,
+/// and is used again.
 TERRAPORTCORE_API Status decodePayload(const DecodeJob& job, SegmentMesh& mesh);
 
 /// Decodes elsewhere, or later. Called from one thread, the stage's; nothing blocks.

@@ -20,11 +20,11 @@ struct SceneLoadOptions {
   std::string token;
   /// Scene version, 32 hexadecimal digits; empty for the newest.
   std::string version;
-  /// Runs work that takes tens of milliseconds (hash and decoding of the files) somewhere else than in `pump`, on any thread, some
-  /// time; unset: in `pump`.
+  /// Runs work that takes tens of milliseconds (hash and decoding of the files) somewhere else than in `pump`, on any thread,
+  /// some time; unset: in `pump`.
   std::function<void(std::function<void()>)> runElsewhere;
-  /// Called with the files where they were decoded, before they become constant: an engine may put the base's faces into an order
-  /// of its own here, with their cover rows.
+  /// Called with the files where they were decoded, before they become constant: an engine may put the base's faces into an
+  /// order of its own here, with their cover rows.
   std::function<void(SceneFiles&)> afterLoad;
 };
 
@@ -53,8 +53,8 @@ class TERRAPORTCORE_API SceneLoader {
 
   LoadState pump();
   LoadState state() const;
-  /// Why it failed. Codes: those of the wire protocol where the server refuses; `unreachable` without an answer; `damaged` where
-  /// what came is not what the manifest says; `unsupported_version`, `invalid_url`, `several_scenes`, `refused`.
+  /// Why it failed. Codes: those of the wire protocol where the server refuses; `unreachable` without an answer; `damaged`
+  /// where what came is not what the manifest says; `unsupported_version`, `invalid_url`, `several_scenes`, `refused`.
   const Status& status() const;
   /// Null before Done.
   const SharedSceneFiles& files() const;
@@ -69,9 +69,9 @@ class TERRAPORTCORE_API SceneLoader {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Turn a version's files into what a client needs: hashes, decoding, all checks. `manifestJson` is scene.json as it came; `id` the
-/// scene's of the URL. What SceneLoader does when everything has come; pure, any thread.
-TERRAPORTCORE_API Result<std::shared_ptr<SceneFiles>> decodeSceneFiles(ByteSpan manifestJson, const std::string& id,
-                                                                       const SceneFileBytes& bytes);
+/// Turn a version's files into what a client needs: hashes, decoding, all checks. `manifestJson` is scene.json as it came; `id`
+/// the scene's of the URL. What SceneLoader does when everything has come; pure, any thread.
+TERRAPORTCORE_API Result<std::shared_ptr<SceneFiles>> decodeSceneFiles(
+    ByteSpan manifestJson, const std::string& id, const SceneFileBytes& bytes);
 
 }  // namespace terraport

@@ -102,7 +102,7 @@ struct StageStats {
 class TERRAPORTCORE_API SceneStage {
  public:
   SceneStage(LandingStream& stream, SharedSceneFiles files, SceneRenderer& renderer, DecodeQueue& decoders,
-             const StageOptions& options = {});
+      const StageOptions& options = {});
   /// Frees every segment at the renderer.
   ~SceneStage();
   SceneStage(const SceneStage&) = delete;
@@ -116,8 +116,8 @@ class TERRAPORTCORE_API SceneStage {
   void handle(const StreamEvent& event);
 
   /// Once per frame: asks for decodes, makes segments drawable, frees, prepares the base, and shows the newest landing where it
-  /// can be and is to be shown. Works for at most `budgetMs` by `clockMs`, but for the step in hand when it is used up; one step
-  /// at least is done.
+  /// can be and is to be shown. Works for at most `budgetMs` by `clockMs`, but for the step in hand when it is used up; one
+  /// step at least is done.
   void update(const std::function<double()>& clockMs, double budgetMs);
 
   /// Whether a swap would show the newest landing, in full or its inner part.

@@ -52,9 +52,8 @@ class TERRAPORTCORE_API SceneStream final : public ISceneStream {
   /// Make a stream; it connects at the first `pump`.
   /// `chance` gives numbers in [0, 1) for the waits between attempts; null takes a generator of its own.
   /// Errors: `invalid_url`, `invalid_field`.
-  static Result<std::unique_ptr<SceneStream>> make(const StreamOptions& options,
-                                                   std::shared_ptr<TransportFactory> transports,
-                                                   double (*chance)() = nullptr);
+  static Result<std::unique_ptr<SceneStream>> make(
+      const StreamOptions& options, std::shared_ptr<TransportFactory> transports, double (*chance)() = nullptr);
 
   ~SceneStream() override;
   SceneStream(const SceneStream&) = delete;

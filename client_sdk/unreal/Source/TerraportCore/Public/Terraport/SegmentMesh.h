@@ -32,8 +32,8 @@ enum class ImageType : std::uint8_t { None, Jpeg, Png, Webp, Ktx2 };
 /// "image/jpeg" and so on; empty for None.
 TERRAPORTCORE_API const char* mediaTypeOf(ImageType type);
 
-/// The image file of a textured payload, not decoded. Its header was read: type and sides are those, powers of two, at most 2048
-/// (base: 4096).
+/// The image file of a textured payload, not decoded. Its header was read: type and sides are those, powers of two, at most
+/// 2048 (base: 4096).
 struct PayloadImage {
   ImageType type = ImageType::None;
   /// Pixels.
@@ -54,8 +54,8 @@ struct AttributeColumn {
   SegmentBuffer<std::uint16_t> codes;
 };
 
-/// Whatever an engine makes of a mesh on the decoding thread (DecodeThreads' hook) and keeps with it, so that its memory is used
-/// again too.
+/// Whatever an engine makes of a mesh on the decoding thread (DecodeThreads' hook) and keeps with it, so that its memory is
+/// used again too.
 class TERRAPORTCORE_API EngineData {
  public:
   virtual ~EngineData() = default;

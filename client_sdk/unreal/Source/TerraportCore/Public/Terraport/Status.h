@@ -32,9 +32,7 @@ class [[nodiscard]] Status {
   }
 
   /// Bytes that are not what they should be.
-  static Status damaged(std::string message, std::int64_t offset = -1) {
-    return failed("damaged", std::move(message), offset);
-  }
+  static Status damaged(std::string message, std::int64_t offset = -1) { return failed("damaged", std::move(message), offset); }
 
   bool isOk() const { return code_.empty(); }
   /// Empty for success.
@@ -45,9 +43,7 @@ class [[nodiscard]] Status {
   std::int64_t offset() const { return offset_; }
 
   /// The message, and the offset where one is known.
-  std::string text() const {
-    return offset_ < 0 ? message_ : message_ + " (payload offset " + std::to_string(offset_) + ")";
-  }
+  std::string text() const { return offset_ < 0 ? message_ : message_ + " (payload offset " + std::to_string(offset_) + ")"; }
 
  private:
   std::string code_;
@@ -80,10 +76,10 @@ class [[nodiscard]] Result {
 }  // namespace terraport
 
 /// Leave the function with the status of an expression that failed.
-#define TERRAPORT_RETURN_IF_ERROR(expression)                             \
-  do {                                                                    \
-    ::terraport::Status terraportStatus_ = (expression);                  \
-    if (!terraportStatus_.isOk()) {                                       \
-      return terraportStatus_;                                            \
-    }                                                                     \
+#define TERRAPORT_RETURN_IF_ERROR(expression)            \
+  do {                                                   \
+    ::terraport::Status terraportStatus_ = (expression); \
+    if (!terraportStatus_.isOk()) {                      \
+      return terraportStatus_;                           \
+    }                                                    \
   } while (false)

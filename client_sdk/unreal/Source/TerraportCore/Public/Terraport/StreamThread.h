@@ -17,8 +17,7 @@ namespace terraport {
 class TERRAPORTCORE_API StreamThread final : public ISceneStream {
  public:
   /// Start. Errors: as `SceneStream::make`.
-  static Result<std::unique_ptr<StreamThread>> make(const StreamOptions& options,
-                                                    std::shared_ptr<TransportFactory> transports);
+  static Result<std::unique_ptr<StreamThread>> make(const StreamOptions& options, std::shared_ptr<TransportFactory> transports);
 
   /// Says goodbye where `close` was not called, and waits for the thread: some milliseconds.
   ~StreamThread() override;

@@ -19,7 +19,9 @@ struct ByteSpan {
 };
 
 /// The bytes of a payload.
-inline ByteSpan viewOf(const std::vector<std::uint8_t>& bytes) { return {bytes.data(), bytes.size()}; }
+inline ByteSpan viewOf(const std::vector<std::uint8_t>& bytes) {
+  return {bytes.data(), bytes.size()};
+}
 
 /// A payload as it came, kept alive by whoever holds it: the cache may let it go while a decoder still reads it.
 using SharedPayload = std::shared_ptr<const std::vector<std::uint8_t>>;
