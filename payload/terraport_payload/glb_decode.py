@@ -91,6 +91,9 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
         For anything that is not a whole GLB of the profile: never another exception, whatever the
         bytes.
     """
+    # Invariant: nothing of the document is used before its type and range are checked, and no array
+    # is made that its bytes in the BIN chunk cannot fill.
+    # (1) The one mesh, with nothing required that we do not know.
     document, binary, at = split_glb(data)
     reader = _Reader(document, binary, at)
     required = document.get("extensionsRequired", [])
@@ -103,6 +106,7 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
         raise PayloadError(f"primitive mode {primitive.get('mode')!r}, expected 4 (triangles)")
     attributes = typed(primitive.get("attributes"), dict, "attributes")
 
+    # (2) Codes: positions, faces, and what the mesh may have besides.
     codes = reader.accessor(attributes.get("POSITION"), (UNSIGNED_SHORT, FLOAT), "VEC3", "POSITION")
     translation, scale = _transform(typed(only(document, "nodes"), dict, "node"))
     if codes.dtype.kind == "f" and (any(translation) or scale != [1.0, 1.0, 1.0]):
@@ -120,6 +124,7 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
         region_ids = reader.accessor(
             attributes["_FEATURE_ID_0"], (UNSIGNED_SHORT,), "SCALAR", "_FEATURE_ID_0"
         ).copy()
+    # (3) The image, and coordinates only where there is one.
     texture = None
     image = find_image(document, primitive)
     if image is not None:
@@ -133,6 +138,7 @@ def decode_glb(data: bytes | memoryview) -> SegmentMesh:
                 "TEXCOORD_0 must be normalised without a transform, and not with one"
             )
         uvs = decode_uvs(uv_codes, uv_scale)
+    # (4) Codes to values; only then do counts and indices have to agree with each other.
     result = SegmentMesh(
         positions=_scene_positions(codes, translation, scale),
         faces=indices.reshape(-1, 3).astype(np.uint32),

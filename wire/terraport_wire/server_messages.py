@@ -212,7 +212,7 @@ class Prefetch(ServerMessage):
     bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes of segments, whole"]
 
     def contradiction(self) -> tuple[str, str] | None:
-        """Check the sum."""
+        """Check that the lengths of `segments` add up to `bytes`."""
         if int(self.segments["length"].sum(dtype="u8")) != self.bytes:
             return ("bytes", f"got {self.bytes}, expected the sum of the segments' lengths")
         return None
