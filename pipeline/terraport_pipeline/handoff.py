@@ -133,9 +133,9 @@ def check_hand_off_in_windows(
         model = open_window(segments)
         tolerance_m = model.tolerance_m
         watcher.start(f"hand-off: rays, window {number + 1} of {len(windows)}", float(rays), "rays")
-        part = HandOffOptions(rays, min(subsets, rays), chosen.seed + number)
+        window_options = HandOffOptions(rays, min(subsets, rays), chosen.seed + number)
         tally.segments = segments
-        _look_at(model, part, tally, watcher)
+        _look_at(model, window_options, tally, watcher)
         del model
         watcher.done({"holes": int(tally.counts[:, 3].sum())})
     return tally.report(tolerance_m, chosen.seed, len(windows))
@@ -185,7 +185,7 @@ class _Tally:
         return segments if self.segments is None else self.segments[segments]
 
     def report(self, tolerance_m: float, seed: int, windows: int = 1) -> HandOffReport:
-        """Sum up."""
+        """Turn the counts and distances of all rays into a report."""
         kinds = tuple(
             KindReport(kind.name.lower(), *(int(n) for n in self.counts[kind])) for kind in RayKind
         )
@@ -250,8 +250,8 @@ class _Prover:
         hit = np.isfinite(first_t)
         missed = strict_misses(first_t, met.base[0], mixed_t, tolerance)
         rows = np.flatnonzero(hit)
-        places = self._judge.places(met, rows)
-        distance = places.distance(mixed, mixed_t[rows], MEASURE_REACH * tolerance)
+        hits = self._judge.hit_places(met, rows)
+        distance = hits.distance(mixed, mixed_t[rows], MEASURE_REACH * tolerance)
         suspects, smoothed = self._judge.holes(met, mixed, mixed_t, rows[distance > tolerance])
         self._tally.smoothed += len(smoothed)
         if len(suspects):
@@ -280,7 +280,7 @@ class _Prover:
         count = options.rays // options.subsets + (index < options.rays % options.subsets)
         rim = rim_base_faces(model.cover_offsets, model.cover_segments, loaded)
         at_rim = count // 2 if len(rim) else 0
-        places = [
+        targets = [
             random_places(
                 model.detail_vertices,
                 model.detail_faces,
@@ -290,14 +290,14 @@ class _Prover:
             )
         ]
         if at_rim:
-            places.append(
+            targets.append(
                 random_places(model.base_vertices, model.base_faces[rim], at_rim, self._rng)
             )
-        return aim_rays(np.concatenate(places), self._top_m, self._rng, ground_m=self._ground_m)
+        return aim_rays(np.concatenate(targets), self._top_m, self._rng, ground_m=self._ground_m)
 
-    def _ground_m(self, places: Float64) -> Float64:
+    def _ground_m(self, points: Float64) -> Float64:
         """Height of the full detail at some places, seen from above; NaN where there is none."""
-        starts = places.copy()
+        starts = points.copy()
         starts[:, 1] = self._top_m + 1.0
         down = np.broadcast_to(np.array([0.0, -1.0, 0.0]), starts.shape)
         t = self._detail.closest_hit(starts, down)[0].astype(np.float64)
@@ -371,8 +371,8 @@ def _segment_centres(model: HandOffModel) -> Float64:
     return np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
 
 
-def _percentiles(parts: list[Float32]) -> dict[str, float]:
-    values = np.concatenate(parts) if parts else np.empty(0, np.float32)
+def _percentiles(chunks: list[Float32]) -> dict[str, float]:
+    values = np.concatenate(chunks) if chunks else np.empty(0, np.float32)
     if len(values) == 0:
         return {"p50": 0.0, "p99": 0.0, "p99.9": 0.0, "max": 0.0}
     # "lower" never averages a finite distance with an infinite one.

@@ -92,9 +92,9 @@ def choose_landing(model: SceneModel, rays: RayScene) -> Landing:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     width = float(np.max((high - low)[[0, 2]]))
     radius = min(LARGEST_RADIUS_M, max(width / 5, 1.0))
-    places = _standing_places(vertices, low, high, rays)
-    scores = [_views(place, radius, rays).max() for place in places]
-    position = tuple(float(value) for value in places[int(np.argmax(scores))])
+    spots = _standing_places(vertices, low, high, rays)
+    scores = [_views(spot, radius, rays).max() for spot in spots]
+    position = tuple(float(value) for value in spots[int(np.argmax(scores))])
     distance = box_distances_m(model.segment_bounds, np.array(position))
     return Landing((position[0], position[1], position[2]), radius, distance <= radius)
 

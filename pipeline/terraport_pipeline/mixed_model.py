@@ -54,7 +54,7 @@ class HandOffModel:
     cover_offsets: AnyInt
     """(B + 1,) where each base face's segments begin in ``cover_segments``."""
     cover_segments: AnyInt
-    """Segment ids."""
+    """Segment ids of all lists, one after another."""
     tolerance_m: float
     """How far apart the two levels may lie (the manifest's ``hand_off.tolerance_m``)."""
 
@@ -128,7 +128,7 @@ class BuiltModel:
         self._rays = RayScene(np.concatenate([model.detail_vertices, model.base_vertices]), faces)
 
     def closest(self, origins: Float32, directions: Float32) -> Float32:
-        """Distance to the nearest face; (R,)."""
+        """Distance along each ray to the nearest face, (R,); infinite where it meets none."""
         return self._rays.closest_hit(origins, directions)[0]
 
 
@@ -166,8 +166,8 @@ class Places:
         up = np.broadcast_to(np.array([0, 1, 0], dtype=np.float32), self._points.shape)
         points = self._points.astype(np.float32)
         above = np.isfinite(model.closest(points, np.ascontiguousarray(up)))
-        found: Bool = above | np.isfinite(model.closest(points, -up))
-        return found
+        meets: Bool = above | np.isfinite(model.closest(points, -up))
+        return meets
 
 
 def face_normals(vertices: Float32, faces: Int32, face: Int32) -> Float32:

@@ -78,7 +78,7 @@ def prove_in_windows(
 
 
 def segments_around(
-    scene: Scene, place: tuple[float, float, float], max_faces: int = MAX_WINDOW_FACES
+    scene: Scene, point: tuple[float, float, float], max_faces: int = MAX_WINDOW_FACES
 ) -> Int64:
     """Choose the segments nearest to a place, of so many faces in all; at least one.
 
@@ -86,7 +86,7 @@ def segments_around(
     ----------
     scene : Scene
         Open.
-    place : (float, float, float)
+    point : (float, float, float)
         Metres, scene frame.
     max_faces : int
 
@@ -95,7 +95,7 @@ def segments_around(
     ndarray of int64
         Ascending.
     """
-    distance = box_distances_m(scene.index.bounds, np.array(place))
+    distance = box_distances_m(scene.index.bounds, np.array(point))
     order = np.argsort(distance, kind="stable")
     passed = np.cumsum(scene.index.face_count[order].astype(np.int64))
     return np.sort(order[: max(1, int(np.searchsorted(passed, max_faces, side="right")))])
@@ -129,9 +129,11 @@ def windows_of(bounds: Float64, faces: Int64, max_faces: int) -> list[Int64]:
 
 def _touches(bounds: Float64, core: Int64, others: Int64) -> Bool:
     """Whether the boxes of some segments meet any box of the core's."""
-    found = np.zeros(len(others), np.bool_)
+    touches = np.zeros(len(others), np.bool_)
     own = bounds[core]
-    for place, other in enumerate(others):  # a few thousand segments
+    for number, other in enumerate(others):  # a few thousand segments
         box = bounds[other]
-        found[place] = bool(((own[:, :3] <= box[3:]) & (own[:, 3:] >= box[:3])).all(axis=1).any())
-    return found
+        touches[number] = bool(
+            ((own[:, :3] <= box[3:]) & (own[:, 3:] >= box[:3])).all(axis=1).any()
+        )
+    return touches

@@ -54,7 +54,7 @@ def describe(worst: WorstRay) -> str:
 
 
 def to_survey(
-    origin: tuple[float, float, float], place: tuple[float, float, float]
+    origin: tuple[float, float, float], position: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Turn a place of the scene into easting, northing and height.
 
@@ -62,7 +62,7 @@ def to_survey(
     ----------
     origin : (float, float, float)
         E0, N0, H0 of the manifest, metres.
-    place : (float, float, float)
+    position : (float, float, float)
         x, y, z, metres, scene frame.
 
     Returns
@@ -74,7 +74,7 @@ def to_survey(
     >>> to_survey((500.0, 8000.0, 100.0), (1.0, 2.0, 3.0))
     (501.0, 7997.0, 102.0)
     """
-    return origin[0] + place[0], origin[1] - place[2], origin[2] + place[1]
+    return origin[0] + position[0], origin[1] - position[2], origin[2] + position[1]
 
 
 def sight_of(worst: WorstRay, tolerance_m: float) -> Camera:
@@ -134,12 +134,14 @@ def compare_at(
         detail, orange further, full colour at four tolerances, magenta where the mixed model shows
         nothing.
     """
+    # (1) Where to look from, and the two meshes to look at.
     tolerance_m = model.manifest.hand_off.tolerance_m
     camera = sight_of(worst, tolerance_m)
     loaded = np.zeros(len(model.segment_bounds), dtype=np.bool_)
     loaded[list(worst.loaded)] = True
     detail_scene = detail_rays or RayScene(model.detail.vertices, model.detail.faces)
     base_scene = base_rays or RayScene(model.base.vertices, model.base.faces)
+    # (2) Both pictures by the same camera and light.
     full = render_mesh(
         model.detail.vertices,
         model.detail.faces,
@@ -167,6 +169,7 @@ def compare_at(
         shadows=False,
         supersample=supersample,
     )
+    # (3) Their difference in depth, in colour.
     full_t, mixed_t = _depths(model, loaded, camera, size, (detail_scene, base_scene))
     difference = difference_colours(full_t, mixed_t, tolerance_m).reshape(size[1], size[0], 3)
     most = f"{FULL_COLOUR * tolerance_m:.3g} m"
@@ -237,8 +240,8 @@ def _side_by_side(panels: tuple[UInt8, ...], words: tuple[str, ...]) -> UInt8:
     height, width = panels[0].shape[:2]
     whole = Image.new("RGB", (len(panels) * (width + GAP_PX) - GAP_PX, height + LINE_PX), "white")
     draw, font = ImageDraw.Draw(whole), ImageFont.load_default(13)
-    for place, (panel, text) in enumerate(zip(panels, words, strict=True)):
-        left = place * (width + GAP_PX)
+    for number, (panel, text) in enumerate(zip(panels, words, strict=True)):
+        left = number * (width + GAP_PX)
         whole.paste(Image.fromarray(panel), (left, LINE_PX))
         draw.text((left + 4, 3), text, fill="black", font=font)
         middle, reach = (left + width / 2, LINE_PX + height / 2), height / 12

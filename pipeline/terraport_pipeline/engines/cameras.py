@@ -32,7 +32,7 @@ NEAR_M: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole or a parallel projection."""
+    """A pinhole or a parallel projection, given by its eye and three axes."""
 
     kind: Literal["perspective", "orthographic"]
     eye: tuple[float, float, float]

@@ -67,7 +67,7 @@ class NpyWriter:
         self.rows += len(whole)
 
     def close(self) -> None:
-        """Write the header."""
+        """Write the header, which needs the number of rows, and close the file."""
         room = self._header_bytes - 10
         with self.path.open("r+b") as file:
             file.write(b"\x93NUMPY\x01\x00" + room.to_bytes(2, "little"))

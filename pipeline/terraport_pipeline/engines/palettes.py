@@ -84,8 +84,8 @@ def ramp_colours(values: AnyFloat, low: float, high: float) -> UInt8:
     span = high - low
     share = (np.asarray(values, np.float64) - low) / span if span > 0 else np.zeros(len(values))
     share = np.where(np.isnan(values), np.nan, share)
-    place = np.clip(np.nan_to_num(share), 0, 1) * (len(stops) - 1)
-    channels = [np.interp(place, np.arange(len(stops)), stops[:, c]) for c in range(3)]
+    position = np.clip(np.nan_to_num(share), 0, 1) * (len(stops) - 1)
+    channels = [np.interp(position, np.arange(len(stops)), stops[:, c]) for c in range(3)]
     colours = np.round(np.stack(channels, axis=1)).astype(np.uint8)
     colours[np.isnan(share)] = NO_VALUE
     return colours

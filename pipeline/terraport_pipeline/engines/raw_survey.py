@@ -17,7 +17,7 @@ __all__ = [
     "COLOUR_NAMES",
     "Advance",
     "RawSurvey",
-    "StreamPart",
+    "StreamChunk",
     "apply_depth",
     "check_precision",
     "choose_depth",
@@ -59,11 +59,11 @@ class RawSurvey:
     crs: Any | None
     """pyproj.CRS as the file states it."""
     warnings: tuple[str, ...] = ()
-    """Whole sentences."""
+    """Whole sentences about what was assumed or left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StreamPart:
+class StreamChunk:
     """Some points of a survey that is read in parts."""
 
     points: Float64
@@ -75,7 +75,7 @@ class StreamPart:
 
     @property
     def kept(self) -> int:
-        """Points in the part."""
+        """Number of points in the chunk; fewer than were read where the survey is thinned."""
         return len(self.points)
 
 
@@ -157,8 +157,8 @@ def choose_depth(
     warnings : tuple of str
     """
     if low < 0.0 or high > np.iinfo(np.uint16).max:
-        told = f"The fields {where} hold values from {low:g} to {high:g}, which are no colours."
-        return None, (told,)
+        warning = f"The fields {where} hold values from {low:g} to {high:g}, which are no colours."
+        return None, (warning,)
     if high == 0.0:
         return None, (f"The fields {where} are 0 in every point.",)
     if dtype.kind == "f" and high <= 1.0:
@@ -210,12 +210,12 @@ def tell_precision(single: Bool, top: Float64) -> tuple[str, ...]:
     axis = int(steps.argmax())
     if steps[axis] <= _WORST_STEP_M:
         return ()
-    told = (
+    warning = (
         f"Coordinates near {top[axis]:,.0f} m were stored as 32-bit floats: they move in steps of "
         f"{steps[axis]:g} m, and detail below that is lost. Export the survey with 64-bit "
         "coordinates or with a local offset."
     )
-    return (told,)
+    return (warning,)
 
 
 def find_colours(names: Sequence[str]) -> tuple[str, str, str] | None:

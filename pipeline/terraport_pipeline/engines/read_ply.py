@@ -19,7 +19,7 @@ from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     find_colours,
     thinning_rows,
     to_eight_bits,
@@ -119,7 +119,7 @@ class PlyStream:
     warnings: tuple[str, ...]
     colours: tuple[str, ...]
     """Names of red, green, blue, or none."""
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
 
@@ -135,22 +135,22 @@ def stream_ply(path: Path, *, max_points: int | None = None) -> PlyStream:
     lower = {name.lower(): name for name in reversed(names)}
     axes = [lower[axis] for axis in "xyz"]
 
-    def parts() -> Iterator[StreamPart]:
+    def chunks() -> Iterator[StreamChunk]:
         for table, read in tables(path, header, vertex, before, rows):
             points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
             columns = {
                 name: np.ascontiguousarray(table[name]) for name in names if name not in axes
             }
-            yield StreamPart(points, columns, read)
+            yield StreamChunk(points, columns, read)
 
-    return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), parts)
+    return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), chunks)
 
 
 def _ignored(others: list[_Element]) -> tuple[str, ...]:
     if not others:
         return ()
-    told = " and ".join(f"{element.count:,} {element.name}" for element in others)
-    return (f"Only the vertices are read; the file's {told} elements are ignored.",)
+    counts = " and ".join(f"{element.count:,} {element.name}" for element in others)
+    return (f"Only the vertices are read; the file's {counts} elements are ignored.",)
 
 
 def _read_header(path: Path, file: BinaryIO) -> _Header:
@@ -270,6 +270,8 @@ def _ascii_tables(
     rows: Int64 | None,
 ) -> Iterator[tuple[AnyArray, int]]:
     """Yield (vertices that are kept, vertices read)."""
+    # (1) Refuse a header that promises more than the file can hold, before memory is taken for
+    # it.
     dtype = _row_type(vertex, "ascii")
     columns = len(vertex.properties)
     size = path.stat().st_size
@@ -280,6 +282,7 @@ def _ascii_tables(
             f"{size:,} bytes",
             "it is cut off: copy or export it again",
         )
+    # (2) Skip what stands before the vertices, then read them chunk by chunk.
     with path.open("rb") as file:
         file.seek(header.length)
         for _ in range(sum(element.count for element in before)):

@@ -38,7 +38,7 @@ CACHE_BYTES: Final = 256 << 20
 
 
 class TextureImages(Protocol):
-    """Where the images of textures come from."""
+    """Source of decoded texture images by number; they may be decoded only when asked for."""
 
     def size(self, image: int) -> tuple[int, int]:
         """Return the width and height of an image at full size."""
@@ -88,10 +88,10 @@ class ImageCache:
         key = (image, halvings)
         # Held while decoding: two threads that want the same image must not both decode it.
         with self._lock:
-            found = self._kept.get(key)
-            if found is not None:
+            cached = self._kept.get(key)
+            if cached is not None:
                 self._kept.move_to_end(key)
-                return found
+                return cached
             pixels = decode_halved(self._read(image), halvings)
             self._kept[key] = pixels
             self._bytes += pixels.nbytes
@@ -102,7 +102,7 @@ class ImageCache:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Texturing:
-    """The textures of one mesh."""
+    """Texture coordinates of a mesh's corners, and the image that each face reads."""
 
     uvs: Float32
     """(V, 2) 0..1 from the image's upper left."""

@@ -207,6 +207,8 @@ def _sort_row(rows: Int32, start: int, end: int) -> None:
 
     Rows have about three entries; a fan of any size still takes n log n.
     """
+    # (1) Short runs by insertion. Only strictly higher entries move, so equal ones keep their
+    # order.
     for low in range(start, end, _INSERTION):
         for i in range(low + 1, min(low + _INSERTION, end)):
             high, face = rows[i, 0], rows[i, 1]
@@ -215,6 +217,8 @@ def _sort_row(rows: Int32, start: int, end: int) -> None:
                 rows[j, 0], rows[j, 1] = rows[j - 1, 0], rows[j - 1, 1]
                 j -= 1
             rows[j, 0], rows[j, 1] = high, face
+    # (2) Merge runs of doubled width; of equal entries the left run's comes first: stable as
+    # well.
     width = _INSERTION
     while width < end - start:
         spare = rows[start:end].copy()
@@ -319,6 +323,8 @@ def _emit_vertex_pairs(faces: Int32, starts: Int64, face: Int32, pairs: Int32) -
     write = len(pairs) > 0
     count = 0
     for v in range(len(starts) - 1):
+        # Pairs of this vertex's faces, up to a bound: a fan of n faces would give n^2 / 2 of
+        # them.
         for x in range(starts[v], starts[v + 1]):
             for y in range(x + 1, min(starts[v + 1], x + MAX_FACES_PER_EDGE)):
                 f, g = face[x], face[y]
@@ -347,6 +353,7 @@ def _find(parent: Int32, item: int) -> int:
 @numba.njit(cache=True, nogil=True)
 def _components(n_items: int, pairs: Int32, labels: Int32, also: Int32) -> tuple[Int32, int]:
     """Union-find whose root is always the lowest item, so numbering follows the first item."""
+    # (1) Unite. Invariant: `parent[i] <= i`, so the root of a tree is its lowest item.
     parent = np.empty(n_items, np.int32)
     for i in range(n_items):
         parent[i] = i
@@ -362,6 +369,7 @@ def _components(n_items: int, pairs: Int32, labels: Int32, also: Int32) -> tuple
             parent[b] = a
         elif b < a:
             parent[a] = b
+    # (2) Number the roots ascending; a root is met before all others of its tree.
     component = np.empty(n_items, np.int32)
     count = 0
     for i in range(n_items):

@@ -26,7 +26,7 @@ _CHUNK: Final = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class BorderFacts:
-    """How clean a surface ends."""
+    """How far a surface reaches beyond its outline, and how ragged its border is."""
 
     outside_m2: float
     """Area of the surface outside the footprint."""
@@ -149,11 +149,11 @@ def _teeth_m(vertices: Float32, edges: Int32) -> Float64:
     rows = np.flatnonzero(simple)
     if not len(rows):
         return np.zeros(1)
-    place = vertices[rows].astype(np.float64)
+    position = vertices[rows].astype(np.float64)
     first = vertices[before[rows]].astype(np.float64)
     chord = vertices[after[rows]] - first
     length = np.linalg.norm(chord, axis=1)
-    away: Float64 = np.linalg.norm(np.cross(place - first, chord), axis=1)
+    away: Float64 = np.linalg.norm(np.cross(position - first, chord), axis=1)
     teeth: Float64 = away / np.maximum(length, np.finfo(np.float64).tiny)
     return teeth
 
@@ -161,9 +161,9 @@ def _teeth_m(vertices: Float32, edges: Int32) -> Float64:
 def _is_in_sorted(values: Int64, among: Int64) -> Bool:
     if not len(among):
         return np.zeros(len(values), dtype=bool)
-    place = np.minimum(np.searchsorted(among, values), len(among) - 1)
-    found: Bool = among[place] == values
-    return found
+    index = np.minimum(np.searchsorted(among, values), len(among) - 1)
+    present: Bool = among[index] == values
+    return present
 
 
 @numba.njit(cache=True, nogil=True)

@@ -111,10 +111,10 @@ def _lab_differences(pairs: Int32, lab: AnyInt, faces: Int32, lightness: float) 
         u, v = pairs[i, 0], pairs[i, 1]
         square = 0.0
         for axis in range(3):
-            part = (lab[u, axis] / faces[u] - lab[v, axis] / faces[v]) / LAB_STEPS
+            step = (lab[u, axis] / faces[u] - lab[v, axis] / faces[v]) / LAB_STEPS
             if axis == 0:
-                part *= lightness
-            square += part * part
+                step *= lightness
+            square += step * step
         difference[i] = np.sqrt(square)
     return difference
 
@@ -133,10 +133,12 @@ def _weigh(
     border = np.empty(len(pairs), np.int64)
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]
+        # (1) Unlike colours weigh less: a Gaussian of their difference.
         weight = 1.0
         if scale > 0.0:
             ratio = difference[i] / scale
             weight *= np.exp(-ratio * ratio)
+        # (2) Folds weigh less by their angle; only concave ones, where the normals lean together.
         if exponent > 0.0:
             dot, size_u, size_v = 0.0, 0.0, 0.0
             for axis in range(3):
@@ -153,6 +155,7 @@ def _weigh(
                 if towards < 0.0:
                     angle = np.arccos(min(1.0, max(-1.0, dot / (root_u * root_v))))
                     weight *= (1.0 - angle / np.pi) ** exponent
+        # (3) Whole steps, never 0: a border stays a border.
         steps = np.rint(length[i] * max(weight, _LEAST_WEIGHT))
         border[i] = np.int64(max(steps, 1.0))
     return border

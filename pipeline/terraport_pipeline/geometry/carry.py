@@ -83,12 +83,12 @@ def carry_values(
 
 def _weighted_mean(values: Float32, weight: Float64) -> Float32:
     """Mean over axis 1 of what is not NaN, within the extremes of what was averaged."""
-    known = ~np.isnan(values)
-    weight = np.where(known, weight, 0.0)
+    valid = ~np.isnan(values)
+    weight = np.where(valid, weight, 0.0)
     total = weight.sum(axis=1)
-    summed = np.where(known, values, 0.0) * weight
+    summed = np.where(valid, values, 0.0) * weight
     with np.errstate(invalid="ignore"):
         mean = summed.sum(axis=1) / np.where(total > 0, total, np.nan)
-    low = np.where(known, values, np.inf).min(axis=1)
-    high = np.where(known, values, -np.inf).max(axis=1)
+    low = np.where(valid, values, np.inf).min(axis=1)
+    high = np.where(valid, values, -np.inf).max(axis=1)
     return np.where(total > 0, np.clip(mean, low, high), np.nan).astype(np.float32)

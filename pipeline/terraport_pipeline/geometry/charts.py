@@ -59,7 +59,7 @@ _CUTS: Final = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Charts:
-    """Charts of a mesh of F faces."""
+    """Charts of F faces with a photo each: connected faces of one view, laid out flat."""
 
     view: Int32
     """(F,) photo that colours each face; -1: none asked for, or not wholly in its picture."""
@@ -82,7 +82,7 @@ class Charts:
 
     @property
     def count(self) -> int:
-        """Number of charts, C."""
+        """Number of charts C; `chart` numbers them from 0."""
         return len(self.sizes)
 
 
@@ -234,9 +234,12 @@ def _laid_flat(
     across = np.cross(other, mean)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     up = np.cross(mean, across)
-    place = points[corners]
+    position = points[corners]
     flat: Float64 = np.stack(
-        [(place * across[chart][:, None]).sum(axis=2), (place * up[chart][:, None]).sum(axis=2)],
+        [
+            (position * across[chart][:, None]).sum(axis=2),
+            (position * up[chart][:, None]).sum(axis=2),
+        ],
         axis=2,
     )
     return flat

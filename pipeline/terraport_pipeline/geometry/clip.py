@@ -86,10 +86,10 @@ def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
     keys, first = np.unique(crossed, return_index=True)
     rank = np.empty(len(keys), dtype=np.int64)
     rank[np.argsort(first, kind="stable")] = np.arange(len(keys))
-    made, replaced, ends, share = _cut_points(points, values, keys, rank, len(points))
+    cuts, replaced, ends, share = _cut_points(points, values, keys, rank, len(points))
     pieces = _cut_faces(triangles, values, keys, replaced, len(crossed))
     return _used(
-        np.concatenate([points, made]),
+        np.concatenate([points, cuts]),
         pieces,
         np.concatenate([stayed, ends]),
         np.concatenate([np.zeros(len(points)), share]),
@@ -97,7 +97,7 @@ def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
 
 
 def _used(vertices: Float32, faces: Int32, ends: Int64, share: Float64) -> Clip:
-    """Drop vertices that no face uses."""
+    """Drop vertices that no face uses, and renumber the others in their order."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.ravel()] = True
     number = np.cumsum(used, dtype=np.int64) - 1
@@ -133,25 +133,28 @@ def _cut_points(
 
     Returns new vertices by rank, each key's vertex number, and by rank the ends and the share.
     """
-    made = np.zeros((len(keys), 3), np.float32)
+    cuts = np.zeros((len(keys), 3), np.float32)
     ends = np.empty((len(keys), 2), np.int64)
     shares = np.empty(len(keys))
     number = np.empty(len(keys), np.int64)
     for k in range(len(keys)):
         a, b = keys[k] >> 32, keys[k] & 0xFFFFFFFF
+        # The cut depends on the ends' positions alone: two tiles that share the edge compute the
+        # same.
         if _comes_after(vertices, a, b):
             a, b = b, a
         share = np.float64(field[a]) / (np.float64(field[a]) - np.float64(field[b]))
         ends[rank[k], 0], ends[rank[k], 1], shares[rank[k]] = a, b, share
         for axis in range(3):
             start, end = np.float64(vertices[a, axis]), np.float64(vertices[b, axis])
-            made[rank[k], axis] = start + share * (end - start)
+            cuts[rank[k], axis] = start + share * (end - start)
+        # Close to a kept end that end is taken instead, lest slivers arise.
         number[k] = first_number + rank[k]
         if field[a] >= 0.0 and share < _NEAR:
             number[k] = a
         elif field[b] >= 0.0 and 1.0 - share < _NEAR:
             number[k] = b
-    return made, number, ends, shares
+    return cuts, number, ends, shares
 
 
 @numba.njit(cache=True, nogil=True)
@@ -168,6 +171,9 @@ def _cut_faces(faces: Int32, field: Float32, keys: Int64, number: Int64, crossin
     out = np.empty((len(faces) + crossings, 3), np.int32)
     corners = np.empty(4, np.int64)
     count = 0
+    # Walk around the face: corners on the kept side, and the cut of every edge that changes
+    # sides. Invariant: corners[:n] is the kept polygon so far, without repeats; it has four at
+    # most.
     for f in range(len(faces)):
         n = 0
         for corner in range(3):
@@ -181,6 +187,7 @@ def _cut_faces(faces: Int32, field: Float32, keys: Int64, number: Int64, crossin
                 if n == 0 or corners[n - 1] != cut:
                     corners[n] = cut
                     n += 1
+        # Two triangles at most; a sliver whose corners met is no face.
         if n > 1 and corners[n - 1] == corners[0]:
             n -= 1
         if n >= 3:

@@ -155,14 +155,14 @@ def face_lab(colours: UInt8, faces: AnyInt, steps: float) -> Int16:
     return _lab_of_sums(face_colour_sums(colours, faces), _table(3), _TO_WHITE_XYZ, steps)
 
 
-def white_distance_of_sums(sums: UInt16, parts: int) -> Float32:
-    """CIEDE2000 difference to white of colours given as sums of ``parts`` 8-bit colours.
+def white_distance_of_sums(sums: UInt16, summands: int) -> Float32:
+    """CIEDE2000 difference to white of colours given as sums of ``summands`` 8-bit colours.
 
     Parameters
     ----------
     sums : ndarray of shape (N, 3), uint16
         Sums of sRGB values, 0..255 * parts.
-    parts : int
+    summands : int
         Number of colours in each sum (3 for :func:`face_colour_sums`), 1..257.
 
     Returns
@@ -175,7 +175,7 @@ def white_distance_of_sums(sums: UInt16, parts: int) -> Float32:
     The sRGB curve becomes a table of ``255 * parts + 1`` entries, so a face costs three cube roots
     and no power.
     """
-    return _white_distance_of_sums(np.ascontiguousarray(sums), _table(parts), _TO_WHITE_XYZ)
+    return _white_distance_of_sums(np.ascontiguousarray(sums), _table(summands), _TO_WHITE_XYZ)
 
 
 def white_index(colours: UInt8, faces: AnyInt, *, threads: int = 1) -> Float32:
@@ -212,9 +212,9 @@ def _validate_colours(colours: npt.NDArray[np.generic]) -> None:
         raise ValueError(msg)
 
 
-def _table(parts: int) -> Float64:
-    """Linear light of every possible sum of ``parts`` 8-bit values."""
-    return _linear(np.arange(255 * parts + 1, dtype=np.float64) / (255.0 * parts))
+def _table(summands: int) -> Float64:
+    """Linear light of every possible sum of ``summands`` 8-bit values."""
+    return _linear(np.arange(255 * summands + 1, dtype=np.float64) / (255.0 * summands))
 
 
 def _linear(encoded: Float64) -> Float64:

@@ -144,6 +144,8 @@ def rasterise(vertices: Float64, faces: Int32, grid: Grid, grow: float) -> tuple
     entries : ndarray of shape (N,), int32
         Face numbers, descending within a column.
     """
+    # Invariant of the second pass: entries from starts[cell] to the row's end are written; at
+    # last `starts` has moved down to where each row begins, and rows run from high to low faces.
     starts = np.zeros(grid.nx * grid.nz + 1, np.int64)
     entries = np.empty(0, np.int32)
     half = (0.5 * grid.cell_m + grow) * (1.0 + _SLACK)
@@ -197,6 +199,8 @@ def segment_runs(
 def _runs(
     starts: Int64, entries: Int32, vertices: Float64, faces: Int32, segment_of_face: Int32
 ) -> tuple[Int64, Int32, Float32, Float32]:
+    # Invariant: `last[s] >= begin` exactly if segment s has a run in the column at hand, so
+    # nothing is cleared between columns.
     offsets = np.zeros(len(starts), np.int64)
     last = np.full(segment_of_face.max() + 1, -1, np.int64)  # the segment's latest run
     segment = np.empty(0, np.int32)

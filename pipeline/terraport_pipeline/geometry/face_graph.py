@@ -105,6 +105,7 @@ def face_graph(
     ValueError
         Vertices that are not finite, indices outside them.
     """
+    # (1) Refuse what has no geometry; an empty mesh is a graph without nodes.
     if not np.isfinite(vertices).all():
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
         msg = f"vertex {bad} is {vertices[bad].tolist()}, expected finite coordinates"
@@ -116,6 +117,7 @@ def face_graph(
         empty = np.zeros((0, 3), np.int32)
         facts = UnitFacts(np.zeros(0, np.int32), empty, empty, None if colours is None else empty)
         return FaceGraph(pairs, none, none, facts, 1.0)
+    # (2) Areas, normals and centres of faces, lengths of borders; float64 sums of float32 input.
     corners = as_kernel_input(vertices, np.float32)
     triangles = as_kernel_input(faces, np.int32)
     low = corners.min(axis=0).astype(np.float64)
@@ -124,6 +126,8 @@ def face_graph(
     length = _measure_borders(corners, triangles, as_kernel_input(pairs, np.int32))
     largest = float(area.max())
     longest = float(length.max()) if len(length) else 0.0
+    # (3) Whole steps of the largest, at least 1: integers add up alike in any order of merging,
+    # which the same tree on every machine needs.
     area_steps = _in_steps(area, largest)
     lab: Int16 | None = None
     if scalar is not None:
@@ -182,7 +186,7 @@ def _scalar_as_hue(scalar: AnyFloat) -> Int16:
 
 
 def _in_steps(values: Float64, largest: float) -> Int64:
-    """Whole steps, at least 1."""
+    """Quantise lengths or areas to whole steps of the largest, at least 1."""
     if largest <= 0.0:
         return np.ones(len(values), np.int64)
     return np.maximum(np.rint(values * (_STEPS / largest)), 1.0).astype(np.int64)
@@ -202,6 +206,8 @@ def _measure_faces(
         for c in range(3):
             for axis in range(3):
                 p[c, axis] = vertices[faces[f, c], axis]
+        # Products of differences in float64; rounded to whole steps at last, so that merging adds
+        # up integers.
         for axis in range(3):
             u, v = (axis + 1) % 3, (axis + 2) % 3
             n[axis] = (p[1, u] - p[0, u]) * (p[2, v] - p[0, v]) - (p[1, v] - p[0, v]) * (
@@ -226,6 +232,7 @@ def _measure_borders(vertices: Float32, faces: Int32, pairs: Int32) -> Float64:
         total = 0.0
         for c in range(3):
             a, b = faces[f, c], faces[f, (c + 1) % 3]
+            # Faces with repeated corners walk an edge twice; it counts once.
             repeated = (c == 1 and faces[f, 2] == faces[f, 0]) or (
                 c == 2 and (faces[f, 2] == faces[f, 1] or faces[f, 0] == faces[f, 1])
             )
@@ -247,18 +254,18 @@ def _measure_borders(vertices: Float32, faces: Int32, pairs: Int32) -> Float64:
 @numba.njit(cache=True)
 def _smooth(lab: Int16, pairs: Int32) -> Int16:
     total = lab.astype(np.int32)
-    parts = np.ones(len(lab), np.int32)
+    count = np.ones(len(lab), np.int32)
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]
-        parts[u] += 1
-        parts[v] += 1
+        count[u] += 1
+        count[v] += 1
         for axis in range(3):
             total[u, axis] += lab[v, axis]
             total[v, axis] += lab[u, axis]
     smooth = np.empty_like(lab)
     for u in range(len(lab)):
         for axis in range(3):
-            smooth[u, axis] = np.int16((2 * total[u, axis] + parts[u]) // (2 * parts[u]))
+            smooth[u, axis] = np.int16((2 * total[u, axis] + count[u]) // (2 * count[u]))
     return smooth
 
 

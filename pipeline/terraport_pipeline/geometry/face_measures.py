@@ -102,10 +102,10 @@ def main_labels(labels: Int32, count: int, kinds: Int32) -> tuple[Int32, Int32]:
     """
     given = as_kernel_input(kinds, np.int32)
     limit = int(given.max()) + 1 if len(given) else 0
-    found: tuple[Int32, Int32] = _main_labels(
+    labels_and_counts: tuple[Int32, Int32] = _main_labels(
         as_kernel_input(labels, np.int32), count, given, limit
     )
-    return found
+    return labels_and_counts
 
 
 def dense_labels(labels: AnyInt) -> Int32:
@@ -247,6 +247,7 @@ def _label_sums(labels: Int32, count: int, values: Float32) -> tuple[Int64, Floa
 
 @numba.njit(cache=True, nogil=True)
 def _main_labels(labels: Int32, count: int, kinds: Int32, limit: int) -> tuple[Int32, Int32]:
+    # (1) Sort faces by label, as CSR.
     starts = np.zeros(count + 1, np.int64)
     for f in range(len(labels)):
         starts[labels[f] + 1] += 1
@@ -257,6 +258,8 @@ def _main_labels(labels: Int32, count: int, kinds: Int32, limit: int) -> tuple[I
     for f in range(len(labels)):
         by_label[cursor[labels[f]]] = kinds[f]
         cursor[labels[f]] += 1
+    # (2) Count kinds label by label. Invariant: `seen` is 0 everywhere between labels; only what
+    # was counted is cleared. Of kinds with as many faces the lower wins.
     main = np.full(count, -1, np.int32)
     n_kinds = np.zeros(count, np.int32)
     seen = np.zeros(limit, np.int64)

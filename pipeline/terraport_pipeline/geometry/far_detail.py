@@ -75,6 +75,7 @@ def far_detail(
         For every far detail face its segment is entered at all base faces around the four nearest
         base vertices. Of base vertices equally near the tree's first ones are taken.
     """
+    # (1) Which detail faces have no base face near them in their column.
     base_vertices, base_faces = base
     vertices, faces = detail
     starts, entries = rasterise(base_vertices, base_faces, grid, reach_m)
@@ -91,6 +92,7 @@ def far_detail(
     far = np.flatnonzero(state != _CLOSE)
     if len(far) == 0:
         return FarDetail(np.zeros(len(base_faces) + 1, np.int64), np.zeros(0, np.int32), 0, 0)
+    # (2) The base vertices nearest to those, within a limit: beyond it the detail floats free.
     vertex_ids = np.unique(base_faces)
     limit = max(
         FAR_TOLERANCES * tolerance_m, FAR_BASE_EDGES * median_edge(base_vertices, base_faces)
@@ -99,10 +101,11 @@ def far_detail(
     distance, nearest = cKDTree(base_vertices[vertex_ids]).query(
         face_centres(vertices, faces[far]), k=k, distance_upper_bound=limit, workers=threads
     )
-    found = np.isfinite(distance).reshape(len(far), k)
-    vertex = vertex_ids[nearest.reshape(len(far), k)[found]]
-    segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[found]
+    in_reach = np.isfinite(distance).reshape(len(far), k)
+    vertex = vertex_ids[nearest.reshape(len(far), k)[in_reach]]
+    segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[in_reach]
     wanted = np.unique(np.stack([vertex, segment], axis=1).astype(np.int64), axis=0)
+    # (3) From vertices to the faces around them, each (face, segment) once and ascending.
     # every wanted (vertex, segment) becomes (face, segment) for all faces around the vertex
     corner = base_faces.ravel()
     by_vertex = np.argsort(corner, kind="stable")
@@ -147,6 +150,8 @@ def _distance_squared(p: Float64, a: Float64, b: Float64, c: Float64) -> float:
         d4 += ac * (p[k] - b[k])
         d5 += ab * (p[k] - c[k])
         d6 += ac * (p[k] - c[k])
+    # Weights of corners b and c at the nearest point of the triangle: which of its seven regions
+    # holds the projection.
     v = w = 0.0
     va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
     if d1 <= 0.0 and d2 <= 0.0:  # corner a
@@ -192,13 +197,33 @@ def _match(
     Neighbours in the file mostly lie over one base face, so the one that was close last is tried
     first. That changes no answer: where the limit is within reach (``hint_counts``), a base face
     within the limit of a centre is entered in the centre's column.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        The detail, metres.
+    base_vertices, base_faces : ndarray
+        The base.
+    starts, entries : ndarray
+        Base faces in every column of `grid`, as CSR.
+    grid : Grid
+    limit : float
+        Largest distance of a close face, metres.
+    hint_counts : bool
+        See above.
+    state : ndarray of shape (F,), uint8
+        Written: ``_CLOSE``, ``_ALONE`` or ``_BASELESS``.
+    begin, end : int
+        Detail faces.
     """
     p = np.empty(3)
     hint = -1
     for f in range(begin, end):
+        # (1) The face's centre.
         for axis in range(3):
             total = vertices[faces[f, 0], axis] + vertices[faces[f, 1], axis]
             p[axis] = (total + vertices[faces[f, 2], axis]) / 3.0
+        # (2) The base face that was close last.
         if hint >= 0 and hint_counts:
             a, b, c = (
                 base_vertices[base_faces[hint, 0]],
@@ -208,6 +233,8 @@ def _match(
             if _distance_squared(p, a, b, c) <= limit * limit:
                 state[f] = _CLOSE
                 continue
+        # (3) All base faces entered in the centre's column. Invariant: the state only rises from
+        # baseless (column empty) over alone (something there, none close) to close.
         q = int((p[0] - grid.x) / grid.cell_m) * grid.nz + int((p[2] - grid.z) / grid.cell_m)
         state[f] = _BASELESS
         for e in range(starts[q], starts[q + 1]):

@@ -55,7 +55,7 @@ class FelzenszwalbSegmenter:
 
     @property
     def name(self) -> str:
-        """``"felzenszwalb"``."""
+        """Name of the engine in options and manifests: ``"felzenszwalb"``."""
         return "felzenszwalb"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
@@ -63,6 +63,7 @@ class FelzenszwalbSegmenter:
 
         Regions that touch nothing and are too small join the region of the nearest face.
         """
+        # (1) Differences over edges, sorted once for both runs.
         n_faces = len(mesh.faces)
         pairs, _ = mesh.edge_pairs()
         difference, similarity = neighbour_differences(mesh, pairs)
@@ -71,11 +72,13 @@ class FelzenszwalbSegmenter:
         regions, count = felzenszwalb(
             n_faces, pairs, difference, self.region_scale, least, order=order
         )
+        # (2) Regions too small that touch nothing larger join the nearest.
         size = np.bincount(regions, minlength=1)
         lost = (size < least)[regions] if n_faces else np.zeros(0, np.bool_)
         if lost.any() and not lost.all():
             joined = join_nearest(mesh.vertices, mesh.faces, regions, size < least)
             regions, count = number_by_first(joined)
+        # (3) Fine pools: the same with a finer scale.
         fine, _ = felzenszwalb(
             n_faces, pairs, difference, self.fine_scale, self.fine_faces, order=order
         )

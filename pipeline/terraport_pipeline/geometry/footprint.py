@@ -80,7 +80,7 @@ class Occupancy:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footprint:
-    """Metres inside the outline, on a raster."""
+    """Signed distance to a survey's outline seen from above, on a raster: metres inside."""
 
     low: tuple[float, float]
     """x and z of the *middle* of cell (0, 0)."""

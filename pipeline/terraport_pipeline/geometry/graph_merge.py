@@ -83,6 +83,9 @@ def merge_faces(
     area, name, facts = graph.area, np.arange(n_faces, dtype=np.int32), graph.facts
     node = np.arange(n_faces, dtype=np.int32)  # the tree's node of every unit
     pairs, length = graph.pairs, graph.length
+    # Invariant of all steps: the first `done` rows of `children` and `cost` are merges in their
+    # order; every unit is one node of the tree, and pairs, length, area, facts and name describe
+    # exactly the units that are left.
     # (1) rounds, level by level
     for most_faces in seed_faces:
         border, _ = border_weights(pairs, length, facts, weights)
@@ -106,6 +109,8 @@ def merge_faces(
             if united * _WORTHWHILE < len(nodes):
                 break
         facts = sum_facts(level[1], unit, len(area))
+        # Colours and normals count anew at every level: within one, borders keep the weights of
+        # its start.
         # lengths between the new units
         lengths = contract_rows(*rows_of_pairs(level[0], pairs, length), unit, len(area))
         pairs, length = pairs_of_rows(*lengths)

@@ -120,7 +120,7 @@ class GraphSegmenter:
 
     @property
     def name(self) -> str:
-        """``"graph"``."""
+        """Name of the engine in options and manifests: ``"graph"``."""
         return "graph"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:

@@ -47,7 +47,7 @@ class GridSegmenter:
 
     @property
     def name(self) -> str:
-        """``"grid"``."""
+        """Name of the engine in options and manifests: ``"grid"``."""
         return "grid"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:

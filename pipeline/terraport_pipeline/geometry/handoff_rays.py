@@ -46,7 +46,7 @@ OBLIQUE_DEG: Final = (15.0, 80.0)
 
 
 class RayKind(IntEnum):
-    """From where a ray looks."""
+    """Vantage point of a ray: straight above, obliquely above, or at eye height."""
 
     DOWN = 0
     """Straight down from over the scene."""
@@ -193,12 +193,12 @@ def random_places(
     corner = vertices[faces[face]].astype(np.float64)
     # Uniform over a triangle: square root of the first number (Turk 1990).
     first, second = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    places: Float64 = (
+    points: Float64 = (
         corner[:, 0] * (1 - first)
         + corner[:, 1] * first * (1 - second)
         + corner[:, 2] * first * second
     )
-    return places
+    return points
 
 
 def cumulative_face_area(vertices: Float32, faces: Int32) -> Float64:
@@ -226,7 +226,7 @@ def cumulative_face_area(vertices: Float32, faces: Int32) -> Float64:
 
 
 def aim_rays(
-    places: Float64,
+    targets: Float64,
     top_m: float,
     rng: np.random.Generator,
     *,
@@ -236,7 +236,7 @@ def aim_rays(
 
     Parameters
     ----------
-    places : ndarray of shape (R, 3), float64
+    targets : ndarray of shape (R, 3), float64
         What is looked at, metres. Something nearer may stand in the way; that is meant.
     top_m : float
         Height of the highest point.
@@ -251,7 +251,7 @@ def aim_rays(
     Rays
         One per place, in the order given; kinds alternate.
     """
-    count = len(places)
+    count = len(targets)
     kind = (np.arange(count) % 3).astype(np.uint8)
     bearing = rng.uniform(0, 2 * np.pi, count)
     dip = np.radians(rng.uniform(*OBLIQUE_DEG, count))
@@ -260,13 +260,13 @@ def aim_rays(
         [np.cos(dip) * np.sin(bearing), -np.sin(dip), -np.cos(dip) * np.cos(bearing)], axis=1
     )
     heading[kind == RayKind.DOWN] = (0.0, -1.0, 0.0)
-    rise = top_m + CLEARANCE_M - places[:, 1]
-    origins = places - heading * (rise / -heading[:, 1])[:, None]
+    rise = top_m + CLEARANCE_M - targets[:, 1]
+    origins = targets - heading * (rise / -heading[:, 1])[:, None]
     # The eye stands near the place; where the ground rises between them the ray meets that ground
     # instead.
     eye = kind == RayKind.EYE
     away = rng.uniform(*EYE_REACH_M, int(eye.sum()))
-    stand = places[eye].copy()
+    stand = targets[eye].copy()
     stand[:, 0] -= np.sin(bearing[eye]) * away
     stand[:, 2] += np.cos(bearing[eye]) * away
     if ground_m is not None:
@@ -274,7 +274,7 @@ def aim_rays(
         stand[:, 1] = np.where(np.isnan(ground), stand[:, 1], ground)
     stand[:, 1] += EYE_HEIGHT_M
     origins[eye] = stand
-    sight = places[eye] - stand
+    sight = targets[eye] - stand
     heading[eye] = sight / np.linalg.norm(sight, axis=1, keepdims=True)
     return Rays(origins.astype(np.float32), heading.astype(np.float32), kind)
 

@@ -94,6 +94,7 @@ def kmeans_1d(ordered: Float32, k: int) -> Clusters1D:
     >>> clusters.means.tolist(), clusters.assign(np.array([9, 0], dtype=np.float32)).tolist()
     ([0.5, 10.0], [1, 0])
     """
+    # (1) Equal values stay together, so there are no more clusters than distinct values.
     if len(ordered) == 0 or k < 1:
         msg = f"received {len(ordered)} values and k = {k}, expected at least one of each"
         raise ValueError(msg)
@@ -103,6 +104,8 @@ def kmeans_1d(ordered: Float32, k: int) -> Clusters1D:
         msg = f"value {bad} is {ordered[bad]} after {ordered[bad - 1]}, expected ascending"
         raise ValueError(msg)
     k = min(k, distinct)
+    # (2) Exact where that is affordable; else exact on a histogram, or an even start, and polished
+    # from there.
     if distinct <= EXACT_VALUES and k <= MAX_EXACT_CLUSTERS:
         firsts = _firsts(values)
         starts = firsts[_optimal_starts(*_grouped(values, firsts), k)]
@@ -117,6 +120,7 @@ def kmeans_1d(ordered: Float32, k: int) -> Clusters1D:
             k_bins = min(k, len(bins))
             starts = bins[_optimal_starts(*_grouped(values, bins), k_bins)]
         starts = _polish(values, starts)
+    # (3) Borders and means of the runs.
     ends = np.append(starts[1:], len(values))
     _, sums, _ = _grouped_sums(values, starts, 0.0)
     return Clusters1D(ordered[ends - 1].copy(), sums / (ends - starts))
@@ -185,6 +189,7 @@ def _cost(n: Float64, s: Float64, q: Float64, i: int, j: int) -> float:
 @numba.njit(cache=True, nogil=True)
 def _optimal_starts(counts: Float64, sums: Float64, squares: Float64, k: int) -> Int64:
     """First group of each cluster in the optimal partition of m groups into k <= m clusters."""
+    # (1) Prefix sums: the cost of any run of groups in O(1).
     m = len(counts)
     n = np.zeros(m + 1)
     s = np.zeros(m + 1)
@@ -194,12 +199,15 @@ def _optimal_starts(counts: Float64, sums: Float64, squares: Float64, k: int) ->
         s[i + 1] = s[i] + sums[i]
         q[i + 1] = q[i] + squares[i]
     margin = _TIE * _cost(n, s, q, 0, m)
+    # (2) One cluster: the cost of the first j groups together.
     best = np.empty(m + 1)
     best[0] = 0.0
     for j in range(1, m + 1):
         best[j] = _cost(n, s, q, 0, j)
     split = np.zeros((k, m + 1), np.int32)
     stack = np.empty((4 * 64, 4), np.int64)
+    # (3) One cluster more at a time. Invariant: `best[j]` is the least cost of the first j groups
+    # in c clusters, `split[c, j]` the first group of the last of c + 1 clusters among them.
     for c in range(1, k):
         row = np.full(m + 1, np.inf)
         # Divide and conquer over j: the leftmost best split never moves left as j grows.
@@ -228,6 +236,7 @@ def _optimal_starts(counts: Float64, sums: Float64, squares: Float64, k: int) ->
             stack[depth, 2], stack[depth, 3] = chosen, split_hi
             depth += 1
         best = row
+    # (4) Back from the end: the split of all groups, then that of the groups before it.
     starts = np.zeros(k, np.int64)
     j = m
     for c in range(k - 1, 0, -1):

@@ -85,7 +85,7 @@ class Lens:
     """k4, k5, k6 of OpenCV's rational model."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no lens."""
+        """Refuse sizes, focal lengths and coefficients that project nothing."""
         numbers = [self.fx, self.fy, self.cx, self.cy, self.skew]
         numbers += [*self.radial, *self.tangential, *self.denominator]
         if not np.isfinite(numbers).all():

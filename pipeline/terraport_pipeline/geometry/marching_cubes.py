@@ -110,15 +110,15 @@ def march(
     strides = np.array([shape[1] * shape[2], shape[2], 1], np.int64)
     corner = np.searchsorted(node_keys, (cells @ strides)[:, None] + CORNERS @ strides)
     field = values[corner]
-    known = ~np.isnan(field).any(axis=1)
-    corner, field = corner[known], field[known]
+    valid = ~np.isnan(field).any(axis=1)
+    corner, field = corner[valid], field[valid]
     case = ((field < 0) << np.arange(8)).sum(axis=1)
     mixed = _COUNTS[case] > 0
     corner, case = corner[mixed], case[mixed]
     count = _COUNTS[case]
     owner = np.repeat(np.arange(len(case)), count)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    edge = _TABLE[case[owner], place]  # (F, 3)
+    slot = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    edge = _TABLE[case[owner], slot]  # (F, 3)
     ends = np.array(_EDGES, np.int64)[edge]  # (F, 3, 2)
     nodes = corner[owner[:, None, None], ends]
     keys = nodes[..., 0] * len(node_keys) + nodes[..., 1]  # the lower corner has the lower key

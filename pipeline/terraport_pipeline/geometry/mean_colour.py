@@ -74,7 +74,7 @@ _SCALAR_RANGE: Final = 100.0
 
 @dataclass(frozen=True, slots=True)
 class MeanColourSegmenter:
-    """Unite neighbours of like mean colour."""
+    """Region growing: unites neighbouring units of like mean colour in rounds."""
 
     spread: float = 0.95
     """Limit of the difference over the root of the summed variances of the faces' weighed colours.
@@ -108,7 +108,7 @@ class MeanColourSegmenter:
 
     @property
     def name(self) -> str:
-        """``"means"``."""
+        """Name of the engine in options and manifests: ``"means"``."""
         return "means"
 
     def limit(self, totals: ColourTotals, weight: Float64) -> float:
@@ -121,7 +121,7 @@ class MeanColourSegmenter:
         return max(int(np.ceil(self.small_share * n_faces)), 1)
 
     def weights(self) -> Float64:
-        """Weights of L*, a*, b* per step, (3,)."""
+        """Weights of L*, a* and b* in the distance of two means, (3,), per quantisation step."""
         return np.array([self.lightness, 1.0, 1.0]) / LAB_STEPS
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:

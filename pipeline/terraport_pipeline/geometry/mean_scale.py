@@ -28,12 +28,12 @@ class ColourTotals:
 
     @classmethod
     def of(cls, colour: Int32) -> ColourTotals:
-        """Add up colours (F, C)."""
+        """Sum up the colours (F, C) of one mesh's faces, and their products."""
         whole = colour.astype(np.int64)
         return cls(len(colour), whole.sum(axis=0), whole.T @ whole)
 
     def plus(self, other: ColourTotals) -> ColourTotals:
-        """Add another part's sums."""
+        """Add the sums of another piece of the surface; exact, so the order does not matter."""
         return ColourTotals(
             self.faces + other.faces, self.whole + other.whole, self.products + other.products
         )

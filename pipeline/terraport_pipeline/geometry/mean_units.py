@@ -32,7 +32,7 @@ two squares has two."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanUnits:
-    """What the surface has been united to."""
+    """Units of a surface: labels of the faces, and sums, sizes and neighbours of the units."""
 
     labels: Int32
     """(F,) unit of every face."""
@@ -148,17 +148,47 @@ def _choose(
     begin: int,
     end: int,
 ) -> None:
-    """Choose a neighbour for some units; -1 stays where none is near enough."""
+    """Choose a neighbour for some units; -1 stays where none is near enough.
+
+    Parameters
+    ----------
+    offsets, neighbours, border : ndarray
+        Neighbours of every unit as CSR, with the length of the border in steps.
+    perimeter, sums, faces, name : ndarray of shape (U,), (U, C), (U,), (U,)
+        Of every unit: border in all, summed colours, number of faces, lowest face.
+    small : ndarray of shape (U,), bool
+        Units that are too small to stay.
+    weight : ndarray of shape (C,), float64
+        Weights of the colour's components.
+    limit : float
+        Largest distance of two means.
+    least : int
+        Faces below which a unit is brought nearer.
+    leak : float
+        Exponent against short borders; 0 leaves it out.
+    small_only : bool
+        Whether only small units unite, by colour alone.
+    choice : ndarray of shape (U,), int32
+        Written in begin..end.
+    begin, end : int
+        Units.
+    """
     for u in range(begin, end):
+        # Invariant: `choice[u]` is the neighbour of least squared distance so far, or -1. Ties
+        # fall to the scrambled names, not to the order of neighbours, so that flat areas do not
+        # grow as stripes.
         best = limit * limit
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
+            # (1) At the end only pairs of which one is too small.
             if small_only and not small[u] and not small[v]:
                 continue
+            # (2) Weighted squared distance of the mean colours.
             d = 0.0
             for c in range(sums.shape[1]):
                 step = (sums[u, c] / faces[u] - sums[v, c] / faces[v]) * weight[c]
                 d += step * step
+            # (3) Small units are brought nearer, long thin contacts pushed apart.
             if not small_only:
                 smaller = min(faces[u], faces[v])
                 if smaller < least:
@@ -181,26 +211,30 @@ def _choose(
 def _join(choice: Int32, faces: Int64) -> tuple[Int32, int]:
     """Unite units that chose each other, and stars with their middles."""
     count = len(choice)
+    # (1) A unit whose choice is at least four times as large, and chose another, may join it all
+    # the same: else large ones would grow by one neighbour a round.
     star = np.zeros(count, np.bool_)
     for u in range(count):
         v = choice[u]
         star[u] = v >= 0 and choice[v] != u and faces[v] >= 4 * faces[u]
+    # (2) Who joins whom. Invariant: a mutual pair hangs on its lower unit, a star on a unit that is
+    # none, so a root is two steps away at most.
     parent = np.arange(count).astype(np.int32)
     for u in range(count):
         v = choice[u]
         if v >= 0 and ((choice[v] == u and v < u) or (star[u] and not star[v])):
             parent[u] = v
     nodes = np.full(count, -1, np.int32)
-    found = 0
+    n_unions = 0
     for u in range(count):
         root = u
         while parent[root] != root:
             root = parent[root]
         if nodes[root] < 0:
-            nodes[root] = found
-            found += 1
+            nodes[root] = n_unions
+            n_unions += 1
         nodes[u] = nodes[root]
-    return nodes, found
+    return nodes, n_unions
 
 
 @numba.njit(cache=True, nogil=True)

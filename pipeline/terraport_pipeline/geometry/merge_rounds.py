@@ -36,6 +36,7 @@ def mutual_partners(
     Only unions of at most ``most_faces`` faces are considered.
     """
     count = len(offsets) - 1
+    # (1) Every unit's cheapest merge; of equal ones that with the lower scrambled name.
     choice = np.full(count, -1, np.int32)
     cost = np.full(count, np.inf)
     for u in range(count):
@@ -49,6 +50,8 @@ def mutual_partners(
             ):
                 choice[u] = v
                 cost[u] = d
+    # (2) Mutual choices. Any order of merging them gives the same result: they are disjoint
+    # pairs.
     partner = np.full(count, -1, np.int32)
     for u in range(count):
         if choice[u] >= 0 and choice[choice[u]] == u:
@@ -71,9 +74,26 @@ def unite_partners(
 ) -> tuple[Int32, Int32, Int64, Int32, Int32]:
     """Unite mutual partners; merge ``done`` and the next are written to ``children`` and ``paid``.
 
-    Returns the union of every unit, numbered by lowest unit, and every union's node, area, faces
-    and name. Merges of one round are numbered by their lower unit.
+    Parameters
+    ----------
+    partner, cost : ndarray of shape (U,)
+        As :func:`mutual_partners` returns them.
+    node, area, faces, name : ndarray of shape (U,)
+        Node of the tree, area, number of faces and lowest face of every unit.
+    children, paid : ndarray of shape (M, 2), (M,)
+        The tree's merges and their costs; written from ``done`` on.
+    n_faces : int
+        Leaves of the tree: merge m is node ``n_faces + m``.
+    done : int
+        Merges before this round.
+
+    Returns
+    -------
+    tuple
+        The union of every unit, numbered by lowest unit, and every union's node, area, faces and
+        name. Merges of one round are numbered by their lower unit.
     """
+    # (1) How many units are left: a pair counts at its lower unit.
     count = 0
     for u in range(len(partner)):
         if partner[u] < 0 or partner[u] > u:
@@ -83,6 +103,9 @@ def unite_partners(
     new_area = np.empty(count, np.int64)
     new_faces = np.empty(count, np.int32)
     new_name = np.empty(count, np.int32)
+    # (2) Write them in order of their lower unit. Invariant: the unions of units 0..u-1 are
+    # numbered 0..n-1, and merges before `done` are written. A partner is always read after the
+    # unit it joined, since that one has the lower number.
     n = 0
     for u in range(len(partner)):
         v = partner[u]

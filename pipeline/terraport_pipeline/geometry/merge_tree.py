@@ -32,7 +32,7 @@ class MergeTree:
     """
 
     leaf_count: int
-    """F."""
+    """Number of leaves, F: the faces."""
     children: Int32
     """(M, 2) nodes united by every merge, the one with the lowest face first; M <= F - 1. Both are
     below F + m: a merge unites what is there."""
@@ -144,6 +144,8 @@ def _complete(
     faces = np.ones(n_nodes, np.int32)
     whole = np.empty(n_nodes, np.int64)
     whole[:leaf_count] = area
+    # Children come before parents. Invariant: height[m] is at least that of everything below it,
+    # so cutting the tree at a height gives whole subtrees.
     for m in range(len(children)):
         node = leaf_count + m
         a, b = children[m, 0], children[m, 1]

@@ -30,7 +30,7 @@ _MAX_SIDE: Final = 256
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshBlocks:
-    """A mesh sorted into blocks; B blocks."""
+    """A mesh sorted into B compact blocks of faces, each with a bounding sphere."""
 
     vertices: Float32
     """(V, 3) metres, in the new order."""
@@ -84,12 +84,12 @@ def mesh_blocks(vertices: Float32, faces: Int32) -> MeshBlocks:
         side *= 2
     block = _block_of_vertices(points, side)
     vertex_order, vertex_starts = _counting_sort(block, side * side)
-    place = np.empty(len(points), np.int32)
-    place[vertex_order] = np.arange(len(points), dtype=np.int32)
+    new_row = np.empty(len(points), np.int32)
+    new_row[vertex_order] = np.arange(len(points), dtype=np.int32)
     first = corners[:, 0] if len(corners) else np.zeros(0, np.int32)
     face_order, face_starts = _counting_sort(block[first], side * side)
     new_vertices = points[vertex_order]
-    new_faces = place[corners[face_order]] if len(corners) else np.zeros((0, 3), np.int32)
+    new_faces = new_row[corners[face_order]] if len(corners) else np.zeros((0, 3), np.int32)
     spheres = _spheres(new_vertices, new_faces, vertex_starts, face_starts)
     return MeshBlocks(
         new_vertices, new_faces, vertex_order, face_order, vertex_starts, face_starts, spheres
@@ -140,6 +140,8 @@ def _spheres(points: Float32, faces: Int32, vertex_starts: Int64, face_starts: I
     low, high = np.empty(3), np.empty(3)
     for b in range(n_blocks):
         low[:], high[:] = np.inf, -np.inf
+        # The box of the block's own vertices, and of those that its faces borrow from other
+        # blocks.
         for v in range(vertex_starts[b], vertex_starts[b + 1]):
             for k in range(3):
                 low[k], high[k] = min(low[k], points[v, k]), max(high[k], points[v, k])
@@ -153,6 +155,7 @@ def _spheres(points: Float32, faces: Int32, vertex_starts: Int64, face_starts: I
             spheres[b, k] = 0.5 * (low[k] + high[k])
             square += (0.5 * (high[k] - low[k])) ** 2
         spheres[b, 3] = np.sqrt(square)
+        # An empty block has radius -1: no test of visibility passes it.
         if low[0] > high[0]:
             spheres[b] = 0.0
             spheres[b, 3] = -1.0

@@ -18,10 +18,10 @@ __all__ = ["EdgeFacts", "OpenLoops", "edge_facts", "open_loops"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeFacts:
-    """What the edges of a mesh say about it."""
+    """Counts of open, non-manifold and inconsistently wound edges of a mesh."""
 
     edges: int
-    """Different edges."""
+    """Number of distinct edges."""
     open_edges: Int32
     """(E, 2) edges with one face, in that face's direction."""
     non_manifold: int
@@ -108,6 +108,7 @@ def open_loops(vertices: AnyFloat, open_edges: Int32) -> OpenLoops:
     if len(open_edges) == 0:
         nothing = np.zeros(0)
         return OpenLoops(np.zeros(0, np.int32), nothing, nothing, nothing)
+    # (1) Components of the open edges, numbered by their first edge.
     used, dense = np.unique(open_edges, return_inverse=True)
     dense = dense.reshape(-1, 2)
     links = coo_matrix(
@@ -117,8 +118,9 @@ def open_loops(vertices: AnyFloat, open_edges: Int32) -> OpenLoops:
     _, first, group = np.unique(label[dense[:, 0]], return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
     group = rank[group]
-    places = np.asarray(vertices, np.float64)[used]
-    start, end = places[dense[:, 0]], places[dense[:, 1]]
+    # (2) Length, middle, and area: the sum of the triangles from the middle to every edge.
+    positions = np.asarray(vertices, np.float64)[used]
+    start, end = positions[dense[:, 0]], positions[dense[:, 1]]
     count = len(first)
     edges = np.bincount(group, minlength=count)
     centre = np.stack(
@@ -126,9 +128,9 @@ def open_loops(vertices: AnyFloat, open_edges: Int32) -> OpenLoops:
     )
     cone = np.cross(start - centre[group], end - centre[group])
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    for place in (start, end):
-        np.minimum.at(low, group, place)
-        np.maximum.at(high, group, place)
+    for ends in (start, end):
+        np.minimum.at(low, group, ends)
+        np.maximum.at(high, group, ends)
     return OpenLoops(
         group.astype(np.int32),
         np.bincount(group, np.linalg.norm(end - start, axis=1), count).astype(np.float64),

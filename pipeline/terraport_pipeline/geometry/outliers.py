@@ -64,8 +64,8 @@ def duplicate_mask(points: Float64) -> Bool:
 def mean_distances(neighbours: Neighbours, *, k: int = 8) -> Float32:
     """Mean distance of every point to its k nearest neighbours, metres, (N,) float32, above 0."""
     k = min(k, neighbours.indices.shape[1])
-    found: Float32 = np.maximum(neighbours.distances[:, :k].mean(axis=1), np.float32(1e-12))
-    return found
+    means_m: Float32 = np.maximum(neighbours.distances[:, :k].mean(axis=1), np.float32(1e-12))
+    return means_m
 
 
 def usual_distance(mean_m: Float32) -> tuple[float, float]:

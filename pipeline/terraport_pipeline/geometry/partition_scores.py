@@ -55,7 +55,7 @@ class ConsistencyErrors(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BoundaryScore:
-    """Agreement of borders, by length."""
+    """Recall and precision of region borders, weighted by edge length."""
 
     recall: float
     """Share of the true border's length with a found border within the distance; 1 where there is
@@ -65,7 +65,7 @@ class BoundaryScore:
     no found border."""
     true_length: float
     """Length of the true border, the vertices' unit."""
-    found_length: float
+    predicted_length: float
     """Length of the found border, the vertices' unit."""
 
 
@@ -103,8 +103,8 @@ def rand_error(labels_a: AnyInt, labels_b: AnyInt, weights: Float64 | None = Non
     """
     table = _common(labels_a, labels_b, weights)
     if weights is None:
-        counts = [part.astype(np.int64) for part in (table.common, table.size_a, table.size_b)]
-        both, in_a, in_b = (int(np.dot(part, part)) for part in counts)
+        counts = [sizes.astype(np.int64) for sizes in (table.common, table.size_a, table.size_b)]
+        both, in_a, in_b = (int(np.dot(sizes, sizes)) for sizes in counts)
         n = len(labels_a)
         return (in_a + in_b - 2 * both) / (n * (n - 1)) if n > 1 else 0.0
     pairs = float(weights.sum()) ** 2 - float(np.dot(weights, weights))
@@ -171,8 +171,8 @@ def border_edges(labels: AnyInt, pairs: Int32, edges: Int32, scored: Bool | None
     differs = labels[pairs[:, 0]] != labels[pairs[:, 1]]
     if scored is not None:
         differs &= scored[pairs[:, 0]] & scored[pairs[:, 1]]
-    found: Int32 = np.unique(edges[differs], axis=0).reshape(-1, 2)
-    return found
+    borders: Int32 = np.unique(edges[differs], axis=0).reshape(-1, 2)
+    return borders
 
 
 def boundary_score(
@@ -180,12 +180,12 @@ def boundary_score(
     pairs: Int32,
     edges: Int32,
     true_labels: AnyInt,
-    found_labels: AnyInt,
+    predicted_labels: AnyInt,
     distance: float,
     *,
     scored: Bool | None = None,
 ) -> BoundaryScore:
-    """How much of the true border was found, and how much of the found border is true.
+    """Recall and precision of borders: how much of the true, of the predicted border is matched.
 
     Parameters
     ----------
@@ -193,14 +193,14 @@ def boundary_score(
         Positions.
     pairs, edges : ndarray of shape (P, 2), int32
         Result of :func:`~.adjacency.face_pairs`.
-    true_labels, found_labels : ndarray of shape (F,), integer
+    true_labels, predicted_labels : ndarray of shape (F,), integer
         The two partitions.
     distance : float
         How far a border may lie from its counterpart, straight through space, in the vertices'
         unit. > 0. Two mean edge lengths forgive the steps of a border that follows triangles.
     scored : ndarray of shape (F,), bool, optional
         Faces whose true label is known. Borders to other faces are neither asked for nor held
-        against the found ones. None: all.
+        against the predicted ones. None: all.
 
     Returns
     -------
@@ -215,23 +215,24 @@ def boundary_score(
     if not 0.0 < distance < np.inf:
         msg = f"distance is {distance}, expected a finite length above 0"
         raise ValueError(msg)
-    if true_labels.shape != found_labels.shape or true_labels.ndim != 1:
-        msg = f"labels have shapes {true_labels.shape} and {found_labels.shape}, expected two (F,)"
+    if true_labels.shape != predicted_labels.shape or true_labels.ndim != 1:
+        shapes = f"{true_labels.shape} and {predicted_labels.shape}"
+        msg = f"labels have shapes {shapes}, expected two (F,)"
         raise ValueError(msg)
     longest = distance / _PIECES
     true_at, true_length = _middles(
         vertices, border_edges(true_labels, pairs, edges, scored), longest
     )
-    found_at, found_length = _middles(
-        vertices, border_edges(found_labels, pairs, edges, scored), longest
+    predicted_at, predicted_length = _middles(
+        vertices, border_edges(predicted_labels, pairs, edges, scored), longest
     )
-    # What is found beside a face without truth may still follow a true border nearby.
-    every_at, _ = _middles(vertices, border_edges(found_labels, pairs, edges), longest)
+    # What is predicted beside a face without truth may still follow a true border nearby.
+    every_at, _ = _middles(vertices, border_edges(predicted_labels, pairs, edges), longest)
     return BoundaryScore(
         _share_near(true_at, true_length, every_at, distance),
-        _share_near(found_at, found_length, true_at, distance),
+        _share_near(predicted_at, predicted_length, true_at, distance),
         float(true_length.sum()),
-        float(found_length.sum()),
+        float(predicted_length.sum()),
     )
 
 

@@ -136,8 +136,8 @@ def join_nearest(
     around = tree.query_ball_point(
         centres[lost_faces[tied]], distance[tied, 0] * _TIE, workers=threads
     )
-    for face, found in zip(lost_faces[tied], around, strict=True):
-        candidates = kept_faces[np.sort(found)]
+    for face, nearby in zip(lost_faces[tied], around, strict=True):
+        candidates = kept_faces[np.sort(nearby)]
         gap = centres[candidates] - centres[face]
         mapping[groups[face]] = groups[candidates[np.argmin((gap * gap).sum(axis=1))]]
     return np.take(mapping, groups)
@@ -160,6 +160,7 @@ def number_by_first(labels: Int32) -> tuple[Int32, int]:
 @numba.njit(cache=True, nogil=True)
 def _pool_graph(labels: Int32, pairs: Int32, count: int) -> tuple[Int64, Int32]:
     """Neighbouring pools as CSR; a neighbour appears once per shared edge."""
+    # (1) Count neighbours; then, as running sums, where each row begins.
     offsets = np.zeros(count + 1, np.int64)
     for i in range(len(pairs)):
         a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
@@ -168,6 +169,7 @@ def _pool_graph(labels: Int32, pairs: Int32, count: int) -> tuple[Int64, Int32]:
             offsets[b + 1] += 1
     for i in range(count):
         offsets[i + 1] += offsets[i]
+    # (2) Fill the rows in order of the pairs.
     neighbours = np.empty(offsets[count], np.int32)
     cursor = offsets[:-1].copy()
     for i in range(len(pairs)):
@@ -225,6 +227,7 @@ def _flood(
     Rounds are breadth-first levels: a pool joins in the first round in which it touches a settled
     pool, so every contact is looked at twice and no more.
     """
+    # (1) The first front: everything that touches a large pool.
     count = len(mean)
     target = np.full(count, -1, np.int32)
     queued = large.copy()
@@ -240,6 +243,9 @@ def _flood(
                     queued[q] = True
                     front[end] = q
                     end += 1
+    # (2) Rounds. Invariant: front[begin:end] are the pools of this round, each queued once;
+    # targets of earlier rounds are final. All choose before any joins, so the order within a
+    # round changes nothing.
     while begin < end:
         for i in range(begin, end):
             p = front[i]
@@ -281,6 +287,7 @@ def _join_most_similar(
     for p in range(count):
         if not loose[p]:
             continue
+        # (1) The most similar loose neighbour, by means as they were at the start of the round.
         best, best_difference, best_size = -1, np.inf, 0
         for e in range(offsets[p], offsets[p + 1]):
             q = neighbours[e]
@@ -289,6 +296,7 @@ def _join_most_similar(
             difference = abs(mean[q] - mean[p])
             if _better(difference, size[q], q, best_difference, best_size, best):
                 best, best_difference, best_size = q, difference, size[q]
+        # (2) Unite. Invariant: a root is the lowest pool of its tree.
         if best >= 0:
             moved = True
             a, b = p, best

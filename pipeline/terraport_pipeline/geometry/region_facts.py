@@ -94,6 +94,7 @@ def region_facts(
     number of regions: compiled passes over all faces (``region_kernels.py``), no loop per region
     but for writing the answer.
     """
+    # (0) Inputs: region numbers without gaps, so that every array below has one row per region.
     attributes = attributes or {}
     _validate_inputs(vertices, faces, colours, regions, attributes)
     if len(faces) == 0:
@@ -117,7 +118,9 @@ def region_facts(
     order, run = order_by_slope(labels, step, count)
     steep = slope_percentile(order, run, weight, slope, 0.9)
     del order, step, slope
-    told = [_attribute(values, corners, labels, weight, count) for values in attributes.values()]
+    statistics = [
+        _attribute(values, corners, labels, weight, count) for values in attributes.values()
+    ]
     # (3) roughness, borders
     extent = float((boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)).max())
     scale_m = roughness_scale_m or automatic_roughness_scale(float(area.sum()), len(faces), extent)
@@ -125,7 +128,7 @@ def region_facts(
     borders = _borders(vertices, faces, regions, pairs)
     return facts_document(
         RegionNumbers(sizes, area, plan, means, boxes, steep, rough),
-        dict(zip(attributes, told, strict=True)),
+        dict(zip(attributes, statistics, strict=True)),
         borders,
         scale_m,
     )
@@ -231,18 +234,18 @@ def _attribute(
     """Statistics of one attribute by region; regions without any value are left out."""
     column = as_kernel_input(values, np.float32 if values.dtype == np.float32 else np.float64)
     sums = attribute_sums(column, corners, labels, weight, count)
-    known, total = sums[:, 0] > 0, sums[:, 1]
+    has_value, total = sums[:, 0] > 0, sums[:, 1]
     # Values on faces without area only: every corner counts alike.
-    alike = known & (total == 0.0)
-    divisor = np.where(alike | ~known, np.maximum(sums[:, 0], 1.0), total)
+    alike = has_value & (total == 0.0)
+    divisor = np.where(alike | ~has_value, np.maximum(sums[:, 0], 1.0), total)
     mean = np.where(alike, sums[:, 3], sums[:, 2]) / divisor
     squares = squared_deviations(column, corners, labels, weight, mean)
     deviation = np.sqrt(np.where(alike, squares[:, 1], squares[:, 0]) / divisor)
-    rows = np.column_stack([sums[:, 4], mean, sums[:, 5], deviation])[known].tolist()
+    rows = np.column_stack([sums[:, 4], mean, sums[:, 5], deviation])[has_value].tolist()
     names = ("min", "mean", "max", "deviation")
     return {
         region: dict(zip(names, row, strict=True))
-        for region, row in zip(np.flatnonzero(known).tolist(), rows, strict=True)
+        for region, row in zip(np.flatnonzero(has_value).tolist(), rows, strict=True)
     }
 
 
@@ -292,9 +295,9 @@ def rows_of_borders(pairs: Int32, length: Float64) -> _Neighbours:
     region, near = np.concatenate([one, other]), np.concatenate([other, one])
     border = np.concatenate([metres, metres])
     order = np.lexsort((near, -border, region))
-    found: _Neighbours = {}
+    neighbours: _Neighbours = {}
     for r, n, m in zip(
         region[order].tolist(), near[order].tolist(), border[order].tolist(), strict=True
     ):
-        found.setdefault(r, []).append({"region": n, "border_m": m})
-    return found
+        neighbours.setdefault(r, []).append({"region": n, "border_m": m})
+    return neighbours

@@ -41,6 +41,8 @@ def face_areas(
     plan = np.zeros(count, np.float64)
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        # (1) The normal with the face's area as its length; y is up, so its share is the plan
+        # area.
         ux = np.float64(vertices[b, 0]) - vertices[a, 0]
         uy = np.float64(vertices[b, 1]) - vertices[a, 1]
         uz = np.float64(vertices[b, 2]) - vertices[a, 2]
@@ -51,6 +53,7 @@ def face_areas(
         ny = 0.5 * (uz * wx - ux * wz)
         nz = 0.5 * (ux * wy - uy * wx)
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
+        # (2) 0 level, 90 vertical or overhanging; quantised for sorting.
         steepness = 0.0
         if size > 0.0:
             steepness = np.degrees(np.arccos(min(max(ny / size, 0.0), 1.0)))
@@ -85,6 +88,7 @@ def region_sums(
     for f in range(len(faces)):
         r, w = regions[f], weight[f]
         sums[r, 0] += w
+        # Each face counts at its middle: the mean of its corners' positions and colours.
         for axis in range(3):
             centre = 0.0
             colour = 0.0
@@ -109,6 +113,7 @@ def order_by_slope(regions: Int32, step: UInt16, count: int) -> tuple[Int32, Int
 
     Two stable counting sorts, the less important key first: linear.
     """
+    # (1) Counting sort by slope.
     starts = np.zeros(65537, np.int64)
     for f in range(len(step)):
         starts[np.int64(step[f]) + 1] += 1
@@ -118,6 +123,7 @@ def order_by_slope(regions: Int32, step: UInt16, count: int) -> tuple[Int32, Int
     for f in range(len(step)):
         by_slope[starts[step[f]]] = f
         starts[step[f]] += 1
+    # (2) Counting sort by region. It is stable, so faces of a region stay in order of slope.
     run = np.zeros(count + 1, np.int64)
     for f in range(len(regions)):
         run[regions[f] + 1] += 1
@@ -137,7 +143,7 @@ def slope_percentile(
     order: Int32, run: Int64, weight: Float64, slope: Float64, share: float
 ) -> Float64:
     """Slope that this share of each region's weight does not exceed, (R,) degrees."""
-    found = np.zeros(len(run) - 1, np.float64)
+    percentile = np.zeros(len(run) - 1, np.float64)
     for r in range(len(run) - 1):
         total = 0.0
         for i in range(run[r], run[r + 1]):
@@ -145,10 +151,10 @@ def slope_percentile(
         passed = 0.0
         for i in range(run[r], run[r + 1]):
             passed += weight[order[i]]
-            found[r] = slope[order[i]]
+            percentile[r] = slope[order[i]]
             if passed >= share * total:
                 break
-    return found
+    return percentile
 
 
 @numba.njit(cache=True, nogil=True)
@@ -156,10 +162,10 @@ def slope_histogram(
     regions: Int32, weight: Float64, slope: Float64, count: int, bins: int
 ) -> Float64:
     """Weight of every region's faces by slope, (R, bins); bins cut 0..90 degrees evenly."""
-    found = np.zeros((count, bins), np.float64)
+    histogram = np.zeros((count, bins), np.float64)
     for f in range(len(regions)):
-        found[regions[f], min(int(slope[f] * (bins / 90.0)), bins - 1)] += weight[f]
-    return found
+        histogram[regions[f], min(int(slope[f] * (bins / 90.0)), bins - 1)] += weight[f]
+    return histogram
 
 
 @numba.njit(cache=True, nogil=True)

@@ -142,16 +142,16 @@ def roughness_moments(
 def roughness_of(region: Int32, moments: Float64, count: int) -> Float64:
     """Roughness of every region 0..count-1 from the sums of its pieces, (count,) metres."""
     area = moments[:, 0]
-    known = area > 0.0
-    mean = moments[known, 1:4] / area[known, None]
-    second = moments[known, 4:] / area[known, None]
+    has_area = area > 0.0
+    mean = moments[has_area, 1:4] / area[has_area, None]
+    second = moments[has_area, 4:] / area[has_area, None]
     covariance = np.empty((len(mean), 3, 3))
     for column, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
         covariance[:, i, j] = covariance[:, j, i] = second[:, column] - mean[:, i] * mean[:, j]
     # Rounding can leave a flat piece with a tiny negative eigenvalue.
     square = np.maximum(np.linalg.eigvalsh(covariance)[:, 0], 0.0)
     total = np.bincount(region, weights=area, minlength=count)
-    deviation = np.bincount(region[known], weights=area[known] * square, minlength=count)
+    deviation = np.bincount(region[has_area], weights=area[has_area] * square, minlength=count)
     roughness: Float64 = np.sqrt(
         np.divide(deviation, total, out=np.zeros(count), where=total > 0.0)
     )
@@ -178,6 +178,8 @@ def _pieces(
 
     Returns ``(piece of every face (F,), cube of every piece (K, 3), region of every piece (K,))``.
     """
+    # An open-addressing hash table of (cube, region). Invariant: it is at most half full, and
+    # piece i was first met at a face before the first face of piece i + 1.
     slots = _FIRST_SLOTS
     keys = np.zeros(slots, np.int64)
     owner = np.zeros(slots, np.int32)
@@ -188,6 +190,7 @@ def _pieces(
     count = 0
     cell = np.empty(3, np.int64)
     for f in range(len(faces)):
+        # (1) The cube of the face's centre, 21 bits an axis.
         key = np.int64(0)
         for axis in range(3):
             centre = (
@@ -197,6 +200,7 @@ def _pieces(
             ) / 3.0
             cell[axis] = np.int64(np.floor(centre / scale_m))
             key = (key << 21) | (cell[axis] - low[axis])
+        # (2) Its piece; a new one takes the next number.
         r = regions[f]
         slot = _slot(keys, owner, number, int(key), int(r))
         if number[slot] < 0:
@@ -245,12 +249,14 @@ def _moments(
     s = np.empty(3, np.float64)
     for f in range(len(faces)):
         k = piece[f]
+        # (1) Corners relative to the cube: moments about a far origin would lose their digits.
         for axis in range(3):
             corner = cells[k, axis] * scale_m
             s[axis] = 0.0
             for i in range(3):
                 p[i, axis] = np.float64(vertices[faces[f, i], axis]) - corner
                 s[axis] += p[i, axis]
+        # (2) Area and first moments.
         ux, uy, uz = p[1, 0] - p[0, 0], p[1, 1] - p[0, 1], p[1, 2] - p[0, 2]
         wx, wy, wz = p[2, 0] - p[0, 0], p[2, 1] - p[0, 1], p[2, 2] - p[0, 2]
         nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
@@ -259,6 +265,8 @@ def _moments(
         column = 4
         for axis in range(3):
             moments[k, 1 + axis] += area * s[axis] / 3.0
+            # (3) Second moments of a triangle, exactly: area / 12 times (s s^T + sum of p p^T),
+            # with s the sum of the corners; the diagonal here, the other three below.
             square = s[axis] * s[axis]
             for i in range(3):
                 square += p[i, axis] * p[i, axis]

@@ -128,14 +128,14 @@ def tile_totals(
     if flat.any():
         alike = flat[labels].astype(np.float64)
         plain = region_sums(points, corners, rgb, labels, alike, slope, count)[0]
-    told = [
+    statistics = [
         _tile_attribute(values, corners, labels, weight, count) for values in attributes.values()
     ]
     cubes, cube_region, moments = roughness_moments(points, corners, labels, roughness_scale_m)
     return RegionTotals(
         sizes.astype(np.int64), np.stack([area, plan], axis=1), sums, plain, boxes,
         slope_histogram(labels, weight, slope, count, bins),
-        np.stack(told) if told else np.zeros((0, count, 8)),
+        np.stack(statistics) if statistics else np.zeros((0, count, 8)),
         cubes, cube_region, moments, *border_lengths(vertices, faces, regions, pairs),
     )  # fmt: skip
 
@@ -222,11 +222,11 @@ def totals_document(
         totals.sizes, area, totals.areas[:, 1], sums[:, 1:] / sums[:, :1], totals.boxes,
         _steep(totals.slopes), roughness_of(totals.cube_region, totals.moments, count),
     )  # fmt: skip
-    told = {
+    statistics = {
         name: _statistics(sums) for name, sums in zip(attributes, totals.attributes, strict=True)
     }
     borders = rows_of_borders(totals.touching, totals.border_m)
-    return facts_document(numbers, told, borders, roughness_scale_m)
+    return facts_document(numbers, statistics, borders, roughness_scale_m)
 
 
 def _tile_attribute(
@@ -259,16 +259,16 @@ def _add_attributes(one: Float64, other: Float64) -> Float64:
 
 
 def _statistics(sums: Float64) -> dict[int, dict[str, float]]:
-    known = sums[:, _KNOWN] > 0
+    has_value = sums[:, _KNOWN] > 0
     alike = sums[:, _WEIGHT] == 0.0
     divisor = np.where(alike, np.maximum(sums[:, _KNOWN], 1.0), sums[:, _WEIGHT])
     squares = np.where(alike, sums[:, _PLAIN_SQUARES], sums[:, _SQUARES])
     deviation = np.sqrt(squares / divisor)
-    rows = np.column_stack([sums[:, _LEAST], _mean(sums), sums[:, _MOST], deviation])[known]
+    rows = np.column_stack([sums[:, _LEAST], _mean(sums), sums[:, _MOST], deviation])[has_value]
     names = ("min", "mean", "max", "deviation")
     return {
         region: dict(zip(names, row, strict=True))
-        for region, row in zip(np.flatnonzero(known).tolist(), rows.tolist(), strict=True)
+        for region, row in zip(np.flatnonzero(has_value).tolist(), rows.tolist(), strict=True)
     }
 
 
@@ -289,5 +289,5 @@ def _steep(slopes: Float64) -> Float64:
     total = passed[:, -1:]
     at = np.argmax(passed >= _STEEP * total, axis=1)
     width = 90.0 / slopes.shape[1]
-    found: Float64 = np.where(total[:, 0] > 0.0, (at + 0.5) * width, 0.0)
-    return found
+    steep: Float64 = np.where(total[:, 0] > 0.0, (at + 0.5) * width, 0.0)
+    return steep

@@ -51,7 +51,7 @@ _NONE: Final = -3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blend:
-    """How every face is finished."""
+    """Second view, its weight and the correction of every face and node."""
 
     view: Int32
     """(F,) second view, -1 none."""
@@ -95,11 +95,14 @@ def blend_seams(
     """
     if not 1 <= rings <= 16:
         raise ValueError(f"{rings} rings, expected 1 to 16")
+    # (1) What is left at the seams themselves.
     n_faces, n_nodes = len(nodes.corner), len(nodes.vertex)
     left, partner, twin = _left_at_seams(
         seams.node, seams.step, seams.weight, seams.trust, levels, nodes.view, n_nodes
     )
+    # (2) The band: faces within so many rings of a seam, and the seam node nearest to each.
     distance, source = _rings_around(nodes.corner, np.unique(seams.node), n_nodes, rings)
+    # (3) A second view for each, where it sees the face, with a weight that falls off.
     second = np.full(n_faces, -1, np.int32)
     in_chunks(
         lambda begin, end: _second_views(
@@ -107,6 +110,7 @@ def blend_seams(
         ),
         n_faces, threads=threads,
     )  # fmt: skip
+    # (4) Smooth correction, rest and blend of every node; then in rows by face.
     blends = _blends(nodes.corner, second, source, partner)
     weight, level = _finish_nodes(levels, left, distance, source, twin, blends, rings)
     np.clip(level, -_MAX_CORRECTION, _MAX_CORRECTION, out=level)
@@ -176,6 +180,8 @@ def _left_at_seams(
     n_nodes: int,
 ) -> tuple[Float32, Int32, Int32]:
     """Find what each seam node should add, the view beyond the seam, and the node of that view."""
+    # (1) Half of what is left at each seam edge, with trust and length as weights, summed at the
+    # nodes of both sides with opposite signs: both sides move to the middle.
     left = np.zeros((n_nodes, 3), np.float32)
     mass = np.zeros(n_nodes, np.float32)
     partner = np.full(n_nodes, _NONE, np.int32)
@@ -195,12 +201,16 @@ def _left_at_seams(
                     twin[mine], partner[mine] = other, view[other]
                 elif twin[mine] != other:
                     several[mine] = True
+    # (2) Sums to means; a node where several seams meet has no one partner to blend with.
     for n in range(n_nodes):
         if mass[n] > 0.0:
             for k in range(3):
                 left[n, k] /= mass[n]
         if several[n] or partner[n] < 0:
             partner[n] = _NONE
+    # (3) Smooth along the seam, since one edge's measurement is noisy. Invariant: each round
+    # replaces a node's value by the mean of itself and its neighbours on its own side of the
+    # seam.
     count = np.zeros(n_nodes, np.float32)
     for _ in range(_SMOOTHING):
         total = left.copy()

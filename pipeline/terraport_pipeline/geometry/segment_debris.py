@@ -30,7 +30,7 @@ the debris."""
 
 @dataclass(frozen=True, slots=True)
 class DebrisCounts:
-    """What became of debris."""
+    """How many debris units joined a segment or each other, and how many stayed alone."""
 
     joined: int = 0
     """Pieces that joined a segment or each other."""
@@ -81,6 +81,8 @@ def join_debris(
     over for the next nearest. What finds no segment is strung along a Morton curve and gathered
     into clusters, each closed when it has ``min_faces`` or the next piece lies out of reach.
     """
+    # (1) What is debris. Invariant from here on: size, least and most are those of a target with
+    # all that has joined it, so no join breaks a bound.
     is_debris = (units.size < min_faces) & ~touching
     n_debris = int(np.count_nonzero(is_debris))
     if n_debris == 0:
@@ -100,11 +102,14 @@ def join_debris(
         group[unit] = target
         return True
 
+    # (2) To the nearest segment that may take it.
     on_debris = is_debris[labels]
     if not on_debris.all():
         near = _near_segments(low, high, labels, on_debris, reach_m, threads)
         for unit, candidates in near:
             any(joins(unit, target) for target in candidates)  # stops at the first that may
+    # (3) What found none, along a Morton curve: into the open cluster while it is small and near.
+    # Invariant: `head` is the first piece of the open cluster, `heads` those that others joined.
     alone = np.flatnonzero(is_debris & (group == np.arange(len(group))))
     head = -1
     heads = set()
@@ -133,21 +138,21 @@ def _near_segments(
     centres = low + high
     centres *= np.float32(0.5)
     lost = np.flatnonzero(on_debris)
-    places = centres[lost].astype(np.float64)
-    near_lost = may_be_near(centres, places, np.full(len(lost), reach_m), threads=threads)
+    lost_centres = centres[lost].astype(np.float64)
+    near_lost = may_be_near(centres, lost_centres, np.full(len(lost), reach_m), threads=threads)
     kept = np.flatnonzero(near_lost & ~on_debris)
     if len(kept) == 0:
         return []
     k = min(_DEBRIS_CANDIDATES, len(kept))
     tree = cKDTree(centres[kept], balanced_tree=False, compact_nodes=False)
     distance, index = tree.query(
-        places, k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=threads
+        lost_centres, k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=threads
     )
     distance, index = distance.reshape(len(lost), k), index.reshape(len(lost), k)
-    found = np.isfinite(distance)
-    unit = np.repeat(labels[lost], k).reshape(index.shape)[found]
-    target = labels[kept[index[found]]]
-    order = np.lexsort((target, distance[found], unit))
+    in_reach = np.isfinite(distance)
+    unit = np.repeat(labels[lost], k).reshape(index.shape)[in_reach]
+    target = labels[kept[index[in_reach]]]
+    order = np.lexsort((target, distance[in_reach], unit))
     near: dict[int, list[int]] = {}
     for u, t in zip(unit[order].tolist(), target[order].tolist(), strict=True):
         targets = near.setdefault(u, [])

@@ -143,6 +143,8 @@ def _split(
     target: int,
     max_extent_m: float,
 ) -> tuple[Int32, int]:
+    # Invariant: the ranges on the stack are disjoint slices of `order`, the deepest the one to go
+    # on with first; pieces 0..count-1 are finished and within both bounds (or single faces).
     n_faces = len(order)
     pieces = np.empty(n_faces, np.int32)
     spare = np.empty(n_faces, np.int32)
@@ -159,6 +161,7 @@ def _split(
             start, end = stack[depth, 0], stack[depth, 1]
             n = end - start
             for axis in range(3):
+                # (1) Box of the range; the longest side is the one to cut.
                 least, most = low[order[start], axis], high[order[start], axis]
                 for i in range(start + 1, end):
                     least = min(least, low[order[i], axis])
@@ -168,20 +171,25 @@ def _split(
             for axis in range(1, 3):
                 if side[axis] > side[longest]:
                     longest = axis
-            parts = (n + target - 1) // target if n > max_faces else 1
+            # (2) Into how many pieces; one is finished.
+            n_pieces = (n + target - 1) // target if n > max_faces else 1
             if side[longest] > max_extent_m:
-                parts = max(parts, 2)
-            if parts < 2 or n < 2:
+                n_pieces = max(n_pieces, 2)
+            if n_pieces < 2 or n < 2:
                 for i in range(start, end):
                     pieces[order[i]] = count
                 count += 1
                 continue
-            rank = n * (parts // 2) // parts  # below n, since parts // 2 < parts
+            # (3) The cut: as many whole pieces to the left as to the right, by a selection in
+            # linear time. Ties of the key go left in face order until `rank` faces are there.
+            rank = n * (n_pieces // 2) // n_pieces  # below n, since parts // 2 < parts
             if rank < 1:
                 rank += 1
             cut, below = _select(keys, longest, order, start, end, rank)
             level = rank - below  # so many of the faces at the cut go left, in face order
             left, right = start, start + rank
+            # (4) Stable partition, back into `order`; the left half is on top of the stack and
+            # comes first.
             for i in range(start, end):
                 key = np.int64(keys[order[i], longest])
                 if key == cut and level > 0:

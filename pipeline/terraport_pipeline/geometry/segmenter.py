@@ -74,7 +74,7 @@ class SegmenterMesh:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segmentation:
-    """What a segmenter found."""
+    """Regions and fine pools of every face, and the engine's facts."""
 
     regions: Int32
     """(F,) region of every face, 0..region_count-1, numbered by each region's first face."""
@@ -90,12 +90,12 @@ class Segmentation:
 
     @property
     def fine_count(self) -> int:
-        """Number of fine pools."""
+        """Number of fine pools; `fine` numbers them from 0."""
         return int(self.fine.max()) + 1 if len(self.fine) else 0
 
 
 class Segmenter(Protocol):
-    """An engine with its options."""
+    """Interface of segmentation engines; an instance holds its options."""
 
     @property
     def name(self) -> str:
@@ -128,7 +128,7 @@ class TriangleSegmenter:
 
     @property
     def name(self) -> str:
-        """``"tpa"``."""
+        """Name of the engine in options and manifests: ``"tpa"``."""
         return "tpa"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
@@ -197,5 +197,5 @@ def segmenter_by_name(name: str, **options: Any) -> Segmenter:
     module, kind = SEGMENTERS[name]
     # Imported here: every engine imports this module for the interface.
     engine = getattr(import_module(f"{__package__}.{module}"), kind)
-    made: Segmenter = engine(**options)
-    return made
+    segmenter: Segmenter = engine(**options)
+    return segmenter

@@ -61,7 +61,7 @@ tried."""
 
 @dataclass(frozen=True, slots=True)
 class SegmentOptions:
-    """Size bounds of streamable segments."""
+    """Bounds on the faces and extent of streamable segments."""
 
     min_faces: int = 2000
     """Fewer faces only as a counted exception: below it, request and draw call cost more than the
@@ -177,6 +177,7 @@ def build_segments(
     ValueError
         Arrays whose lengths differ, or negative regions.
     """
+    # (1) Bounds and boxes of all faces.
     options = SegmentOptions() if options is None else options
     _validate_inputs(vertices, faces, pools_fine, similarity, regions)
     if len(faces) == 0:
@@ -191,6 +192,7 @@ def build_segments(
     )
     if pairs is None:
         pairs = face_pairs(faces, len(vertices), threads=threads)
+    # (2) Units: pools as they are, or merged, cut, repaired, and their debris gathered.
     neighbours, shared = pairs
     if options.units == "pools":
         labels, debris = dense_labels(pools_fine), DebrisCounts()
@@ -211,7 +213,7 @@ def build_segments(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _MeshFacts:
-    """What every step reads and none changes."""
+    """Per-face facts and bounds that every step reads and none changes."""
 
     pairs: Int32
     lengths: Int64
@@ -227,7 +229,7 @@ class _MeshFacts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """The units at one moment."""
+    """Labels of the faces, and the graph and facts of their units, after some step."""
 
     labels: Int32
     graph: UnitGraph
@@ -262,7 +264,7 @@ def _validate_inputs(
 
 
 def _measure(mesh: _MeshFacts, labels: Int32, count: int, region: Int32) -> Units:
-    """Facts of units from their faces."""
+    """Sum up the facts of units from those of their faces."""
     size, total = label_sums(labels, count, mesh.similarity)
     low, high = label_boxes(labels, size, mesh.low, mesh.high)
     return Units(size, total, region, low, high)
@@ -284,7 +286,7 @@ def _moved(parent: Int32) -> bool:
 
 
 def _merge_pools(mesh: _MeshFacts, pools: Int32) -> _State:
-    """Do steps 1 and 2."""
+    """Merge fine pools: steps 1 and 2 of the module's list."""
     labels, count = components(len(pools), mesh.pairs, labels=pools, also=mesh.regions)
     region = mesh.regions[first_faces(labels, count)]
     graph = unit_graph(labels, count, mesh.pairs, mesh.lengths)
@@ -310,7 +312,7 @@ def _join_in_bounds(mesh: _MeshFacts, state: _State, *, across_regions: bool) ->
 
 
 def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
-    """Do steps 3 and 4."""
+    """Split large units and mend what that leaves: steps 3 and 4 of the module's list."""
     for attempt in range(_REPAIR_ROUNDS):
         pieces, _ = split_units(
             state.labels,
@@ -344,7 +346,8 @@ def _finish(
     extent_m: float,
     debris: DebrisCounts,
 ) -> Segments:
-    """Do step 6, and measure every segment."""
+    """Order the segments along a curve (step 6) and measure every one."""
+    # (1) Number the segments along a Morton curve: neighbours in space are neighbours on disk.
     size = np.bincount(labels).astype(np.int64)
     count = len(size)
     least, most = label_boxes(labels, size, low, high)
@@ -354,15 +357,16 @@ def _finish(
     number[order] = np.arange(count, dtype=np.int32)
     labels = number[labels]
     size, least, most = size[order], least[order], most[order]
+    # (2) Main region of each, and what breaks a bound all the same.
     main, region_counts = main_labels(labels, count, regions)
     pieces, n_pieces = components(len(labels), pairs, labels=labels)
-    parts = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)
+    n_components = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)
     exceptions = SegmentExceptions(
         below_min_faces=int(np.count_nonzero(size < options.min_faces)),
         above_max_faces=int(np.count_nonzero(size > options.max_faces)),
         above_max_extent=int(np.count_nonzero((most - least).max(axis=1) > extent_m)),
         across_regions=int(np.count_nonzero(region_counts > 1)),
-        disconnected=int(np.count_nonzero(parts > 1)),
+        disconnected=int(np.count_nonzero(n_components > 1)),
         debris_joined=debris.joined,
         debris_alone=debris.alone,
     )

@@ -75,14 +75,14 @@ def shape_index(diameter: AnyFloat, pairs: Int32) -> Float64:
     ``log(1 + alpha (d - min) / (max - min)) / log(1 + alpha)``, then three bilateral passes:
     neighbours count less the more they differ, so the edges of parts stay.
     """
-    known = np.isfinite(diameter)
-    if not known.any():
+    measured = np.isfinite(diameter)
+    if not measured.any():
         return np.zeros(len(diameter))
     values = diameter.astype(np.float64)
-    low, high = float(values[known].min()), float(values[known].max())
+    low, high = float(values[measured].min()), float(values[measured].max())
     if high <= low:
         return np.zeros(len(diameter))
-    values[~known] = high
+    values[~measured] = high
     index = np.log1p(_ALPHA * (values - low) / (high - low)) / np.log1p(_ALPHA)
     a, b = pairs[:, 0], pairs[:, 1]
     for _ in range(_SMOOTH_ROUNDS):

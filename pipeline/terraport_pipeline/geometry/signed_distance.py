@@ -65,20 +65,20 @@ def march_samples(
     strides = np.array([shape[1] * shape[2], shape[2], 1], np.int64)
     keys = np.unique((cells @ strides)[:, None] + CORNERS @ strides)
     x, rest = np.divmod(keys, strides[0])
-    places = np.stack([x, *np.divmod(rest, shape[2])], axis=1) * cell_m + low
-    values = np.empty(len(places))
+    nodes = np.stack([x, *np.divmod(rest, shape[2])], axis=1) * cell_m + low
+    values = np.empty(len(nodes))
     tree = cKDTree(points, balanced_tree=False)
     k = min(neighbours, len(points))
-    for begin in range(0, len(places), _CHUNK):
+    for begin in range(0, len(nodes), _CHUNK):
         here = slice(begin, begin + _CHUNK)
-        away, near = tree.query(places[here], k=[*range(1, k + 1)], workers=workers)
-        values[here] = _mean_plane(places[here], points, normals, away, near, cell_m, reach_m)
+        away, near = tree.query(nodes[here], k=[*range(1, k + 1)], workers=workers)
+        values[here] = _mean_plane(nodes[here], points, normals, away, near, cell_m, reach_m)
     vertices, faces = march(cells, values, keys, shape)
     return (vertices * cell_m + low).astype(np.float32), faces
 
 
 def _mean_plane(
-    places: Float64,
+    nodes: Float64,
     points: Float32,
     normals: Float32,
     away: Float64,
@@ -87,7 +87,7 @@ def _mean_plane(
     reach_m: float,
 ) -> Float64:
     """Weighted mean distance to the planes of the nearest samples; NaN beyond their reach."""
-    offset = places[:, None] - points[near]
+    offset = nodes[:, None] - points[near]
     height = np.einsum("mkc,mkc->mk", offset, normals[near].astype(np.float64))
     # Relative to the nearest, so that far from all samples no weight becomes 0 / 0.
     weight = np.exp(-(away**2 - away[:, :1] ** 2) / (1.5 * cell_m) ** 2)

@@ -61,6 +61,7 @@ def similarity_index(
     ndarray of shape (F,), float32
         Computed in float64 and rounded once.
     """
+    # (1) The white index or the scalar of every face, and how it is stretched.
     points, corners = mesh_input(vertices, faces)
     n_faces = len(corners)
     index: AnyArray
@@ -75,6 +76,7 @@ def similarity_index(
     elif normalise == "max":
         largest = max(abs(low), abs(high))
         scale = attribute_range / largest if largest > 0.0 else 0.0
+    # (2) Distances from the origin, only where they count; relative to the farthest.
     distance = np.zeros(0)
     if tau > 0.0:
         distance = np.empty(n_faces)
@@ -89,6 +91,7 @@ def similarity_index(
             distance, tau = np.zeros(0), 0.0
     else:
         farthest = 1.0
+    # (3) s = mu * index + tau * distance, equation (3.1).
     similarity = np.empty(n_faces, np.float32)
     given = as_kernel_input(index, np.float32 if index.dtype == np.float32 else np.float64)
     in_chunks(
@@ -101,19 +104,19 @@ def similarity_index(
 
 
 def _origin(points: AnyArray, faces: Int32, origin: str, threads: int) -> Float64:
-    """Point that d is measured from."""
+    """Choose the point that the distance d of equation (3.2) is measured from."""
     if origin == "first":
         return np.asarray(_reduce(points, faces, _SUM, 0, 1))
     kind = _SUM if origin == "centroid" else _LEAST
-    parts = np.stack(
+    chunks = np.stack(
         in_chunks(
             lambda begin, end: _reduce(points, faces, kind, begin, end), len(faces), threads=threads
         )
     )
     if origin == "centroid":
-        mean: Float64 = parts.sum(axis=0) / len(faces)
+        mean: Float64 = chunks.sum(axis=0) / len(faces)
         return mean
-    least: Float64 = parts.min(axis=0)
+    least: Float64 = chunks.min(axis=0)
     return least
 
 
@@ -127,12 +130,12 @@ def _centre(points: AnyArray, faces: Int32, f: int, axis: int) -> float:
 @numba.njit(cache=True, nogil=True)
 def _reduce(points: AnyArray, faces: Int32, kind: int, begin: int, end: int) -> Float64:
     """Least coordinates or sum of the centres of some faces."""
-    found = np.zeros(3) if kind == _SUM else np.full(3, np.inf)
+    total = np.zeros(3) if kind == _SUM else np.full(3, np.inf)
     for f in range(begin, end):
         for axis in range(3):
             value = _centre(points, faces, f, axis)
-            found[axis] = found[axis] + value if kind == _SUM else min(found[axis], value)
-    return found
+            total[axis] = total[axis] + value if kind == _SUM else min(total[axis], value)
+    return total
 
 
 @numba.njit(cache=True, nogil=True)
@@ -168,8 +171,11 @@ def _combine(
     begin: int,
     end: int,
 ) -> None:
+    """Equation (3.1) for faces begin..end, from the stretched index and the distance."""
     for f in range(begin, end):
+        # (1) The index, stretched and weighted.
         value = (np.float64(index[f]) - shift) * scale * mu
+        # (2) The distance, where it counts; `distance` is empty where it does not.
         if tau > 0.0:
             value += tau * (distance[f] / farthest)
         similarity[f] = np.float32(value)

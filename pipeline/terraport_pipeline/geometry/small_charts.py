@@ -145,7 +145,7 @@ def _in_picture(
     unseen_too: bool,
 ) -> Bool:
     """Whether faces lie whole in pictures, and unless `unseen_too` look at the camera."""
-    found = np.zeros(len(rows), np.bool_)
+    inside = np.zeros(len(rows), np.bool_)
     pixel = np.zeros((3, 2))
     for n in range(len(rows)):
         row = packed[view[n]]
@@ -165,5 +165,5 @@ def _in_picture(
             ax, ay = pixel[1, 0] - pixel[0, 0], pixel[1, 1] - pixel[0, 1]
             bx, by = pixel[2, 0] - pixel[0, 0], pixel[2, 1] - pixel[0, 1]
             good = ax * by - ay * bx < 0.0  # v points down
-        found[n] = good
-    return found
+        inside[n] = good
+    return inside

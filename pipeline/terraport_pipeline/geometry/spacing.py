@@ -131,9 +131,9 @@ def remaining_neighbours(
     lost = np.flatnonzero(removed[old].any(axis=1))
     if len(lost):
         tree = cKDTree(rest, balanced_tree=False)
-        found = _query(tree, rest, lost, k, workers)
-        indices[lost] = found.indices
-        distances[lost] = found.distances
+        updated = _query(tree, rest, lost, k, workers)
+        indices[lost] = updated.indices
+        distances[lost] = updated.distances
     return Neighbours(indices, distances)
 
 
@@ -179,19 +179,19 @@ def _query(
     workers: int,
     advance: Callable[[float], None] = lambda _: None,
 ) -> Neighbours:
-    """Find neighbours of some of the points."""
+    """Find the k nearest neighbours of some of the points, without the points themselves."""
     count = len(wanted)
     indices = np.empty((count, k), dtype=np.int32)
     distances = np.empty((count, k), dtype=np.float32)
     for begin in range(0, count, _CHUNK):
         end = min(begin + _CHUNK, count)
-        found_m, found = tree.query(points[wanted[begin:end]], k=k + 1, workers=workers)
+        neighbours_m, neighbours = tree.query(points[wanted[begin:end]], k=k + 1, workers=workers)
         # The point itself is among its neighbours at distance 0, but not always in the first column
         # (copies of it may stand before it, or push it out): drop it where it stands, else the
         # last column.
-        own = found == wanted[begin:end, None]
+        own = neighbours == wanted[begin:end, None]
         own[~own.any(axis=1), -1] = True
-        indices[begin:end] = found[~own].reshape(-1, k)
-        distances[begin:end] = found_m[~own].reshape(-1, k)
+        indices[begin:end] = neighbours[~own].reshape(-1, k)
+        distances[begin:end] = neighbours_m[~own].reshape(-1, k)
         advance(end - begin)
     return Neighbours(indices, distances)

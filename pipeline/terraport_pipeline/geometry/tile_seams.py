@@ -30,7 +30,7 @@ class OpenEdges:
     """(K,) face of the tile."""
 
     def lengths_m(self) -> Float64:
-        """Length of every edge, (K,)."""
+        """Length of every open edge, (K,), metres."""
         along = self.ends[:, 3:].astype(np.float64) - self.ends[:, :3]
         length: Float64 = np.sqrt((along * along).sum(axis=1))
         return length

@@ -26,7 +26,7 @@ __all__ = ["TileCover", "tile_cover", "unite_covers"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileCover:
-    """What one tile puts over the base."""
+    """Which of one tile's segments lie over which base faces."""
 
     base_face: Int32
     """(N,) base faces, ascending."""

@@ -82,13 +82,13 @@ class MeansScale:
 
     @property
     def least(self) -> int:
-        """Faces below which a region is small."""
+        """Number of faces below which a region is small and joins another."""
         return self.segmenter.least_faces(self.totals.faces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileUnits:
-    """One tile, united up to the fine pools."""
+    """Units of one tile, united up to the fine pools, and their graph within the tile."""
 
     labels: Int32
     """(F,) unit of every face, numbered by first face."""
@@ -106,15 +106,15 @@ class TileUnits:
     """(U,) lowest face within the tile."""
     edge_steps: tuple[int, int]
     """Summed length of the edges between two faces of the tile, in steps, and their number."""
-    places: Float32
+    centres: Float32
     """(K, 3) centres of some faces, metres."""
-    place_unit: Int32
+    centre_unit: Int32
     """(K,) their units."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JoinedRegions:
-    """Regions of the units of all tiles."""
+    """Region and fine pool of every tile's units, numbered over all tiles."""
 
     region: tuple[Int32, ...]
     """For every tile (U,) the region of its units; numbered by first face in order of the tiles."""
@@ -127,7 +127,7 @@ class JoinedRegions:
     pools: int
     """Units left when no colours were alike any more."""
     islands: int
-    """Of these, small ones that touched nothing."""
+    """Units that stayed small because they touch no other."""
 
 
 def colours_of_faces(colours: UInt8, faces: AnyInt) -> Int32:
@@ -163,6 +163,8 @@ def tile_units(
     -------
     TileUnits
     """
+    # (1) Faces near a seam are held back: what they would join may lie in the next tile. Their
+    # borders count as outer ones, which unite nothing but lengthen the perimeter.
     n_faces = len(faces)
     neighbours, edges = pairs
     steps = edge_steps(vertices, edges, longest=scale.longest_m)
@@ -172,6 +174,7 @@ def tile_units(
     held = near[neighbours].any(axis=1)
     for side in (0, 1):
         np.add.at(outer, neighbours[held, side], steps[held])
+    # (2) The rounds up to the fine pools, on all other edges.
     units = MeanUnits(
         np.arange(n_faces, dtype=np.int32),
         rows_of_pairs(n_faces, neighbours[~held], steps[~held]),
@@ -185,6 +188,7 @@ def tile_units(
     for level in range(1, FINE_LEVEL + 1):
         limit = scale.limit * level / LEVELS
         units = unite(units, weight, limit, scale.least, segmenter.leak, 0)
+    # (3) The units' graph, held edges included, for the join of all tiles.
     rows = combine_rows(*rows_of_labels(units.labels, len(units.faces), neighbours, steps))
     shown = np.unique(np.concatenate([units.name, np.arange(0, n_faces, _SAMPLE_EVERY)]))
     return TileUnits(
@@ -219,6 +223,7 @@ def join_tiles(
     -------
     JoinedRegions
     """
+    # (1) Numbers over all tiles: units and faces of a tile follow those of the tiles before it.
     segmenter, weight = scale.segmenter, scale.segmenter.weights()
     counts = np.array([len(tile.faces) for tile in tiles])
     starts = np.concatenate([[0], np.cumsum(counts)])
@@ -235,6 +240,7 @@ def join_tiles(
             [tile.first + np.int32(at) for tile, at in zip(tiles, first_face, strict=True)]
         ),
     )
+    # (2) The rounds of the whole mesh, from the tiles' units on: levels, then small units.
     names, fine, fine_count = units.name, units.labels, 0
     for level in range(1, LEVELS + 1):
         limit = scale.limit * level / LEVELS
@@ -245,11 +251,13 @@ def join_tiles(
     length = int(seam_steps.sum()) + sum(tile.edge_steps[0] for tile in tiles)
     mean_step = length // max(len(seam_steps) + sum(tile.edge_steps[1] for tile in tiles), 1)
     units = unite(units, weight, np.inf, scale.least, 0.0, mean_step)
+    # (3) What is still small touches nothing larger: to the nearest region.
     small = units.faces < scale.least
     islands = int(np.count_nonzero(small))
     labels = units.labels
     if islands and islands < len(small):
         labels = _join_nearest(tiles, starts, labels, small, threads)
+    # (4) Numbers by first face, which do not depend on how the mesh was tiled.
     order = np.argsort(names, kind="stable")
     numbered, count = number_by_first(labels[order])
     region = np.empty(len(labels), np.int32)
@@ -297,22 +305,22 @@ def _join_nearest(
     threads: int,
 ) -> Int32:
     """Give every small union the union of the nearest place that is not small (tie: lower)."""
-    places = np.concatenate([tile.places for tile in tiles]).astype(np.float64)
+    centroids = np.concatenate([tile.centres for tile in tiles]).astype(np.float64)
     union = labels[
         np.concatenate(
-            [tile.place_unit + np.int32(at) for tile, at in zip(tiles, starts, strict=False)]
+            [tile.centre_unit + np.int32(at) for tile, at in zip(tiles, starts, strict=False)]
         )
     ]
     lost = small[union]
     kept = np.flatnonzero(~lost)
-    lost_places = np.flatnonzero(lost)
-    tree = cKDTree(places[kept], balanced_tree=False, compact_nodes=False)
-    distance, nearest = tree.query(places[lost_places], workers=threads)
-    order = np.lexsort((nearest, distance, union[lost_places]))
-    owner = union[lost_places][order]
+    lost_rows = np.flatnonzero(lost)
+    tree = cKDTree(centroids[kept], balanced_tree=False, compact_nodes=False)
+    distance, nearest = tree.query(centroids[lost_rows], workers=threads)
+    order = np.lexsort((nearest, distance, union[lost_rows]))
+    owner = union[lost_rows][order]
     chosen = order[np.concatenate([[True], owner[1:] != owner[:-1]])]
     mapping = np.arange(len(small), dtype=np.int32)
-    mapping[union[lost_places[chosen]]] = union[kept[nearest[chosen]]]
+    mapping[union[lost_rows[chosen]]] = union[kept[nearest[chosen]]]
     joined: Int32 = mapping[labels]
     return joined
 

@@ -62,7 +62,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrianglePools:
-    """What the algorithm found."""
+    """Pool and similarity index of every face, and the numbers of pools at the levels before."""
 
     labels: Int32
     """(F,) pool of every face, numbered 0.. by each pool's first face."""
@@ -320,6 +320,7 @@ def _validate_inputs(
     colours: UInt8 | None,
     scalar: AnyFloat | None,
 ) -> None:
+    # (1) The mesh.
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         msg = f"vertices {vertices.shape} and faces {faces.shape}, expected (V, 3) and (F, 3)"
         raise ValueError(msg)
@@ -330,6 +331,7 @@ def _validate_inputs(
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
         msg = f"vertex {bad} is {vertices[bad].tolist()}, expected finite coordinates"
         raise ValueError(msg)
+    # (2) Exactly one of colours and scalar, of the mesh's size.
     if (colours is None) == (scalar is None):
         given = "neither" if colours is None else "both"
         msg = f"received {given} of colours and scalar, expected exactly one"

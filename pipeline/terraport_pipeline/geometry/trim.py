@@ -205,6 +205,7 @@ def _roots(faces: Int32, vertex_count: int) -> Int32:
     A tenth of the time that SciPy's connected components take over the same links.
     """
     parent = np.arange(vertex_count).astype(np.int32)
+    # Invariant: a parent is never above its child, so roots are the lowest of their pieces.
     for f in range(len(faces)):
         a = faces[f, 0]
         while parent[a] != a:

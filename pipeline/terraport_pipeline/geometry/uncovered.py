@@ -148,11 +148,27 @@ def _find(
     it is covered. (2) Else every face of the cover in these cells is subtracted from it, from one
     list of pieces into the other. Invariant: the pieces are convex, do not overlap, and together
     are the face without what was subtracted.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        The surface to judge, metres.
+    plan : ndarray of shape (G, 6), float64
+        Corners x, z of every face of the cover.
+    grid, starts, entries
+        Faces of the cover in every cell, as CSR.
+    covered : ndarray of shape (cells,), bool
+        Cells that the cover holds whole.
+    uncovered : ndarray of shape (F,), bool
+        Written in begin..end.
+    begin, end : int
+        Faces.
     """
     pieces = np.empty((2, _PIECES, _CORNERS, 2))
     sizes = np.zeros((2, _PIECES), np.int64)
     scratch = np.empty((2, _CORNERS, 2))
     for f in range(begin, end):
+        # (1) Cells under the face's box: all covered, or one face of the cover around all of it.
         u, v, w = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, bx, cx = vertices[u, 0], vertices[v, 0], vertices[w, 0]
         az, bz, cz = vertices[u, 2], vertices[v, 2], vertices[w, 2]
@@ -176,6 +192,7 @@ def _find(
                     )
         if safe:
             continue
+        # (2) Subtract the cover, face by face. `now` is the list that holds what is left.
         pieces[0, 0, 0, 0], pieces[0, 0, 0, 1] = ax, az
         pieces[0, 0, 1, 0], pieces[0, 0, 1, 1] = bx, bz
         pieces[0, 0, 2, 0], pieces[0, 0, 2, 1] = cx, cz
@@ -222,13 +239,33 @@ def _subtract(
 
     A piece is cut along the line of each edge in turn: what lies outside is left as a piece of its
     own, what lies inside all three goes. Pieces of at most `least` square metres go too.
+
+    Parameters
+    ----------
+    pieces, sizes : ndarray of shape (_PIECES, _CORNERS, 2), (_PIECES,)
+        Convex polygons seen from above, and their corners; the first `count` are there.
+    count : int
+    left, left_sizes : ndarray
+        Written: what is left, likewise.
+    scratch : ndarray of shape (2, _CORNERS, 2), float64
+        Overwritten.
+    plan : ndarray of shape (G, 6), float64
+        Corners x, z of every face of the cover.
+    g : int
+        The face to subtract.
+    least : float
+        Area below which a piece counts as covered.
     """
     result = 0
     for piece in range(count):
+        # (1) A piece that does not meet g stays as it is.
         size = sizes[piece]
         scratch[0, :size] = pieces[piece, :size]
         source = 0
         apart = _is_apart(pieces[piece], size, plan, g)
+        # (2) Cut along g's edges. Invariant: `scratch[source]` is what of the piece lies inside
+        # the edges done so far; what lay outside is in left[:result], and both together are the
+        # piece.
         for corner in range(3):
             if apart or size < 3:
                 break

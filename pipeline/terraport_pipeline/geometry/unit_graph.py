@@ -193,11 +193,27 @@ def _join_small(
     across_regions: bool,
     compactness: float,
 ) -> Int32:
+    """Unite every small unit with its most similar neighbour; lowest unit of every unit's union.
+
+    Parameters
+    ----------
+    offsets, neighbours, border : ndarray
+        The units' graph as CSR, with the length of every border in steps.
+    size, mean, region : ndarray of shape (U,)
+        Faces, mean similarity index and region of every unit.
+    min_faces : int
+        Units below this are small.
+    across_regions : bool
+        Whether a unit may join one of another region.
+    compactness : float
+        Weight of the border's share of the perimeter beside the difference of the means.
+    """
     count = len(size)
     parent = np.arange(count).astype(np.int32)
     for u in range(count):
         if size[u] >= min_faces:
             continue
+        # (1) The neighbour of least cost: alike in the mean, with a long common border.
         perimeter = 0
         for e in range(offsets[u], offsets[u + 1]):
             perimeter += border[e]
@@ -209,9 +225,12 @@ def _join_small(
             cost = abs(mean[v] - mean[u]) + compactness * (1.0 - border[e] / perimeter)
             if cost < best_cost or (cost == best_cost and border[e] > best_border):
                 best, best_cost, best_border = v, cost, border[e]
+        # (2) Invariant: a root is the lowest unit of its tree, and every other unit's parent lies
+        # below it.
         if best >= 0:
             a, b = _root(parent, u), _root(parent, best)
             parent[max(a, b)] = min(a, b)
+    # (3) Lower units first, so one step reaches the root.
     for u in range(count):
         parent[u] = parent[parent[u]]
     return parent
@@ -232,6 +251,23 @@ def _join_within_bounds(
     max_extent_m: float,
     across_regions: bool,
 ) -> Int32:
+    """Unite units in pairs, small ones first, within both bounds; the lower unit of every pair.
+
+    Parameters
+    ----------
+    offsets, neighbours, border, size, mean, region, across_regions
+        As for :func:`_join_small`.
+    low, high : ndarray of shape (U, 3), float32
+        Box of every unit, metres.
+    order : ndarray, int64
+        Units that may choose, in their order.
+    max_faces : int
+        Largest union.
+    max_extent_m : float
+        Longest side of its box.
+    """
+    # Invariant: a unit takes part in one join at most (then it is locked), so sizes and boxes are
+    # those of the start of the round and no join breaks a bound.
     count = len(size)
     parent = np.arange(count).astype(np.int32)
     locked = np.zeros(count, np.bool_)
@@ -239,9 +275,11 @@ def _join_within_bounds(
         u = order[i]
         if locked[u]:
             continue
+        # (1) Length of the unit's own border.
         perimeter = 0
         for e in range(offsets[u], offsets[u + 1]):
             perimeter += border[e]
+        # (2) The neighbour of least cost among those that stay within both bounds.
         best, best_cost = -1, np.inf
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
@@ -256,6 +294,7 @@ def _join_within_bounds(
             cost = abs(mean[v] - mean[u]) + side / max_extent_m - border[e] / perimeter
             if cost < best_cost:
                 best, best_cost = v, cost
+        # (3) The lower unit goes on; of a locked neighbour nothing is taken in this round.
         if best >= 0 and not locked[best]:
             parent[max(u, best)] = min(u, best)
             locked[u] = locked[best] = True

@@ -146,7 +146,7 @@ def pairs_of_rows(offsets: Int64, neighbours: Int32, border: Int64) -> tuple[Int
 
 @numba.njit(cache=True, nogil=True)
 def row_sums(offsets: Int64, border: Int64) -> Int64:
-    """Perimeter of every unit."""
+    """Sum up the borders of every unit: its perimeter, in steps."""
     perimeter = np.zeros(len(offsets) - 1, np.int64)
     for u in range(len(perimeter)):
         for e in range(offsets[u], offsets[u + 1]):

@@ -49,7 +49,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """The best views of each face."""
+    """The best views of each face by quality, in a fixed number of slots."""
 
     view: Int16
     """(F, SLOTS) view, -1 in empty places."""
@@ -134,11 +134,11 @@ def median_area(
     blocks: MeshBlocks, packed: Float64, seen: npt.NDArray[np.intp], uv: Float32
 ) -> float:
     """Median projected area of faces inside a photo, square pixels, from a sample; 0: none."""
-    found = [
+    samples = [
         kernels.sample_areas(packed, blocks.faces, uv, first, last)
         for first, last in _pieces(blocks.face_starts, seen)
     ]
-    areas = np.concatenate(found) if found else np.zeros(0)
+    areas = np.concatenate(samples) if samples else np.zeros(0)
     return float(np.median(areas)) if len(areas) else 0.0
 
 
@@ -187,12 +187,12 @@ def rate_faces(
             for first, last in pieces[begin:end]
         ]
 
-    found = [
-        part for parts in in_chunks(work, len(pieces), threads=threads, chunk=8) for part in parts
+    columns = [
+        rows for chunk in in_chunks(work, len(pieces), threads=threads, chunk=8) for rows in chunk
     ]
-    if not found:
+    if not columns:
         return Rated(np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32))
-    return Rated(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    return Rated(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
 def insert(

@@ -56,12 +56,12 @@ def _add_view(
 ) -> int:
     focal = np.sqrt(packed[kernels.FX] * packed[kernels.FY])
     width, height = packed[kernels.WIDTH], packed[kernels.HEIGHT]
-    found = 0
+    count = 0
     for i in range(len(points)):
         u, v, depth = project_packed(packed, points[i, 0], points[i, 1], points[i, 2])
         pixel_m = depth / focal
         if 0.0 <= u < width and 0.0 <= v < height and pixel_m <= coarsest_m:
             photos[i] += 1
             finest_m[i] = min(finest_m[i], pixel_m)
-            found += 1
-    return found
+            count += 1
+    return count

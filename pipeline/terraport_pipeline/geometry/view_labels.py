@@ -81,7 +81,7 @@ class FaceNeighbours:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labelled:
-    """Chosen views, and how the choice went."""
+    """Chosen slot of every face, and the energy after every round."""
 
     slot: Int8
     """(F,) chosen place among the face's candidates, -1 where it has none."""
@@ -195,14 +195,14 @@ def energy(
     threads: int = 1,
 ) -> float:
     """E of a choice; see the module. Edges to faces without any view cost nothing."""
-    parts = in_chunks(
+    sums = in_chunks(
         lambda begin, end: kernels.energy(
             candidates.view, candidates.quality, neighbours.face, neighbours.length,
             neighbours.area, slot, smoothness, begin, end,
         ),
         len(slot), threads=threads,
     )  # fmt: skip
-    return float(sum(parts))
+    return float(sum(sums))
 
 
 def _solve_round(

@@ -71,37 +71,43 @@ def finish(
 
     ``base-vertices`` and ``base-faces`` are the surface that the base is thinned from.
     """
+    # (1) Weld, cut to the edge, drop pieces that are islands over all tiles.
     welded = _weld(task, tile, arrays, join)
     cut = _cut(welded, join.rule, join.forgiven[tile])
     piece, _ = _pieces(cut.faces, len(cut.vertices))
     keep = ~np.isin(piece, settled.dropped[tile])
     used = np.zeros(len(cut.vertices), dtype=bool)
     used[cut.faces[keep].ravel()] = True
+    # (2) Ids of shared vertices: a vertex that the cut made is named by the edge it lies on.
+    # Their normals come from the join, so that both tiles shade alike.
     ends = welded.ids[cut.ends]
     shared = np.flatnonzero((ends >= 0).all(axis=1))
     ids = np.full(len(cut.vertices), -1, dtype=np.int64)
     ids[shared] = cut_ids(np.sort(ends[shared], axis=1), settled.pairs, len(join.cells))
     normals = unit_normals(normal_sums(cut.vertices, cut.faces[keep]))
     normals[shared] = settled.normals[ids[shared]]
+    # (3) Colours and attributes; shared vertices take the join's.
     guests = len(welded.vertices) - len(arrays["vertices"])
     at_id = np.flatnonzero(welded.ids >= 0)
     colours = np.concatenate([arrays["colours"], np.zeros((guests, 3), np.uint8)])
     colours[at_id] = join.colours[welded.ids[at_id]]
     mixed = np.rint(_between(colours.astype(np.float64), cut)).astype(np.uint8)
-    made: dict[str, npt.NDArray[np.generic]] = {}
-    for place, values in enumerate(join.attributes):
-        column = np.concatenate([arrays[f"attribute-{place}"], np.zeros(guests, np.float32)])
+    finished: dict[str, npt.NDArray[np.generic]] = {}
+    for number, values in enumerate(join.attributes):
+        column = np.concatenate([arrays[f"attribute-{number}"], np.zeros(guests, np.float32)])
         column[at_id] = values[welded.ids[at_id]]
-        if place in join.codes:  # never mixed: the nearer end's
+        if number in join.codes:  # never mixed: the nearer end's
             nearer = np.where(cut.share > 0.5, cut.ends[:, 1], cut.ends[:, 0])
-            made[f"attribute-{place}"] = column[nearer][used]
+            finished[f"attribute-{number}"] = column[nearer][used]
         else:
-            made[f"attribute-{place}"] = _between(column.astype(np.float64), cut)[used].astype(
+            finished[f"attribute-{number}"] = _between(column.astype(np.float64), cut)[used].astype(
                 np.float32
             )
+    # (4) Without unused vertices. Invariant: equal border ids of two tiles name one vertex, with
+    # the same normal, colour and attributes.
     final, faces = compact(cut.vertices, cut.faces, keep)
     border = np.flatnonzero(ids[used] >= 0)
-    made |= {
+    finished |= {
         "vertices": final,
         "faces": faces,
         "normals": normals[used],
@@ -109,18 +115,19 @@ def finish(
         "border-rows": border.astype(np.int32),
         "border-ids": ids[used][border],
     }
+    # (5) The surface for the base, cut farther out.
     wide = _cut(welded, join.base_rule, join.base_forgiven[tile])
     every = np.ones(len(wide.faces), dtype=bool)
-    made["base-vertices"], made["base-faces"] = compact(wide.vertices, wide.faces, every)
-    return made, vertex_box(final) if len(final) else np.zeros(6)
+    finished["base-vertices"], finished["base-faces"] = compact(wide.vertices, wide.faces, every)
+    return finished, vertex_box(final) if len(final) else np.zeros(6)
 
 
 def _between(values: Float64, cut: Clip) -> Float64:
     """Values at vertices after the cut; at those that stayed, bit for bit what was there."""
     first, second = values[cut.ends[:, 0]], values[cut.ends[:, 1]]
     share = cut.share.reshape(-1, *(1,) * (values.ndim - 1))
-    found: Float64 = np.where(share > 0, first + share * (second - first), first)
-    return found
+    between: Float64 = np.where(share > 0, first + share * (second - first), first)
+    return between
 
 
 def _weld(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> _Welded:
@@ -196,8 +203,8 @@ def _renumbered(labels: AnyInt) -> Int64:
     """Make labels 0, 1, 2, ... in order of their first occurrence: SciPy promises no order."""
     _, first, which = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
-    found: Int64 = rank[which.ravel()].astype(np.int64)
-    return found
+    renumbered: Int64 = rank[which.ravel()].astype(np.int64)
+    return renumbered
 
 
 def _open_wall_edges(task: TileTask, cut: Clip, welded: _Welded) -> tuple[Int64, Float64]:

@@ -20,7 +20,7 @@ Source = Literal["photos", "vertex"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextureSet:
-    """Atlases of the pieces of one mesh."""
+    """Texture coordinates of a mesh, and the encoded atlas of each of its pieces."""
 
     wedges: UInt16
     """(F, 3, 2) every face's corners in its piece's image, half texels from the upper left."""
@@ -32,7 +32,7 @@ class TextureSet:
     """(S, 2) width and height, texels."""
 
     def texture(self, piece: int) -> Texture:
-        """Take one piece's image."""
+        """Look up the encoded image of one piece, with its size and media type."""
         return Texture.of(self.images[self.offsets[piece] : self.offsets[piece + 1]].tobytes())
 
     def uvs(self, faces: AnyInt | slice, piece: int) -> Float32:
@@ -43,10 +43,10 @@ class TextureSet:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Textured:
-    """Textures of a scene."""
+    """Texture sets of detail and base, and the resolution that they reach."""
 
     detail: TextureSet
-    """By segment."""
+    """Atlases of the detail, one a segment."""
     base: TextureSet
     """One piece: the base faces that are kept."""
     source: Source

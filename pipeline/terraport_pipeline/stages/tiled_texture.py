@@ -115,7 +115,7 @@ def _settled(
     piece = banded(tiles, tile, _BAND_EDGES * scale.edge_m)
 
     def rows(name: str) -> AnyArray:
-        return np.concatenate([chosen[number][name][rows] for number, rows in piece.parts])
+        return np.concatenate([chosen[number][name][rows] for number, rows in piece.rows_of_tiles])
 
     view = rows("view").astype(np.int32)
     seen = rows("candidate_view")
@@ -145,25 +145,27 @@ def level(
 
     Seams across the border count half: the tile beyond adds the other half.
     """
-    found = _settled(tiles, tile, chosen, gains, scale, context)
+    settled = _settled(tiles, tile, chosen, gains, scale, context)
     sums, _ = level_sums(
-        found.piece.vertices, found.nodes, found.seams, scale.levels, own=found.piece.own,
-        share=found.own_sides.astype(np.float64) * 0.5,
+        settled.piece.vertices, settled.nodes, settled.seams, scale.levels, own=settled.piece.own,
+        share=settled.own_sides.astype(np.float64) * 0.5,
     )  # fmt: skip
     short = shorter_sums(sums)
     return Stored({field.name: getattr(short, field.name) for field in fields(LevelSums)}, {})
 
 
-def solve(parts: Sequence[Mapping[str, AnyArray]]) -> Levels:
+def solve(sums_of_tiles: Sequence[Mapping[str, AnyArray]]) -> Levels:
     """Level the whole scene; parts from :func:`level`."""
     sums = joined_sums(
         [
-            LevelSums(**{field.name: np.array(part[field.name]) for field in fields(LevelSums)})
-            for part in parts
+            LevelSums(
+                **{field.name: np.array(sums_of_tile[field.name]) for field in fields(LevelSums)}
+            )
+            for sums_of_tile in sums_of_tiles
         ]
     )
-    found, _ = solve_levels(sums)
-    return Levels(sums.keys, found)
+    solution, _ = solve_levels(sums)
+    return Levels(sums.keys, solution)
 
 
 def draw(
@@ -195,16 +197,18 @@ def draw(
     Stored
         For :func:`tile_textures`, with sums.
     """
-    found = _settled(tiles, tile, chosen, gains, scale, context)
+    settled = _settled(tiles, tile, chosen, gains, scale, context)
     field, cell = field_of_piece(
-        found.piece.vertices, found.nodes, scale.levels, levels.keys, levels.level
+        settled.piece.vertices, settled.nodes, scale.levels, levels.keys, levels.level
     )
-    smooth = node_levels(field, found.piece.vertices, found.nodes, cell, threads=context.threads)
+    smooth = node_levels(
+        field, settled.piece.vertices, settled.nodes, cell, threads=context.threads
+    )
     blend = blend_seams(
-        found.nodes, found.seams, smooth, found.candidates,
+        settled.nodes, settled.seams, smooth, settled.candidates,
         rings=choosing.Options().blend_rings, threads=context.threads,
     )  # fmt: skip
-    own = found.piece.own
+    own = settled.piece.own
     choice = ViewChoice(
         view=np.asarray(chosen[tile]["view"], np.int32),
         blend_view=blend.view[own],
@@ -212,8 +216,8 @@ def draw(
         correction=blend.correction[own],
         gains=gains,
     )
-    steps = _step_sums(found, smooth, blend)
-    del found, field, cell, smooth, blend
+    steps = _step_sums(settled, smooth, blend)
+    del settled, field, cell, smooth, blend
     return _drawn(tiles.load(tile), tile, segments, opened, choice, options, context, steps)
 
 
@@ -244,14 +248,14 @@ def _drawn(
     context: Context,
     steps: dict[str, AnyArray],
 ) -> Stored:
-    made = texture_mesh(
+    atlases = texture_mesh(
         mesh, segments, () if opened is None else opened.views,
         None if opened is None else opened.photos, choice, options,
         max_side=options.max_side, path=context.scratch / f"{tile:04d}.images",
         threads=context.threads, progress=context.progress, label="texture: atlases",
     )  # fmt: skip
-    textures = made.textures
-    tally = made.sums.tally()
+    textures = atlases.textures
+    tally = atlases.sums.tally()
     return Stored(
         {
             "wedges": textures.wedges,
@@ -261,25 +265,25 @@ def _drawn(
             **tally.arrays(),
             **steps,
         },
-        {"charts": made.sums.charts, "used": made.sums.used},
+        {"charts": atlases.sums.charts, "used": atlases.sums.used},
     )
 
 
-def _step_sums(found: _Settled, smooth: Float32, blend: Blend) -> dict[str, AnyArray]:
+def _step_sums(settled: _Settled, smooth: Float32, blend: Blend) -> dict[str, AnyArray]:
     """Sum up the steps across seams, within the tile and across its border.
 
     Two rows everywhere: within, across (half of it: the tile beyond has the other half).
     ``steps_edges``: edges, and those that part two photos; ``steps_X``: their lengths, by the size
     of the step.
     """
-    seams = found.seams
-    share = 0.5 * found.own_sides
-    rows = [found.own_sides == 2, found.own_sides == 1]
+    seams = settled.seams
+    share = 0.5 * settled.own_sides
+    rows = [settled.own_sides == 2, settled.own_sides == 1]
     arrays: dict[str, AnyArray] = {
         "steps_edges": np.array(
             [
                 [count * half, float(row.sum()) * half]
-                for count, row, half in zip(found.border_pairs, rows, (1.0, 0.5), strict=True)
+                for count, row, half in zip(settled.border_pairs, rows, (1.0, 0.5), strict=True)
             ]
         )
     }

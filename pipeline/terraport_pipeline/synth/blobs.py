@@ -59,9 +59,9 @@ class Blobs:
         stone = self.kind[body] == ROCK
         reach[stone] = self._plane_distances(body[stone], directions[stone]).min(axis=1)
         b, d = body[~stone], directions[~stone]
-        place = 13.0 * b
-        leaves = self._noise(2.2 * d[:, 0] + place, 2.2 * d[:, 1], wavelength=1.0, octaves=2)
-        leaves += self._noise(2.2 * d[:, 2] + place, 2.2 * d[:, 0], wavelength=1.0, octaves=2)
+        shift = 13.0 * b
+        leaves = self._noise(2.2 * d[:, 0] + shift, 2.2 * d[:, 1], wavelength=1.0, octaves=2)
+        leaves += self._noise(2.2 * d[:, 2] + shift, 2.2 * d[:, 0], wavelength=1.0, octaves=2)
         reach[~stone] = 0.85 + 0.28 * leaves
         return reach
 
@@ -140,9 +140,9 @@ def _place_plants(
     return centres, radii
 
 
-def _level(terrain: Terrain, places: Float64, step: float) -> Float64:
+def _level(terrain: Terrain, points: Float64, step: float) -> Float64:
     """Height difference across each place over 2 `step` in x and y."""
-    u, v = places[:, 0], places[:, 1]
+    u, v = points[:, 0], points[:, 1]
     z = [
         terrain.positions(u + du, v + dv)[:, 2]
         for du, dv in ((step, 0), (-step, 0), (0, step), (0, -step))

@@ -112,21 +112,21 @@ class Surface:
         flat, positions, faces = refine(flat, faces, self._place_ground, longest)
         parameters = np.concatenate([flat, np.zeros((len(flat), 1))], axis=1)
         bodies = [np.full(len(flat), GROUND, dtype=np.int64)]
-        parts, places, triangles = [parameters], [positions], [faces]
+        parameter_arrays, position_arrays, triangles = [parameters], [positions], [faces]
         unit, corners = icosphere(body_rounds)
         count = len(flat)
         for body in range(len(self.blobs.kind)):
-            place = self._placer(body)
-            directions, spots, pieces = refine(unit, corners, place, longest)
+            to_surface = self._placer(body)
+            directions, spots, pieces = refine(unit, corners, to_surface, longest)
             bodies.append(np.full(len(directions), body, dtype=np.int64))
-            parts.append(directions)
-            places.append(spots)
+            parameter_arrays.append(directions)
+            position_arrays.append(spots)
             triangles.append(pieces + count)
             count += len(directions)
         return (
             np.concatenate(bodies),
-            np.concatenate(parts),
-            np.concatenate(places),
+            np.concatenate(parameter_arrays),
+            np.concatenate(position_arrays),
             np.concatenate(triangles),
         )
 
@@ -134,10 +134,10 @@ class Surface:
         return self.terrain.positions(parameters[:, 0], parameters[:, 1])
 
     def _placer(self, body: int) -> Callable[[Float64], Float64]:
-        def place(directions: Float64) -> Float64:
+        def to_surface(directions: Float64) -> Float64:
             return self.blobs.positions(np.full(len(directions), body), directions)
 
-        return place
+        return to_surface
 
     # Sampling
 
@@ -251,11 +251,11 @@ class Surface:
             r0 = max(int((centre[1] - radii[1] + HALF_Y) / step), 0)
             c1 = int((centre[0] + radii[0] + HALF_X) / step) + 2
             r1 = int((centre[1] + radii[1] + HALF_Y) / step) + 2
-            part = height[r0:r1, c0:c1]
+            window = height[r0:r1, c0:c1]
             dx = (x[r0:r1, c0:c1] - centre[0]) / radii[0]
             dy = (y[r0:r1, c0:c1] - centre[1]) / radii[1]
             top = np.sqrt(np.maximum(full**2 - dx**2 - dy**2, 0.0))
-            np.maximum(part, np.where(top > 0, centre[2] + radii[2] * top, -np.inf), out=part)
+            np.maximum(window, np.where(top > 0, centre[2] + radii[2] * top, -np.inf), out=window)
         return height
 
 

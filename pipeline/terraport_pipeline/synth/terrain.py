@@ -48,7 +48,7 @@ _REPOSE: Final = np.tan(np.radians(36.0))
 
 @dataclass(frozen=True, slots=True)
 class TerrainSample:
-    """The ground at some parameters."""
+    """Positions and surroundings of the ground at some parameters."""
 
     positions: Float64
     """(N, 3) design metres."""

@@ -71,7 +71,7 @@ def icosphere(rounds: int) -> tuple[Float64, Int64]:
 def refine(
     parameters: Float64,
     faces: Int64,
-    place: Callable[[Float64], Float64],
+    to_surface: Callable[[Float64], Float64],
     longest: float,
 ) -> tuple[Float64, Float64, Int64]:
     """Split edges until none is longer than `longest` on the surface.
@@ -80,7 +80,7 @@ def refine(
     ----------
     parameters : ndarray of shape (V, D), float64
     faces : ndarray of shape (F, 3), int64
-    place : callable
+    to_surface : callable
         (K, D) parameters -> (K, 3) positions.
     longest : float
         Bound on every edge, in the unit of the positions.
@@ -93,7 +93,7 @@ def refine(
     faces : ndarray of shape (F', 3), int64
         Same winding.
     """
-    positions = place(parameters)
+    positions = to_surface(parameters)
     done: list[Int64] = []
     for _ in range(_MAX_ROUNDS):
         ends = positions[faces]
@@ -106,7 +106,7 @@ def refine(
             break
         count = len(parameters)
         parameters, faces = _split(parameters, faces, cut)
-        positions = np.concatenate([positions, place(parameters[count:])])
+        positions = np.concatenate([positions, to_surface(parameters[count:])])
     return parameters, positions, np.concatenate([*done, faces])
 
 

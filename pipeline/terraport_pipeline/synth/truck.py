@@ -47,7 +47,7 @@ REACH: Final = 12.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truck:
-    """A truck at one place."""
+    """A truck parked in one photo: position, heading and size."""
 
     position: Float64
     """(3,) on the ground, metres, scene frame."""
@@ -148,7 +148,7 @@ def parking_places(surface: Surface, seed: int, scale: float) -> Float32:
     return np.stack([x, z, -y], axis=1).astype(np.float32)
 
 
-def place_truck(view: View, number: int, places: Float32, seed: int, scale: float) -> list[Truck]:
+def place_truck(view: View, number: int, spots: Float32, seed: int, scale: float) -> list[Truck]:
     """Put the truck where a photo looks: candidates, the best first.
 
     Parameters
@@ -156,7 +156,7 @@ def place_truck(view: View, number: int, places: Float32, seed: int, scale: floa
     view : View
     number : int
         Of the photo; decides the place together with `seed`.
-    places : ndarray of shape (P, 3), float32
+    spots : ndarray of shape (P, 3), float32
         From :func:`parking_places`.
     seed : int
     scale : float
@@ -167,7 +167,7 @@ def place_truck(view: View, number: int, places: Float32, seed: int, scale: floa
         At most eight, in the order to try them in; the caller takes the first that is not hidden.
     """
     rng = np.random.default_rng([seed, _STREAM, number])
-    pixels, depth = view.project(places.astype(np.float64))
+    pixels, depth = view.project(spots.astype(np.float64))
     side = np.array([view.lens.width, view.lens.height])
     with np.errstate(invalid="ignore"):
         inside = ((pixels > _MARGIN * side) & (pixels < (1 - _MARGIN) * side)).all(axis=1)
@@ -176,6 +176,6 @@ def place_truck(view: View, number: int, places: Float32, seed: int, scale: floa
     rows = rows[rng.permutation(len(rows))][:8]
     turns = rng.uniform(0.0, 2 * np.pi, len(rows))
     return [
-        Truck(places[row].astype(np.float64), float(turn), max(scale, _LEAST_SCALE))
+        Truck(spots[row].astype(np.float64), float(turn), max(scale, _LEAST_SCALE))
         for row, turn in zip(rows, turns, strict=True)
     ]

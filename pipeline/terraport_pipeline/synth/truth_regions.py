@@ -76,12 +76,15 @@ def true_regions(
     ndarray of shape (F,), int32
         Region of every face, 0.. by first face.
     """
+    # (1) Connected faces of one kind, with their areas and the lengths of their common borders.
     pieces, count = components(len(mesh.faces), pairs, labels=families(kind)[mesh.material])
     area = _areas(mesh)
     piece_area = np.bincount(pieces, weights=area, minlength=count)
     least = least_share * float(area.sum())
     along = mesh.vertices[edges[:, 0]].astype(np.float64) - mesh.vertices[edges[:, 1]]
     borders = _borders(pieces, pairs, np.sqrt((along * along).sum(axis=1)))
+    # (2) The smallest piece joins the one it shares most border with, until none is too small.
+    # Invariant: `borders` is symmetric and holds only pieces that are left.
     target = np.arange(count)
     while True:
         small = [p for p in borders if piece_area[p] < least and borders[p]]
@@ -96,6 +99,7 @@ def true_regions(
             if other != kept:
                 borders[kept][other] = borders[kept].get(other, 0.0) + length
                 borders[other][kept] = borders[other].get(kept, 0.0) + length
+    # (3) Follow every piece to where it ended.
     for piece in range(count):
         while target[target[piece]] != target[piece]:
             target[piece] = target[target[piece]]
