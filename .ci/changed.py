@@ -22,6 +22,7 @@ from selection import Selection, Tree
 ROOT = Path(__file__).resolve().parents[1]
 PRODUCT = ("client_sdk/python/terraport/", "payload/", "pipeline/", "server/", "store/", "wire/")
 WEB = "client_sdk/web/"
+WEB_SOURCES = (f"{WEB}src/", f"{WEB}test/")
 CORPUS = "tests/conformance/"
 SHOWN = 12
 """Test files named for each changed file."""
@@ -100,7 +101,14 @@ def commands(
         code = "import pytest, sys; sys.exit(pytest.main(sys.argv[1:]) % 5)"
         yield [sys.executable, "-c", code, "-q", "--doctest-modules", *examples], ROOT
     if any(path.startswith((WEB, CORPUS)) for path in changed):
-        yield ["node_modules/.bin/vitest", "run", *(["--bail=1"] if exitfirst else [])], ROOT / WEB
+        sources = [path.removeprefix(WEB) for path in there if path.startswith(WEB_SOURCES)]
+        some = all(
+            path.startswith(WEB_SOURCES) or not path.startswith((WEB, CORPUS)) for path in changed
+        )
+        which = ["related", "--run", *sources] if some and sources else ["run"]
+        # Wall time is never asserted: the machine may be busy.
+        vitest = ["node_modules/.bin/vitest", *which, "--testTimeout=60000"]
+        yield [*vitest, *(["--bail=1"] if exitfirst else [])], ROOT / WEB
     if any(path.startswith(f"{WEB}src") for path in changed):
         yield ["node_modules/.bin/vite", "build", "--logLevel=warn"], ROOT / WEB
     for path in there:

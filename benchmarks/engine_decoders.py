@@ -1,12 +1,15 @@
 """How fast the engine clients' cores decode, beside the Python SDK, on the same payloads.
 
     python benchmarks/engine_decoders.py [SCENE ...] [--segments 200] [--seconds 3] [--smoke]
+        [--before REVISION]
 
 Each scene's payloads, evenly spread over it, one thread, into buffers that are used again. Prints
 one row per decoder. Without SCENE the payloads are made from a formula. Allocations: of C++ by
 every call of `operator new`, of C# by `GC.GetAllocatedBytesForCurrentThread`; the first two rounds,
 in which buffers grow, do not count. Python's figures are of `decode_glb`, which makes new arrays
-each time.
+each time. With `--before`, the payload package of a Git revision decodes too, in turn with today's
+so that other work on the machine slows down both, and every array that either makes is compared,
+byte for byte.
 
 Needs what tests/engines needs (mono-mcs, g++, cmake); says so where they are missing.
 """
@@ -14,13 +17,17 @@ Needs what tests/engines needs (mono-mcs, g++, cmake); says so where they are mi
 from __future__ import annotations
 
 import argparse
+import dataclasses
+import importlib
+import io
 import json
 import struct
 import subprocess
 import sys
+import tarfile
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,6 +44,9 @@ from terraport_store import Scene
 
 SEED: Final = 20261122
 LANGUAGES: Final = ("csharp", "cpp")
+ROOT: Final = Path(__file__).resolve().parents[1]
+TURN_S: Final = 0.05
+"""How long one decoder goes on before the other's turn."""
 
 
 def main() -> int:
@@ -44,6 +54,9 @@ def main() -> int:
     parser.add_argument("scenes", nargs="*", type=Path)
     parser.add_argument("--segments", type=int, default=200, help="payloads of each scene")
     parser.add_argument("--seconds", type=float, default=3.0, help="of each measurement")
+    parser.add_argument(
+        "--before", metavar="REVISION", help="compare with Python's of this revision"
+    )
     parser.add_argument("--smoke", action="store_true", help="small and quick")
     options = parser.parse_args()
     clients = []
@@ -56,9 +69,30 @@ def main() -> int:
         clients.append(Client(language, core))
     seconds = 0.2 if options.smoke else options.seconds
     sources = [(path.name, scene_payloads(path, options.segments)) for path in options.scenes]
-    for name, glbs in sources or [("formula", formula_payloads(6 if options.smoke else 40))]:
-        measure(name, glbs, clients, seconds)
+    decoders = {"python": decode_glb}
+    with tempfile.TemporaryDirectory() as folder:
+        if options.before is not None:
+            decoders["python before"] = decoder_of(options.before, Path(folder))
+        for name, glbs in sources or [("formula", formula_payloads(6 if options.smoke else 40))]:
+            measure(name, glbs, clients, decoders, seconds)
     return 0
+
+
+def decoder_of(revision: str, folder: Path) -> Callable[[bytes], Any]:
+    """Load the payload package of a Git revision beside today's, under another name."""
+    command = ["git", "archive", revision, "payload/terraport_payload"]
+    archive = subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout
+    package = folder / "payload_before"
+    package.mkdir()
+    with tarfile.open(fileobj=io.BytesIO(archive)) as files:
+        for member in files.getmembers():
+            file = files.extractfile(member)
+            if file is not None:
+                source = file.read().decode().replace("terraport_payload", package.name)
+                (package / Path(member.name).name).write_text(source)
+    sys.path.insert(0, str(folder))
+    before: Callable[[bytes], Any] = importlib.import_module(package.name).decode_glb
+    return before
 
 
 def scene_payloads(path: Path, count: int) -> list[bytes]:
@@ -80,7 +114,13 @@ def formula_payloads(count: int) -> list[bytes]:
     return payloads
 
 
-def measure(name: str, glbs: Sequence[bytes], clients: Sequence[Client], seconds: float) -> None:
+def measure(
+    name: str,
+    glbs: Sequence[bytes],
+    clients: Sequence[Client],
+    decoders: dict[str, Callable[[bytes], Any]],
+    seconds: float,
+) -> None:
     """Print the rows of one source."""
     faces = sum(len(decode_glb(glb).faces) for glb in glbs) / len(glbs)
     print(f"\n{name}: {len(glbs)} payloads, {faces:,.0f} triangles each on average")
@@ -90,7 +130,8 @@ def measure(name: str, glbs: Sequence[bytes], clients: Sequence[Client], seconds
     size_kb = sum(map(len, glbs)) / len(glbs) / 1000
     for client in clients:
         row(client.language, size_kb, by_tool(client, glbs, seconds))
-    row("python", size_kb, by_python(glbs, seconds))
+    for label, figures in by_python(decoders, glbs, seconds).items():
+        row(label, size_kb, figures)
 
 
 def by_tool(client: Client, payloads: Sequence[bytes], seconds: float) -> dict[str, Any]:
@@ -101,34 +142,57 @@ def by_tool(client: Client, payloads: Sequence[bytes], seconds: float) -> dict[s
         done = client.run("decode", path, "--seconds", seconds, timeout_s=60 + 4 * seconds)
     if done.returncode != 0:
         raise subprocess.SubprocessError(done.stdout[-2000:])
-    told: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
-    return told
+    figures: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    return figures
 
 
-def by_python(payloads: Sequence[bytes], seconds: float) -> dict[str, Any]:
-    """Decode with the Python SDK's own functions."""
+def by_python(
+    decoders: dict[str, Callable[[bytes], Any]], payloads: Sequence[bytes], seconds: float
+) -> dict[str, dict[str, Any]]:
+    """Decode with Python's functions, a few payloads by each in turn; counts CPU time alone.
+
+    Wall time would count what else the machine does, and not in equal shares.
+    """
+    contents = [[content(decode(payload)) for payload in payloads] for decode in decoders.values()]
+    if any(other != contents[0] for other in contents[1:]):
+        raise SystemExit("decoders differ in what they return")
     faces = sum(len(decode_glb(payload).faces) for payload in payloads)
-    start, rounds = time.perf_counter(), 0
-    while True:
-        for payload in payloads:
-            decode_glb(payload)
-        rounds += 1
-        elapsed = time.perf_counter() - start
-        if elapsed >= seconds:
-            break
+    spent_s = dict.fromkeys(decoders, 0.0)
+    decoded = dict.fromkeys(decoders, 0)
+    while min(spent_s.values()) < seconds:
+        for label, decode in decoders.items():
+            start = time.process_time()
+            while time.process_time() - start < TURN_S or decoded[label] % len(payloads):
+                decode(payloads[decoded[label] % len(payloads)])
+                decoded[label] += 1
+            spent_s[label] += time.process_time() - start
     return {
-        "segments_per_s": rounds * len(payloads) / elapsed,
-        "payload_mb_per_s": rounds * sum(map(len, payloads)) / 1e6 / elapsed,
-        "mtriangles_per_s": rounds * faces / 1e6 / elapsed,
+        label: {
+            "segments_per_s": decoded[label] / spent_s[label],
+            "payload_mb_per_s": rounds * sum(map(len, payloads)) / 1e6 / spent_s[label],
+            "mtriangles_per_s": rounds * faces / 1e6 / spent_s[label],
+        }
+        for label, rounds in ((label, decoded[label] / len(payloads)) for label in decoders)
     }
 
 
-def row(name: str, size_kb: float, told: dict[str, Any]) -> None:
-    allocated = told.get("allocated_bytes_per_segment")
+def content(mesh: Any) -> list[object]:
+    """Return all that a decoded mesh holds, so that it can be compared to the bit."""
+    values = [getattr(mesh, field.name) for field in dataclasses.fields(mesh)]
+    arrays = [*values, *mesh.attributes.values()]
+    return [
+        list(mesh.attributes),
+        [(one.dtype.str, one.shape, one.tobytes()) for one in arrays if hasattr(one, "dtype")],
+        None if mesh.texture is None else mesh.texture.data,
+    ]
+
+
+def row(name: str, size_kb: float, figures: dict[str, Any]) -> None:
+    allocated = figures.get("allocated_bytes_per_segment")
     shown = "" if allocated is None else f"{allocated:,.2f}"
     print(
-        f"{name:22}{size_kb:>8.1f}{told['segments_per_s']:>12,.0f}{told['payload_mb_per_s']:>9,.0f}"
-        f"{told['mtriangles_per_s']:>8.1f}{shown:>25}"
+        f"{name:22}{size_kb:>8.1f}{figures['segments_per_s']:>12,.0f}{figures['payload_mb_per_s']:>9,.0f}"
+        f"{figures['mtriangles_per_s']:>8.1f}{shown:>25}"
     )
 
 

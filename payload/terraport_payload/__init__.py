@@ -3,7 +3,8 @@
 A payload is a self-contained glTF 2.0 binary, quantised and meshopt-compressed
 (:func:`encode_glb`, :func:`decode_glb`); described in ``spec/scene-format.md``.
 
-PURE: no I/O, no clock; depends on NumPy, meshopt and xxhash alone. Every function is thread-safe.
+PURE: no I/O, no clock; depends on NumPy, meshopt, orjson and xxhash alone. Every
+function is thread-safe.
 """
 
 from __future__ import annotations

@@ -94,7 +94,11 @@ def linear16_to_srgb(codes: UInt16) -> UInt8:
     >>> bool((linear16_to_srgb(srgb_to_linear16(levels)) == levels).all())
     True
     """
-    return _TO_SRGB[codes]
+    # Column by column into the index type: over whole rows, NumPy's inner loop would be of three.
+    indices = np.empty(codes.shape, dtype=np.intp)
+    for channel in range(codes.shape[-1]):
+        indices[..., channel] = codes[..., channel]
+    return _TO_SRGB.take(indices)
 
 
 def _linear(level: Float64) -> Float64:
@@ -124,13 +128,13 @@ def _common_low_bytes(levels: UInt8) -> Int32:
     """Low bytes for stretches of levels, (stretches, _RUN), with as few changes as there can be."""
     words = _LOW_BYTES[levels.T]
     begins = np.zeros(words.shape, dtype=bool)
-    for place in range(1, len(words)):  # all stretches at once; words become "common so far"
-        own = words[place]
-        common = words[place - 1] & own
-        begins[place] = common == 0
-        words[place] = np.where(begins[place], own, common)
-    for place in range(len(words) - 2, -1, -1):  # what the whole run has in common
-        words[place] = np.where(begins[place + 1], words[place], words[place + 1])
+    for step in range(1, len(words)):  # all stretches at once; words become "common so far"
+        own = words[step]
+        common = words[step - 1] & own
+        begins[step] = common == 0
+        words[step] = np.where(begins[step], own, common)
+    for step in range(len(words) - 2, -1, -1):  # what the whole run has in common
+        words[step] = np.where(begins[step + 1], words[step], words[step + 1])
     lowest = words & (~words + np.uint64(1))
     # A power of two is exact as a float64, and its exponent is the number of its bit.
     return 4 * (np.frexp(lowest.T.astype(np.float64))[1].astype(np.int32) - 1)

@@ -150,17 +150,19 @@ def decode_flat(
         With the offset: too short, wrong magic, unknown major version, wrong length, wrong
         checksum, or a directory entry that points outside the file.
     """
+    # (1) The header, then the checksum over everything after it: from here on the bytes are those
+    # that were written, though not for certain by us.
     view = memoryview(data).cast("B")
     size = len(view)
     if size < _HEADER.size:
         raise PayloadError(
             f"{size} bytes, expected at least {_HEADER.size} for the header", offset=0
         )
-    found, checksum, major, _minor, start, file_bytes, count, entry_bytes, rows, _ = (
+    magic_read, checksum, major, _minor, start, file_bytes, count, entry_bytes, rows, _ = (
         _HEADER.unpack_from(view)
     )
-    if found != magic:
-        raise PayloadError(f"magic {found!r}, expected {magic!r}", offset=0)
+    if magic_read != magic:
+        raise PayloadError(f"magic {magic_read!r}, expected {magic!r}", offset=0)
     if major != MAJOR:
         raise PayloadError(f"format version {major}, expected {MAJOR}", offset=16)
     if file_bytes != size:
@@ -168,6 +170,8 @@ def decode_flat(
     actual = xxhash.xxh3_64_intdigest(view[16:])
     if actual != checksum:
         raise PayloadError(f"checksum {actual:016x}, expected {checksum:016x}", offset=8)
+    # (2) The directory lies within the file. Entries may be longer than ours: what a later minor
+    # version adds at their ends is skipped.
     if count > MAX_FIELDS or entry_bytes < _ENTRY.size or start < _HEADER.size:
         raise PayloadError(
             f"{count} fields of {entry_bytes} bytes at {start}, expected at most {MAX_FIELDS} "
@@ -176,12 +180,14 @@ def decode_flat(
         )
     if start + count * entry_bytes > size:
         raise PayloadError(f"a directory of {count} fields runs past the end at {size}", offset=32)
+    # (3) The fields, as views. Invariant: a view is made only after its bytes are known to lie
+    # within the file and to be as many as its rows take.
     fields: dict[str, npt.NDArray[np.generic]] = {}
     for number in range(count):
         at = start + number * entry_bytes
         raw_name, code, components, _, n, offset, length = _ENTRY.unpack_from(view, at)
         dtype = _DTYPES.get(code)
-        if dtype is None:
+        if dtype is None:  # of a later version
             continue
         try:
             name = raw_name.rstrip(b"\0").decode("utf-8")

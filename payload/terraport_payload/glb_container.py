@@ -9,6 +9,8 @@ import json
 import struct
 from typing import Any, Final, NoReturn
 
+import orjson
+
 from terraport_payload.errors import PayloadError
 
 __all__ = ["MAX_JSON_BYTES", "join_glb", "split_glb"]
@@ -95,7 +97,7 @@ def split_glb(data: bytes | memoryview) -> tuple[dict[str, Any], memoryview, int
     if end != size:
         raise PayloadError(f"{size - end} bytes after the BIN chunk, expected none", offset=end)
     try:
-        document = json.loads(bytes(text), parse_constant=_refuse_constant)
+        document = _parse_json(bytes(text))
     except (ValueError, RecursionError) as error:
         raise PayloadError(
             f"JSON chunk does not parse: {error}", offset=_HEADER.size + _CHUNK.size
@@ -111,13 +113,24 @@ def split_glb(data: bytes | memoryview) -> tuple[dict[str, Any], memoryview, int
 def _chunk(view: memoryview, at: int, kind: bytes) -> tuple[memoryview, int]:
     if len(view) - at < _CHUNK.size:
         raise PayloadError(f"{len(view) - at} bytes left, expected a {kind!r} chunk", offset=at)
-    length, found = _CHUNK.unpack_from(view, at)
-    if found != kind:
-        raise PayloadError(f"chunk type {found!r}, expected {kind!r}", offset=at + 4)
+    length, chunk_type = _CHUNK.unpack_from(view, at)
+    if chunk_type != kind:
+        raise PayloadError(f"chunk type {chunk_type!r}, expected {kind!r}", offset=at + 4)
     start = at + _CHUNK.size
     if length > len(view) - start:
         raise PayloadError(f"chunk of {length} bytes, {len(view) - start} left", offset=at)
     return view[start : start + length], start + length
+
+
+def _parse_json(text: bytes) -> Any:
+    """Parse a JSON chunk: by orjson, a third of the time; what it refuses, the json module judges.
+
+    So what is taken, and the words for what is not, are the json module's.
+    """
+    try:
+        return orjson.loads(text)
+    except orjson.JSONDecodeError:
+        return json.loads(text, parse_constant=_refuse_constant)
 
 
 def _refuse_constant(text: str) -> NoReturn:

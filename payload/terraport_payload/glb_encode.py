@@ -86,7 +86,11 @@ class _Views:
         *filtered* is the codec filter's name and what it made of the rows.
         """
         stride = rows.nbytes // len(rows)
-        view: dict[str, Any] = {"buffer": 0, **_place(len(self.binary)), "byteLength": rows.nbytes}
+        view: dict[str, Any] = {
+            "buffer": 0,
+            **_offset_entry(len(self.binary)),
+            "byteLength": rows.nbytes,
+        }
         if mode == "ATTRIBUTES":
             view["byteStride"] = stride
         raw: bytes
@@ -94,7 +98,7 @@ class _Views:
             raw = meshopt.encode_gltf_buffer(rows if filtered is None else filtered[1], mode, 0)
             packed: dict[str, Any] = {
                 "buffer": 0,
-                **_place(len(self.binary)),
+                **_offset_entry(len(self.binary)),
                 "byteLength": len(raw),
                 "byteStride": stride,
                 "mode": mode,
@@ -103,7 +107,7 @@ class _Views:
             if filtered is not None:
                 packed["filter"] = filtered[0]
             view.pop("byteOffset", None)
-            view |= {"buffer": 1, **_place(self.unpacked_bytes)}
+            view |= {"buffer": 1, **_offset_entry(self.unpacked_bytes)}
             view["extensions"] = {"EXT_meshopt_compression": packed}
         else:
             raw = rows.tobytes()
@@ -115,13 +119,13 @@ class _Views:
 
     def add_bytes(self, data: bytes) -> int:
         """Append a file as it is; return its bufferView's number."""
-        self.views.append({"buffer": 0, **_place(len(self.binary)), "byteLength": len(data)})
+        self.views.append({"buffer": 0, **_offset_entry(len(self.binary)), "byteLength": len(data)})
         self.binary += data + bytes(-len(data) % 4)
         return len(self.views) - 1
 
 
-def _place(offset: int) -> dict[str, int]:
-    """Give a view its offset; 0 is glTF's default, and JSON is a tenth of a small payload."""
+def _offset_entry(offset: int) -> dict[str, int]:
+    """Return a view's ``byteOffset``, but 0, the default: JSON is a tenth of a small payload."""
     return {"byteOffset": offset} if offset else {}
 
 
@@ -164,6 +168,8 @@ def encode_glb(
         become the same glTF name, step_m is not a power of two, or a position lies outside the
         grid.
     """
+    # Invariant: every array goes through `order`, so that row i of all of them is the same vertex.
+    # (1) The scene's grid, and the order that caches and the codec like.
     check_mesh(mesh)
     codes = grid_codes(mesh.positions, step_m)
     faces, order = cache_order(mesh, keep_face_order=keep_face_order)
@@ -173,6 +179,7 @@ def encode_glb(
     node: dict[str, Any] = {"mesh": 0}
     attributes: dict[str, int] = {}
 
+    # (2) Positions: 16 bits about the segment's corner, which the node moves back into the scene.
     if int((codes.max(axis=0) - low).max()) <= MAX_CODE:
         local = np.zeros((len(codes), 4), dtype="<u2")
         local[:, :3] = codes - low
@@ -201,6 +208,7 @@ def encode_glb(
             filtered=_exponential(wide) if compress else None,
         )
 
+    # (3) Normals, and colour as vertex colours or texture coordinates.
     bits = NORMAL_BITS if mesh.texture is None else TEXTURED_NORMAL_BITS
     normals = _unit(mesh.normals[order])
     signed = np.zeros((len(normals), 4), dtype=np.int8)
@@ -222,6 +230,7 @@ def encode_glb(
             encode_uvs(mesh.uvs[order], mesh.texture.width, mesh.texture.height),
             {"componentType": UNSIGNED_SHORT, "type": "VEC2"},
         )
+    # (4) Region ids and the survey's attributes, each two bytes in a row of four.
     scalar = {"componentType": UNSIGNED_SHORT, "type": "SCALAR"}
     primitive: dict[str, Any] = {"attributes": attributes, "indices": 0, "material": 0}
     if mesh.region_ids is not None:
@@ -261,6 +270,7 @@ def encode_glb(
                 "null": NULL_CODE,
             }
         )
+    # (5) Indices, the image, and the document that names them all.
     short = len(order) <= _SHORT_INDEX_VERTICES
     primitive["indices"] = out.add(
         np.ascontiguousarray(faces.reshape(-1), dtype="<u2" if short else "<u4"),

@@ -39,14 +39,16 @@ def only(owner: dict[str, Any], key: str) -> object:
     return values[0]
 
 
-def pick(values: list[Any], number: object, label: str) -> object:
+def pick(values: list[Any], number: object, noun: str, label: str = "") -> object:
     """Return entry *number* of a list.
 
     Raises
     ------
     PayloadError
-        When it is no whole number, or there is no such entry.
+        When it is no whole number, or there is no such entry; *noun* and *label* name it. They come
+        apart since putting text together costs more than the check, which rarely fails.
     """
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(values):
-        raise PayloadError(f"{label} is {number!r}, expected 0 to {len(values) - 1}")
+    if type(number) is not int or not 0 <= number < len(values):  # a bool is an int to isinstance
+        name = f"{noun} {label}" if label else noun
+        raise PayloadError(f"{name} is {number!r}, expected 0 to {len(values) - 1}")
     return values[number]

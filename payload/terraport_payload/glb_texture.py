@@ -181,11 +181,11 @@ def find_image(document: dict[str, Any], primitive: dict[str, Any]) -> tuple[int
     surface = typed(material.get("pbrMetallicRoughness", {}), dict, "pbrMetallicRoughness")
     if "baseColorTexture" not in surface:
         return None
-    place = typed(surface["baseColorTexture"], dict, "baseColorTexture")
-    if place.get("texCoord", 0) != 0:
+    texture_info = typed(surface["baseColorTexture"], dict, "baseColorTexture")
+    if texture_info.get("texCoord", 0) != 0:
         raise PayloadError("baseColorTexture has another set, expected set 0")
     textures = typed(document.get("textures"), list, "textures")
-    texture = typed(pick(textures, place.get("index"), "texture"), dict, "texture")
+    texture = typed(pick(textures, texture_info.get("index"), "texture"), dict, "texture")
     extensions = typed(texture.get("extensions", {}), dict, "extensions")
     source, allowed = texture.get("source"), _CORE
     for media_type, name in IMAGE_EXTENSIONS.items():
@@ -223,17 +223,18 @@ def find_uv_scale(
     PayloadError
         When the transform does more than scale, or not by powers of two.
     """
-    place = document["materials"][primitive["material"]]["pbrMetallicRoughness"]["baseColorTexture"]
-    extensions = typed(place.get("extensions", {}), dict, "extensions of baseColorTexture")
+    material = document["materials"][primitive["material"]]
+    texture_info = material["pbrMetallicRoughness"]["baseColorTexture"]
+    extensions = typed(texture_info.get("extensions", {}), dict, "extensions of baseColorTexture")
     if not extensions:
         return None
     transform = typed(extensions.get(UV_TRANSFORM), dict, UV_TRANSFORM)
     scale = typed(transform.get("scale"), list, f"scale of {UV_TRANSFORM}")
-    found = [one for one in scale if isinstance(one, float | int) and not isinstance(one, bool)]
-    if set(transform) != {"scale"} or len(scale) != 2 or len(found) != 2:
+    factors = [one for one in scale if isinstance(one, float | int) and not isinstance(one, bool)]
+    if set(transform) != {"scale"} or len(scale) != 2 or len(factors) != 2:
         raise PayloadError(
             f"{UV_TRANSFORM} is {transform!r}, expected a scale of two numbers alone"
         )
-    if not all(_LEAST_SCALE <= one <= 1.0 and math.frexp(one)[0] == 0.5 for one in found):
+    if not all(_LEAST_SCALE <= one <= 1.0 and math.frexp(one)[0] == 0.5 for one in factors):
         raise PayloadError(f"scale of {UV_TRANSFORM} is {scale}, expected powers of two up to 1")
-    return float(found[0]), float(found[1])
+    return float(factors[0]), float(factors[1])

@@ -234,15 +234,15 @@ def choose_attribute_scale(values: Float32) -> AttributeScale:
     >>> choose_attribute_scale(np.array([3, 9, np.nan], dtype=np.float32))
     AttributeScale(offset=3.0, step=1.0)
     """
-    known = values[~np.isnan(values)].astype(np.float64)
-    if known.size == 0:
+    present = values[~np.isnan(values)].astype(np.float64)
+    if present.size == 0:
         return AttributeScale(0.0, 1.0)
-    low, high = float(known.min()), float(known.max())
+    low, high = float(present.min()), float(present.max())
     if not (math.isfinite(low) and math.isfinite(high)):
         raise PayloadError(
             "an attribute value is infinite, expected finite numbers or NaN for none"
         )
-    if high - low <= _ATTRIBUTE_LEVELS and bool((known == np.rint(known)).all()):
+    if high - low <= _ATTRIBUTE_LEVELS and bool((present == np.rint(present)).all()):
         return AttributeScale(low, 1.0)
     step = (high - low) / _ATTRIBUTE_LEVELS
     return AttributeScale(low, step if step > 0 else 1.0)
@@ -309,6 +309,10 @@ def decode_attribute(codes: UInt16, scale: AttributeScale) -> Float32:
     >>> decode_attribute(np.array([2, 65535], dtype=np.uint16), AttributeScale(1.0, 0.5)).tolist()
     [2.0, nan]
     """
-    values = (scale.offset + scale.step * codes.astype(np.float64)).astype(np.float32)
+    codes = np.ascontiguousarray(codes)  # is read twice, and rows of payloads are padded
+    exact = codes.astype(np.float64)
+    exact *= scale.step
+    exact += scale.offset
+    values = exact.astype(np.float32)
     values[codes == NULL_CODE] = np.nan
     return values

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Final
+
 import numpy as np
 
 from terraport_payload.errors import PayloadError
@@ -9,6 +11,11 @@ from terraport_payload.mesh import SegmentMesh
 from terraport_payload.types import AnyArray
 
 __all__ = ["check_mesh"]
+
+_FLOAT32: Final = np.dtype(np.float32)
+_UINT32: Final = np.dtype(np.uint32)
+_UINT16: Final = np.dtype(np.uint16)
+_UINT8: Final = np.dtype(np.uint8)
 
 
 def check_mesh(mesh: SegmentMesh) -> None:
@@ -26,20 +33,20 @@ def check_mesh(mesh: SegmentMesh) -> None:
         face is wrong: a segment or base without geometry has no payload.
     """
     vertices = len(mesh.positions)
-    _expect("positions", mesh.positions, np.float32, (vertices, 3))
-    _expect("normals", mesh.normals, np.float32, (vertices, 3))
-    _expect("faces", mesh.faces, np.uint32, (len(mesh.faces), 3))
+    _expect("positions", mesh.positions, _FLOAT32, (vertices, 3))
+    _expect("normals", mesh.normals, _FLOAT32, (vertices, 3))
+    _expect("faces", mesh.faces, _UINT32, (len(mesh.faces), 3))
     if mesh.colours is not None:
-        _expect("colours", mesh.colours, np.uint8, (vertices, 3))
+        _expect("colours", mesh.colours, _UINT8, (vertices, 3))
     if mesh.region_ids is not None:
-        _expect("region_ids", mesh.region_ids, np.uint16, (vertices,))
+        _expect("region_ids", mesh.region_ids, _UINT16, (vertices,))
     for name, values in mesh.attributes.items():
-        _expect(f"attribute {name!r}", values, np.float32, (vertices,))
+        _expect(f"attribute {name!r}", values, _FLOAT32, (vertices,))
     if (mesh.uvs is None) != (mesh.texture is None):
         have, lack = ("uvs", "texture") if mesh.texture is None else ("texture", "uvs")
         raise PayloadError(f"a mesh with {have} and without {lack}, expected both or neither")
     if mesh.uvs is not None:
-        _expect("uvs", mesh.uvs, np.float32, (vertices, 2))
+        _expect("uvs", mesh.uvs, _FLOAT32, (vertices, 2))
         if mesh.colours is not None:
             raise PayloadError(
                 "a mesh with texture and vertex colours, expected one of them (glTF multiplies)"
@@ -52,8 +59,10 @@ def check_mesh(mesh: SegmentMesh) -> None:
     if last >= vertices:
         raise PayloadError(f"a face uses vertex {last}, expected below {vertices}")
     for name, values in (("positions", mesh.positions), ("normals", mesh.normals)):
-        if not bool(np.isfinite(values).all()):
-            row = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+        finite = np.isfinite(values).reshape(-1)
+        first = int(finite.argmin())  # the first that is not, if any: quicker than all()
+        if not finite[first]:
+            row = first // 3
             raise PayloadError(
                 f"{name} of vertex {row} are {values[row].tolist()}, expected finite numbers"
             )
@@ -64,8 +73,6 @@ def check_mesh(mesh: SegmentMesh) -> None:
             raise PayloadError(f"uvs of vertex {row} are {mesh.uvs[row].tolist()}, expected 0 to 1")
 
 
-def _expect(name: str, values: AnyArray, dtype: type[np.generic], shape: tuple[int, ...]) -> None:
-    if values.dtype != np.dtype(dtype) or values.shape != shape:
-        raise PayloadError(
-            f"{name} is {values.dtype} {values.shape}, expected {np.dtype(dtype)} {shape}"
-        )
+def _expect(name: str, values: AnyArray, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:
+    if values.dtype != dtype or values.shape != shape:
+        raise PayloadError(f"{name} is {values.dtype} {values.shape}, expected {dtype} {shape}")

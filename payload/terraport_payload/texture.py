@@ -70,10 +70,10 @@ class Texture:
             raise PayloadError(
                 f"image of {len(self.data)} bytes, expected at most {MAX_IMAGE_BYTES}"
             )
-        found = read_image_header(self.data)
+        actual = read_image_header(self.data)
         stated = (self.media_type, self.width, self.height)
-        if found != stated:
-            raise PayloadError(f"image is {_text(found)} by its header, expected {_text(stated)}")
+        if actual != stated:
+            raise PayloadError(f"image is {_text(actual)} by its header, expected {_text(stated)}")
         for side in (self.width, self.height):
             if not 1 <= side <= MAX_SIDE or side & (side - 1):
                 raise PayloadError(

@@ -203,10 +203,10 @@ class ByteCache:
         with self._counter() as before:
             pass
         files = sorted(_payload_files(self.folder))
-        found = sum(size for _, size, _ in files)
+        stored_bytes = sum(size for _, size, _ in files)
         room = int(self.max_bytes * _ROOM_AFTER_SWEEP)
-        kept = found
-        for _, size, path in files if found > room else ():
+        kept = stored_bytes
+        for _, size, path in files if stored_bytes > room else ():
             if kept <= room:
                 break
             with contextlib.suppress(OSError):

@@ -53,7 +53,7 @@ class Findings:
         segment: int | None = None,
         offset: int | None = None,
     ) -> None:
-        """Add an error."""
+        """Add what breaks a MUST of the format; `code` is stable, for programs."""
         if len(self.all) < MAX_FINDINGS:
             self.all.append(Finding("error", code, message, file, segment, offset))
 

@@ -89,7 +89,7 @@ class SegmentIndex:
 
     @property
     def payload_bytes(self) -> int:
-        """All payloads together, bytes."""
+        """Sum of all payloads' lengths, without the padding between them."""
         return int(self.length.sum(dtype=np.uint64))
 
     @property
@@ -124,11 +124,11 @@ class SegmentIndex:
         PayloadError
             With the offset where one is known.
         """
-        rows, found = decode_flat(data, INDEX_MAGIC)
-        missing = [name for name in _SHAPES if name not in found]
+        rows, fields = decode_flat(data, INDEX_MAGIC)
+        missing = [name for name in _SHAPES if name not in fields]
         if missing:
             raise PayloadError(f"no field {missing[0]!r} in the index")
-        columns: dict[str, Any] = {name: found[name] for name in _SHAPES}
+        columns: dict[str, Any] = {name: fields[name] for name in _SHAPES}
         index = cls(**columns)
         if len(index) != rows:
             raise PayloadError(f"index of {len(index)} segments, expected {rows} by the header")

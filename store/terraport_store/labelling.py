@@ -154,12 +154,12 @@ def change_labels(scene_dir: str | Path, changes: Mapping[int, str | None]) -> R
 def _check(names: RegionNames, changes: Mapping[int, str | None]) -> None:
     if names.stable_ids is None:
         raise LabelError("regions.json gives no stable ids; build the scene again, then label it")
-    known = set(names.stable_ids.tolist())
+    stable_ids = set(names.stable_ids.tolist())
     for number, label in changes.items():
-        if number not in known:
+        if number not in stable_ids:
             raise LabelError(
-                f"stable id {number}, expected one of the {len(known)} of the published version "
-                f"({min(known, default=0)} to {max(known, default=0)})"
+                f"stable id {number}, expected one of the {len(stable_ids)} of the published "
+                f"version ({min(stable_ids, default=0)} to {max(stable_ids, default=0)})"
             )
         fault = None if label is None else label_fault(label)
         if fault is not None:

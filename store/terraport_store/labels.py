@@ -61,11 +61,13 @@ def label_fault(label: str) -> str | None:
         return f"an empty label, expected 1 to {MAX_LABEL_LENGTH} characters"
     if len(label) > MAX_LABEL_LENGTH:
         return f"a label of {len(label)} characters, expected at most {MAX_LABEL_LENGTH}"
-    for place, character in enumerate(label):
+    for position, character in enumerate(label):
         kind = unicodedata.category(character)
         if kind in ("Cc", "Cs"):
             what = "control character" if kind == "Cc" else "half of a character"
-            return f"a label with the {what} U+{ord(character):04X} at {place + 1}, expected text"
+            return (
+                f"a label with the {what} U+{ord(character):04X} at {position + 1}, expected text"
+            )
     if label != label.strip():
         return f"a label with a blank at an end ({label!r}), expected none"
     return None
@@ -119,8 +121,8 @@ def parse_labels(data: bytes) -> dict[int, str]:
     except (ValueError, RecursionError) as error:
         raise _damaged(f"does not parse as JSON: {error}") from None
     if not isinstance(document, dict) or document.get("format") != _FORMAT:
-        found = document.get("format") if isinstance(document, dict) else type(document).__name__
-        raise _damaged(f"format {found!r}, expected {_FORMAT!r}")
+        received = document.get("format") if isinstance(document, dict) else type(document).__name__
+        raise _damaged(f"format {received!r}, expected {_FORMAT!r}")
     version = document.get("format_version")
     if not isinstance(version, str) or version.partition(".")[0] != "1":
         raise _damaged(f"format_version {version!r}, expected 1.x")
@@ -131,25 +133,27 @@ def parse_labels(data: bytes) -> dict[int, str]:
         raise _damaged(f"{len(rows)} labels, expected at most {MAX_LABELS}")
     labels: dict[int, str] = {}
     before = -1
-    for place, row in enumerate(rows):
-        number, label = _row(place, row)
+    for row_number, row in enumerate(rows):
+        number, label = _row(row_number, row)
         if number <= before:
-            raise _damaged(f"row {place}: stable_id {number} after {before}, expected ascending")
+            raise _damaged(
+                f"row {row_number}: stable_id {number} after {before}, expected ascending"
+            )
         before, labels[number] = number, label
     return labels
 
 
-def _row(place: int, row: Any) -> tuple[int, str]:
+def _row(row_number: int, row: Any) -> tuple[int, str]:
     number = row.get("stable_id") if isinstance(row, dict) else None
     label = row.get("label") if isinstance(row, dict) else None
     # bool is an int in Python; true is no number in JSON.
     if type(number) is not int or not 0 <= number <= MAX_STABLE_ID:
-        raise _damaged(f"row {place}: stable_id {number!r}, expected 0 to {MAX_STABLE_ID}")
+        raise _damaged(f"row {row_number}: stable_id {number!r}, expected 0 to {MAX_STABLE_ID}")
     if not isinstance(label, str):
-        raise _damaged(f"row {place}: label {label!r}, expected text")
+        raise _damaged(f"row {row_number}: label {label!r}, expected text")
     fault = label_fault(label)
     if fault is not None:
-        raise _damaged(f"row {place}: {fault}")
+        raise _damaged(f"row {row_number}: {fault}")
     return number, label
 
 

@@ -243,7 +243,7 @@ class Manifest(_Frozen):
             manifest = cls.model_validate(document)
         except pydantic.ValidationError as error:
             first = error.errors(include_url=False)[0]
-            where = ".".join(str(part) for part in first["loc"])
+            where = ".".join(str(step) for step in first["loc"])
             raise DamagedSceneError(MANIFEST_NAME, f"field {where!r}: {first['msg']}") from None
         needed = {"base.glb", "base.cover", "regions.json", "segments.idx"}
         for encoding in manifest.encodings.values():
@@ -278,8 +278,10 @@ def manifest_digest(document: Mapping[str, Any]) -> str:
 def _check_format(document: Any) -> None:
     """Say "another format" or "another version" before any field is found wrong."""
     if not isinstance(document, Mapping) or document.get("format") != "terraport-scene":
-        found = document.get("format") if isinstance(document, Mapping) else type(document).__name__
-        raise DamagedSceneError(MANIFEST_NAME, f"format {found!r}, expected 'terraport-scene'")
+        received = (
+            document.get("format") if isinstance(document, Mapping) else type(document).__name__
+        )
+        raise DamagedSceneError(MANIFEST_NAME, f"format {received!r}, expected 'terraport-scene'")
     version = document.get("format_version")
     if not isinstance(version, str) or version.partition(".")[0] != "1":
         raise DamagedSceneError(MANIFEST_NAME, f"format_version {version!r}, expected 1.x")

@@ -90,8 +90,8 @@ def list_scenes(directory: str | Path) -> dict[str, Path]:
         raise SceneNotFoundError(str(directory))
     if (root / MANIFEST_NAME).is_file():
         return {root.resolve().name: root}
-    found = (child for child in root.iterdir() if not child.name.startswith("."))
-    return {child.name: child for child in sorted(found) if (child / MANIFEST_NAME).is_file()}
+    folders = (child for child in root.iterdir() if not child.name.startswith("."))
+    return {child.name: child for child in sorted(folders) if (child / MANIFEST_NAME).is_file()}
 
 
 def read_checked(files: SceneFiles, manifest: Manifest, key: str, limit: int) -> bytes:

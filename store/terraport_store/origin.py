@@ -120,7 +120,7 @@ class ObjectCounts:
         """Payloads that the cache on disk did not take."""
 
     def add(self, **what: int) -> None:
-        """Count."""
+        """Add numbers to the counters of these names; any thread may."""
         with self._lock:
             for name, number in what.items():
                 setattr(self, name, getattr(self, name) + number)
@@ -228,21 +228,21 @@ class Origin:
     def head(self, path: str) -> Seen | None:
         """Look at an object; None where there is none. Raises OriginError as above."""
         try:
-            found = self._tried(
+            result = self._tried(
                 path, lambda: obstore.get(self._store, path, options={"head": True})
             )
         except FileNotFoundError:
             return None
-        meta = found.meta
+        meta = result.meta
         stamp = meta.get("e_tag") or f"{meta['last_modified'].timestamp()}-{meta['size']}"
-        attributes = {str(name).lower(): str(value) for name, value in found.attributes.items()}
+        attributes = {str(name).lower(): str(value) for name, value in result.attributes.items()}
         return Seen(int(meta["size"]), str(stamp), attributes)
 
     def folders(self) -> list[str]:
         """Names of the folders here, ascending. Raises OriginError as above."""
-        found = self._tried("", lambda: obstore.list_with_delimiter(self._store))
+        listing = self._tried("", lambda: obstore.list_with_delimiter(self._store))
         return sorted(
-            str(prefix).rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]
+            str(prefix).rstrip("/").rpartition("/")[2] for prefix in listing["common_prefixes"]
         )
 
     def names(self, folder: str) -> list[str]:
@@ -327,7 +327,7 @@ class Origin:
             self.counts.add(requests=1, retries=int(tries > 1))
             try:
                 with self._named(path):
-                    found = attempt()
+                    result = attempt()
             except FileNotFoundError:
                 self._note_end(worked=True, now_s=time.monotonic())
                 raise
@@ -342,7 +342,7 @@ class Origin:
                     raise OriginError(error.url, what, passing=error.passing) from None
             else:
                 self._note_end(worked=True, now_s=time.monotonic())
-                return found
+                return result
             self._closing.wait(pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - no secret
             pause_s = min(2.0 * pause_s, _LONGEST_PAUSE_S)
 
@@ -392,8 +392,8 @@ class Origin:
 
 
 def _make_store(url: str, options: ObjectOptions) -> _Store:
-    parts = urlsplit(url)
-    if not parts.scheme or (parts.scheme != "file" and not parts.netloc):
+    address = urlsplit(url)
+    if not address.scheme or (address.scheme != "file" and not address.netloc):
         raise ValueError(f"got {url!r}, expected an address like s3://BUCKET/PREFIX")
     client: ClientConfig = {
         "timeout": timedelta(seconds=options.timeout_s),
@@ -404,12 +404,12 @@ def _make_store(url: str, options: ObjectOptions) -> _Store:
         "max_retries": options.part_retries,
         "retry_timeout": timedelta(seconds=options.timeout_s if options.part_retries else 0.0),
     }
-    if parts.scheme == "file":
-        return LocalStore(prefix=parts.path)
-    if parts.scheme in {"http", "https"}:
-        client["allow_http"] = parts.scheme == "http"
+    if address.scheme == "file":
+        return LocalStore(prefix=address.path)
+    if address.scheme in {"http", "https"}:
+        client["allow_http"] = address.scheme == "http"
         return HTTPStore.from_url(url, client_options=client, retry_config=retry)
-    if parts.scheme not in {"s3", "s3a"}:
+    if address.scheme not in {"s3", "s3a"}:
         return from_url(url, client_options=client, retry_config=retry)
     config: S3Config = {}
     endpoint = options.endpoint or _environment("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL")
@@ -422,8 +422,8 @@ def _make_store(url: str, options: ObjectOptions) -> _Store:
     elif _environment("AWS_REGION", "AWS_DEFAULT_REGION") is None:
         config["region"] = "us-east-1"
     return S3Store(
-        parts.netloc,
-        prefix=parts.path.strip("/") or None,
+        address.netloc,
+        prefix=address.path.strip("/") or None,
         config=config,
         client_options=client,
         retry_config=retry,

@@ -58,14 +58,14 @@ class PackedRTree:
         ``box_distances_m`` is monotonic.
         """
         point = validate_query(centre, radius_m)
-        found = np.arange(len(self._levels[-1]))
+        nodes = np.arange(len(self._levels[-1]))
         for depth in range(len(self._levels) - 1, -1, -1):
             boxes = self._levels[depth]
-            found = found[box_distances_m(boxes[found], point) <= radius_m]
+            nodes = nodes[box_distances_m(boxes[nodes], point) <= radius_m]
             if depth:
-                children = (found[:, np.newaxis] * len(self._children) + self._children).ravel()
-                found = children[: np.searchsorted(children, len(self._levels[depth - 1]))]
-        ids = self._ids[found].astype(np.int64)
+                children = (nodes[:, np.newaxis] * len(self._children) + self._children).ravel()
+                nodes = children[: np.searchsorted(children, len(self._levels[depth - 1]))]
+        ids = self._ids[nodes].astype(np.int64)
         ids.sort()
         return ids
 

@@ -298,7 +298,7 @@ class Scene:
     def distrust(self, segment_id: int, encoding: str = "glb") -> None:
         """Let the next :meth:`payload` compare the hash again; raises as :meth:`is_verified`."""
         self._verified[encoding][segment_id] = False
-        self._sources[encoding].distrust(*self._place(segment_id, encoding))
+        self._sources[encoding].distrust(*self._payload_range(segment_id, encoding))
 
     def payload_range(
         self, segment_id: int, encoding: str, start: int, length: int
@@ -348,12 +348,12 @@ class Scene:
 
         May read a disk; raises as :meth:`is_verified`.
         """
-        return self._sources[encoding].recall(*self._place(segment_id, encoding))
+        return self._sources[encoding].recall(*self._payload_range(segment_id, encoding))
 
     def expect(self, segment_ids: Sequence[int], encoding: str) -> None:
         """Hear which payloads will be read soon, in this order; raises as :meth:`is_verified`."""
-        places = [self._place(segment_id, encoding) for segment_id in segment_ids]
-        self._sources[encoding].expect(places)
+        ranges = [self._payload_range(segment_id, encoding) for segment_id in segment_ids]
+        self._sources[encoding].expect(ranges)
 
     def interrupt(self) -> None:
         """Let what waits for a network fail soon, now and from now on."""
@@ -382,7 +382,7 @@ class Scene:
     ) -> None:
         self.close()
 
-    def _place(self, segment_id: int, encoding: str) -> tuple[int, int]:
+    def _payload_range(self, segment_id: int, encoding: str) -> tuple[int, int]:
         index = self._indexes[encoding]
         return int(index.offset[segment_id]), int(index.length[segment_id])
 

@@ -106,5 +106,5 @@ class RegionNames:
 
     def without_region(self) -> dict[int, str]:
         """Users' labels whose stable id no region of this version has, ascending."""
-        known = set() if self.stable_ids is None else set(self.stable_ids.tolist())
-        return {n: label for n, label in sorted(self.labels.items()) if n not in known}
+        stable_ids = set() if self.stable_ids is None else set(self.stable_ids.tolist())
+        return {n: label for n, label in sorted(self.labels.items()) if n not in stable_ids}

@@ -105,7 +105,7 @@ class RemoteSource:
 
     @property
     def size(self) -> int:
-        """Bytes in all."""
+        """Length of the whole pack, bytes."""
         return self._size
 
     def read(self, offset: int, length: int) -> bytes | memoryview:
@@ -252,7 +252,7 @@ class RemoteSource:
         """Open what is kept; put the other payloads into groups, and have them fetched."""
         if self._cache is not None:
             pieces = self._open_ahead(self._cache, pieces)
-        order = {piece: place for place, piece in enumerate(pieces)}
+        order = {piece: rank for rank, piece in enumerate(pieces)}
         groups: list[_Group] = []
         with self._lock:
             for piece in sorted(set(pieces) - self._groups.keys()):

@@ -43,24 +43,24 @@ class Shelf:
 
     @property
     def memory_bytes(self) -> int:
-        """What is in memory."""
+        """Sum of the payloads that are held as bytes; open files are not in it."""
         return self._bytes
 
     def file(self, key: CacheKey) -> CachedFile | None:
         """Return the open file of a payload."""
         with self._lock:
-            found = self._files.get(key)
-            if found is not None:
+            file = self._files.get(key)
+            if file is not None:
                 self._files.move_to_end(key)
-            return found
+            return file
 
     def payload(self, key: CacheKey) -> bytes | None:
         """Return a payload that is in memory."""
         with self._lock:
-            found = self._memory.get(key)
-            if found is not None:
+            payload = self._memory.get(key)
+            if payload is not None:
                 self._memory.move_to_end(key)
-            return found
+            return payload
 
     def has(self, key: CacheKey) -> bool:
         """Tell whether it is here in either form."""
@@ -90,7 +90,7 @@ class Shelf:
             self._bytes -= len(gone) if gone is not None else 0
 
     def clear(self) -> None:
-        """Take everything away."""
+        """Drop files and payloads; whoever uses one goes on."""
         with self._lock:
             self._files.clear()
             self._memory.clear()

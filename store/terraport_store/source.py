@@ -43,7 +43,7 @@ class PayloadSource(Protocol):
 
     @property
     def size(self) -> int:
-        """Bytes in all."""
+        """Length of the whole pack, bytes."""
         ...
 
     def read(self, offset: int, length: int) -> bytes | memoryview:
@@ -151,7 +151,7 @@ class FileSource(LocalSource):
 
     @property
     def size(self) -> int:
-        """Bytes in all."""
+        """Length of the whole pack, bytes."""
         return self._size
 
     def read(self, offset: int, length: int) -> bytes:
@@ -197,7 +197,7 @@ class MmapSource(LocalSource):
 
     @property
     def size(self) -> int:
-        """Bytes in all."""
+        """Length of the whole pack, bytes."""
         return len(self._view)
 
     def read(self, offset: int, length: int) -> memoryview:
@@ -236,7 +236,7 @@ class MemorySource(LocalSource):
 
     @property
     def size(self) -> int:
-        """Bytes in all."""
+        """Length of the whole pack, bytes."""
         return len(self._view)
 
     def read(self, offset: int, length: int) -> memoryview:

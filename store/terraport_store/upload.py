@@ -161,16 +161,16 @@ class _Upload:
         """Read a file; raises DamagedSceneError instead of the last part of a wrong one."""
         digest = xxhash.xxh3_64()
         with (self._directory / file.path).open("rb") as opened:
-            part = opened.read(part_bytes)
-            while part:
-                digest.update(part)
+            chunk = opened.read(part_bytes)
+            while chunk:
+                digest.update(chunk)
                 following = opened.read(part_bytes)
                 if not following and digest.hexdigest() != file.xxh3:
                     what = f"hash {digest.hexdigest()}, expected {file.xxh3} by scene.json"
                     raise DamagedSceneError(file.path, what)
-                yield part
-                self._advance(file.path, len(part))
-                part = following
+                yield chunk
+                self._advance(file.path, len(chunk))
+                chunk = following
 
     def _advance(self, path: str, done_bytes: int) -> None:
         self._done_bytes += done_bytes

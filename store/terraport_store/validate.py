@@ -140,20 +140,26 @@ class _SceneCheck:
                 )
 
     def scene(self, scene: Scene, progress: Callable[[int, int], None] | None) -> None:
+        """Check what files say of each other: manifest, indexes, base, regions, every payload.
+
+        Invariant: a finding never ends the check, except where nothing is left to compare with.
+        """
         manifest, index = scene.manifest, scene.index
         if len(index) == 0:
             self.out.error("count", MANIFEST_NAME, "no segment, expected at least one")
             return
+        # (1) The scene's box is that of index and base together.
         base = self.base(scene)
         boxes = index.bounds
         if base is not None:
             boxes = np.vstack([boxes, box_of(base)[None]])
-        found = (*boxes[:, :3].min(axis=0).tolist(), *boxes[:, 3:].max(axis=0).tolist())
+        actual = (*boxes[:, :3].min(axis=0).tolist(), *boxes[:, 3:].max(axis=0).tolist())
         stated = (*manifest.bounds.min, *manifest.bounds.max)
-        if base is not None and found != stated:
+        if base is not None and actual != stated:
             self.out.error(
-                "bounds", MANIFEST_NAME, f"bounds {stated}, expected {found} by index and base"
+                "bounds", MANIFEST_NAME, f"bounds {stated}, expected {actual} by index and base"
             )
+        # (2) Counts and limits of the manifest are sums and maxima of the index.
         sides = (index.bounds[:, 3:].astype(np.float64) - index.bounds[:, :3]).max()
         counts, limits = manifest.counts, manifest.limits
         longest = max(int(scene.index_for(name).length.max()) for name in manifest.encodings)
@@ -178,6 +184,7 @@ class _SceneCheck:
                     MANIFEST_NAME,
                     f"{label} {stated_value}, expected {expected} by the index",
                 )
+        # (3) Every encoding has an index of its own, which may differ in offsets and lengths alone.
         for name, info in manifest.encodings.items():
             other = scene.index_for(name)
             if other.payload_bytes != info.payload_bytes:
@@ -196,6 +203,7 @@ class _SceneCheck:
                         f"{column} differ from the glb index, expected equal",
                     )
             self.padding(scene, name)
+        # (4) Regions: names, and that the index uses none beyond them.
         self.names(scene)
         regions = np.flatnonzero(index.region >= counts.regions)
         if len(regions):
@@ -205,6 +213,7 @@ class _SceneCheck:
                 f"region {int(index.region[regions[0]])}, expected below {counts.regions}",
                 segment=int(regions[0]),
             )
+        # (5) Every payload, decoded; the next ones are fetched meanwhile.
         for segment in range(len(index)):
             if segment % _AHEAD == 0:
                 coming = range(segment, min(segment + 2 * _AHEAD, len(index)))
@@ -223,11 +232,11 @@ class _SceneCheck:
         except DamagedSceneError as error:
             self.out.damaged("regions", error)
             return
-        for place, row in enumerate(document["regions"]):
-            found = row.get("id") if isinstance(row, dict) else row
-            if found != place:
+        for number, row in enumerate(document["regions"]):
+            row_id = row.get("id") if isinstance(row, dict) else row
+            if row_id != number:
                 self.out.error(
-                    "regions", path, f"region {place} has id {found!r}, expected {place}"
+                    "regions", path, f"region {number} has id {row_id!r}, expected {number}"
                 )
         try:
             highest = max(read_labels(self.files), default=-1)
@@ -248,12 +257,12 @@ class _SceneCheck:
         except PayloadError as error:
             self.out.error("base-decode", file, error.what, offset=error.offset)
             return None
-        found = (len(mesh.positions), len(mesh.faces))
-        if found != (counts.base_vertices, counts.base_faces):
+        counted = (len(mesh.positions), len(mesh.faces))
+        if counted != (counts.base_vertices, counts.base_faces):
             self.out.error(
                 "base-count",
                 file,
-                f"{found[0]} vertices and {found[1]} faces, "
+                f"{counted[0]} vertices and {counted[1]} faces, "
                 f"expected {counts.base_vertices} and {counts.base_faces} by scene.json",
             )
         check_mesh_fits(self.out, scene.manifest, mesh, file, None)

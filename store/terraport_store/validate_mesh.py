@@ -33,13 +33,13 @@ def check_segment(out: Findings, scene: Scene, segment: int) -> None:
     mesh = _decoded(out, scene, segment)
     if mesh is None:
         return
-    found = (len(mesh.positions), len(mesh.faces))
+    counted = (len(mesh.positions), len(mesh.faces))
     expected = (int(index.vertex_count[segment]), int(index.face_count[segment]))
-    if found != expected:
+    if counted != expected:
         out.error(
             "payload-count",
             file,
-            f"{found[0]} vertices and {found[1]} faces, "
+            f"{counted[0]} vertices and {counted[1]} faces, "
             f"expected {expected[0]} and {expected[1]} by the index",
             segment=segment,
         )
@@ -169,10 +169,10 @@ def _check_range(
     values = mesh.attributes.get(info.name)
     if values is None:
         return
-    known = values[~np.isnan(values)].astype(np.float64)
-    if not len(known):
+    present = values[~np.isnan(values)].astype(np.float64)
+    if not len(present):
         return
-    low, high = float(known.min()), float(known.max())
+    low, high = float(present.min()), float(present.max())
     # Half a step for quantisation, and float32's own rounding.
     slack = info.step * 0.5 + 1e-6 * max(abs(low), abs(high))
     if info.min is None or info.max is None or low < info.min - slack or high > info.max + slack:

@@ -5,6 +5,7 @@ Neither engine is run: a stub finds a wrong name or type, not a wrong picture.
 
 from __future__ import annotations
 
+import graphlib
 import json
 import re
 import shutil
@@ -146,6 +147,20 @@ def test_the_unreal_core_knows_no_engine_and_throws_nothing() -> None:
         for include in re.findall(r'#include "([^"]+)"', code):
             near = (path.parent / include, core / "Public" / include, core / "Private" / include)
             assert any(place.is_file() for place in near), f"{path.name} includes {include}"
+
+
+def test_the_unreal_core_includes_in_no_circle() -> None:
+    """A unit is a header with its source, and with its own Impl."""
+    core = UNREAL / "Source" / "TerraportCore"
+    units: dict[str, set[str]] = {}
+    for path in [*core.rglob("*.h"), *core.rglob("*.cpp")]:
+        included = re.findall(r'#include "([^"]+)\.h"', path.read_text())
+        unit = path.stem.removesuffix("Impl")
+        names = {name.rpartition("/")[2].removesuffix("Impl") for name in included}
+        units.setdefault(unit, set()).update(names - {unit})
+    assert len(units) > 30
+    order = graphlib.TopologicalSorter(units)
+    order.prepare()  # raises CycleError, which names the circle
 
 
 def test_files_stay_readable() -> None:

@@ -29,14 +29,14 @@ def with_change(change: Callable[[dict[str, Any]], object], *, plain: bool = Fal
 
 
 def set_at(*path: Any) -> Callable[[dict[str, Any]], None]:
-    """Put the last argument at the place that the others name."""
+    """Put the last argument at the path that the others are."""
     *keys, last, value = path
 
     def change(document: dict[str, Any]) -> None:
-        place: Any = document
+        owner: Any = document
         for key in keys:
-            place = place[key]
-        place[last] = value
+            owner = owner[key]
+        owner[last] = value
 
     return change
 
@@ -186,28 +186,44 @@ json_values = st.recursive(
 )
 
 
-def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Every place of a document."""
-    found = [path] if path else []
+def paths_of(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Every path in a document."""
+    paths = [path] if path else []
     items: Any = ()
     if isinstance(value, dict):
         items = value.items()
     elif isinstance(value, list):
         items = enumerate(value)
     for key, inner in items:
-        found += places(inner, (*path, key))
-    return found
+        paths += paths_of(inner, (*path, key))
+    return paths
 
 
-@given(st.sampled_from(places(DOCUMENT)), json_values)
+@given(st.sampled_from(paths_of(DOCUMENT)), json_values)
 @settings(max_examples=300)
-def test_any_json_anywhere_decodes_or_is_named(place: tuple[Any, ...], value: Any) -> None:
+def test_any_json_anywhere_decodes_or_is_named(path: tuple[Any, ...], value: Any) -> None:
     try:
-        data = with_change(set_at(*place, value))
+        data = with_change(set_at(*path, value))
         mesh = decode_glb(data)
     except PayloadError:
         return
     assert mesh.faces.max() < len(mesh.positions)
+
+
+def test_normals_are_those_of_numpys_norm_to_the_bit() -> None:
+    document = copy.deepcopy(PLAIN_DOCUMENT)
+    accessor = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"]["NORMAL"]]
+    at, count = document["bufferViews"][accessor["bufferView"]]["byteOffset"], accessor["count"]
+    draw = np.random.default_rng(3)
+    for _ in range(50):
+        signed = draw.integers(-128, 128, (count, 4)).astype(np.int8)
+        signed[:3, :3] = [[-128, 127, 0], [0, 0, -128], [1, 0, 0]]
+        binary = bytearray(PLAIN_BINARY)
+        binary[at : at + 4 * count] = signed.tobytes()
+        values = np.maximum(signed[:, :3].astype(np.float32) / np.float32(127), np.float32(-1))
+        expected = values / np.linalg.norm(values, axis=1, keepdims=True)
+        normals = decode_glb(join_glb(document, bytes(binary))).normals
+        assert normals.tobytes() == expected.astype(np.float32).tobytes()
 
 
 @given(st.binary(max_size=300))

@@ -46,14 +46,14 @@ DOCUMENT, BINARY, _ = split_glb(GOOD)
 def test_texture_comes_back_as_it_went(image: bytes, extension: str | None, compress: bool) -> None:
     mesh = textured(lattice_mesh(0, 0, 3), image)
     glb = encoded(mesh, compress=compress, keep_face_order=True)
-    found = decode_glb(glb)
-    assert found.texture == mesh.texture
-    assert found.colours is None
-    assert found.uvs is not None
+    decoded = decode_glb(glb)
+    assert decoded.texture == mesh.texture
+    assert decoded.colours is None
+    assert decoded.uvs is not None
     assert mesh.uvs is not None
     # Faces keep their order, corners may be rotated: compare corner sets by sorting.
     before = np.sort(mesh.uvs[mesh.faces].reshape(-1, 6), axis=1)
-    after = np.sort(found.uvs[found.faces].reshape(-1, 6), axis=1)
+    after = np.sort(decoded.uvs[decoded.faces].reshape(-1, 6), axis=1)
     texture = mesh.texture
     assert texture is not None
     np.testing.assert_allclose(after, before, atol=0.251 / min(texture.width, texture.height))
@@ -84,12 +84,12 @@ def test_normalised_coordinates_of_other_writers_are_read() -> None:
         document[key].remove("KHR_texture_transform")
     number = document["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]
     document["accessors"][number]["normalized"] = True
-    found = decode_glb(join_glb(document, bytes(binary)))
+    decoded = decode_glb(join_glb(document, bytes(binary)))
     expected = decode_glb(encoded(compress=False))
-    assert found.uvs is not None
+    assert decoded.uvs is not None
     assert expected.uvs is not None
     codes = np.rint(expected.uvs / (across, down))
-    np.testing.assert_allclose(found.uvs, codes / 65535, rtol=1e-6)
+    np.testing.assert_allclose(decoded.uvs, codes / 65535, rtol=1e-6)
 
 
 def test_image_lies_at_a_multiple_of_four_as_it_is() -> None:
@@ -120,10 +120,10 @@ def set_at(*path: Any) -> Callable[[dict[str, Any]], None]:
     *keys, last, value = path
 
     def change(document: dict[str, Any]) -> None:
-        place: Any = document
+        owner: Any = document
         for key in keys:
-            place = place[key]
-        place[last] = value
+            owner = owner[key]
+        owner[last] = value
 
     return change
 

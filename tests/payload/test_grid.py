@@ -46,9 +46,9 @@ def test_step_is_the_smallest_that_fits(widest: float, farthest: float, step: fl
     ],
 )
 def test_step_follows_the_spacing(spacing_m: float, widest_m: float, step: float) -> None:
-    found = choose_step_m(widest_m, 0.0, spacing_m)
-    assert found == step
-    assert found / 2 <= max(0.0025, 2.0**-13)
+    step_m = choose_step_m(widest_m, 0.0, spacing_m)
+    assert step_m == step
+    assert step_m / 2 <= max(0.0025, 2.0**-13)
 
 
 @pytest.mark.parametrize("bad", [-1.0, math.nan, math.inf])
@@ -100,9 +100,9 @@ def test_attributes_come_back_within_half_a_step(values: np.ndarray) -> None:
     scale = choose_attribute_scale(values)
     decoded = decode_attribute(encode_attribute(values, scale), scale)
     assert np.array_equal(np.isnan(decoded), np.isnan(values))
-    known = ~np.isnan(values)
-    rounding = np.spacing(np.abs(values[known])).astype(float)
-    error = np.abs(decoded[known].astype(float) - values[known])
+    present = ~np.isnan(values)
+    rounding = np.spacing(np.abs(values[present])).astype(float)
+    error = np.abs(decoded[present].astype(float) - values[present])
     assert (error <= scale.step / 2 + rounding).all()
 
 

@@ -135,10 +135,10 @@ def make_hello(**fields: Any) -> Hello:
 
 def assemble(frames: list[PayloadFrame]) -> dict[int, bytes]:
     """Put payloads together; chunks must be in order, without gap or overlap."""
-    parts: dict[int, bytearray] = {}
+    payloads: dict[int, bytearray] = {}
     for frame in frames:
-        part = parts.setdefault(frame.segment, bytearray())
-        assert frame.offset == len(part), frame
-        part += frame.chunk
-        assert len(part) <= frame.total
-    return {segment: bytes(part) for segment, part in parts.items()}
+        payload = payloads.setdefault(frame.segment, bytearray())
+        assert frame.offset == len(payload), frame
+        payload += frame.chunk
+        assert len(payload) <= frame.total
+    return {segment: bytes(payload) for segment, payload in payloads.items()}

@@ -76,7 +76,7 @@ class Client:
         self.corrupt: set[int] = set()
         self.in_runs = False
         self.held: set[int] = set()
-        self.parts: dict[int, int] = {}
+        self.partly_sent: dict[int, int] = {}
         self.load: dict[int, list[int]] = {}
         self.ends: dict[int, list[str]] = {}
         self.sent_bytes: dict[int, int] = {}
@@ -127,7 +127,7 @@ class Client:
         assert self.session.next_action() == chunk, "asked again, the same"
         if chunk.segment in self.corrupt:
             self.session.payload_failed(chunk, self.now_s)
-            self.parts.pop(chunk.segment, None)
+            self.partly_sent.pop(chunk.segment, None)
             return
         chunks = self.session.next_chunks(chunk.total + 1)
         assert chunks[0] == chunk, "several begin with the one"
@@ -144,15 +144,15 @@ class Client:
         assert chunk.segment in self.load[chunk.generation], "only what was announced"
         assert "superseded" not in self.ends.get(chunk.generation, []), "nothing of an ended one"
         assert chunk.total == int(self.table.lengths[chunk.segment])
-        assert chunk.offset == self.parts.get(chunk.segment, 0), "no gap, no overlap"
+        assert chunk.offset == self.partly_sent.get(chunk.segment, 0), "no gap, no overlap"
         self.sent_bytes[chunk.generation] = self.sent_bytes.get(chunk.generation, 0) + chunk.length
         end = chunk.offset + chunk.length
         assert end <= chunk.total
         if end == chunk.total:
-            self.parts.pop(chunk.segment, None)
+            self.partly_sent.pop(chunk.segment, None)
             self.held.add(chunk.segment)
         else:
-            self.parts[chunk.segment] = end
+            self.partly_sent[chunk.segment] = end
 
     def _message(self, message: Message) -> None:
         if isinstance(message, Plan | Prefetch):
@@ -160,7 +160,7 @@ class Client:
             load = rows["id"].tolist()
             assert not self.held.intersection(load), "what is held is not loaded"
             self.load[message.generation] = load
-            self.parts = {s: o for s, o in self.parts.items() if s in load}
+            self.partly_sent = {s: o for s, o in self.partly_sent.items() if s in load}
             if isinstance(message, Plan):
                 assert self.held.issuperset(message.keep.tolist())
                 self.load[message.generation] = load + message.keep.tolist()

@@ -95,14 +95,14 @@ class Supervised:
     def metrics(self) -> dict[str, float]:
         """Samples by `name{label=value,...}`, from whichever worker answers."""
         page = httpx.get(f"{self.url}/metrics").raise_for_status().text
-        found = {}
+        values = {}
         for family in text_string_to_metric_families(page):
             for sample in family.samples:
                 labels = ",".join(f"{key}={value}" for key, value in sorted(sample.labels.items()))
                 key = f"{sample.name}{{{labels}}}"
-                assert key not in found
-                found[key] = sample.value
-        return found
+                assert key not in values
+                values[key] = sample.value
+        return values
 
 
 def is_alive(pid: int) -> bool:

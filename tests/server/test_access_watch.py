@@ -110,16 +110,16 @@ def test_each_way_to_show_a_signed_token_and_each_scene_by_itself(server: Backgr
 
 
 def test_a_stranger_is_told_the_same_of_every_name(server: BackgroundServer) -> None:
-    said = []
+    answers = []
     for scene_id in ("pit", "atlantis"):
         with PlainClient(server.scene_url(scene_id)) as client:
             client.send_hello(token="wrong")
             error, code = client.refused()
-            said.append((error.code, error.message, code))
+            answers.append((error.code, error.message, code))
         with PlainClient(server.scene_url(scene_id)) as client:
             client.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=1.0))
-            said.append(client.refused()[1])
-    assert said[0] == said[2]
+            answers.append(client.refused()[1])
+    assert answers[0] == answers[2]
     with PlainClient(server.scene_url("atlantis")) as client:
         client.send_hello(token=ANNA)
         assert client.refused()[1] == 4404

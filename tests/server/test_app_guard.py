@@ -94,8 +94,8 @@ def ask(server: BackgroundServer, request: bytes) -> bytes:
         raw.sendall(request)
         data = b""
         try:
-            while part := raw.recv(1 << 16):
-                data += part
+            while piece := raw.recv(1 << 16):
+                data += piece
         except ConnectionResetError:
             pass
         return data

@@ -103,8 +103,8 @@ def test_files_are_the_published_bytes(
     assert whole.headers["content-type"] == media_type
     assert whole.headers["etag"] == f'"{grid.manifest.files[path].xxh3}"'
     assert whole.headers["cache-control"] == "no-cache"
-    part = http.get(f"/scenes/grid/{path}", headers={"Range": "bytes=5-9"})
-    assert (part.status_code, part.content) == (206, expected[5:10])
+    partial = http.get(f"/scenes/grid/{path}", headers={"Range": "bytes=5-9"})
+    assert (partial.status_code, partial.content) == (206, expected[5:10])
     again = http.get(
         f"/scenes/grid/{path}", headers={"If-None-Match": f'"x", W/{whole.headers["etag"]}'}
     )

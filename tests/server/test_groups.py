@@ -31,7 +31,7 @@ class Hall:
 
     def __init__(self, **limits: Any) -> None:
         self.groups = Groups(GroupLimits(**limits))
-        self.told: dict[str, list[Message]] = {}
+        self.inboxes: dict[str, list[Message]] = {}
         self.now_s = 0.0
         self.secrets = 0
 
@@ -48,10 +48,10 @@ class Hall:
 
     def hear(self) -> dict[str, list[Message]]:
         """Everything told since the last call."""
-        told: dict[str, list[Message]] = {}
+        messages: dict[str, list[Message]] = {}
         for key, message in self.groups.take_posts():
-            told.setdefault(str(key), []).append(message)
-        return told
+            messages.setdefault(str(key), []).append(message)
+        return messages
 
     def wait(self, seconds: float) -> dict[str, list[Message]]:
         self.now_s += seconds
@@ -71,9 +71,9 @@ def filled(*members: str, **limits: Any) -> tuple[Hall, dict[str, str]]:
     return hall, secrets
 
 
-def of(told: dict[str, list[Message]], kind: type[Message]) -> dict[str, Any]:
+def of(inboxes: dict[str, list[Message]], kind: type[Message]) -> dict[str, Any]:
     """The last message of a kind by key."""
-    return {key: m for key, messages in told.items() for m in messages if isinstance(m, kind)}
+    return {key: m for key, inbox in inboxes.items() for m in inbox if isinstance(m, kind)}
 
 
 def test_joined_is_told_to_one_and_the_roster_to_all() -> None:
@@ -81,11 +81,13 @@ def test_joined_is_told_to_one_and_the_roster_to_all() -> None:
     hall.join("g", role="guide")
     hall.hear()
     hall.join("a")
-    told = hall.hear()
-    assert told["a"][0] == Joined(request=1, group="tour", member=2, role="member", seat="secret-2")
-    told = hall.wait(1.0)
+    messages = hall.hear()
+    assert messages["a"][0] == Joined(
+        request=1, group="tour", member=2, role="member", seat="secret-2"
+    )
+    messages = hall.wait(1.0)
     for key in ("g", "a"):
-        (roster,) = told[key]
+        (roster,) = messages[key]
         assert isinstance(roster, Roster)
         assert [(m.member, m.role, m.present) for m in roster.members] == [
             (1, "guide", True),
@@ -104,18 +106,18 @@ def test_a_group_is_of_one_scene() -> None:
 def test_the_guide_lands_everybody_and_the_barrier_opens_when_all_are_ready() -> None:
     hall, _ = filled("a", "b")
     assert hall.groups.gather("g", there(), hall.now_s) is None
-    told = of(hall.hear(), Gathering)
-    assert set(told) == {"g", "a", "b"}
-    assert (told["a"].gathering, told["a"].guide, told["a"].left_ms) == (1, 1, 60_000)
-    assert (told["a"].position, told["a"].inner_radius_m) == ((1.0, 2.0, 3.0), 4.0)
+    messages = of(hall.hear(), Gathering)
+    assert set(messages) == {"g", "a", "b"}
+    assert (messages["a"].gathering, messages["a"].guide, messages["a"].left_ms) == (1, 1, 60_000)
+    assert (messages["a"].position, messages["a"].inner_radius_m) == ((1.0, 2.0, 3.0), 4.0)
     for key in ("b", "g"):
         hall.groups.arrived(key, 1, "ready")
     hall.groups.arrived("a", 1, "degraded")
     assert hall.hear() == {}, "a degraded member is waited for until the deadline"
     hall.groups.arrived("a", 1, "ready")
-    told = of(hall.hear(), Gathered)
-    assert set(told) == {"g", "a", "b"}
-    assert told["b"].ready.tolist() == [1, 2, 3]
+    messages = of(hall.hear(), Gathered)
+    assert set(messages) == {"g", "a", "b"}
+    assert messages["b"].ready.tolist() == [1, 2, 3]
     hall.groups.arrived("a", 1, "degraded")
     assert hall.wait(1000.0) == {}, "the barrier opens once"
 
@@ -159,8 +161,8 @@ def test_a_lost_member_is_waited_for_a_while_then_left() -> None:
     hall.groups.gather("g", there(), hall.now_s)
     hall.groups.arrived("g", 1, "ready")
     hall.groups.lost("a", hall.now_s)
-    told = hall.wait(0.5)
-    assert [m.present for m in of(told, Roster)["g"].members] == [True, False]
+    messages = hall.wait(0.5)
+    assert [m.present for m in of(messages, Roster)["g"].members] == [True, False]
     assert of(hall.wait(9.4), Gathered) == {}
     assert of(hall.wait(0.2), Gathered)["g"].missing.tolist() == []
 
@@ -172,10 +174,10 @@ def test_a_seat_is_taken_again_by_its_secret_with_its_place_in_the_barrier() -> 
     hall.groups.lost("g", hall.now_s)
     hall.wait(20.0)
     assert hall.join("g2", wants("guide", seat=secrets["g"])) is None
-    told = hall.hear()
-    assert of(told, Joined)["g2"].member == 1
-    assert of(told, Joined)["g2"].role == "guide"
-    assert of(told, Gathering)["g2"].left_ms == 40_000
+    messages = hall.hear()
+    assert of(messages, Joined)["g2"].member == 1
+    assert of(messages, Joined)["g2"].role == "guide"
+    assert of(messages, Gathering)["g2"].left_ms == 40_000
     hall.groups.arrived("g2", 1, "ready")
     assert of(hall.hear(), Gathered)["g2"].ready.tolist() == [1, 2]
 
@@ -255,13 +257,13 @@ def test_the_guide_may_join_again_as_member_of_its_group() -> None:
 
 def test_rosters_are_not_told_faster_than_four_times_a_second() -> None:
     hall, _ = filled("a")
-    told = 0
+    rosters = 0
     for _ in range(100):
         hall.join("b")
         hall.groups.leave("b", hall.now_s)
-        told += sum(isinstance(m, Roster) for m in hall.hear().get("a", []))
-        told += sum(isinstance(m, Roster) for m in hall.wait(0.01).get("a", []))
-    assert 3 <= told <= 5
+        rosters += sum(isinstance(m, Roster) for m in hall.hear().get("a", []))
+        rosters += sum(isinstance(m, Roster) for m in hall.wait(0.01).get("a", []))
+    assert 3 <= rosters <= 5
 
 
 class AnyHistory(RuleBasedStateMachine):
@@ -274,7 +276,7 @@ class AnyHistory(RuleBasedStateMachine):
         self.hall = Hall(
             max_groups=2, max_group_members=3, group_absence_s=4.0, group_deadline_s=9.0
         )
-        self.place: dict[int, tuple[str, int]] = {}
+        self.membership: dict[int, tuple[str, int]] = {}
         self.seats: dict[tuple[str, int], str] = {}
         self.shut: dict[str, tuple[int, float]] = {}
         self.opened: set[tuple[str, int]] = set()
@@ -283,14 +285,14 @@ class AnyHistory(RuleBasedStateMachine):
         for key, message in self.hall.groups.take_posts():
             assert isinstance(key, int)
             if isinstance(message, Joined):
-                self.place = {
-                    k: p for k, p in self.place.items() if p != (message.group, message.member)
+                self.membership = {
+                    k: p for k, p in self.membership.items() if p != (message.group, message.member)
                 }
-                self.place[key] = (message.group, message.member)
+                self.membership[key] = (message.group, message.member)
                 if message.member == 1 and self.seats.get((message.group, 1)) != message.seat:
                     self.shut.pop(message.group, None)  # the first of a new group of that name
                 self.seats[message.group, message.member] = message.seat
-            group = self.place[key][0]
+            group = self.membership[key][0]
             if isinstance(message, Roster):
                 assert message.group == group
                 assert 1 <= len(message.members) <= 3
@@ -303,18 +305,18 @@ class AnyHistory(RuleBasedStateMachine):
                     *message.ready.tolist(), *message.degraded.tolist(), *message.missing.tolist()
                 ]  # fmt: skip
                 assert len(set(numbers)) == len(numbers)
-                assert self.place[key][1] in numbers
+                assert self.membership[key][1] in numbers
                 self.shut.pop(group, None)
 
     @rule(
         key=keys,
         group=st.sampled_from("xyz"),
         role=st.sampled_from(["guide", "member"]),
-        known=st.booleans(),
+        returns=st.booleans(),
         number=st.integers(1, 3),
     )
-    def join(self, key: int, group: str, role: str, known: bool, number: int) -> None:
-        seat = self.seats.get((group, number)) if known else None
+    def join(self, key: int, group: str, role: str, returns: bool, number: int) -> None:
+        seat = self.seats.get((group, number)) if returns else None
         self.hall.secrets += 1
         refused = self.hall.groups.join(
             key,
@@ -325,13 +327,13 @@ class AnyHistory(RuleBasedStateMachine):
             may_guide=True,
         )
         if refused is None:
-            self.place.pop(key, None)
+            self.membership.pop(key, None)
         self.listen()
 
     @rule(key=keys, how=st.sampled_from(["leave", "lost"]))
     def go(self, key: int, how: str) -> None:
         getattr(self.hall.groups, how)(key, self.hall.now_s)
-        self.place.pop(key, None)
+        self.membership.pop(key, None)
         self.listen()
 
     @rule(key=keys, wait_ms=st.none() | st.integers(1, 20_000))
@@ -361,7 +363,7 @@ class AnyHistory(RuleBasedStateMachine):
         groups = self.hall.groups
         assert groups.group_count <= 2
         assert groups.member_count <= 6
-        present = {group for group, _ in self.place.values()}
+        present = {group for group, _ in self.membership.values()}
         for group, (_, due_s) in self.shut.items():
             assert group not in present or due_s > self.hall.now_s - 1e-3
         due_s = groups.wake_at_s()
@@ -376,9 +378,9 @@ def test_a_history_that_chance_found() -> None:
     """A guide alone gathers, and joins the same name anew: another group, with no barrier."""
     history = AnyHistory()
     history.begin()
-    history.join(0, "x", "guide", known=False, number=1)
+    history.join(0, "x", "guide", returns=False, number=1)
     history.gather(0, 1)
-    history.join(0, "x", "guide", known=False, number=1)
+    history.join(0, "x", "guide", returns=False, number=1)
     history.wait(1.0)
     history.nobody_is_held_beyond_the_deadline()
     assert history.shut == {}

@@ -61,8 +61,8 @@ def answer(raw: socket.socket) -> bytes:
     """Read until the server closes."""
     data = b""
     try:
-        while part := raw.recv(1 << 16):
-            data += part
+        while piece := raw.recv(1 << 16):
+            data += piece
     except ConnectionResetError:
         pass
     return data
@@ -188,8 +188,8 @@ def test_a_slow_reader_gets_everything(server: BackgroundServer) -> None:
     with connect(server, SO_RCVBUF=1 << 20) as raw:
         raw.sendall(b"GET /scenes/pit/report HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n")
         began_s = time.monotonic()
-        while part := raw.recv(1 << 20):
-            got += len(part)
+        while piece := raw.recv(1 << 20):
+            got += len(piece)
             time.sleep(0.05)
     assert time.monotonic() - began_s > 1.0
     assert got > BIG

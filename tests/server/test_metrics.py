@@ -42,13 +42,13 @@ def test_the_page_lists_every_metric_with_its_type_and_labels() -> None:
     listed = {}
     for name, kind, labels in re.findall(r"^\| `(\w+)` \| (\w+) \|([^|]*)\|", page, re.M):
         listed[name] = (kind, sorted(re.findall(r"(?:^ |; )`(\w+)`", labels)))
-    found = {}
+    metrics = {}
     for family in Metrics().registry._collector_to_names:
         described = list(getattr(family, "describe", list)())
         for one in described:
             suffix = "_total" if one.type == "counter" else ""
-            found[one.name + suffix] = (one.type, sorted(family._labelnames))
-    assert listed == {name: row for name, row in found.items() if name.startswith("terraport_")}
+            metrics[one.name + suffix] = (one.type, sorted(family._labelnames))
+    assert listed == {name: row for name, row in metrics.items() if name.startswith("terraport_")}
 
 
 def test_scene_labels_are_bounded() -> None:

@@ -18,12 +18,12 @@ def test_the_page_lists_every_metric_with_its_type_and_labels() -> None:
         for name, kind, labels in re.findall(r"^\| `(\w+)` \| (\w+) \|([^|]*)\|", page, re.M)
     }
     with ObjectStorage() as storage:
-        found = {}
+        metrics = {}
         for family in ObjectMetrics(storage, CollectorRegistry()).collect():
             suffix = "_total" if family.type == "counter" else ""
             labels = sorted({label for sample in family.samples for label in sample.labels})
-            found[family.name + suffix] = (family.type, labels)
-    assert listed == found
+            metrics[family.name + suffix] = (family.type, labels)
+    assert listed == metrics
 
 
 def test_values_are_those_of_now() -> None:

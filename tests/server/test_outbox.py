@@ -22,8 +22,8 @@ def test_of_news_that_waits_the_newest_of_each_type_is_kept() -> None:
         out.post(roster(f"g{number}"))
     out.say(Notice(kind="draining"))
     assert len(out) == 1, "news is not counted"
-    told = [out.pop(), out.pop(), out.pop(), out.pop()]
-    assert told == [
+    messages = [out.pop(), out.pop(), out.pop(), out.pop()]
+    assert messages == [
         SendMessage(Notice(kind="draining")),
         SendMessage(gathering(4999)),
         SendMessage(roster("g4999")),

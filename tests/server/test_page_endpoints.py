@@ -114,10 +114,10 @@ def test_the_head_alone(server: BackgroundServer) -> None:
             raw.sendall(
                 f"HEAD {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode()
             )
-            said = b""
-            while part := raw.recv(1 << 16):
-                said += part
-        head, _, body = said.partition(b"\r\n\r\n")
+            answer = b""
+            while piece := raw.recv(1 << 16):
+                answer += piece
+        head, _, body = answer.partition(b"\r\n\r\n")
         assert head.startswith(b"HTTP/1.1 200")
         assert f"content-length: {size}".encode() in head.lower()
         assert body == b""
@@ -136,11 +136,11 @@ def test_nothing_else_answers(server: BackgroundServer, path: str) -> None:
     """As written: httpx would tidy the path up first."""
     with socket.create_connection(("127.0.0.1", server.port), timeout=10) as raw:
         raw.sendall(f"GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode())
-        said = b""
-        while part := raw.recv(1 << 16):
-            said += part
-    assert said.startswith(b"HTTP/1.1 404"), said
-    assert b"secret" not in said
+        answer = b""
+        while piece := raw.recv(1 << 16):
+            answer += piece
+    assert answer.startswith(b"HTTP/1.1 404"), answer
+    assert b"secret" not in answer
 
 
 def test_other_methods_are_refused(http: httpx.Client) -> None:

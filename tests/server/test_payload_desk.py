@@ -37,11 +37,13 @@ def test_nothing_is_handed_out_before_it_was_checked(pit: GridScene) -> None:
         chunk = whole(pit, 3)
         assert served.desk.chunk_data(chunk, "glb", as_file=True) is None
         await served.desk.fetch(chunk, "glb")
-        found = served.desk.chunk_data(chunk, "glb", as_file=True)
-        assert isinstance(found, PayloadRange)
-        assert os.pread(found.descriptor, found.length, found.offset) == pit.payloads[3]
-        part = chunk._replace(offset=10, length=20)
-        assert served.desk.chunk_data(part, "glb", as_file=False) == pit.payloads[3][10:30]
+        file_range = served.desk.chunk_data(chunk, "glb", as_file=True)
+        assert isinstance(file_range, PayloadRange)
+        assert (
+            os.pread(file_range.descriptor, file_range.length, file_range.offset) == pit.payloads[3]
+        )
+        within = chunk._replace(offset=10, length=20)
+        assert served.desk.chunk_data(within, "glb", as_file=False) == pit.payloads[3][10:30]
         served.retire()
         assert served.closed
 
@@ -100,11 +102,11 @@ def test_a_flipped_byte_is_found_at_first_and_after_distrust(tmp_path: Path) -> 
         served = opened(pit)
         chunk = whole(pit, 2)
         await served.desk.fetch(chunk, "glb")
-        found = served.desk.chunk_data(chunk, "glb", as_file=True)
-        assert isinstance(found, PayloadRange)
+        file_range = served.desk.chunk_data(chunk, "glb", as_file=True)
+        assert isinstance(file_range, PayloadRange)
         pack = next(pit.path.glob("v-*/*.pack"))
         data = bytearray(pack.read_bytes())
-        data[found.offset + 9] ^= 1
+        data[file_range.offset + 9] ^= 1
         pack.write_bytes(data)
         assert (
             served.desk.chunk_data(chunk, "glb", as_file=True) is not None

@@ -47,9 +47,9 @@ def raw(client: PlainClient) -> socket.socket:
 
 def raw_connect(port: int, *lines: str, status: int = 101) -> socket.socket:
     """A WebSocket without anybody who reads it."""
-    found = socket.create_connection(("127.0.0.1", port), 5)
+    raw = socket.create_connection(("127.0.0.1", port), 5)
     more = "".join(f"{line}\r\n" for line in lines)
-    found.sendall(
+    raw.sendall(
         b"GET /scenes/grid/stream HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
         b"Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
         b"Sec-WebSocket-Version: 13\r\n"
@@ -57,16 +57,16 @@ def raw_connect(port: int, *lines: str, status: int = 101) -> socket.socket:
     )
     head = b""
     while not head.endswith(b"\r\n\r\n"):
-        head += found.recv(1)
+        head += raw.recv(1)
     assert f" {status} ".encode() in head
-    return found
+    return raw
 
 
-def drained(found: socket.socket) -> bytes:
+def drained(raw: socket.socket) -> bytes:
     """Everything until the service closes."""
     data = b""
     try:
-        while more := found.recv(1 << 16):
+        while more := raw.recv(1 << 16):
             data += more
     except ConnectionResetError:
         pass
@@ -83,26 +83,26 @@ def test_more_frames_than_messages_would_need_are_closed(scenes: Path, blob: byt
     """10 s of the rate at once are taken; what is beyond is 4429."""
     with BackgroundServer(scenes, max_messages_per_s=2.0) as server:
         allowed = int(10 * 2.0 * FRAMES_PER_MESSAGE)
-        with raw_connect(server.port) as found:
+        with raw_connect(server.port) as raw:
             begin = frame(TEXT, b"{", fin=False) if blob[0] == CONT else b""
-            found.sendall(begin + blob * (allowed + 50))
-            assert close_code(drained(found)) == 4429
+            raw.sendall(begin + blob * (allowed + 50))
+            assert close_code(drained(raw)) == 4429
 
 
 def test_a_client_that_pings_and_does_not_read_costs_no_memory(scenes: Path) -> None:
     """Pongs that nobody reads are not kept: the newest ping alone is answered, once it reads."""
     with BackgroundServer(scenes, max_messages_per_s=1e6, send_buffer_bytes=1 << 16) as server:
         connections = server._server.server_state.connections
-        with raw_connect(server.port) as found:
-            found.settimeout(5)
+        with raw_connect(server.port) as raw:
+            raw.settimeout(5)
             most = 0
             for _ in range(80):
-                found.sendall(frame(PING, b"x" * 125) * 500)
+                raw.sendall(frame(PING, b"x" * 125) * 500)
                 most = max(most, *(one.transport.get_write_buffer_size() for one in connections))
-            found.sendall(frame(PING, b"last"))
+            raw.sendall(frame(PING, b"last"))
             data = b""
             while b"\x8a\x04last" not in data:
-                more = found.recv(1 << 20)
+                more = raw.recv(1 << 20)
                 assert more, "closed instead of answered"
                 data = data[-200:] + more
         # 5 MB of pings were sent; one read of the loop may add its pongs to what waits already.
@@ -114,12 +114,12 @@ def test_text_that_is_no_utf8_is_closed_without_a_trace(
 ) -> None:
     with BackgroundServer(scenes) as server, caplog.at_level(logging.WARNING):
         for bad in (b"\xff\xfe{}", b'{"type":"\xed\xa0\x80"}'):
-            with raw_connect(server.port) as found:
-                found.sendall(frame(TEXT, bad))
-                assert close_code(drained(found)) == 1007
-            with raw_connect(server.port) as found:  # and says goodbye in the same piece
-                found.sendall(frame(TEXT, bad) + frame(CLOSE, b"\x03\xe8"))
-                assert close_code(drained(found)) == 1007
+            with raw_connect(server.port) as raw:
+                raw.sendall(frame(TEXT, bad))
+                assert close_code(drained(raw)) == 1007
+            with raw_connect(server.port) as raw:  # and says goodbye in the same piece
+                raw.sendall(frame(TEXT, bad) + frame(CLOSE, b"\x03\xe8"))
+                assert close_code(drained(raw)) == 1007
         assert not [record for record in caplog.records if record.levelno >= logging.ERROR]
 
 
@@ -127,12 +127,12 @@ def test_who_does_not_close_is_closed_in_time(scenes: Path) -> None:
     """After our close frame, close_timeout_s; the library's own ten seconds are not ours."""
     with (
         BackgroundServer(scenes, close_timeout_s=0.5) as server,
-        raw_connect(server.port) as found,
+        raw_connect(server.port) as raw,
     ):
-        found.settimeout(5)
+        raw.settimeout(5)
         began_s = time.monotonic()
-        found.sendall(frame(TEXT, b"no message"))
-        assert close_code(drained(found)) == 4400
+        raw.sendall(frame(TEXT, b"no message"))
+        assert close_code(drained(raw)) == 4400
         assert time.monotonic() - began_s < 4
 
 
@@ -148,7 +148,7 @@ def test_an_answer_to_who_broke_the_rules_is_lost_not_misused(scenes: Path) -> N
 
     Found by fuzz/server.py (one connection in thirty): it was logged as a failure of ours.
     """
-    with BackgroundServer(scenes) as server, raw_connect(server.port) as found:
+    with BackgroundServer(scenes) as server, raw_connect(server.port) as raw:
         (connection,) = server._server.server_state.connections
         assert isinstance(connection, BoundedPeer)
 
@@ -158,7 +158,7 @@ def test_an_answer_to_who_broke_the_rules_is_lost_not_misused(scenes: Path) -> N
                 await connection.send({"type": "websocket.send", "bytes": b"answer"})
 
         asyncio.run_coroutine_threadsafe(break_and_answer(), connection.loop).result(5)
-        assert close_code(drained(found)) == 1002
+        assert close_code(drained(raw)) == 1002
 
 
 @pytest.fixture

@@ -71,16 +71,16 @@ def test_random_rays_equal_brute_force(scene: Scene, grid: GridScene) -> None:
         origin = rng.uniform((-10, -3, -10), (70, 6, 70))
         direction = rng.normal(size=3)
         expected = brute(grid.meshes, origin, direction)
-        found = ask(scene, tuple(origin), tuple(direction))
-        assert (found is None) == (expected is None)
-        if found is None or expected is None:
+        hit = ask(scene, tuple(origin), tuple(direction))
+        assert (hit is None) == (expected is None)
+        if hit is None or expected is None:
             continue
         hits += 1
-        distance = float(np.linalg.norm(np.asarray(found.position) - origin))
+        distance = float(np.linalg.norm(np.asarray(hit.position) - origin))
         assert distance == pytest.approx(expected, abs=1e-9)
-        corners = grid.meshes[found.segment].positions
-        assert (corners.min(axis=0) - 1e-6 <= found.position).all()
-        assert (found.position <= corners.max(axis=0) + 1e-6).all()
+        corners = grid.meshes[hit.segment].positions
+        assert (corners.min(axis=0) - 1e-6 <= hit.position).all()
+        assert (hit.position <= corners.max(axis=0) + 1e-6).all()
     assert hits >= 30
 
 

@@ -39,9 +39,9 @@ def test_every_plan_passes_the_checks_that_it_was_made_without(
         shown=np.array(sorted(held), dtype=np.uint32),
         budgets=Budgets(max_segments=most),
     )
-    made = make_plan(wish, chosen, table, release_radius_m=radius_m * 1.25)
+    plan = make_plan(wish, chosen, table, release_radius_m=radius_m * 1.25)
     ahead = make_prefetch(aim(4, x, radius_m), chosen, table)
-    for message, kind in ((made, Plan), (ahead, Prefetch)):
+    for message, kind in ((plan, Plan), (ahead, Prefetch)):
         names = [field.name for field in dataclasses.fields(kind)]
         checked = kind(**{name: getattr(message, name) for name in names})
         assert checked == message

@@ -252,11 +252,11 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
     everything = np.flatnonzero(distances <= release_radius_m)
     near = np.flatnonzero(distances <= radius_m)
 
-    found, is_held = find_candidates(table, near, held, centre, release_radius_m)
+    candidates, is_held = find_candidates(table, near, held, centre, release_radius_m)
 
-    assert len(set(found.tolist())) == len(found)
-    assert set(found.tolist()) <= set(near.tolist()) | set(held.array().tolist())
-    assert is_held.tolist() == held.contains(found).tolist()
+    assert len(set(candidates.tolist())) == len(candidates)
+    assert set(candidates.tolist()) <= set(near.tolist()) | set(held.array().tolist())
+    assert is_held.tolist() == held.contains(candidates).tolist()
     plans = [
         select(
             table,
@@ -269,7 +269,7 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
             shown=shown,
             budgets=budgets,
         )
-        for ids in (everything, found)
+        for ids in (everything, candidates)
     ]
     assert _facts(plans[0]) == _facts(plans[1])
     in_full, omitted = brute_plan(

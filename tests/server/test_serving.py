@@ -161,9 +161,9 @@ def test_a_free_port_is_said_as_it_is(tmp_path: Path) -> None:
     )
     try:
         assert process.stdout is not None
-        said = re.search(r" at http://127\.0\.0\.1:(\d+) ", process.stdout.readline())
-        assert said
-        socket.create_connection(("127.0.0.1", int(said[1])), timeout=5).close()
+        line = re.search(r" at http://127\.0\.0\.1:(\d+) ", process.stdout.readline())
+        assert line
+        socket.create_connection(("127.0.0.1", int(line[1])), timeout=5).close()
     finally:
         process.kill()
         process.communicate()

@@ -40,9 +40,13 @@ def base64url(data: bytes) -> str:
 @pytest.mark.parametrize("key", [KEY, OLD, ED], ids=["first", "rotated", "EdDSA"])
 def test_a_token_of_every_key(key: TokenKey) -> None:
     token = make_token(key, name="anna", scenes=frozenset({"pit"}), expires_s=int(NOW_S) + 60)
-    found = gate().find(token)
-    assert found is not None
-    assert (found.name, found.scenes, found.guide) == ("anna", frozenset({"pit"}), False)
+    token_pass = gate().find(token)
+    assert token_pass is not None
+    assert (token_pass.name, token_pass.scenes, token_pass.guide) == (
+        "anna",
+        frozenset({"pit"}),
+        False,
+    )
     assert gate().check(token, "pit") is None
     assert gate().check(token, "quarry") is ErrorCode.FORBIDDEN
 
@@ -152,38 +156,38 @@ def test_forged_tokens(token: str) -> None:
 
 def test_every_changed_character_is_noticed() -> None:
     token = signed(CLAIMS)
-    known = gate()
-    for place in range(0, len(token), 3):
-        other = "A" if token[place] != "A" else "B"
-        changed = token[:place] + other + token[place + 1 :]
-        found = known.find(changed)
+    checking = gate()
+    for index in range(0, len(token), 3):
+        other = "A" if token[index] != "A" else "B"
+        changed = token[:index] + other + token[index + 1 :]
+        token_pass = checking.find(changed)
         # Base64's last character has bits that mean nothing.
-        assert found is None or place == len(token) - 1
+        assert token_pass is None or index == len(token) - 1
 
 
 def test_a_pass_goes_with_its_key_its_id_and_its_time() -> None:
-    def passed(known: Gate) -> TokenPass:
-        found = known.admit(signed(CLAIMS | {"jti": "t1"}), "pit")
-        assert isinstance(found, TokenPass)
-        return found
+    def passed(checking: Gate) -> TokenPass:
+        token_pass = checking.admit(signed(CLAIMS | {"jti": "t1"}), "pit")
+        assert isinstance(token_pass, TokenPass)
+        return token_pass
 
-    known = gate(leeway_s=30.0)
-    shown = passed(known)
-    assert known.withdrawal(shown, "pit") is None
-    known.use_keys(KeyRing((OLD, KEY), frozenset()))
-    assert known.withdrawal(shown, "pit") is None
-    known.use_keys(KeyRing((OLD, KEY), frozenset({"t1"})))
-    assert known.withdrawal(shown, "pit") == "revoked"
-    known.use_keys(KeyRing((OLD,), frozenset()))
-    assert known.withdrawal(shown, "pit") == "revoked"
+    checking = gate(leeway_s=30.0)
+    shown = passed(checking)
+    assert checking.withdrawal(shown, "pit") is None
+    checking.use_keys(KeyRing((OLD, KEY), frozenset()))
+    assert checking.withdrawal(shown, "pit") is None
+    checking.use_keys(KeyRing((OLD, KEY), frozenset({"t1"})))
+    assert checking.withdrawal(shown, "pit") == "revoked"
+    checking.use_keys(KeyRing((OLD,), frozenset()))
+    assert checking.withdrawal(shown, "pit") == "revoked"
     other = TokenKey("k1", "HS256", bytes(32))
-    known.use_keys(KeyRing((other,), frozenset()))
-    assert known.withdrawal(shown, "pit") == "revoked", "another key of the same name"
+    checking.use_keys(KeyRing((other,), frozenset()))
+    assert checking.withdrawal(shown, "pit") == "revoked", "another key of the same name"
 
 
 def test_what_a_token_says_can_be_looked_at() -> None:
-    said = look_into(signed(CLAIMS))
-    assert said is not None
-    assert said[0]["kid"] == "k1"
-    assert said[1] == CLAIMS
+    decoded = look_into(signed(CLAIMS))
+    assert decoded is not None
+    assert decoded[0]["kid"] == "k1"
+    assert decoded[1] == CLAIMS
     assert look_into("no token") is None

@@ -73,8 +73,8 @@ def test_a_rolling_restart_costs_no_landing(
         # Credit for some segments only: a landing has many round trips in which to be rolled.
         async with terraport.connect(f"{service.url}/scenes/big", credit_bytes=700_000) as session:
             while not over.is_set():
-                place = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
-                landing = await session.land(place, radius_m=chance.uniform(5, 25))
+                position = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
+                landing = await session.land(position, radius_m=chance.uniform(5, 25))
                 segments = await landing.ready(30)
                 assert [segment.payload for segment in segments] == [
                     big.payloads[segment.id] for segment in segments
@@ -171,10 +171,10 @@ def test_a_scrape_counts_all_workers_whoever_answers(service: Supervised, pit: G
     try:
         for client in clients:
             client.hello()
-        found = [service.metrics() for _ in range(6)]
-        assert {metrics[name] for metrics in found} == {12.0}
-        assert found[0]["terraport_workers{state=serving}"] == 2.0
-        assert found[0]["terraport_workers_wanted{}"] == 2.0
+        scrapes = [service.metrics() for _ in range(6)]
+        assert {metrics[name] for metrics in scrapes} == {12.0}
+        assert scrapes[0]["terraport_workers{state=serving}"] == 2.0
+        assert scrapes[0]["terraport_workers_wanted{}"] == 2.0
     finally:
         for client in clients:
             client.__exit__(None, None, None)

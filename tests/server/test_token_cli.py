@@ -22,17 +22,17 @@ def run(*arguments: str | Path, typed: str | None = None) -> tuple[int, str, str
 @pytest.mark.parametrize("algorithm", ["HS256", "EdDSA"])
 def test_from_key_to_open_scene(tmp_path: Path, algorithm: str) -> None:
     keys = tmp_path / "keys"
-    code, said, _ = run("new-key", keys, "--algorithm", algorithm)
+    code, output, _ = run("new-key", keys, "--algorithm", algorithm)
     assert code == 0
     served = keys if algorithm == "HS256" else tmp_path / "keys.public"
-    assert f"--token-keys {served}" in said
+    assert f"--token-keys {served}" in output
     for path in tmp_path.iterdir():
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    code, token, said = run(
+    code, token, output = run(
         "create", "--keys", keys, "--name", "anna", "--scene", "pit", "--valid", "8h", "--guide"
     )
     assert code == 0
-    assert re.search(r"for anna: pit, until 20\d\d-", said)
+    assert re.search(r"for anna: pit, until 20\d\d-", output)
     gate = Gate(None, read_keys(served))
     assert gate.check(token.strip(), "pit") is None
     assert gate.check(token.strip(), "other") is not None
@@ -42,7 +42,7 @@ def test_from_key_to_open_scene(tmp_path: Path, algorithm: str) -> None:
     assert '"sub": "anna"' in shown
     assert "signature and claims are right" in shown
 
-    revoked = re.search(r"revoke \w+", said)
+    revoked = re.search(r"revoke \w+", output)
     assert revoked is not None
     served.write_text(served.read_text() + revoked[0] + "\n")
     code, _, error = run("show", token.strip(), "--keys", served)

@@ -34,10 +34,10 @@ def test_times_count_from_land_and_credit_is_told_apart() -> None:
     client.credit += 10_000
     client.now_s = 10.510
     client.run()
-    told = timings(client)
-    assert (told.plan_us, told.first_byte_us) == (1000, 4000)
-    assert (told.last_byte_us, told.ready_us) == (510_000, 510_000)
-    assert told.credit_wait_us == 500_000
+    times = timings(client)
+    assert (times.plan_us, times.first_byte_us) == (1000, 4000)
+    assert (times.last_byte_us, times.ready_us) == (510_000, 510_000)
+    assert times.credit_wait_us == 500_000
 
 
 def test_nobody_who_did_not_ask_is_told() -> None:
@@ -59,9 +59,9 @@ def test_a_landing_without_payload_has_no_bytes_times() -> None:
     client.now_s = 5.0
     client.tell(land(2))
     client.run()
-    told = timings(client)
-    assert (told.plan_us, told.first_byte_us, told.last_byte_us) == (None, None, None)
-    assert (told.ready_us, told.credit_wait_us) == (0, 0)
+    times = timings(client)
+    assert (times.plan_us, times.first_byte_us, times.last_byte_us) == (None, None, None)
+    assert (times.ready_us, times.credit_wait_us) == (0, 0)
 
 
 def test_a_stall_of_the_landing_before_does_not_count() -> None:

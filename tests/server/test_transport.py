@@ -53,10 +53,10 @@ def test_a_scope_of_another_server_has_no_connection() -> None:
 
 def test_socket_options_are_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[tuple[int, int]] = []
-    made = Connection.connection_made
+    connection_made = Connection.connection_made
 
     def spy(self: Connection, transport: object) -> None:
-        made(self, transport)  # type: ignore[arg-type]
+        connection_made(self, transport)  # type: ignore[arg-type]
         raw = self.transport.get_extra_info("socket")
         seen.append(
             (
@@ -159,7 +159,7 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
     def counted(self: Connection, frames: Sequence[tuple[bytes, PayloadRange | memoryview]]) -> int:
         count = send_frames(self, frames)
         sent_files.extend(
-            part.length for _, part in frames[:count] if isinstance(part, PayloadRange)
+            payload.length for _, payload in frames[:count] if isinstance(payload, PayloadRange)
         )
         return count
 
@@ -229,7 +229,7 @@ def test_a_client_that_vanishes_in_the_middle_of_a_frame_frees_everything(tmp_pa
 def test_the_congestion_control_is_the_one_that_was_set(tmp_path: Path) -> None:
     """Reno is in every kernel; a name that the system does not know changes nothing."""
     write_grid_scene(tmp_path / "grid", cells=2)
-    found = {}
+    names = {}
     for name in (None, "reno", "no_such_thing"):
         with (
             BackgroundServer(tmp_path, congestion_control=name) as server,
@@ -239,6 +239,6 @@ def test_the_congestion_control_is_the_one_that_was_set(tmp_path: Path) -> None:
             (connection,) = server._server.server_state.connections
             raw = connection.transport.get_extra_info("socket")
             set_to = raw.getsockopt(socket.IPPROTO_TCP, TCP_CONGESTION, 16)
-            found[name] = set_to.rstrip(b"\0").decode()
-    assert found["reno"] == "reno"
-    assert found["no_such_thing"] == found[None]
+            names[name] = set_to.rstrip(b"\0").decode()
+    assert names["reno"] == "reno"
+    assert names["no_such_thing"] == names[None]

@@ -12,12 +12,12 @@ from terraport_server.turns import Rank, Turns
 Burst = Callable[[], Rank | None]
 
 
-def bursts(said: list[str], name: str, *ranks: Rank | None) -> Burst:
+def bursts(order: list[str], name: str, *ranks: Rank | None) -> Burst:
     """A burst that notes its name, and says one rank after the other; ``None`` at the end."""
     left = [*ranks, None]
 
     def burst() -> Rank | None:
-        said.append(name)
+        order.append(name)
         return left.pop(0)
 
     return burst
@@ -25,43 +25,43 @@ def bursts(said: list[str], name: str, *ranks: Rank | None) -> Burst:
 
 def test_new_landings_go_before_landings_and_landings_before_aims() -> None:
     async def story() -> list[str]:
-        turns, said = Turns(), list[str]()
+        turns, order = Turns(), list[str]()
         await asyncio.gather(
-            turns.take(Rank.AIM, bursts(said, "first")),
-            turns.take(Rank.AIM, bursts(said, "aim", Rank.AIM)),
-            turns.take(Rank.LANDING, bursts(said, "old", Rank.LANDING)),
-            turns.take(Rank.NEW_LANDING, bursts(said, "new", Rank.NEW_LANDING, Rank.LANDING)),
+            turns.take(Rank.AIM, bursts(order, "first")),
+            turns.take(Rank.AIM, bursts(order, "aim", Rank.AIM)),
+            turns.take(Rank.LANDING, bursts(order, "old", Rank.LANDING)),
+            turns.take(Rank.NEW_LANDING, bursts(order, "new", Rank.NEW_LANDING, Rank.LANDING)),
         )
         assert len(turns) == 0
-        return said
+        return order
 
     assert asyncio.run(story()) == ["first", "new", "new", "old", "new", "old", "aim", "aim"]
 
 
 def test_landing_anew_all_the_time_starves_nobody() -> None:
     async def story() -> list[str]:
-        turns, said = Turns(), list[str]()
+        turns, order = Turns(), list[str]()
         await asyncio.gather(
-            turns.take(Rank.AIM, bursts(said, "first")),
-            turns.take(Rank.LANDING, bursts(said, "old", Rank.LANDING)),
-            turns.take(Rank.NEW_LANDING, bursts(said, "new", *[Rank.NEW_LANDING] * 20)),
+            turns.take(Rank.AIM, bursts(order, "first")),
+            turns.take(Rank.LANDING, bursts(order, "old", Rank.LANDING)),
+            turns.take(Rank.NEW_LANDING, bursts(order, "new", *[Rank.NEW_LANDING] * 20)),
         )
-        return said
+        return order
 
-    said = asyncio.run(story())
-    assert [place for place, name in enumerate(said) if name == "old"] == [9, 18]
+    order = asyncio.run(story())
+    assert [index for index, name in enumerate(order) if name == "old"] == [9, 18]
 
 
 def test_equals_go_round() -> None:
     async def story() -> list[str]:
-        turns, said = Turns(), list[str]()
+        turns, order = Turns(), list[str]()
         await asyncio.gather(
             *(
-                turns.take(Rank.LANDING, bursts(said, name, *[Rank.LANDING] * 2))
+                turns.take(Rank.LANDING, bursts(order, name, *[Rank.LANDING] * 2))
                 for name in ("a", "b", "c")
             )
         )
-        return said
+        return order
 
     assert asyncio.run(story()) == ["a"] + ["a", "b", "c"] * 2 + ["b", "c"]
 
@@ -70,62 +70,64 @@ def test_a_newcomer_waits_for_one_turn_only() -> None:
     """Between two turns the loop does everything else that is due."""
 
     async def story() -> None:
-        turns, said = Turns(), list[str]()
+        turns, order = Turns(), list[str]()
         busy = [
-            asyncio.create_task(turns.take(Rank.LANDING, bursts(said, "busy", *[Rank.LANDING] * 9)))
+            asyncio.create_task(
+                turns.take(Rank.LANDING, bursts(order, "busy", *[Rank.LANDING] * 9))
+            )
             for _ in range(5)
         ]
         await asyncio.sleep(0)
         await asyncio.sleep(0)
-        before = len(said)
-        await turns.take(Rank.NEW_LANDING, bursts(said, "new"))
-        assert said.index("new") <= before + 1
+        before = len(order)
+        await turns.take(Rank.NEW_LANDING, bursts(order, "new"))
+        assert order.index("new") <= before + 1
         await asyncio.gather(*busy)
-        assert said.count("busy") == 50
+        assert order.count("busy") == 50
 
     asyncio.run(story())
 
 
 def test_who_goes_away_gives_the_place_up() -> None:
     async def story() -> list[str]:
-        turns, said = Turns(), list[str]()
-        first = asyncio.create_task(turns.take(Rank.LANDING, bursts(said, "first")))
-        gone = asyncio.create_task(turns.take(Rank.LANDING, bursts(said, "gone")))
-        stays = asyncio.create_task(turns.take(Rank.LANDING, bursts(said, "stays")))
+        turns, order = Turns(), list[str]()
+        first = asyncio.create_task(turns.take(Rank.LANDING, bursts(order, "first")))
+        gone = asyncio.create_task(turns.take(Rank.LANDING, bursts(order, "gone")))
+        stays = asyncio.create_task(turns.take(Rank.LANDING, bursts(order, "stays")))
         await asyncio.sleep(0)
         gone.cancel()
         await asyncio.gather(first, stays)
         assert gone.cancelled()
-        await turns.take(Rank.AIM, bursts(said, "later"))
-        return said
+        await turns.take(Rank.AIM, bursts(order, "later"))
+        return order
 
     assert asyncio.run(story()) == ["first", "stays", "later"]
 
 
 def test_who_comes_alone_does_not_wait() -> None:
     async def story() -> list[str]:
-        turns, said = Turns(), list[str]()
-        taking = turns.take(Rank.NEW_LANDING, bursts(said, "now"))
+        turns, order = Turns(), list[str]()
+        taking = turns.take(Rank.NEW_LANDING, bursts(order, "now"))
         with pytest.raises(StopIteration):
             taking.send(None)  # ran to its end without waiting for anything
-        return said
+        return order
 
     assert asyncio.run(story()) == ["now"]
 
 
 def test_a_failure_is_the_asker_s_and_nobody_else_s() -> None:
     async def story() -> list[str]:
-        turns, said = Turns(), list[str]()
+        turns, order = Turns(), list[str]()
 
         def fails() -> Rank | None:
             raise OSError("disk")
 
         failing = turns.take(Rank.NEW_LANDING, fails)
         done = await asyncio.gather(
-            failing, turns.take(Rank.LANDING, bursts(said, "well")), return_exceptions=True
+            failing, turns.take(Rank.LANDING, bursts(order, "well")), return_exceptions=True
         )
         with pytest.raises(OSError, match="disk"):
             raise done[0] or AssertionError
-        return said
+        return order
 
     assert asyncio.run(story()) == ["well"]

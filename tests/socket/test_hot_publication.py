@@ -44,12 +44,12 @@ def test_publication_while_clients_land(tmp_path: Path) -> None:
                 began_with = session.scene.version
                 seen.add(began_with)
                 while not over.is_set():
-                    place = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
-                    landing = await session.land(place, radius_m=chance.uniform(5, 40))
+                    position = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
+                    landing = await session.land(position, radius_m=chance.uniform(5, 40))
                     segments = await landing.ready(20)
                     assert session.scene.version == began_with
                     payloads = written[began_with].payloads
-                    assert all(part.payload == payloads[part.id] for part in segments)
+                    assert all(segment.payload == payloads[segment.id] for segment in segments)
                     await asyncio.sleep(0.01)
                     if session.newest_version is not None and number % 2:
                         break
@@ -108,11 +108,13 @@ def test_the_old_version_can_be_deleted_and_leaves_nothing_behind(tmp_path: Path
             # Not landed in before, not read before: it comes from the file that has no name now.
             landing = await session.land(CENTRE, radius_m=100.0)
             segments = await landing.ready(20)
-            assert {part.id: part.payload for part in segments} == dict(enumerate(old.payloads))
+            assert {segment.id: segment.payload for segment in segments} == dict(
+                enumerate(old.payloads)
+            )
             async with terraport.connect(server.url) as other:
                 landing = await other.land(CENTRE, radius_m=100.0)
-                found = {part.id: part.payload for part in await landing.ready(20)}
-                assert found == dict(enumerate(new.payloads))
+                payloads = {segment.id: segment.payload for segment in await landing.ready(20)}
+                assert payloads == dict(enumerate(new.payloads))
                 assert _open_files(tmp_path / "v1") != []
         async with asyncio.timeout(10):
             while _open_files(tmp_path / "v1") or served() is not None:
@@ -125,12 +127,12 @@ def test_the_old_version_can_be_deleted_and_leaves_nothing_behind(tmp_path: Path
 
 def _open_files(below: Path) -> list[str]:
     """Files of a directory that this process holds open, deleted ones too."""
-    found = []
+    paths = []
     for entry in Path("/proc/self/fd").iterdir():
         try:
             target = str(entry.readlink())
         except OSError:
             continue
         if target.startswith(f"{below}/"):
-            found.append(target)
-    return found
+            paths.append(target)
+    return paths

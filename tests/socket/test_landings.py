@@ -176,7 +176,7 @@ def test_supersede_of_a_fast_client_continues_partly_sent_segments(
     rng = random.Random(1)
     with PlainClient(server.scene_url("big"), max_queue=4) as client:
         client.hello()
-        parts: dict[int, bytearray] = {}
+        payloads: dict[int, bytearray] = {}
         held: dict[int, bytes] = {}
         for newest in range(1, 13):
             client.send(land(newest, (rng.uniform(0, 60), 0.0, rng.uniform(0, 60)), 20.0))
@@ -186,14 +186,14 @@ def test_supersede_of_a_fast_client_continues_partly_sent_segments(
                 got = client.receive()
                 if isinstance(got, Plan):
                     wanted = set(got.load["id"].tolist())
-                    parts = {s: p for s, p in parts.items() if s in wanted}
+                    payloads = {s: p for s, p in payloads.items() if s in wanted}
                 elif isinstance(got, PayloadFrame):
-                    part = parts.setdefault(got.segment, bytearray())
-                    assert got.offset == len(part), "no byte twice, none left out"
-                    part += got.chunk
+                    payload = payloads.setdefault(got.segment, bytearray())
+                    assert got.offset == len(payload), "no byte twice, none left out"
+                    payload += got.chunk
                     frames_left = max(0, frames_left - 1)
                     if got.last:
-                        held[got.segment] = bytes(parts.pop(got.segment))
+                        held[got.segment] = bytes(payloads.pop(got.segment))
                 elif isinstance(got, Ready) and got.generation == newest:
                     break
     assert held

@@ -88,12 +88,12 @@ def test_memory_of_nothing_is_enough_with_a_disk(server: BackgroundServer, tmp_p
             max_bytes=1 << 30,
             release_factor=1.0,
         ) as session:
-            for place in (CORNER, CENTRE):
-                await (await session.land(place, radius_m=12.0)).ready(10)
+            for position in (CORNER, CENTRE):
+                await (await session.land(position, radius_m=12.0)).ready(10)
                 await session._worker.drained()
             sent = session.stats.payload_bytes
-            for place in (CORNER, CENTRE) * 3:
-                landing = await session.land(place, radius_m=12.0)
+            for position in (CORNER, CENTRE) * 3:
+                landing = await session.land(position, radius_m=12.0)
                 await landing.ready(10)
                 assert session.stats.cache_bytes == landing.plan.total_bytes
             assert session.stats.payload_bytes == sent
@@ -117,8 +117,8 @@ def test_a_small_disk_is_never_overfilled_and_nothing_is_missing(
             release_factor=1.0,
         ) as session:
             for number in range(20):
-                place = (number * 17 % 60, 1.0, number * 23 % 60)
-                landing = await session.land(place, radius_m=12.0)
+                position = (number * 17 % 60, 1.0, number * 23 % 60)
+                landing = await session.land(position, radius_m=12.0)
                 segments = await landing.ready(10)
                 assert [s.payload for s in segments] == [grid.payloads[s.id] for s in segments]
             await session._worker.drained()

@@ -48,10 +48,10 @@ def test_a_landing_far_outside_warns_and_knows_how_far(server: BackgroundServer)
         async with terraport.connect(server.scene_url("grid")) as session:
             with pytest.warns(
                 terraport.OutsideSceneWarning, match="lies 940 m outside the scene"
-            ) as told:
+            ) as caught:
                 landing = await session.land((1000.0, 0.0, 30.0), 60.0)
-            assert [one.filename for one in told] == [__file__]
-            assert "reaches from (0, " in str(told[0].message)
+            assert [one.filename for one in caught] == [__file__]
+            assert "reaches from (0, " in str(caught[0].message)
             assert landing.outside_m == pytest.approx(940.0)
             assert await landing.ready(30.0) == ()
 
@@ -147,8 +147,8 @@ def test_within_reach_of_the_box_and_of_no_detail(
     with Scene.open(grid.path) as scene:
         boxes = scene.index.bounds
     low = boxes[boxes[:, 4].argmin()]
-    place = ((low[0] + low[3]) / 2, float(boxes[:, 4].max()) + 0.45, (low[2] + low[5]) / 2)
-    code, out, err = land(*place, "--radius", 0.5, "--json")
+    position = ((low[0] + low[3]) / 2, float(boxes[:, 4].max()) + 0.45, (low[2] + low[5]) / 2)
+    code, out, err = land(*position, "--radius", 0.5, "--json")
     facts = json.loads(out)["landings"][0]
     assert (code, facts["load_segments"], facts["outside_m"]) == (0, 0, None)
     assert err.startswith("warning: no detail within 0.5 m of there")

@@ -98,8 +98,8 @@ def test_a_second_visit_costs_no_payload_bytes(server: BackgroundServer) -> None
     async def work() -> None:
         async with terraport.connect(server.scene_url("grid"), release_factor=1.0) as session:
             hashes = []
-            for place in (CORNER, CENTRE, CORNER):
-                landing = await session.land(place, radius_m=12.0)
+            for position in (CORNER, CENTRE, CORNER):
+                landing = await session.land(position, radius_m=12.0)
                 await landing.ready(10)
                 hashes.append(await session.visible_set_hash())
             assert landing.plan.load_bytes == 0
@@ -117,10 +117,10 @@ def test_the_visible_set_does_not_depend_on_what_was_before(server: BackgroundSe
         hashes = set()
         for history in ([], [CENTRE], [CENTRE, (55.0, 0.0, 5.0)]):
             async with terraport.connect(server.scene_url("grid"), release_factor=1.0) as session:
-                for place in [*history, CORNER]:
+                for position in [*history, CORNER]:
                     for head in range(5):
                         session.aim((head, 0.0, head), 15.0)
-                    await (await session.land(place, radius_m=15.0)).ready(10)
+                    await (await session.land(position, radius_m=15.0)).ready(10)
                 hashes.add(await session.visible_set_hash())
         assert len(hashes) == 1
 
@@ -135,8 +135,8 @@ def test_budgets_are_never_exceeded(server: BackgroundServer, budget: str, total
     async def work() -> None:
         limit = {"max_triangles": 2000, "max_bytes": 20_000, "max_segments": 7}[budget]
         async with terraport.connect(server.scene_url("grid"), **{budget: limit}) as session:
-            for place in (CENTRE, CORNER):
-                landing = await session.land(place, radius_m=EVERYWHERE_M)
+            for position in (CENTRE, CORNER):
+                landing = await session.land(position, radius_m=EVERYWHERE_M)
                 await landing.ready(10)
                 plan = landing.plan
                 count = len(plan.load) + len(plan.keep)

@@ -59,6 +59,6 @@ def test_a_landing_is_written_with_its_texture(
         assert not exit_.value.code, capsys.readouterr().err
     mesh = decode_glb((tmp_path / "a.glb").read_bytes())
     assert mesh.texture is not None
-    found = trimesh.load(io.BytesIO((tmp_path / "a.obj").read_bytes()), file_type="obj")
-    assert len(found.faces) == len(mesh.faces)
+    loaded = trimesh.load(io.BytesIO((tmp_path / "a.obj").read_bytes()), file_type="obj")
+    assert len(loaded.faces) == len(mesh.faces)
     assert (tmp_path / "a.jpg").read_bytes() == mesh.texture.data

@@ -98,12 +98,12 @@ def test_the_command_line_lands_with_a_signed_token_and_writes_a_trace(
     trace = tmp_path / "trace.json"
     with serving(folder) as server:
         arguments = ["land", server.scene_url("pit"), "30", "0", "30", "--radius", "30"]
-        said = CliRunner().invoke(
+        result = CliRunner().invoke(
             app,
             [*arguments, "--repeat", "2", "--trace", str(trace), "--json"],
             env={"TERRAPORT_TOKEN": token(60)},
         )
-        assert said.exit_code == 0, said.output
+        assert result.exit_code == 0, result.output
         refused = CliRunner().invoke(app, arguments, env={"TERRAPORT_TOKEN": token(-60)})
         assert refused.exit_code == 1
         assert "unauthorised" in refused.output
@@ -114,7 +114,7 @@ def test_the_command_line_lands_with_a_signed_token_and_writes_a_trace(
     whole, server_side = first["landing"], first["server: landing"]
     assert whole["ts"] <= server_side["ts"]
     assert server_side["ts"] + server_side["dur"] <= whole["ts"] + whole["dur"] + 5000
-    facts = json.loads(said.stdout)
+    facts = json.loads(result.stdout)
     assert whole["args"]["streamed_bytes"] == facts["landings"][0]["streamed_bytes"] > 0
     second = {event["name"]: event for event in events if event["pid"] == 2}
     assert second["landing"]["args"]["streamed_bytes"] == 0

@@ -29,8 +29,8 @@ def put(cache: ByteCache, number: int, length: int = 10_000) -> CacheKey:
 
 
 def path_of(cache: ByteCache, key: CacheKey) -> Path:
-    (found,) = cache.folder.glob(f"scene/*/{key.xxh3:016x}-{key.length}")
-    return found
+    (file,) = cache.folder.glob(f"scene/*/{key.xxh3:016x}-{key.length}")
+    return file
 
 
 def test_keeps_what_was_put(tmp_path: Path) -> None:
@@ -38,9 +38,9 @@ def test_keeps_what_was_put(tmp_path: Path) -> None:
     key, data = payload(1)
     assert cache.open(key) is None
     assert cache.put(key, data).read() == data
-    found = cache.open(key)
-    assert found is not None
-    assert found.read() == data
+    file = cache.open(key)
+    assert file is not None
+    assert file.read() == data
     assert cache.used_bytes == 10_000
     assert ByteCache(tmp_path / "c", 100_000).used_bytes == 10_000
 
@@ -160,10 +160,10 @@ def work(folder: Path, seed: int, wrong: multiprocessing.Queue[str]) -> None:
     choice = random.Random(seed)
     for _ in range(150):
         key, data = payload(choice.randrange(25))
-        found = cache.open(key)
-        if found is not None and found.read() != data:
+        file = cache.open(key)
+        if file is not None and file.read() != data:
             wrong.put("read something else")
-        if found is None:
+        if file is None:
             try:
                 if cache.put(key, data).read() != data:
                     wrong.put("put something else")

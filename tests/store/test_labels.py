@@ -37,9 +37,9 @@ def test_literal_bytes_both_ways() -> None:
 
 @given(st.dictionaries(st.integers(0, MAX_STABLE_ID), good_labels, max_size=20))
 def test_round_trip(labels: dict[int, str]) -> None:
-    found = parse_labels(encode_labels(labels))
-    assert found == labels
-    assert list(found) == sorted(labels)
+    parsed = parse_labels(encode_labels(labels))
+    assert parsed == labels
+    assert list(parsed) == sorted(labels)
     shuffled = dict(sorted(labels.items(), key=lambda item: item[1]))
     assert encode_labels(shuffled) == encode_labels(labels)
 

@@ -63,8 +63,8 @@ def test_validate_finds_nothing_or_names_it(url: str, tiny: TinyScene) -> None:
     data = bytearray((tiny.path / pack).read_bytes())
     data[200] ^= 1
     Origin(url, ObjectOptions()).put(pack, bytes(data))
-    found = {finding.code for finding in validate_scene(url)}
-    assert "file-hash" in found
+    codes = {finding.code for finding in validate_scene(url)}
+    assert "file-hash" in codes
 
 
 @pytest.mark.parametrize(

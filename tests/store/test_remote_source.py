@@ -32,9 +32,9 @@ def source(proxy: FaultProxy, tmp_path: Path) -> Iterator[RemoteSource]:
     url = f"s3://packs/{tmp_path.name}"
     Origin(url, ObjectOptions(part_retries=5)).put("pack", DATA)
     origin = Origin(url, ObjectOptions(timeout_s=2.0, requests=4))
-    made = remote_source(origin, DATA, cache_dir=tmp_path / "cache")
-    yield made
-    made.close()
+    opened = remote_source(origin, DATA, cache_dir=tmp_path / "cache")
+    yield opened
+    opened.close()
 
 
 def expected(piece: int) -> bytes:

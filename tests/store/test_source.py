@@ -204,9 +204,9 @@ def test_every_payload_whole_and_in_parts(make: Make) -> None:
     """As a landing asks: hints, the whole payload for its hash, then chunks from where it lies."""
     source = make(DATA)
     index = index_of(DATA)
-    places = list(zip(index.offset.tolist(), index.length.tolist(), strict=True))
-    source.expect(places)
-    for offset, length in places:
+    ranges = list(zip(index.offset.tolist(), index.length.tolist(), strict=True))
+    source.expect(ranges)
+    for offset, length in ranges:
         assert bytes(source.read(offset, length)) == DATA[offset : offset + length]
         assert source.recall(offset, length)
         start, part = offset + length // 3, length // 2
@@ -215,10 +215,10 @@ def test_every_payload_whole_and_in_parts(make: Make) -> None:
 
 def at_once(source: PayloadSource, offset: int, length: int) -> bytes:
     """What the service sends without a wait."""
-    found = source.file_range(offset, length)
-    if isinstance(found, PayloadRange):
-        assert found.length == length
-        return os.pread(found.descriptor, length, found.offset)
+    file_range = source.file_range(offset, length)
+    if isinstance(file_range, PayloadRange):
+        assert file_range.length == length
+        return os.pread(file_range.descriptor, length, file_range.offset)
     held = source.held(offset, length)
     assert held is not None
     return bytes(held)
@@ -231,11 +231,11 @@ def test_bytes_at_hand_outlive_the_source(make: Make) -> None:
     offset, length = int(index_of(DATA).offset[3]), int(index_of(DATA).length[3])
     source.read(offset, length)
     source.recall(offset, length)
-    found = source.file_range(offset, length)
+    file_range = source.file_range(offset, length)
     held = source.held(offset, length)
     source.close()
-    if found is not None and found.keeper is not None:
-        data = os.pread(found.descriptor, found.length, found.offset)
+    if file_range is not None and file_range.keeper is not None:
+        data = os.pread(file_range.descriptor, file_range.length, file_range.offset)
         assert data == DATA[offset : offset + length]
     elif held is not None:
         assert bytes(held) == DATA[offset : offset + length]

@@ -44,9 +44,9 @@ def test_answers_written_out(
     kind: type[RTreeIndex], centre: tuple[float, float, float], radius: float, expected: list[int]
 ) -> None:
     index: SpatialIndex = kind(BOXES)
-    found = index.within(centre, radius)
-    assert found.tolist() == expected
-    assert found.dtype == np.int64
+    segments = index.within(centre, radius)
+    assert segments.tolist() == expected
+    assert segments.dtype == np.int64
 
 
 def test_no_segment_at_all(kind: type[RTreeIndex]) -> None:
@@ -93,8 +93,8 @@ def test_rtree_equals_brute_force(
     expected = BruteForceIndex(boxes).within(centre, radius)
     assert RTreeIndex(boxes).within(centre, radius).tolist() == expected.tolist()
     for fanout in (2, 3, 8, 64):
-        found = PackedRTree(boxes, fanout, most_roots=fanout).within(centre, radius)
-        assert found.tolist() == expected.tolist()
+        segments = PackedRTree(boxes, fanout, most_roots=fanout).within(centre, radius)
+        assert segments.tolist() == expected.tolist()
 
 
 @given(boxes_strategy(wide), st.tuples(wide, wide, wide), st.integers(0, 59))

@@ -95,8 +95,8 @@ def codes(findings: list[Finding]) -> set[str]:
 
 def test_whole_scene_has_no_finding(tiny: TinyScene) -> None:
     calls: list[tuple[int, int]] = []
-    found = validate_scene(tiny.path, progress=lambda *done: calls.append(done))
-    assert found == []
+    findings = validate_scene(tiny.path, progress=lambda *done: calls.append(done))
+    assert findings == []
     assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
@@ -140,10 +140,10 @@ def test_flipped_payload_byte_names_the_segment(tiny: TinyScene) -> None:
     data = bytearray(path.read_bytes())
     data[-1] ^= 1
     path.write_bytes(bytes(data))
-    found = [finding for finding in validate_scene(tiny.path) if finding.code == "payload-hash"]
-    assert [finding.segment for finding in found] == [3]
-    assert "segment 3 has hash" in found[0].message
-    assert found[0].offset is not None
+    findings = [finding for finding in validate_scene(tiny.path) if finding.code == "payload-hash"]
+    assert [finding.segment for finding in findings] == [3]
+    assert "segment 3 has hash" in findings[0].message
+    assert findings[0].offset is not None
 
 
 def test_missing_and_shortened_files(tiny: TinyScene) -> None:
@@ -181,9 +181,9 @@ def test_manifest_that_says_something_else(
     for key in path[:-1]:
         place = place[key]
     place[path[-1]] = value
-    found = forger.validate() if code == "version" else forger.seal()
-    assert codes(found) == {code}
-    assert message in found[0].message
+    findings = forger.validate() if code == "version" else forger.seal()
+    assert codes(findings) == {code}
+    assert message in findings[0].message
 
 
 def test_step_that_is_no_power_of_two(tiny: TinyScene) -> None:
@@ -231,9 +231,9 @@ def test_payload_that_is_not_what_the_index_says(
 ) -> None:
     forger = Forger(tiny)
     forger.replace_payload(1, make(lattice_mesh(0, 6)))
-    found = forger.seal()
-    assert codes(found) == expected
-    assert {finding.segment for finding in found} == {1}
+    findings = forger.seal()
+    assert codes(findings) == expected
+    assert {finding.segment for finding in findings} == {1}
 
 
 def test_indexes_that_differ(tiny: TinyScene) -> None:
@@ -242,9 +242,9 @@ def test_indexes_that_differ(tiny: TinyScene) -> None:
     forger = Forger(tiny)
     index = forger.index("later")
     forger.write_index(replace(index, region=index.region[::-1].copy()), "later")
-    found = forger.seal()
-    assert codes(found) == {"index-agreement"}
-    assert "region differ from the glb index" in found[0].message
+    findings = forger.seal()
+    assert codes(findings) == {"index-agreement"}
+    assert "region differ from the glb index" in findings[0].message
 
 
 def test_index_with_wrong_region(tiny: TinyScene) -> None:
@@ -264,9 +264,9 @@ def test_gap_in_the_pack_that_is_not_zero(tiny: TinyScene) -> None:
     pack = bytearray(forger.file("segments.pack").read_bytes())
     pack[end] = 1
     forger.file("segments.pack").write_bytes(bytes(pack))
-    found = forger.seal()
-    assert codes(found) == {"padding"}
-    assert (found[0].segment, found[0].offset) == (after, end)
+    findings = forger.seal()
+    assert codes(findings) == {"padding"}
+    assert (findings[0].segment, findings[0].offset) == (after, end)
 
 
 def test_bytes_after_the_last_payload(tiny: TinyScene) -> None:

@@ -73,7 +73,7 @@ def test_payloads_are_aligned_and_ordered(tiny: TinyScene) -> None:
 def test_given_shape_equals_decoded_shape(tmp_path: Path) -> None:
     mesh = decode_glb(GLB)
     box = [*mesh.positions.min(axis=0).tolist(), *mesh.positions.max(axis=0).tolist()]
-    found = []
+    versions = []
     for name, shape in (
         ("decoded", {}),
         ("given", {"bounds": box, "vertices": len(mesh.positions), "faces": len(mesh.faces)}),
@@ -83,8 +83,8 @@ def test_given_shape_equals_decoded_shape(tmp_path: Path) -> None:
             writer.set_base(
                 BASE, Cover(np.zeros(33, dtype=np.uint32), np.zeros(0, dtype=np.uint32))
             )
-            found.append(writer.publish(scene_info()).version)
-    assert found[0] == found[1]
+            versions.append(writer.publish(scene_info()).version)
+    assert versions[0] == versions[1]
 
 
 def test_leaving_without_publishing_leaves_nothing(tmp_path: Path) -> None:

@@ -124,5 +124,5 @@ def _consistent(part: type[m.Part]) -> Callable[[dict[str, Any]], dict[str, Any]
 @pytest.fixture(scope="session")
 def any_message() -> st.SearchStrategy[m.Message]:
     """Strategy for any message of either direction."""
-    types = [message for known in m.MESSAGES.values() for message in known.values()]
+    types = [message for by_type in m.MESSAGES.values() for message in by_type.values()]
     return st.one_of([parts(message) for message in types])

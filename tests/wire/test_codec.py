@@ -84,10 +84,10 @@ def test_bytes_after_the_message_are_malformed(message: m.Message) -> None:
 @pytest.mark.parametrize("message", FULL, ids=lambda message: message.TYPE)
 def test_every_flipped_byte_gives_a_message_or_a_documented_error(message: m.Message) -> None:
     whole = encode(message)
-    for place in range(len(whole)):
+    for position in range(len(whole)):
         for flip in (0x01, 0x80, 0xFF):
             flipped = bytearray(whole)
-            flipped[place] ^= flip
+            flipped[position] ^= flip
             try:
                 decode(flipped, message.DIRECTION)
             except DecodeError:

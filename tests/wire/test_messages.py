@@ -20,7 +20,7 @@ def test_every_message_class_is_registered_once_in_its_own_direction() -> None:
         and issubclass(getattr(m, name), m.Message)
         and getattr(m, name) is not m.Message
     }
-    registered = [known for messages in m.MESSAGES.values() for known in messages.values()]
+    registered = [message for messages in m.MESSAGES.values() for message in messages.values()]
     assert len(registered) == len(set(registered))
     assert set(registered) == classes
     for direction, messages in m.MESSAGES.items():

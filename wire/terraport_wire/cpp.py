@@ -258,7 +258,7 @@ def _type_of(kind: Kind) -> tuple[str, str]:
 
 
 def _all_messages() -> list[type[Message]]:
-    return [message for known in MESSAGES.values() for message in known.values()]
+    return [message for by_type in MESSAGES.values() for message in by_type.values()]
 
 
 def _camel(name: str) -> str:

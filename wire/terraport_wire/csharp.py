@@ -327,7 +327,7 @@ def _integer_type(low: int, high: int) -> str:
 
 
 def _all_messages() -> list[type[Message]]:
-    return [message for known in MESSAGES.values() for message in known.values()]
+    return [message for by_type in MESSAGES.values() for message in by_type.values()]
 
 
 def _pascal(name: str) -> str:

@@ -42,6 +42,8 @@ def check_msgpack(data: bytes, *, max_values: int | None = None) -> None:
         With the offset of the token that is cut off, too large, too deep, one too many, unused
         (0xC1), an extension, or after the end.
     """
+    # Invariant: `due` values are still to come in the innermost open container, `open_values` in
+    # those around it; `position` never moves back, so the walk ends within len(data) steps.
     position = 0
     left = len(data) if max_values is None else max_values  # a value takes at least one byte
     open_values: list[int] = []  # values still due in each open container, outermost first
@@ -54,10 +56,11 @@ def check_msgpack(data: bytes, *, max_values: int | None = None) -> None:
             text = f"got more than {max_values} values, expected fewer"
             raise MalformedError(text, offset=start)
         left -= 1
+        # (1) One token: step over a scalar's bytes, or learn how many values a container holds.
         token = data[position]
         position += 1
         due -= 1
-        items = -1
+        items = -1  # no container
         if token <= 0x7F or token >= 0xE0:
             pass
         elif token <= 0x8F:
@@ -85,6 +88,7 @@ def check_msgpack(data: bytes, *, max_values: int | None = None) -> None:
         if position > len(data):
             text = f"got {len(data) - start} bytes, expected {position - start} of a value"
             raise MalformedError(text, offset=start)
+        # (2) Go into a container, or out of all those that this value completes.
         if items >= 0:
             if len(open_values) + 1 > MAX_DEPTH:
                 raise MalformedError(f"got nesting beyond {MAX_DEPTH} levels", offset=start)

@@ -192,10 +192,10 @@ class PartList:
 
 def fields_of(part: type[Part]) -> tuple[Field, ...]:
     """Return the fields of a message or part class, in order of declaration."""
-    known = _FIELDS.get(part.__qualname__)
-    if known is None:
-        known = _FIELDS[part.__qualname__] = _read_fields(part)
-    return known
+    fields = _FIELDS.get(part.__qualname__)
+    if fields is None:
+        fields = _FIELDS[part.__qualname__] = _read_fields(part)
+    return fields
 
 
 def to_map(part: Part) -> dict[str, Any]:

@@ -108,7 +108,7 @@ def render_spec(text: str) -> str:
     tables = {name: _message_part(message) for name, message in _all_messages().items()}
     tables |= {part.wire_name(): field_table(part) for part in PARTS}
     tables["error-codes"] = error_table()
-    return _MARK.sub(lambda found: f"{found[1]}\n{tables[found[2]]}\n\n{found[3]}", text)
+    return _MARK.sub(lambda mark: f"{mark[1]}\n{tables[mark[2]]}\n\n{mark[3]}", text)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -123,9 +123,9 @@ def main(arguments: list[str] | None = None) -> int:
     expected = {options.spec_dir / "schema" / name: text for name, text in schema_files().items()}
     expected[spec] = render_spec(spec.read_text(encoding="utf-8"))
     for flag, (_, _, files) in _LANGUAGES.items():
-        place: Path | None = getattr(options, flag)
-        if place is not None:
-            expected |= files(place)
+        destination: Path | None = getattr(options, flag)
+        if destination is not None:
+            expected |= files(destination)
     stale = [
         path
         for path, text in expected.items()
@@ -141,7 +141,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _all_messages() -> dict[str, type[Message]]:
-    return {name: message for known in MESSAGES.values() for name, message in known.items()}
+    return {name: message for by_type in MESSAGES.values() for name, message in by_type.items()}
 
 
 def _message_part(message: type[Message]) -> str:

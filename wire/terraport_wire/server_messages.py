@@ -181,9 +181,9 @@ class Plan(ServerMessage):
                 "load_triangles",
                 f"got {self.load_triangles}, expected the sum of load's faces",
             )
-        for total, part in (("total_bytes", "load_bytes"), ("total_triangles", "load_triangles")):
-            if getattr(self, total) < getattr(self, part):
-                return (total, f"got {getattr(self, total)}, expected at least {part}")
+        for total, share in (("total_bytes", "load_bytes"), ("total_triangles", "load_triangles")):
+            if getattr(self, total) < getattr(self, share):
+                return (total, f"got {getattr(self, total)}, expected at least {share}")
         if (self.omitted_by is None) != (self.omitted_segments == 0):
             return ("omitted_by", "got one of omitted_by and omitted_segments, expected both")
         return self._overlap()
@@ -212,7 +212,7 @@ class Prefetch(ServerMessage):
     bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes of segments, whole"]
 
     def contradiction(self) -> tuple[str, str] | None:
-        """Check the sum."""
+        """Check that the lengths of `segments` add up to `bytes`."""
         if int(self.segments["length"].sum(dtype="u8")) != self.bytes:
             return ("bytes", f"got {self.bytes}, expected the sum of the segments' lengths")
         return None

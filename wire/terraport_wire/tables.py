@@ -208,9 +208,9 @@ def _fast_u32(values: list[Any]) -> NDArray[np.int64] | None:
     return numbers if numbers.min() >= 0 and numbers.max() <= _U32 else None
 
 
-def _u32(value: Any, place: str) -> int:
+def _u32(value: Any, path: str) -> int:
     if type(value) is not int or not 0 <= value <= _U32:
-        raise Refused(f"got {clip(value)}, expected an integer from 0 to {_U32}", place)
+        raise Refused(f"got {clip(value)}, expected an integer from 0 to {_U32}", path)
     return value
 
 

@@ -222,7 +222,7 @@ def _has_rule(message: type[Message]) -> bool:
 
 
 def _all_messages() -> list[type[Message]]:
-    return [message for known in MESSAGES.values() for message in known.values()]
+    return [message for by_type in MESSAGES.values() for message in by_type.values()]
 
 
 def _comment(text: str) -> str:

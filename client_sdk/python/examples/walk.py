@@ -17,13 +17,13 @@ async def main(url: str) -> None:
         (x0, y0, z0), (x1, y1, z1) = bounds["min"], bounds["max"]
         for hop in range(5):
             share = (hop + 0.5) / 5
-            place = (x0 + share * (x1 - x0), (y0 + y1) / 2, (z0 + z1) / 2)
-            ground = await session.pick(place)  # the surface above or below, loaded or not
+            target = (x0 + share * (x1 - x0), (y0 + y1) / 2, (z0 + z1) / 2)
+            ground = await session.pick(target)  # the surface above or below, loaded or not
             if ground is not None:
-                place = ground.position
-            session.aim(place, radius_m=15)  # what a headset does while the user points
+                target = ground.position
+            session.aim(target, radius_m=15)  # what a headset does while the user points
             await asyncio.sleep(0.2)
-            landing = await session.land(place, radius_m=15)
+            landing = await session.land(target, radius_m=15)
             await landing.ready(timeout_s=60)
             stats = landing.stats
             print(

@@ -156,13 +156,13 @@ class CoverCounters:
         self._hidden[faces] = self._missing[faces] == 0
 
     def _faces_under(self, segments: set[int]) -> Int64:
-        known = len(self._starts) - 1
-        parts = [
+        segment_count = len(self._starts) - 1
+        runs = [
             self._faces[self._starts[segment] : self._starts[segment + 1]]
             for segment in segments
-            if segment < known
+            if segment < segment_count
         ]
-        return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
+        return np.concatenate(runs) if runs else np.zeros(0, dtype=np.int64)
 
 
 def _clean_ids(segments: Iterable[int]) -> set[int]:

@@ -231,14 +231,14 @@ class DiskCache:
 
     def _files(self) -> list[tuple[Path, int, float]]:
         """Every file of the whole directory: path, bytes, time of last use."""
-        found = []
+        files = []
         for path in self._root.glob("*/*"):
             try:
                 status = path.stat()
             except OSError:
                 continue  # another process deleted it
-            found.append((path, status.st_size, status.st_mtime))
-        return found
+            files.append((path, status.st_size, status.st_mtime))
+        return files
 
 
 def _parsed(data: bytes) -> SegmentFacts | None:

@@ -30,7 +30,7 @@ class Group:
 
     @property
     def name(self) -> str:
-        """Of the group."""
+        """Name that the members joined by."""
         return self._record.name
 
     @property
@@ -50,7 +50,7 @@ class Group:
 
     @property
     def newest(self) -> GroupLanding | None:
-        """The newest group landing."""
+        """The group landing that was called last; None before the first."""
         return self._record.newest
 
     async def members_present(self, count: int, timeout_s: float | None = None) -> None:

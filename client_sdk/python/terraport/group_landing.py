@@ -61,7 +61,7 @@ class _Lands(Protocol):
         deadline_s: float | None,
         stall_s: float | None,
     ) -> Landing:
-        """Land."""
+        """Land as ``Session.land`` does."""
 
 
 @dataclass(slots=True)

@@ -135,7 +135,7 @@ class SceneHttp:
         return document
 
     async def _get(self, url: str, version: str | None, max_bytes: int) -> bytes:
-        parts, size = [], 0
+        chunks, size = [], 0
         try:
             async with self._client.stream(
                 "GET",
@@ -143,18 +143,18 @@ class SceneHttp:
                 params=None if version is None else {"v": version},
                 headers=self._access.headers(),
             ) as response:
-                async for part in response.aiter_bytes():
-                    size += len(part)
+                async for chunk in response.aiter_bytes():
+                    size += len(chunk)
                     if size > max_bytes:
                         text = f"more than {max_bytes} bytes"
                         raise HttpError(url, response.status_code, text)
-                    parts.append(part)
+                    chunks.append(chunk)
                 if response.status_code != httpx.codes.OK:
-                    text = _error_text(b"".join(parts), response.reason_phrase)
+                    text = _error_text(b"".join(chunks), response.reason_phrase)
                     raise HttpError(url, response.status_code, text)
         except httpx.HTTPError as error:
             raise HttpError(url, 0, str(error) or type(error).__name__) from error
-        return b"".join(parts)
+        return b"".join(chunks)
 
 
 def _error_text(body: bytes, reason: str) -> str:

@@ -170,52 +170,56 @@ def concatenate(meshes: Iterable[SegmentMesh]) -> SegmentMesh:
     UsageError
         A texture is of a kind that Pillow cannot read, or there are too many.
     """
-    parts = list(meshes)
+    # Invariant: every array has a row for each vertex of each piece, in the order of the pieces.
+    # (1) One kind of colour for all: an atlas, or a colour a vertex.
+    pieces = list(meshes)
     uvs = texture = None
-    if parts and all(part.texture is not None for part in parts):
-        uvs, texture = merge_textures(parts)
-    elif any(part.texture is not None for part in parts):
-        parts = [
-            replace(part, colours=vertex_colours(part), uvs=None, texture=None) for part in parts
+    if pieces and all(piece.texture is not None for piece in pieces):
+        uvs, texture = merge_textures(pieces)
+    elif any(piece.texture is not None for piece in pieces):
+        pieces = [
+            replace(piece, colours=vertex_colours(piece), uvs=None, texture=None)
+            for piece in pieces
         ]
-    if not parts:
+    if not pieces:
         nothing = np.zeros((0, 3), dtype=np.float32)
         return SegmentMesh(nothing, np.zeros((0, 3), dtype=np.uint32), nothing)
-    starts = np.cumsum([0, *(len(part.positions) for part in parts[:-1])])
-    names = list(dict.fromkeys(name for part in parts for name in part.attributes))
+    # (2) Faces count on from the vertices before; what a piece lacks is filled up.
+    starts = np.cumsum([0, *(len(piece.positions) for piece in pieces[:-1])])
+    names = list(dict.fromkeys(name for piece in pieces for name in piece.attributes))
     return SegmentMesh(
-        positions=np.concatenate([part.positions for part in parts]),
+        positions=np.concatenate([piece.positions for piece in pieces]),
         faces=np.concatenate(
-            [part.faces + np.uint32(start) for part, start in zip(parts, starts, strict=True)]
+            [piece.faces + np.uint32(start) for piece, start in zip(pieces, starts, strict=True)]
         ),
-        normals=np.concatenate([part.normals for part in parts]),
+        normals=np.concatenate([piece.normals for piece in pieces]),
         colours=None
-        if all(part.colours is None for part in parts)
+        if all(piece.colours is None for piece in pieces)
         else np.concatenate(
             [
-                np.full((len(part.positions), 3), _GREY, dtype=np.uint8)
-                if part.colours is None
-                else part.colours
-                for part in parts
+                np.full((len(piece.positions), 3), _GREY, dtype=np.uint8)
+                if piece.colours is None
+                else piece.colours
+                for piece in pieces
             ]
         ),
         region_ids=None
-        if all(part.region_ids is None for part in parts)
+        if all(piece.region_ids is None for piece in pieces)
         else np.concatenate(
             [
-                np.zeros(len(part.positions), dtype=np.uint16)
-                if part.region_ids is None
-                else part.region_ids
-                for part in parts
+                np.zeros(len(piece.positions), dtype=np.uint16)
+                if piece.region_ids is None
+                else piece.region_ids
+                for piece in pieces
             ]
         ),
         attributes={
             name: np.concatenate(
                 [
-                    part.attributes.get(
-                        name, np.full(len(part.positions), np.nan, dtype=np.float32)
+                    piece.attributes.get(
+                        name, np.full(len(piece.positions), np.nan, dtype=np.float32)
                     )
-                    for part in parts
+                    for piece in pieces
                 ]
             )
             for name in names

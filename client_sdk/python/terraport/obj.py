@@ -68,9 +68,9 @@ def write_obj(mesh: SegmentMesh, path: str | Path) -> int:
         # OBJ's v points up, glTF's down.
         np.savetxt(text, np.column_stack([mesh.uvs[:, 0], 1.0 - mesh.uvs[:, 1]]), "vt %.7f %.7f")
     np.savetxt(text, mesh.normals, "vn %.5f %.5f %.5f")
-    part = "%d//%d" if mesh.uvs is None else "%d/%d/%d"
+    corner = "%d//%d" if mesh.uvs is None else "%d/%d/%d"
     columns = np.repeat(numbers, 2 if mesh.uvs is None else 3, axis=1)
-    np.savetxt(text, columns, f"f {part} {part} {part}")
+    np.savetxt(text, columns, f"f {corner} {corner} {corner}")
     data = text.getvalue().encode("ascii")
     target.write_bytes(data)
     return written + len(data)

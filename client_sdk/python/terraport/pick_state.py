@@ -54,7 +54,7 @@ class PickState:
         self._asked.pop(request, None)
 
     def answered(self, picked: Picked) -> None:
-        """Take an answer."""
+        """Give an answer to the pick that asked for it."""
         if self._asked.pop(picked.request, None) is not None:
             self._report(PickAnswered(picked.request, picked.hit))
 

@@ -59,17 +59,17 @@ def rim_heights(
     if len(faces) == 0 or len(points) == 0 or not most_m > 0:
         return out
     corner = np.asarray(vertices, dtype=np.float64)[faces]
-    place = np.asarray(points, dtype=np.float64)
+    detail = np.asarray(points, dtype=np.float64)
     height = np.zeros(len(faces))
-    for face, point in _meetings(corner, place, most_m):
-        above = _heights(corner[face], place[point])
+    for face, point in _meetings(corner, detail, most_m):
+        above = _heights(corner[face], detail[point])
         within = (above > 0) & (above <= most_m)
         np.maximum.at(height, face[within], above[within])
     np.maximum.at(out, faces.ravel(), np.repeat(height, 3).astype(np.float32))
     return out
 
 
-def _meetings(corner: Float64, place: Float64, most_m: float) -> Iterator[tuple[Int64, Int64]]:
+def _meetings(corner: Float64, detail: Float64, most_m: float) -> Iterator[tuple[Int64, Int64]]:
     """Pair each face with the points in the columns that it touches, in bounded portions."""
     flat = corner[:, :, [0, 2]]
     low, high = flat.min(axis=1) - most_m, flat.max(axis=1) + most_m
@@ -78,7 +78,7 @@ def _meetings(corner: Float64, place: Float64, most_m: float) -> Iterator[tuple[
     reach = (high.max(axis=0) - origin) / width
     columns = reach.astype(np.int64) + 1
     # points by column
-    cell = np.floor((place[:, [0, 2]] - origin) / width).astype(np.int64)
+    cell = np.floor((detail[:, [0, 2]] - origin) / width).astype(np.int64)
     inside = np.flatnonzero(((cell >= 0) & (cell < columns)).all(axis=1))
     key = cell[inside, 0] * columns[1] + cell[inside, 1]
     order = np.argsort(key, kind="stable")
@@ -102,13 +102,13 @@ def _meetings(corner: Float64, place: Float64, most_m: float) -> Iterator[tuple[
         yield np.repeat(face[begin:end], each), point
 
 
-def _heights(corner: Float64, place: Float64) -> Float64:
+def _heights(corner: Float64, detail: Float64) -> Float64:
     """Height of each face over its point along the face's normal; -inf where it lies beside it."""
     edge, other = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     normal = np.cross(edge, other)
     area = np.einsum("ij,ij->i", normal, normal)
     safe = np.where(area > 0, area, 1.0)
-    away = place - corner[:, 0]
+    away = detail - corner[:, 0]
     # Barycentric weights of the foot of the perpendicular (Ericson, Real-Time Collision, 3.4).
     v = np.einsum("ij,ij->i", np.cross(away, other), normal) / safe
     w = np.einsum("ij,ij->i", np.cross(edge, away), normal) / safe

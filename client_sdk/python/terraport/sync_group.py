@@ -107,7 +107,7 @@ class Group:
 
     @property
     def name(self) -> str:
-        """Of the group."""
+        """Name that the members joined by."""
         return self._group.name
 
     @property

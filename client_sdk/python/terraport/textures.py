@@ -113,14 +113,14 @@ def merge_textures(meshes: Sequence[SegmentMesh]) -> tuple[Float32, Texture]:
                 f"{len(meshes)} textures, expected fewer: they do not fit {MAX_SIDE} x {MAX_SIDE}"
             )
         sizes = np.where(sizes > _LEAST_SIDE, sizes // 2, sizes)
-    places, width, height = placed
+    corners, width, height = placed
     whole = np.zeros((height, width, 3), dtype=np.uint8)
-    for image, (x, y), (across, down) in zip(images, places, sizes.tolist(), strict=True):
+    for image, (x, y), (across, down) in zip(images, corners, sizes.tolist(), strict=True):
         small = image if image.size == (across, down) else image.resize((across, down))
         whole[y : y + down, x : x + across] = np.asarray(small)
     uvs = [
-        (place + mesh.uvs * size) / (width, height)
-        for mesh, place, size in zip(meshes, places, sizes, strict=True)
+        (corner + mesh.uvs * size) / (width, height)
+        for mesh, corner, size in zip(meshes, corners, sizes, strict=True)
         if mesh.uvs is not None
     ]
     return np.concatenate(uvs).astype(np.float32), _encoded(whole)
@@ -142,18 +142,18 @@ def _shelves(sizes: Int64) -> tuple[Int64, int, int] | None:
     while width * width < area:
         width *= 2
     while width <= MAX_SIDE:
-        places = np.zeros_like(sizes)
+        corners = np.zeros_like(sizes)
         x = y = row = 0
         for number in order.tolist():
             across, down = sizes[number].tolist()
             if x + across > width:
                 x, y, row = 0, y + row, 0
-            places[number] = x, y
+            corners[number] = x, y
             x, row = x + across, max(row, down)
         height = 1
         while height < y + row:
             height *= 2
         if height <= MAX_SIDE:
-            return places, width, height
+            return corners, width, height
         width *= 2
     return None

@@ -63,10 +63,10 @@ class LandingTrace:
     @property
     def server_began_s(self) -> tuple[float, float] | None:
         """When the server received ``land``, and by how much that may be wrong."""
-        told = self.server
-        if told is None or self.sent_s is None or self.plan_s is None:
+        timings = self.server
+        if timings is None or self.sent_s is None or self.plan_s is None:
             return None
-        latest_s = self.plan_s - (told.plan_us or 0) / 1e6
+        latest_s = self.plan_s - (timings.plan_us or 0) / 1e6
         half_s = max(0.0, (latest_s - self.sent_s) / 2)
         return self.sent_s + half_s, half_s
 
@@ -153,8 +153,8 @@ def _client_events(trace: LandingTrace, origin_s: float) -> list[dict[str, Any]]
 
 
 def _server_events(trace: LandingTrace, origin_s: float) -> list[dict[str, Any]]:
-    began, told = trace.server_began_s, trace.server
-    if began is None or told is None:
+    began, timings = trace.server_began_s, trace.server
+    if began is None or timings is None:
         return []
     received_s, wrong_s = began
 
@@ -166,10 +166,10 @@ def _server_events(trace: LandingTrace, origin_s: float) -> list[dict[str, Any]]
         return _span(trace.number, _SERVER, name, at(from_us), at(to_us), origin_s, facts)
 
     events = [
-        span("server: landing", 0, told.ready_us, credit_wait_ms=told.credit_wait_us / 1e3),
-        span("server: plan", 0, told.plan_us),
-        span("server: to first byte", told.plan_us or 0, told.first_byte_us),
-        span("server: payload", told.first_byte_us, told.last_byte_us),
+        span("server: landing", 0, timings.ready_us, credit_wait_ms=timings.credit_wait_us / 1e3),
+        span("server: plan", 0, timings.plan_us),
+        span("server: to first byte", timings.plan_us or 0, timings.first_byte_us),
+        span("server: payload", timings.first_byte_us, timings.last_byte_us),
     ]
     return [event for event in events if event]
 

@@ -45,28 +45,28 @@ class SceneUrl:
             Not such a URL, or one with credentials, query or fragment in it.
         """
         try:
-            parts = urlsplit(url)
-            port = parts.port
+            address = urlsplit(url)
+            port = address.port
         except ValueError as error:
             raise UsageError(f"URL {url!r}: {error}") from None
-        scheme = _HTTP_OF.get(parts.scheme)
-        if scheme is None or not parts.hostname:
+        scheme = _HTTP_OF.get(address.scheme)
+        if scheme is None or not address.hostname:
             raise UsageError(
                 f"URL {url!r}, expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)"
             )
-        if parts.username is not None or parts.query or parts.fragment:
+        if address.username is not None or address.query or address.fragment:
             raise UsageError(
-                f"URL of {parts.hostname} has credentials, a query or a fragment, "
+                f"URL of {address.hostname} has credentials, a query or a fragment, "
                 "expected none: give the token as token="
             )
-        host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+        host = f"[{address.hostname}]" if ":" in address.hostname else address.hostname
         origin = f"{scheme}://{host}" + (f":{port}" if port is not None else "")
-        prefix, found, rest = parts.path.partition("/scenes")
+        prefix, marker, rest = address.path.partition("/scenes")
         scene = rest.strip("/").removesuffix("/stream")
-        if not found or not scene:
+        if not marker or not scene:
             return cls(origin + prefix.rstrip("/"), None)
         if "/" in scene or not rest.startswith("/"):
-            raise UsageError(f"URL path {parts.path!r}, expected [/prefix]/scenes/ID")
+            raise UsageError(f"URL path {address.path!r}, expected [/prefix]/scenes/ID")
         return cls(origin + prefix, unquote(scene))
 
     def with_scene(self, scene: str) -> SceneUrl:

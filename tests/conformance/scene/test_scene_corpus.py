@@ -112,8 +112,8 @@ def test_damaged_scene(case: dict[str, Any], tmp_path: Path) -> None:
     files = json.loads((scene / "scene.json").read_text())["files"]
     name = case["file"]
     apply(case["edit"], scene / (files[name]["path"] if name in files else name))
-    found = validate_scene(scene)
-    assert {finding.code for finding in found} == set(case["findings"])
+    findings = validate_scene(scene)
+    assert {finding.code for finding in findings} == set(case["findings"])
     if case["open"]:
         Scene.open(scene).close()
     else:

@@ -52,7 +52,7 @@ def place_of(
 async def land_together(
     session: Session,
     options: GroupOptions,
-    place: Callable[[], Awaitable[tuple[float, float, float]]],
+    target: Callable[[], Awaitable[tuple[float, float, float]]],
     radius_m: float,
     watch: Callable[[Landing], Awaitable[None]],
     timeout_s: float,
@@ -65,7 +65,7 @@ async def land_together(
         Open.
     options : GroupOptions
         Which group, and as what.
-    place : callable
+    target : callable
         Where the guide lands the group; members are told.
     radius_m : float
         Asked of everybody.
@@ -83,7 +83,7 @@ async def land_together(
         options.name, role="guide" if options.guide else "member", name=options.known_as
     )
     try:
-        call = await _call(group, options, place, radius_m, timeout_s)
+        call = await _call(group, options, target, radius_m, timeout_s)
         landing = await call.land()
         await watch(landing)
         arrivals = await call.all_there(timeout_s)
@@ -111,7 +111,7 @@ async def land_together(
 async def _call(
     group: Group,
     options: GroupOptions,
-    place: Callable[[], Awaitable[tuple[float, float, float]]],
+    target: Callable[[], Awaitable[tuple[float, float, float]]],
     radius_m: float,
     timeout_s: float,
 ) -> GroupLanding:
@@ -119,4 +119,4 @@ async def _call(
     if not options.guide:
         return group.newest or await group.next_landing(timeout_s)
     await group.members_present(options.members, timeout_s)
-    return await group.land_group(await place(), radius_m, deadline_s=timeout_s)
+    return await group.land_group(await target(), radius_m, deadline_s=timeout_s)

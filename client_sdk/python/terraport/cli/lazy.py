@@ -144,9 +144,9 @@ class LazyGroup(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command: the real one when it is about to be called, else its stub."""
-        known = super().get_command(ctx, cmd_name)
-        if known is None or not self._calling:
-            return known
+        command = super().get_command(ctx, cmd_name)
+        if command is None or not self._calling:
+            return command
         verb = next(verb for verb in VERBS if verb.name == cmd_name)
         with _reporting(verb):
             return _load(verb)

@@ -4,6 +4,7 @@
 
 #include "Terraport/SceneRenderer.h"
 #include "TerraportGround.h"
+#include "TerraportKeeper.h"
 #include "TerraportMeshBackend.h"
 #include "TerraportMeshBuilder.h"
 #include "TerraportSettings.h"
@@ -28,16 +29,6 @@ struct FTerraportMaterials
 	FName TextureParameter;
 	/** Scalar parameter of both base materials: centimetres that the base is pushed back along the line of sight. */
 	FName PushParameter;
-};
-
-/** Keeps alive what only plain C++ points to. The scene actor is one. */
-class ITerraportKeeper
-{
-public:
-	virtual ~ITerraportKeeper() = default;
-	/** Hold on to an object until Release; once each. */
-	virtual void Keep(UObject* Object) = 0;
-	virtual void Release(UObject* Object) = 0;
 };
 
 /**

@@ -156,7 +156,7 @@ void ATerraportScene::Open()
 	{
 		UE_LOG(LogTerraport, Warning, TEXT("%s has a scale other than 1: radii and heights will be wrong"), *GetName());
 	}
-	Session = MakeShared<FTerraportSession>(*this, Backend.ToSharedRef());
+	Session = MakeShared<FTerraportSession>(*this, Kept, Backend.ToSharedRef());
 	if (bLandAtOpen)
 	{
 		bLandAtOpen = false;

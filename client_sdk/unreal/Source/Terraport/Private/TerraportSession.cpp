@@ -38,8 +38,9 @@ bool IsFinal(const std::string& Code)
 }
 } // namespace
 
-FTerraportSession::FTerraportSession(ATerraportScene& InOwner, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
-	: Owner(InOwner), Backend(InBackend), Token(TerraportText::ToUtf8(InOwner.Token)),
+FTerraportSession::FTerraportSession(
+	ATerraportScene& InOwner, TSet<TObjectPtr<UObject>>& Kept, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
+	: Owner(InOwner), Keeper(Kept), Backend(InBackend), Token(TerraportText::ToUtf8(InOwner.Token)),
 	  Budgets(InOwner.Device == ETerraportDevice::Custom ? InOwner.CustomBudgets : FTerraportBudgets::For(InOwner.Device))
 {
 	// Worker threads may only look it up.
@@ -49,12 +50,12 @@ FTerraportSession::FTerraportSession(ATerraportScene& InOwner, TSharedRef<ITerra
 	for (UMaterialInterface* Material : {Materials.Colour, Materials.Texture, Materials.BaseColour, Materials.BaseTexture})
 	{
 		KeptMaterials.push_back(Material);
-		Keep(Material);
+		Keeper.Keep(Material);
 	}
 	FTerraportMeshSettings Settings;
 	Settings.bCollision = Owner.bCollision;
 	Settings.bCastShadow = Owner.bCastShadows;
-	Renderer = std::make_unique<FTerraportRenderer>(Owner, *this, Backend, Materials, Settings);
+	Renderer = std::make_unique<FTerraportRenderer>(Owner, Keeper, Backend, Materials, Settings);
 	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, std::max(Owner.DecodeTasks, 1));
 	StartLoading();
 }
@@ -82,7 +83,7 @@ void FTerraportSession::End()
 	Renderer.reset();
 	for (UMaterialInterface* Material : KeptMaterials)
 	{
-		Release(Material);
+		Keeper.Release(Material);
 	}
 	KeptMaterials.clear();
 	Swaps.clear();
@@ -217,16 +218,6 @@ FTerraportStats FTerraportSession::TakeStats()
 	Stats.MaxFrameMs = MaxFrameMs;
 	MaxFrameMs = 0.0;
 	return Stats;
-}
-
-void FTerraportSession::Keep(UObject* Object)
-{
-	Owner.Kept.Add(Object);
-}
-
-void FTerraportSession::Release(UObject* Object)
-{
-	Owner.Kept.Remove(Object);
 }
 
 void FTerraportSession::StartLoading()

@@ -6,6 +6,7 @@
 #include "Terraport/SceneStream.h"
 #include "TerraportDecodes.h"
 #include "TerraportFiles.h"
+#include "TerraportKeeper.h"
 #include "TerraportRenderer.h"
 #include "TerraportSettings.h"
 #include "TerraportTypes.h"
@@ -22,11 +23,13 @@ class ATerraportScene;
  * Listeners of the actor's events may call anything of it, Close and Open included: nothing is told from within a call of the
  * core, and after each telling it is asked whether this session still counts.
  */
-class FTerraportSession final : public ITerraportKeeper
+class FTerraportSession final
 {
 public:
-	FTerraportSession(ATerraportScene& Owner, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
-	virtual ~FTerraportSession() override;
+	/** `Kept` is followed by the garbage collector, and both outlive this. */
+	FTerraportSession(ATerraportScene& Owner, TSet<TObjectPtr<UObject>>& Kept,
+		TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
+	~FTerraportSession();
 	FTerraportSession(const FTerraportSession&) = delete;
 	FTerraportSession& operator=(const FTerraportSession&) = delete;
 
@@ -45,9 +48,6 @@ public:
 	const terraport::SceneStage* GetStage() const { return Stage.get(); }
 	const FTerraportRenderer* GetRenderer() const { return Renderer.get(); }
 	FTerraportStats TakeStats();
-
-	virtual void Keep(UObject* Object) override;
-	virtual void Release(UObject* Object) override;
 
 private:
 	struct FPending
@@ -72,6 +72,7 @@ private:
 	FTerraportMaterials MaterialsOf();
 
 	ATerraportScene& Owner;
+	FTerraportKeeper Keeper;
 	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
 	std::string Token;
 	/** Of the scene, as the connection has it; empty before there was one. */

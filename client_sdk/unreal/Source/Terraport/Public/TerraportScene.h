@@ -229,8 +229,6 @@ public:
 	virtual void BeginDestroy() override;
 
 private:
-	friend class FTerraportSession;
-
 	UPROPERTY()
 	TObjectPtr<USceneComponent> Root;
 
