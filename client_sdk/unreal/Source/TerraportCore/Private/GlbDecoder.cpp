@@ -259,7 +259,8 @@ class GlbReading {
     const JsonValue list = ours.member("attributes");
     TERRAPORT_RETURN_IF_ERROR(expectListOrAbsent(list, "extras.terraport.attributes"));
     if (list.size() > kMaxPayloadAttributes) {
-      return Status::damaged(std::to_string(list.size()) + " attributes, expected at most " + std::to_string(kMaxPayloadAttributes));
+      return Status::damaged(
+          std::to_string(list.size()) + " attributes, expected at most " + std::to_string(kMaxPayloadAttributes));
     }
     for (const JsonValue row : list.items()) {
       TERRAPORT_RETURN_IF_ERROR(expectMap(row, "attribute"));
