@@ -207,9 +207,9 @@ def _land(console: Console, url: str) -> None:
         rows = {
             "at (x, y, z) m": [", ".join(f"{v:,.1f}" for v in place) for place in places],
             "segments to load": [f"{len(one.plan.load):,}" for one in landings],
-            "kept": [f"{len(one.plan.keep):,}" for one in landings],
-            "released": [f"{len(one.plan.release):,}" for one in landings],
+            "held already": [f"{len(one.plan.keep):,}" for one in landings],
             "triangles shown": [f"{one.plan.total_triangles:,}" for one in landings],
+            "kept nearby": [f"{len(one.plan.nearby):,}" for one in landings],
             "bytes received": [f"{one.stats.streamed_bytes:,}" for one in landings],
             "plan after": [_milliseconds(one.stats.plan_s) for one in landings],
             "first segment after": [_milliseconds(one.stats.first_segment_s) for one in landings],
