@@ -13,7 +13,10 @@ interface Memory {
 export function watchStream(parts: Parts): (event: StreamEvent) => void {
   const memory: Memory = { everOpen: false };
   return (event) => {
+    const neededBefore = parts.stage.neededVersion;
     parts.stage.handle(event);
+    const { neededVersion } = parts.stage;
+    if (neededVersion !== null && neededVersion !== neededBefore) void takeVersion(parts, neededVersion);
     parts.desk.handle(event);
     parts.headset.handle(event);
     tell(parts, memory, event);
@@ -41,7 +44,6 @@ function tell(parts: Parts, memory: Memory, event: StreamEvent): void {
     case "opened":
       store.set({ maxRadiusM: event.maxRadiusM, radiusM: Math.min(store.get().radiusM, event.maxRadiusM) });
       notices.clear("draining");
-      if (event.changed) void takeNewVersion(parts);
       break;
     case "refused":
       // A refused aim has no words: the landing there will be refused too, and then it says why.
@@ -80,15 +82,16 @@ export async function renewToken({ shell, stream }: Parts, everOpen: boolean): P
   if (given !== null) stream.reconnect(given);
 }
 
-/** The served scene is another version than the one that is shown (wire protocol, 5.4). */
-async function takeNewVersion({ headset, loadFiles, stage, comfort, reload, notices }: Parts): Promise<void> {
+/** The session's scene is another version than the one that is shown (wire protocol, 5.4). */
+async function takeVersion(parts: Parts, version: string): Promise<void> {
+  const { headset, loadFiles, stage, comfort, reload, notices } = parts;
   if (headset.session === null) {
-    reload();
+    reload(version);
     return;
   }
   // Whoever wears a headset is not thrown out of it: ground and cover change under him, the panel follows later.
   try {
-    stage.replaceFiles(await loadFiles());
+    stage.replaceFiles(await loadFiles(version));
     comfort.restart();
   } catch {
     notices.show({
