@@ -30,16 +30,16 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
+from terraport_payload.types import Bool, Float64, UInt8
 from terraport_pipeline.build import BuildOptions, build
 from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.texturing import Texturing as Drawn
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Float64, Mesh, UInt8
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.report_textures import find_vertex_colours, open_scene_photos
@@ -174,9 +174,7 @@ def leave_out(photos: Path, folder: Path, count: int) -> set[str]:
     return chosen
 
 
-def draw(
-    mesh: Mesh, texturing: Drawn | None, view: View, rays: RayScene
-) -> tuple[UInt8, npt.NDArray[np.bool_]]:
+def draw(mesh: Mesh, texturing: Drawn | None, view: View, rays: RayScene) -> tuple[UInt8, Bool]:
     """Draw a mesh as a camera sees it; also where it is hit."""
     camera, size = PhotoCamera(view), (view.lens.width, view.lens.height)
     picture = render_mesh(
@@ -188,7 +186,7 @@ def draw(
     return picture, (rays.closest_hit(origins, headings)[1] >= 0).reshape(size[1], size[0])
 
 
-def compare(picture: UInt8, photo: UInt8, hit: npt.NDArray[np.bool_]) -> tuple[Score, Float64]:
+def compare(picture: UInt8, photo: UInt8, hit: Bool) -> tuple[Score, Float64]:
     """Compare where the mesh is hit; also the errors, (N, 3) levels."""
     made, true = picture[hit].astype(np.float64), photo[hit].astype(np.float64)
     factor = (made * true).sum(axis=0) / np.maximum((made * made).sum(axis=0), 1e-9)

@@ -30,8 +30,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Float32, Float64, Int32
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.border_weights import EdgeWeights
@@ -54,8 +54,6 @@ SDF_POOLS = TrianglePoolOptions(attribute_range=2.0)
 """segmentation.md, section 1: the range that gives the thesis's row."""
 BAR = 0.155
 
-Labels = npt.NDArray[np.int32]
-
 
 @dataclass(frozen=True)
 class Model:
@@ -63,15 +61,15 @@ class Model:
 
     number: int
     kind: str
-    vertices: npt.NDArray[np.float32]
-    faces: npt.NDArray[np.int32]
-    people: tuple[Labels, ...]
+    vertices: Float32
+    faces: Int32
+    people: tuple[Int32, ...]
 
 
 def models_of_archive(archive: Path) -> Iterator[Model]:
     """Read models one after the other; the archive is read once, from front to back."""
     bodies: dict[int, str] = {}
-    people: dict[int, list[tuple[str, Labels]]] = {}
+    people: dict[int, list[tuple[str, Int32]]] = {}
     with tarfile.open(archive) as tar:
         for member in tar:
             path = Path(member.name)
@@ -92,7 +90,7 @@ def models_of_archive(archive: Path) -> Iterator[Model]:
             yield Model(number, kind, *_read_off(bodies[number]), cuts)
 
 
-def _read_off(text: str) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+def _read_off(text: str) -> tuple[Float32, Int32]:
     words = text.split()
     n_vertices, n_faces = int(words[1]), int(words[2])
     split = 4 + 3 * n_vertices
@@ -121,12 +119,12 @@ def procedural_models() -> Iterator[Model]:
         yield Model(number, f"waist {waist}", corners, faces, (person,))
 
 
-def errors_of_model(model: Model) -> dict[str, npt.NDArray[np.float64]]:
+def errors_of_model(model: Model) -> dict[str, Float64]:
     """Mean Rand error to the people for every setting, and the number of segments."""
     pairs = face_pairs(model.faces, len(model.vertices))
     mesh = SegmenterMesh(model.vertices, model.faces, pairs=pairs)
 
-    def error(labels: npt.NDArray[np.integer]) -> float:
+    def error(labels: AnyInt) -> float:
         return float(np.mean([rand_error(labels, person) for person in model.people]))
 
     graph_errors = np.empty((len(EXPONENTS), len(THRESHOLDS)))
@@ -151,13 +149,13 @@ def errors_of_model(model: Model) -> dict[str, npt.NDArray[np.float64]]:
     }
 
 
-def by_class(kinds: list[str], values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def by_class(kinds: list[str], values: Float64) -> Float64:
     """Mean of every class's models, classes in order of appearance."""
     names = list(dict.fromkeys(kinds))
     return np.stack([values[[k == name for k in kinds]].mean(axis=0) for name in names])
 
 
-def summary(kinds: list[str], found: list[dict[str, npt.NDArray[np.float64]]]) -> dict[str, object]:
+def summary(kinds: list[str], found: list[dict[str, Float64]]) -> dict[str, object]:
     """Choose on every second class, report on the others, both ways."""
     names = list(dict.fromkeys(kinds))
     graph = by_class(kinds, np.stack([one["graph"] for one in found]))

@@ -25,8 +25,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
@@ -63,12 +63,11 @@ SCENES: Final[dict[str, dict[str, float]]] = {
 BORDER_EDGES: Final = 2.0
 """A border is found within this many mean edge lengths."""
 
-Labels = npt.NDArray[np.integer]
-Engine = Callable[[SegmenterMesh], Labels]
+Engine = Callable[[SegmenterMesh], AnyInt]
 Row = dict[str, Any]
 
 
-def pools(mesh: SegmenterMesh, **options: Any) -> Labels:
+def pools(mesh: SegmenterMesh, **options: Any) -> AnyInt:
     """Pools of the Triangle Pool Algorithm."""
     assert mesh.pairs is not None
     return triangle_pools(
@@ -81,7 +80,7 @@ def pools(mesh: SegmenterMesh, **options: Any) -> Labels:
     ).labels
 
 
-def stretched(mesh: SegmenterMesh, axis: tuple[float, float, float], **options: Any) -> Labels:
+def stretched(mesh: SegmenterMesh, axis: tuple[float, float, float], **options: Any) -> AnyInt:
     """Pools of one CIELAB axis, its middle 99 %: a few extreme colours do not stretch it."""
     assert mesh.colours is not None
     value = face_lab(mesh.colours, mesh.faces, 64.0) @ np.array(axis)
@@ -132,7 +131,7 @@ ENGINES: Final[dict[str, Engine]] = {
 }
 
 
-def quarry(scene: str, seed: int, edge_m: float) -> tuple[SegmenterMesh, dict[str, Labels]]:
+def quarry(scene: str, seed: int, edge_m: float) -> tuple[SegmenterMesh, dict[str, AnyInt]]:
     """Mesh and true regions of a procedural quarry."""
     made = truth_mesh(replace(CLEAN, seed=seed, **SCENES[scene]), edge_m)
     pairs = face_pairs(made.faces, len(made.vertices))
@@ -143,7 +142,7 @@ def quarry(scene: str, seed: int, edge_m: float) -> tuple[SegmenterMesh, dict[st
     }
 
 
-def score(mesh: SegmenterMesh, truths: dict[str, Labels], engine: Engine) -> Row:
+def score(mesh: SegmenterMesh, truths: dict[str, AnyInt], engine: Engine) -> Row:
     """Run one engine and score its regions; faces of negative truth are not scored."""
     assert mesh.pairs is not None
     start = time.process_time()
@@ -166,7 +165,7 @@ def score(mesh: SegmenterMesh, truths: dict[str, Labels], engine: Engine) -> Row
     return row
 
 
-def surveys() -> dict[str, tuple[SegmenterMesh, dict[str, Labels]]]:
+def surveys() -> dict[str, tuple[SegmenterMesh, dict[str, AnyInt]]]:
     """Pieces of real surveys with hand-drawn regions, those that are there."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/pipeline/geometry/truth"))
     from crops import CROPS, load_crop
@@ -218,7 +217,7 @@ def main() -> None:
         arguments.scenes = ["clean", "photo"]
     rows: list[Row] = []
 
-    def run(scene: str, seed: int, mesh: SegmenterMesh, truths: dict[str, Labels]) -> None:
+    def run(scene: str, seed: int, mesh: SegmenterMesh, truths: dict[str, AnyInt]) -> None:
         for engine in arguments.engines:
             row = {"engine": engine, "scene": scene, "seed": seed, "faces": len(mesh.faces)}
             row |= score(mesh, truths, ENGINES[engine])

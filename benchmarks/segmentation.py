@@ -35,8 +35,8 @@ from typing import Any, Final, TypeVar
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Int32
 from terraport_pipeline.geometry.adjacency import components, face_pairs
 from terraport_pipeline.geometry.cover import build_cover
 from terraport_pipeline.geometry.kmeans_1d import kmeans_1d
@@ -77,7 +77,7 @@ BARS: Final = (
 THESIS: Final = "thesis, table 5.4: 12 M faces took 22 h on ten cores"
 
 T = TypeVar("T")
-Arrays = dict[str, npt.NDArray[Any]]
+Arrays = dict[str, AnyArray]
 
 
 def terrain(n_faces: int, *, detail: bool, noise: float, side_m: float) -> Arrays:
@@ -266,9 +266,7 @@ def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) 
     }
 
 
-def _steps(
-    clock: Clock, detail: Mesh, threads: int
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+def _steps(clock: Clock, detail: Mesh, threads: int) -> tuple[Int32, Int32]:
     """Each step of TPA alone; returns the adjacency."""
     mesh = (detail.vertices, detail.faces)
     clock("floor: reading", lambda: [int(a.view(np.uint8).max()) for a in (*mesh, detail.colours)])

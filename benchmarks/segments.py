@@ -23,9 +23,9 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float64, Int64
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.face_measures import automatic_extent, face_centres
 from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
@@ -103,7 +103,7 @@ def ways(mesh: SegmenterMesh, bounds: SegmentOptions) -> dict[str, Segments]:
 
 
 def over_fetch(
-    segments: Segments, landings: npt.NDArray[np.float64], wanted: npt.NDArray[np.int64], r: float
+    segments: Segments, landings: Float64, wanted: Int64, r: float
 ) -> tuple[float, float]:
     """Mean over-fetch and mean number of segments over the landings."""
     low, high = segments.bounds[:, :3].astype(np.float64), segments.bounds[:, 3:]

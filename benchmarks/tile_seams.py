@@ -32,6 +32,7 @@ import numpy.typing as npt
 from PIL import Image
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyFloat, Float32, Int64, UInt8
 from terraport_pipeline.build import BuildOptions, build
 from terraport_pipeline.engines.cameras import eye_level
 from terraport_pipeline.engines.pictures import render_mesh
@@ -54,12 +55,12 @@ PALETTE: Final = ((214, 120, 92), (96, 150, 190), (120, 170, 104), (200, 176, 92
 class Tiles:
     """All tiles of a build as one soup; shared vertices stand once in each."""
 
-    vertices: npt.NDArray[np.float32]
-    faces: npt.NDArray[np.int64]
-    normals: npt.NDArray[np.float32]
-    tile: npt.NDArray[np.int64]
+    vertices: Float32
+    faces: Int64
+    normals: Float32
+    tile: Int64
     """(F,)"""
-    shared: npt.NDArray[np.int64]
+    shared: Int64
     """(V,) number of a shared vertex, -1 elsewhere."""
 
 
@@ -118,7 +119,7 @@ def run(tiled: Path, whole: Path, picture: Path | None) -> None:
         Image.fromarray(draw(tiles)).save(picture)
 
 
-def row(name: str, values: npt.NDArray[np.floating]) -> None:
+def row(name: str, values: AnyFloat) -> None:
     print(f"| {name} | " + " | ".join(f"{value:.2g}" for value in values) + " |", flush=True)
 
 
@@ -168,7 +169,7 @@ def open_seam_edges(tiles: Tiles) -> int:
     return int((times == 1).sum())
 
 
-def draw(tiles: Tiles, size: tuple[int, int] = (800, 700)) -> npt.NDArray[np.uint8]:
+def draw(tiles: Tiles, size: tuple[int, int] = (800, 700)) -> UInt8:
     """Draw the highest wall that a seam crosses, from its foot."""
     at = np.flatnonzero(tiles.shared >= 0)
     column = np.floor(tiles.vertices[at][:, [0, 2]] / COLUMN_M)

@@ -18,11 +18,10 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float32, Int32, Int64, UInt8
 from terraport_pipeline.geometry import tiled_means
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.face_measures import longest_edge
@@ -33,10 +32,10 @@ from terraport_pipeline.geometry.tile_seams import match_seams, open_edges
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 
-Part = tuple[npt.NDArray[np.float32], npt.NDArray[np.int32], npt.NDArray[np.uint8]]
+Part = tuple[Float32, Int32, UInt8]
 
 
-def cut(mesh: Part, along: int) -> tuple[list[Part], npt.NDArray[np.int64]]:
+def cut(mesh: Part, along: int) -> tuple[list[Part], Int64]:
     """Cut a mesh into along x along tiles by the middles of its faces."""
     vertices, faces, colours = mesh
     middle = vertices[faces][:, :, [0, 2]].mean(axis=1)
@@ -50,9 +49,7 @@ def cut(mesh: Part, along: int) -> tuple[list[Part], npt.NDArray[np.int64]]:
     return parts, tile.astype(np.int64)
 
 
-def regions_by_tiles(
-    parts: list[Part], tile: npt.NDArray[np.int64], ring: int
-) -> npt.NDArray[np.int32]:
+def regions_by_tiles(parts: list[Part], tile: Int64, ring: int) -> Int32:
     """Find regions tile by tile, as a tiled build does."""
     pairs = [face_pairs(faces, len(vertices)) for vertices, faces, _ in parts]
     seams = match_seams([open_edges(p[0], p[1], q) for p, q in zip(parts, pairs, strict=True)])
@@ -79,10 +76,10 @@ def regions_by_tiles(
     return found
 
 
-def rand_distance(one: npt.NDArray[np.int32], other: npt.NDArray[np.int32]) -> float:
+def rand_distance(one: Int32, other: Int32) -> float:
     """1 - RI, each face counting once."""
 
-    def pairs(labels: npt.NDArray[Any]) -> float:
+    def pairs(labels: AnyArray) -> float:
         count = np.unique(labels, return_counts=True)[1].astype(float)
         return float((count * (count - 1) / 2).sum())
 
@@ -113,7 +110,7 @@ def main(arguments: list[str]) -> None:
     parts, tile = cut((vertices, faces, colours), options.tiles)
     at_border = tile[pairs[0][:, 0]] != tile[pairs[0][:, 1]]
 
-    def rates(labels: npt.NDArray[np.int32]) -> tuple[float, float]:
+    def rates(labels: Int32) -> tuple[float, float]:
         parted = labels[pairs[0][:, 0]] != labels[pairs[0][:, 1]]
         return float(parted[at_border].mean()), float(parted[~at_border].mean())
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Int64
 from terraport_pipeline.model import Mesh
 
 COLOURS = np.array([[180, 60, 50], [60, 150, 60], [70, 80, 190]], np.uint8)
@@ -29,7 +29,7 @@ def ground(cells: int, *, low: float = 0.0, high: float = 60.0) -> Mesh:
     return Mesh(vertices, faces, normals, colours, {"height": height})
 
 
-def cut_mesh(mesh: Mesh, along: int) -> list[tuple[Mesh, npt.NDArray[np.int64]]]:
+def cut_mesh(mesh: Mesh, along: int) -> list[tuple[Mesh, Int64]]:
     """Cut a mesh into along x along tiles by the faces' middles: each with its faces' numbers."""
     middle = mesh.vertices[mesh.faces][:, :, [0, 2]].mean(axis=1)
     low, high = middle.min(axis=0), middle.max(axis=0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 from coloured_ground import cut_mesh
 
-from terraport_pipeline.model import Float64, Mesh
+from terraport_payload.types import Bool, Float64, Int64
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.tiles import Border, vertex_box
 
 
@@ -17,11 +17,11 @@ class MemoryTiles:
     """A mesh in tiles; the shared vertices are numbered by the mesh's."""
 
     parts: tuple[Mesh, ...]
-    rows: tuple[npt.NDArray[np.int64], ...]
+    rows: tuple[Int64, ...]
     """Faces of the mesh that every tile has."""
-    numbers: tuple[npt.NDArray[np.int64], ...]
+    numbers: tuple[Int64, ...]
     """Vertex of the mesh of every tile's vertex."""
-    shared: npt.NDArray[np.bool_]
+    shared: Bool
     attributes: tuple[str, ...] = ()
     digest: str = "t"
     loads: list[int] = field(default_factory=list)

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.lens import Lens, View
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
-from terraport_pipeline.model import Float32, Float64, Mesh, UInt8
+from terraport_pipeline.model import Mesh
 
 SIDE_M = 40.0
 CELLS = 80
@@ -28,7 +28,7 @@ EXPOSURES = (1.0, 0.8, 1.25, 1.1, 0.9, 0.75)
 LENS = Lens(width=320, height=240, fx=300.0, fy=300.0, cx=160.0, cy=120.0, radial=(-0.05, 0.01))
 
 
-def ground(cells: int = CELLS) -> tuple[Float32, npt.NDArray[np.int32]]:
+def ground(cells: int = CELLS) -> tuple[Float32, Int32]:
     """Vertices and faces."""
     x, z = np.meshgrid(np.linspace(0, SIDE_M, cells + 1), np.linspace(0, SIDE_M, cells + 1))
     y = 0.4 * np.sin(x * 0.9) * np.cos(z * 0.7)

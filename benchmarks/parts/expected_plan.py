@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Bool
 from terraport_store import SegmentIndex
 from terraport_wire import Land, Plan
 
@@ -32,7 +31,7 @@ def expect(
     index: SegmentIndex,
     land: Land,
     *,
-    held: npt.NDArray[np.bool_],
+    held: Bool,
     release_factor: float,
     max_segments: int,
 ) -> Expected:
@@ -74,7 +73,7 @@ def expect(
 def differences(plan: Plan, expected: Expected, index: SegmentIndex) -> list[str]:
     """Name what is wrong with a plan; empty where nothing is."""
     wrong: list[str] = []
-    ids: npt.NDArray[Any] = plan.load["id"].astype(np.int64)
+    ids: AnyArray = plan.load["id"].astype(np.int64)
     for name, got in (
         ("load", ids.tolist()),
         ("keep", plan.keep.tolist()),

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import Hits, RayScene
 from terraport_pipeline.engines.texturing import Texturing, textured_colours
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 from terraport_pipeline.synth.camera_eye import NOTHING, TRUCK, CameraEye
 
 __all__ = ["ColouredMesh", "Score", "ghost_share", "score_surface", "score_views"]
@@ -153,7 +152,7 @@ def ghost_share(
     return ghosts / max(judged, 1)
 
 
-def _colours(mesh: ColouredMesh, hits: Hits, pixel_m: npt.NDArray[np.floating]) -> Float32:
+def _colours(mesh: ColouredMesh, hits: Hits, pixel_m: AnyFloat) -> Float32:
     corner = mesh.faces[hits.face]
     u, v = hits.u[:, None], hits.v[:, None]
     a, b, c = (mesh.colours[corner[:, k]].astype(np.float32) for k in range(3))

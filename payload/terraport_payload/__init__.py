@@ -8,6 +8,7 @@ PURE: no I/O, no clock; depends on NumPy, meshopt and xxhash alone. Every functi
 
 from __future__ import annotations
 
+from terraport_payload.boxes import box_distances_m
 from terraport_payload.cover import Cover
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb import decode_glb, encode_glb, gltf_attribute_name
@@ -23,6 +24,7 @@ __all__ = [
     "PayloadError",
     "SegmentMesh",
     "Texture",
+    "box_distances_m",
     "choose_attribute_scale",
     "choose_step_m",
     "decode_glb",

@@ -18,9 +18,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.steady import steady_codes
+from terraport_payload.types import Float64, Int32, UInt8, UInt16, UInt64
 
 __all__ = ["linear16_to_srgb", "srgb_to_linear16"]
 
@@ -32,7 +32,7 @@ _RUN: Final = 64
 """Vertices in a stretch; longer ones save 0.01 bytes a triangle and take more steps."""
 
 
-def srgb_to_linear16(colours: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
+def srgb_to_linear16(colours: UInt8) -> UInt16:
     """Convert sRGB levels to 16-bit linear codes that pack well in their order.
 
     Parameters
@@ -75,7 +75,7 @@ def srgb_to_linear16(colours: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint16]:
     return np.ascontiguousarray(codes.T.astype(np.uint16))
 
 
-def linear16_to_srgb(codes: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
+def linear16_to_srgb(codes: UInt16) -> UInt8:
     """Convert 16-bit linear codes to the nearest sRGB level; the exact inverse.
 
     Parameters
@@ -97,12 +97,12 @@ def linear16_to_srgb(codes: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint8]:
     return _TO_SRGB[codes]
 
 
-def _linear(level: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _linear(level: Float64) -> Float64:
     value = level / 255.0
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
-def _intervals() -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
+def _intervals() -> tuple[Int32, Int32]:
     """First and last code of every level."""
     levels = np.arange(256, dtype=np.float64)
     low = np.ceil(_linear(np.maximum(levels - 0.5 + _GUARD, 0.0)) * 65535.0).astype(np.int32)
@@ -113,14 +113,14 @@ def _intervals() -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
     return low, high
 
 
-def _low_byte_words() -> npt.NDArray[np.uint64]:
+def _low_byte_words() -> UInt64:
     """For every level a word whose bit k says that 4 k is the low byte of one of its codes."""
     bytes_4 = np.arange(0, 256, 4)
     fits = (_HIGH[:, None] - bytes_4) >> 8 >= (_LOW[:, None] - bytes_4 + 255) >> 8
     return np.packbits(fits, axis=1, bitorder="little").view("<u8")[:, 0].astype(np.uint64)
 
 
-def _common_low_bytes(levels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
+def _common_low_bytes(levels: UInt8) -> Int32:
     """Low bytes for stretches of levels, (stretches, _RUN), with as few changes as there can be."""
     words = _LOW_BYTES[levels.T]
     begins = np.zeros(words.shape, dtype=bool)
@@ -136,7 +136,7 @@ def _common_low_bytes(levels: npt.NDArray[np.uint8]) -> npt.NDArray[np.int32]:
     return 4 * (np.frexp(lowest.T.astype(np.float64))[1].astype(np.int32) - 1)
 
 
-def _level_table() -> npt.NDArray[np.uint8]:
+def _level_table() -> UInt8:
     borders = _linear(np.arange(255, dtype=np.float64) + 0.5) * 65535.0
     return np.searchsorted(borders, np.arange(65536), side="right").astype(np.uint8)
 

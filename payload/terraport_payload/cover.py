@@ -11,13 +11,13 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, cast
+from typing import Final, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.errors import PayloadError
 from terraport_payload.flatfile import decode_flat, encode_flat
+from terraport_payload.types import AnyArray, UInt32
 
 __all__ = ["COVER_MAGIC", "Cover"]
 
@@ -41,9 +41,9 @@ class Cover:
     ([4, 7], [])
     """
 
-    offsets: npt.NDArray[np.uint32]
+    offsets: UInt32
     """(B + 1,) row b is ``segments[offsets[b]:offsets[b + 1]]``."""
-    segments: npt.NDArray[np.uint32]
+    segments: UInt32
     """(N,) segment ids, ascending within a row."""
 
     def __post_init__(self) -> None:
@@ -69,7 +69,7 @@ class Cover:
         """Number of base faces, B."""
         return len(self.offsets) - 1
 
-    def over(self, base_face: int) -> npt.NDArray[np.uint32]:
+    def over(self, base_face: int) -> UInt32:
         """Segments over one base face.
 
         Parameters
@@ -93,7 +93,7 @@ class Cover:
 
     def to_bytes(self) -> bytes:
         """Write ``base.cover``; same input, same bytes."""
-        fields: dict[str, npt.NDArray[Any]] = {"offsets": self.offsets, "segments": self.segments}
+        fields: dict[str, AnyArray] = {"offsets": self.offsets, "segments": self.segments}
         return encode_flat(COVER_MAGIC, self.base_faces, fields)
 
     @classmethod
@@ -119,8 +119,8 @@ class Cover:
         for name in ("offsets", "segments"):
             if name not in fields:
                 raise PayloadError(f"no field {name!r} in the cover")
-        offsets = cast("npt.NDArray[np.uint32]", fields["offsets"])  # __post_init__ looks
-        segments = cast("npt.NDArray[np.uint32]", fields["segments"])
+        offsets = cast("UInt32", fields["offsets"])  # __post_init__ looks
+        segments = cast("UInt32", fields["segments"])
         cover = cls(offsets, segments)
         if cover.base_faces != rows:
             raise PayloadError(

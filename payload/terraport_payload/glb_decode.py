@@ -14,7 +14,6 @@ from typing import Any, Final
 
 import meshopt
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.colour import linear16_to_srgb
 from terraport_payload.errors import PayloadError
@@ -37,6 +36,7 @@ from terraport_payload.grid import NULL_CODE, AttributeScale, decode_attribute
 from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
 from terraport_payload.texture import MAX_IMAGE_BYTES, Texture
+from terraport_payload.types import AnyArray, Float32, Float64, Int8, UInt8
 
 __all__ = ["decode_glb"]
 
@@ -151,13 +151,13 @@ class _Reader:
         self._binary = binary
         self._at = at
 
-    def positions(self, number: object) -> tuple[npt.NDArray[Any], bool]:
+    def positions(self, number: object) -> tuple[AnyArray, bool]:
         values = self.accessor(number, (UNSIGNED_SHORT, FLOAT), "VEC3", "POSITION")
         return values, values.dtype == np.dtype("<u2")
 
     def accessor(
         self, number: object, component_types: tuple[int, ...], kind: str, label: str
-    ) -> npt.NDArray[Any]:
+    ) -> AnyArray:
         """Read one accessor as (n,) or (n, k)."""
         accessor = typed(pick(self._accessors, number, f"accessor of {label}"), dict, "accessor")
         component = accessor.get("componentType")
@@ -218,7 +218,7 @@ class _Reader:
 
     def _rows(
         self, view: dict[str, Any], count: int, stride: int, *, vertex: bool, label: str
-    ) -> npt.NDArray[np.uint8] | memoryview:
+    ) -> UInt8 | memoryview:
         extensions = typed(view.get("extensions", {}), dict, "extensions")
         if "EXT_meshopt_compression" not in extensions:
             return self._slice(view, count * stride, label)
@@ -287,7 +287,7 @@ def _attribute_table(mesh: dict[str, Any]) -> list[tuple[str, str, AttributeScal
     return rows
 
 
-def _transform(node: dict[str, Any]) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def _transform(node: dict[str, Any]) -> tuple[Float64, Float64]:
     if "matrix" in node or "rotation" in node:
         raise PayloadError("node has a matrix or rotation, expected translation and scale alone")
     translation = _triple(node.get("translation", [0, 0, 0]), "translation")
@@ -297,12 +297,12 @@ def _transform(node: dict[str, Any]) -> tuple[npt.NDArray[np.float64], npt.NDArr
     return translation, scale
 
 
-def _unit(signed: npt.NDArray[np.int8]) -> npt.NDArray[np.float32]:
+def _unit(signed: Int8) -> Float32:
     values = np.maximum(signed.astype(np.float32) / np.float32(127.0), np.float32(-1.0))
     length = np.linalg.norm(values, axis=1, keepdims=True)
     if not bool((length > 0).all()):
         raise PayloadError(f"normal {int(np.argmin(length))} has length 0, expected 1")
-    unit: npt.NDArray[np.float32] = (values / length).astype(np.float32)
+    unit: Float32 = (values / length).astype(np.float32)
     return unit
 
 
@@ -330,7 +330,7 @@ def _number(value: object, label: str) -> float:
     return number
 
 
-def _triple(value: object, label: str) -> npt.NDArray[np.float64]:
+def _triple(value: object, label: str) -> Float64:
     values = typed(value, list, label)
     if len(values) != 3:
         raise PayloadError(f"{label} has {len(values)} numbers, expected 3")

@@ -16,7 +16,6 @@ from typing import Any, Final
 
 import meshopt
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.colour import srgb_to_linear16
 from terraport_payload.errors import PayloadError
@@ -33,6 +32,7 @@ from terraport_payload.mesh import SegmentMesh
 from terraport_payload.meshcheck import check_mesh
 from terraport_payload.normals import encode_octahedral
 from terraport_payload.order import cache_order
+from terraport_payload.types import AnyArray, Float32, UInt8, UInt16
 
 __all__ = [
     "BYTE",
@@ -74,11 +74,11 @@ class _Views:
 
     def add(
         self,
-        rows: npt.NDArray[Any],
+        rows: AnyArray,
         accessor: dict[str, Any],
         *,
         mode: str = "ATTRIBUTES",
-        filtered: tuple[str, npt.NDArray[np.uint8]] | None = None,
+        filtered: tuple[str, UInt8] | None = None,
     ) -> int:
         """Append one array as its own bufferView and accessor; return the accessor's number.
 
@@ -298,7 +298,7 @@ def gltf_attribute_name(name: str) -> str:
     return "_" + re.sub(r"[^A-Z0-9_]", "_", name.upper())
 
 
-def _unit(normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _unit(normals: Float32) -> Float32:
     """Make normals unit length; zero ones become up."""
     length = np.linalg.norm(normals.astype(np.float64), axis=1)
     unit = np.zeros((len(normals), 3), dtype=np.float32)
@@ -308,14 +308,14 @@ def _unit(normals: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return unit
 
 
-def _padded(codes: npt.NDArray[np.uint16]) -> npt.NDArray[np.uint16]:
+def _padded(codes: UInt16) -> UInt16:
     """16-bit scalars in rows of four bytes: glTF aligns vertex attributes to four."""
     rows = np.zeros((len(codes), 2), dtype="<u2")
     rows[:, 0] = codes
     return rows
 
 
-def _exponential(positions: npt.NDArray[np.float32]) -> tuple[str, npt.NDArray[np.uint8]] | None:
+def _exponential(positions: Float32) -> tuple[str, UInt8] | None:
     """Put float32 positions in fixed point, half the bytes; None where that is not exact."""
     packed = meshopt.encode_filter_exp(positions, 24, "SharedComponent")
     mantissa = packed.view("<i4") << 8 >> 8

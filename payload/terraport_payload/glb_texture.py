@@ -14,11 +14,11 @@ import math
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.errors import PayloadError
 from terraport_payload.glb_json import pick, typed
 from terraport_payload.texture import Texture
+from terraport_payload.types import Float32, UInt16
 
 __all__ = [
     "IMAGE_EXTENSIONS",
@@ -95,7 +95,7 @@ def _steps(width: int, height: int) -> tuple[int, int]:
     return UV_STEPS_PER_TEXEL * width, UV_STEPS_PER_TEXEL * height
 
 
-def encode_uvs(uvs: npt.NDArray[np.float32], width: int, height: int) -> npt.NDArray[np.uint16]:
+def encode_uvs(uvs: Float32, width: int, height: int) -> UInt16:
     """Round texture coordinates to half texels.
 
     Parameters
@@ -113,9 +113,7 @@ def encode_uvs(uvs: npt.NDArray[np.float32], width: int, height: int) -> npt.NDA
     return np.minimum(codes, _MAX_CODE).astype("<u2")
 
 
-def decode_uvs(
-    codes: npt.NDArray[np.uint16], scale: tuple[float, float] | None
-) -> npt.NDArray[np.float32]:
+def decode_uvs(codes: UInt16, scale: tuple[float, float] | None) -> Float32:
     """Turn codes into texture coordinates.
 
     Parameters
@@ -134,7 +132,7 @@ def decode_uvs(
     return values * np.array(scale, dtype=np.float32)
 
 
-def snap_uvs(uvs: npt.NDArray[np.float32], width: int, height: int) -> npt.NDArray[np.float32]:
+def snap_uvs(uvs: Float32, width: int, height: int) -> Float32:
     """Round texture coordinates to what a payload holds; draw the atlas with these.
 
     Parameters

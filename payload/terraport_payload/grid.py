@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.errors import PayloadError
+from terraport_payload.types import Float32, Int64, UInt16
 
 __all__ = [
     "MAX_CODE",
@@ -141,7 +141,7 @@ def choose_step_m(
     return step
 
 
-def grid_codes(positions: npt.NDArray[np.float32], step_m: float) -> npt.NDArray[np.int64]:
+def grid_codes(positions: Float32, step_m: float) -> Int64:
     """Round positions to whole steps.
 
     Parameters
@@ -180,7 +180,7 @@ def grid_codes(positions: npt.NDArray[np.float32], step_m: float) -> npt.NDArray
     return codes.astype(np.int64)
 
 
-def snap(positions: npt.NDArray[np.float32], step_m: float) -> npt.NDArray[np.float32]:
+def snap(positions: Float32, step_m: float) -> Float32:
     """Round positions to the grid; exactly what decoding a payload gives back.
 
     Parameters
@@ -208,7 +208,7 @@ def snap(positions: npt.NDArray[np.float32], step_m: float) -> npt.NDArray[np.fl
     return (grid_codes(positions, step_m) * step_m).astype(np.float32)
 
 
-def choose_attribute_scale(values: npt.NDArray[np.float32]) -> AttributeScale:
+def choose_attribute_scale(values: Float32) -> AttributeScale:
     """Choose the scale for all values of one attribute in a scene.
 
     Whole numbers that span at most 65534 get step 1 and come back exactly; everything else divides
@@ -248,9 +248,7 @@ def choose_attribute_scale(values: npt.NDArray[np.float32]) -> AttributeScale:
     return AttributeScale(low, step if step > 0 else 1.0)
 
 
-def encode_attribute(
-    values: npt.NDArray[np.float32], scale: AttributeScale
-) -> npt.NDArray[np.uint16]:
+def encode_attribute(values: Float32, scale: AttributeScale) -> UInt16:
     """Round attribute values to 16-bit codes.
 
     Parameters
@@ -291,9 +289,7 @@ def encode_attribute(
     return codes.astype(np.uint16)
 
 
-def decode_attribute(
-    codes: npt.NDArray[np.uint16], scale: AttributeScale
-) -> npt.NDArray[np.float32]:
+def decode_attribute(codes: UInt16, scale: AttributeScale) -> Float32:
     """Turn 16-bit codes back into values.
 
     Parameters

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.errors import PayloadError
 from terraport_payload.mesh import SegmentMesh
+from terraport_payload.types import AnyArray
 
 __all__ = ["check_mesh"]
 
@@ -66,9 +64,7 @@ def check_mesh(mesh: SegmentMesh) -> None:
             raise PayloadError(f"uvs of vertex {row} are {mesh.uvs[row].tolist()}, expected 0 to 1")
 
 
-def _expect(
-    name: str, values: npt.NDArray[Any], dtype: type[np.generic], shape: tuple[int, ...]
-) -> None:
+def _expect(name: str, values: AnyArray, dtype: type[np.generic], shape: tuple[int, ...]) -> None:
     if values.dtype != np.dtype(dtype) or values.shape != shape:
         raise PayloadError(
             f"{name} is {values.dtype} {values.shape}, expected {np.dtype(dtype)} {shape}"

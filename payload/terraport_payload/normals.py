@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.steady import steady_codes
+from terraport_payload.types import Float32, Float64, UInt8
 
 __all__ = ["encode_octahedral", "largest_error_deg"]
 
@@ -34,7 +34,7 @@ def largest_error_deg(bits: int) -> float:
     return _WORST_DEG * 63.0 / ((1 << (bits - 1)) - 1)
 
 
-def encode_octahedral(normals: npt.NDArray[np.float32], bits: int) -> npt.NDArray[np.uint8]:
+def encode_octahedral(normals: Float32, bits: int) -> UInt8:
     """Make the input of the octahedral filter.
 
     Parameters
@@ -63,7 +63,7 @@ def encode_octahedral(normals: npt.NDArray[np.float32], bits: int) -> npt.NDArra
     return rows.view(np.uint8)
 
 
-def _fold(unit: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _fold(unit: Float64) -> Float64:
     """Put unit vectors on the square from -1 to 1; the lower half goes to the corners."""
     plane = unit / np.abs(unit).sum(axis=1, keepdims=True)
     x, y = plane[:, 0], plane[:, 1]
@@ -72,11 +72,11 @@ def _fold(unit: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.where(below, np.stack(corner, axis=1), plane[:, :2])
 
 
-def _unfold(square: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _unfold(square: Float64) -> Float64:
     """Turn places on the square into unit vectors, as the filter's decoder does."""
     z = 1.0 - np.abs(square).sum(axis=1)
     below = np.minimum(z, 0.0)[:, None]
     plane = square + np.where(square >= 0.0, below, -below)
     vector = np.concatenate([plane, z[:, None]], axis=1)
-    unit: npt.NDArray[np.float64] = vector / np.linalg.norm(vector, axis=1, keepdims=True)
+    unit: Float64 = vector / np.linalg.norm(vector, axis=1, keepdims=True)
     return unit

@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import meshopt
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload.mesh import SegmentMesh
+from terraport_payload.types import Int64, UInt32
 
 __all__ = ["cache_order", "order_for_cache"]
 
 
-def cache_order(
-    mesh: SegmentMesh, *, keep_face_order: bool
-) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.int64]]:
+def cache_order(mesh: SegmentMesh, *, keep_face_order: bool) -> tuple[UInt32, Int64]:
     """Order vertices by first use, and faces too unless they must keep theirs.
 
     Parameters
@@ -49,7 +47,7 @@ def cache_order(
     return faces.reshape(-1, 3), order
 
 
-def order_for_cache(faces: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
+def order_for_cache(faces: UInt32) -> Int64:
     """Put faces in the order that GPU vertex caches and the index codec like.
 
     For meshes that something else refers to by face number: order the faces with this, then number
@@ -84,7 +82,7 @@ def order_for_cache(faces: npt.NDArray[np.uint32]) -> npt.NDArray[np.int64]:
     return result
 
 
-def _rotated(faces: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+def _rotated(faces: UInt32) -> UInt32:
     """Rotate each face so that its smallest corner comes first; winding stays."""
     first = np.argmin(faces, axis=1)
     return np.take_along_axis(faces, (first[:, None] + np.arange(3)) % 3, axis=1)

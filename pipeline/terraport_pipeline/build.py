@@ -10,7 +10,7 @@ import os
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import psutil
 
@@ -18,11 +18,13 @@ from terraport_pipeline import tiled_reconstruct
 from terraport_pipeline.build_report import BuildReport, write_build_report
 from terraport_pipeline.build_tiled import TiledSurface, check_tiled, segment_and_pack
 from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.engines.survey_stream import survey_size
 from terraport_pipeline.errors import OptionError, PipelineError, SurveyError
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.model import Survey
-from terraport_pipeline.photo_input import FoundPhotos, Texturing
+from terraport_pipeline.option import BYTES, COMMON, COUNT, Option, Section, check_options
+from terraport_pipeline.photo_input import LocatedPhotos, Texturing
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.publish_step import build_info, pack_once
 from terraport_pipeline.scene_lock import scene_locked
@@ -45,40 +47,63 @@ __all__ = ["BuildOptions", "available_memory_bytes", "build", "default_work_dire
 _MEMORY_SHARE: Final = 0.8
 """Share of the memory that is free at the start which a build allows itself."""
 
+_MACHINE: Final = "Machine and tiles"
+"""Heading of the options that change how a build runs, not what it makes."""
+
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
 class BuildOptions:
-    """Everything a build is asked for."""
+    """Inputs and options of a build, one group a stage."""
 
-    survey: Path
-    scene: Path
-    name: str | None = None
-    """The scene's name for people; the scene directory's name by default."""
-    max_points: int | None = None
-    """Thin the survey to this many points while reading."""
-    clean: clean.Options = field(default_factory=clean.Options)
-    reconstruct: reconstruct.Options = field(default_factory=reconstruct.Options)
-    segment: segment.Options = field(default_factory=segment.Options)
-    texture: Texturing | None = None
+    survey: Annotated[Path, Option(is_argument=True)]
+    """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57."""
+    scene: Annotated[Path, Option(flags=("--output", "-o"))]
+    """Scene directory to publish, or to renew."""
+    name: Annotated[str | None, Option(unset="the scene directory's name")] = None
+    """The scene's name for people."""
+    max_points: Annotated[
+        int | None, Option(least=clean.MIN_POINTS, notation=COUNT, unset="all of them")
+    ] = None
+    """Thin the survey to this many points while reading: 500k, 5M."""
+    clean: Annotated[clean.Options, Section("Surface")] = field(default_factory=clean.Options)
+    reconstruct: Annotated[reconstruct.Options, Section("Surface")] = field(
+        default_factory=reconstruct.Options
+    )
+    segment: Annotated[segment.Options, Section("Regions and segments")] = field(
+        default_factory=segment.Options
+    )
+    texture: Annotated[Texturing | None, Section("Textures")] = None
     """Textures instead of vertex colours, from photos or for comparison from the colours."""
-    work: Path | None = None
-    """Work directory; ``.<scene>.work`` beside the scene by default."""
-    resume: bool = True
-    """Take up results of earlier builds; False does all stages again."""
-    threads: int | None = None
-    """All cores by default. Changes times only."""
-    max_memory_bytes: int | None = None
-    """80 % of what is free by default."""
-    tiles: TileOptions = field(default_factory=TileOptions)
-    """How to go about a survey that does not fit into that."""
+    work: Annotated[Path | None, Option(heading=_MACHINE, unset=".SCENE.work beside the scene")] = (
+        None
+    )
+    """Work directory, with the results of all stages."""
+    resume: Annotated[bool, Option(heading=COMMON)] = True
+    """Take up stages of earlier builds whose input, options and code are unchanged."""
+    max_memory_bytes: Annotated[
+        int | None,
+        Option(
+            flags=("--max-memory",),
+            heading=COMMON,
+            least=2**28,
+            notation=BYTES,
+            unset=f"{_MEMORY_SHARE * 100:.0f} % of what is free",
+        ),
+    ] = None
+    """Memory that the build may take: 8G. A survey that needs more is built in tiles."""
+    threads: Annotated[int | None, Option(heading=_MACHINE, least=1, unset="all cores")] = None
+    """Threads at most. The result does not depend on it."""
+    tiles: Annotated[TileOptions, Section(_MACHINE)] = field(default_factory=TileOptions)
+    """How to go about a survey that does not fit into the memory."""
 
     def __post_init__(self) -> None:
+        check_options(self)
         self.pack_options()  # refused before any work, not after an hour
 
     def pack_options(self) -> pack.Options:
-        """Options of the last stage."""
+        """Options of the pack stage, made from the scene's name."""
         name = self.scene.absolute().name if self.name is None else self.name
         return pack.Options(name)
 
@@ -141,7 +166,7 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
         Publishing failed; the scene that was published before stands.
     """
     started = time.monotonic()
-    _check_paths(options)
+    _check(options)
     survey, scene = options.survey.absolute(), options.scene.absolute()
     with scene_locked(scene):
         threads = options.threads or _cores()
@@ -178,12 +203,16 @@ def _run_stages(
     """Run all stages; return the scene's version and whether it was published now."""
     # Photos that are not there are told of now, not after the reconstruction.
     photos = None if options.texture is None else options.texture.find(runner.progress)
+    # (1) What the survey is, and whether it fits into memory; if not, all goes by tiles.
     runner.progress.start("read: checksum", None, "bytes")
     input_info = InputInfo(name=survey.name, bytes=survey.stat().st_size, xxh3=file_digest(survey))
     runner.progress.done({})
     plan = _plan_memory(runner, survey, options)
     if plan.tiled:
         return _run_tiled(runner, survey, scene, options, input_info, plan, photos)
+    # (2) Cloud, meshes, segments. Invariant: a stage's key holds its options and the digest of
+    # its input, so a stage whose key is unchanged is taken up and its value is never loaded
+    # unless asked for.
     read = _read(runner, survey, input_info, options)
     if photos is not None and not runner.reports[-1].taken_up:
         photos.try_on(read.value(), runner.progress)
@@ -222,6 +251,7 @@ def _run_stages(
         segment.store,
         segment.restore,
     )
+    # (3) Textures, if asked for.
     crs = read.record.values["crs"]
     recorded = options.recorded()
     textured = None
@@ -230,7 +260,8 @@ def _run_stages(
         textured = texture_step(
             runner, options.texture, photos, crs, cleaned, reconstructed, segmented
         )
-    made = build_info(recorded, input_info, runner.reports)
+    info = build_info(recorded, input_info, runner.reports)
+    # (4) Pack; its key holds everything that the manifest says.
     pack_options = options.pack_options()
 
     def publish(context: Context) -> pack.Packed:
@@ -240,7 +271,7 @@ def _run_stages(
             crs=CrsInfo(**crs) if crs else None,
             points=len(cloud.points),
             has_colour=cloud.has_colour,
-            build=made,
+            build=info,
             spacing_m=cloud.spacing_m,
         )
         cleaned.release()
@@ -256,7 +287,7 @@ def _run_stages(
 
     key = key_of(
         pack.NAME,
-        {**asdict(pack_options), "build": made.model_dump(mode="json"), "crs": crs},
+        {**asdict(pack_options), "build": info.model_dump(mode="json"), "crs": crs},
         {
             "cloud": cleaned.record.digest,
             "meshes": reconstructed.record.digest,
@@ -274,7 +305,7 @@ def _plan_memory(runner: StageRunner, survey: Path, options: BuildOptions) -> Me
     return plan_memory(
         points,
         runner.max_memory_bytes,
-        force=options.tiles.force,
+        force=options.tiles.wanted,
         detail_depth=options.reconstruct.detail_depth,
         extent_m=size.extent,
         area_m2=size.area,
@@ -288,13 +319,14 @@ def _run_tiled(
     options: BuildOptions,
     input_info: InputInfo,
     plan: MemoryPlan,
-    photos: FoundPhotos | None,
+    photos: LocatedPhotos | None,
 ) -> tuple[str, bool]:
     """Run all stages over tiles; as :func:`_run_stages`."""
+    # (1) Refuse now what cannot be done by tiles; then everything up to tiles and base.
     check_tiled(options.segment)
     runner.progress.start("plan", None, "")
     runner.progress.done({"tiles": plan.why})
-    made = tiled_reconstruct.run(
+    reconstructed = tiled_reconstruct.run(
         runner,
         survey,
         f"{input_info.bytes}-{input_info.xxh3}",
@@ -304,26 +336,33 @@ def _run_tiled(
         tiles=options.tiles,
         check=lambda names: check_segment_by(options.segment.segment_by, names),
     )
-    crs = made.crs
+    crs = reconstructed.crs
 
     def about() -> pack.About:
-        recorded = {**options.recorded(), "tile_depth": made.tile_depth}
+        recorded = {**options.recorded(), "tile_depth": reconstructed.tile_depth}
         if options.texture is not None:
             recorded["texture"] = options.texture.recorded(photos)
         return pack.About(
-            origin=made.origin,
+            origin=reconstructed.origin,
             crs=CrsInfo(name=crs.name, wkt=crs.wkt, epsg=crs.epsg) if crs else None,
-            points=made.points,
-            has_colour=made.has_colour,
+            points=reconstructed.points,
+            has_colour=reconstructed.has_colour,
             build=build_info(recorded, input_info, runner.reports),
         )
 
-    surface = TiledSurface(made.base, made.tiles, made.deviation_m, made.digest, made.spacing_m)
+    # (2) Segments, textures and the scene, tile by tile.
+    surface = TiledSurface(
+        reconstructed.base,
+        reconstructed.tiles,
+        reconstructed.deviation_m,
+        reconstructed.digest,
+        reconstructed.spacing_m,
+    )
     texturing = None
     if options.texture is not None:
         texturing = tiled_texturing(
-            options.texture, photos, made.samples, made.sample_colours, made.origin, made.crs,
-            runner.max_memory_bytes,
+            options.texture, photos, reconstructed.samples, reconstructed.sample_colours,
+            reconstructed.origin, reconstructed.crs, runner.max_memory_bytes,
         )  # fmt: skip
     return segment_and_pack(
         runner, scene, surface, options.segment, options.pack_options(), about, texturing
@@ -353,7 +392,8 @@ def _read(
     )
 
 
-def _check_paths(options: BuildOptions) -> None:
+def _check(options: BuildOptions) -> None:
+    """Refuse at once what would end the build after an hour."""
     survey, scene = options.survey, options.scene.absolute()
     if not survey.exists():
         raise SurveyError(f"no file {survey}")
@@ -376,9 +416,5 @@ def _check_paths(options: BuildOptions) -> None:
                 f"{scene} holds other files ({others[0].name}); expected a scene, or an empty or "
                 "new directory"
             )
-    if options.threads is not None and options.threads < 1:
-        raise OptionError(f"threads {options.threads}; expected at least 1")
-    if options.max_points is not None and options.max_points < clean.MIN_POINTS:
-        raise OptionError(f"max points {options.max_points}; expected at least {clean.MIN_POINTS}")
-    if options.max_memory_bytes is not None and options.max_memory_bytes < 2**28:
-        raise OptionError(f"max memory {options.max_memory_bytes} bytes; expected 256 MiB or more")
+    if options.texture is not None and options.texture.options.kind == "ktx2":
+        require_encoder()

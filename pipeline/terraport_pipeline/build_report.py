@@ -43,7 +43,7 @@ _SHOWN: Final = {
 
 @dataclass(frozen=True, slots=True)
 class StageReport:
-    """One stage of one build."""
+    """What one stage of a build cost and reported, and whether its result was taken up."""
 
     name: str
     taken_up: bool
@@ -54,7 +54,7 @@ class StageReport:
 
 @dataclass(frozen=True, slots=True)
 class BuildReport:
-    """One build."""
+    """Outcome of one build: the published version, and a report of every stage."""
 
     scene: Path
     version: str
@@ -76,7 +76,7 @@ class BuildReport:
         )
 
     def table(self) -> Table:
-        """Lay the stages out for the terminal."""
+        """Make a table of the stages for the terminal: time, memory, facts."""
         table = Table(title=f"{self.scene.name} {self.version[:12]}")
         table.add_column("stage")
         table.add_column("time", justify="right")
@@ -85,12 +85,12 @@ class BuildReport:
         for stage in self.stages:
             time = "taken up" if stage.taken_up else f"{stage.cost.seconds:.1f} s"
             memory = "" if stage.taken_up else f"{stage.cost.peak_bytes / 2**20:,.0f} MiB"
-            table.add_row(stage.name, time, memory, _told(stage))
+            table.add_row(stage.name, time, memory, _shown_facts(stage))
         table.add_row("all", f"{self.seconds:.1f} s", f"{self.peak_bytes / 2**20:,.0f} MiB", "")
         return table
 
     def to_json(self) -> dict[str, Any]:
-        """Lay everything out for ``build.json``."""
+        """Convert to the plain values of ``build.json``."""
         return {
             "format": "terraport-build",
             "version": self.version,
@@ -132,12 +132,12 @@ def write_build_report(report: BuildReport) -> Path:
     return path
 
 
-def _told(stage: StageReport) -> str:
+def _shown_facts(stage: StageReport) -> str:
     counts = stage.facts.counts
-    return "  ".join(_fact(name, counts[name]) for name in _known(stage.name, counts))
+    return "  ".join(_fact(name, counts[name]) for name in _available(stage.name, counts))
 
 
-def _known(stage: str, counts: dict[str, Any]) -> Iterable[str]:
+def _available(stage: str, counts: dict[str, Any]) -> Iterable[str]:
     return (name for name in _SHOWN.get(stage, ()) if counts.get(name) is not None)
 
 

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 import xxhash
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.build_report import StageReport
 from terraport_pipeline.build_tiled_textures import (
     TiledTextures,
@@ -26,7 +27,7 @@ from terraport_pipeline.build_tiled_textures import (
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.geometry.tiled_means import JoinedRegions
 from terraport_pipeline.measure import Measure
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.publish_step import pack_once
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import pack, segment, tiled_join, tiled_pack, tiled_segment
@@ -49,7 +50,7 @@ class TiledSurface:
     deviation_m: tuple[float, ...]
     """50th, 95th, 99th and 99.9th percentile of the distance of detail to base."""
     digest: str
-    """Of base and tiles."""
+    """Hash of base and tiles; in the keys of all passes."""
     spacing_m: float = 0.0
     """Typical distance between the points; see :class:`pack.About`."""
 
@@ -100,23 +101,27 @@ def segment_and_pack(
     OptionError
         What cannot be done by tiles.
     """
+    # (1) Regions, segments and cover; the scales that all payloads share.
     check_tiled(options)
-    known, segmented, labels, cuts = _Work(runner, surface, options).segmented()
-    scales = tiled_pack.scales_of(known, segmented, surface.base, surface.spacing_m)
-    made: TiledTextures | None = None
+    scene_facts, segmented, labels, cuts = _Work(runner, surface, options).segmented()
+    scales = tiled_pack.scales_of(scene_facts, segmented, surface.base, surface.spacing_m)
+    textures: TiledTextures | None = None
+    # (2) Textures of every tile, where they are asked for.
     if texturing is not None:
-        made = texture_tiles(
+        textures = texture_tiles(
             runner,
             surface.tiles,
             surface.digest,
-            known,
+            scene_facts,
             surface.base,
             segmented.base_kept,
             lambda tile: runner.work.array(cuts.records[tile], "segments"),
             cuts.records,
             texturing,
         )
-    said = about()
+    described = about()
+    # (3) Payloads of every tile. Its inputs name all that a payload holds, so a tile whose
+    # surface, labels, cut and textures are unchanged is not encoded again.
     encoded = TilePass(
         "pack-tile",
         tiled_pack.__name__,
@@ -127,11 +132,11 @@ def segment_and_pack(
                 "tile": f"{surface.digest}-{i}",
                 "labels": labels.digest(i),
                 "cut": record.digest,
-                **({} if made is None else {"textures": made.records[i].digest}),
+                **({} if textures is None else {"textures": textures.records[i].digest}),
             }
             for i, record in enumerate(cuts.records)
         ],
-        known.faces,
+        scene_facts.faces,
         tiled_pack.ENCODE_BYTES_PER_FACE,
     )
     payloads = run_pass(
@@ -143,21 +148,22 @@ def segment_and_pack(
             labels.of(tile),
             scales,
             context,
-            None if made is None else made.tile(tile),
+            None if textures is None else textures.tile(tile),
         ),
     )
+    # (4) One scene of them all, published in one act.
     key = stage_key(
         pack.NAME,
         code_digest(tiled_pack.__name__),
         {
             **asdict(pack_options),
-            "build": said.build.model_dump(mode="json"),
-            "crs": None if said.crs is None else said.crs.model_dump(mode="json"),
+            "build": described.build.model_dump(mode="json"),
+            "crs": None if described.crs is None else described.crs.model_dump(mode="json"),
         },
         {
             "payloads": _digest(payloads),
             "segments": _segments_digest(segmented),
-            **({} if made is None else {"base_texture": made.digest}),
+            **({} if textures is None else {"base_texture": textures.digest}),
         },
     )
     version, published = pack_once(
@@ -169,13 +175,21 @@ def segment_and_pack(
             surface.base,
             segmented,
             lambda tile: runner.work.mapped(payloads.records[tile]),
-            _Pieces(surface, runner.work, labels, cuts, known.face_count, said.origin, said.crs),
+            _Pieces(
+                surface,
+                runner.work,
+                labels,
+                cuts,
+                scene_facts.face_count,
+                described.origin,
+                described.crs,
+            ),
             scales,
             surface.deviation_m,
-            said,
+            described,
             pack_options,
             context,
-            None if made is None else (made.base, made.info),
+            None if textures is None else (textures.base, textures.info),
         ),
     )
     if published:  # to the reader, encoding and publishing are one stage
@@ -186,12 +200,12 @@ def segment_and_pack(
 
 
 def _together(*costs: Cost) -> Cost:
-    """Cost of one thing after another."""
+    """Add up the cost of passes that ran one after another: seconds add, peaks do not."""
     return Cost(sum(cost.seconds for cost in costs), max(cost.peak_bytes for cost in costs))
 
 
 def _segments_digest(segmented: tiled_join.TiledSegmented) -> str:
-    """Hash what the join of all tiles found."""
+    """Hash the joined segmentation: what the manifest and the index will say of segments."""
     stored = tiled_join.store(segmented)
     digest = xxhash.xxh3_128(json.dumps(dict(stored.values), sort_keys=True).encode())
     for name in sorted(stored.arrays):
@@ -208,23 +222,23 @@ class _Labels:
     joined: JoinedRegions
 
     def of(self, tile: int) -> Int32:
-        """Region of every face."""
-        found: Int32 = self.joined.region[tile][self.unit(tile)]
-        return found
+        """Read the units of a tile's faces and look up the region of each, (F,)."""
+        regions: Int32 = self.joined.region[tile][self.unit(tile)]
+        return regions
 
     def unit(self, tile: int) -> Int32:
-        """Read the unit of every face."""
+        """Read the unit of every face of a tile, (F,), numbered within the tile."""
         return self.work.array(self.units.records[tile], "labels")
 
     def digest(self, tile: int) -> str:
-        """Of the tile's units and their regions."""
+        """Hash a tile's units together with their regions, for the keys of later passes."""
         digest = xxhash.xxh3_128(np.ascontiguousarray(self.joined.region[tile]).data)
         digest.update(np.ascontiguousarray(self.joined.fine[tile]).data)
         return f"{self.units.records[tile].digest}-{digest.hexdigest()}"
 
 
 class _Work:
-    """The passes of segmentation."""
+    """Runs the passes of segmentation over all tiles, each taken up where it is unchanged."""
 
     def __init__(
         self, runner: StageRunner, surface: TiledSurface, options: segment.Options
@@ -235,9 +249,10 @@ class _Work:
     def segmented(
         self,
     ) -> tuple[tiled_segment.TiledScene, tiled_join.TiledSegmented, _Labels, PassResult]:
-        """Do all passes; one report."""
+        """Run all passes of segmentation and add one report for them together."""
         runner, surface, options = self._runner, self._surface, self._options
         work, tiles, base = runner.work, surface.tiles, surface.base
+        # (1) What only the whole scene knows (extents, densities, colours), from sums by tile.
         measured = run_pass(
             runner,
             self._pass(
@@ -245,8 +260,11 @@ class _Work:
             ),
             lambda tile, context: tiled_segment.measure(tiles.load(tile), context),
         )
-        known = tiled_segment.scene_of([work.looked_up(record) for record in measured.records])
+        scene_facts = tiled_segment.scene_of(
+            [work.looked_up(record) for record in measured.records]
+        )
         shared = {"measured": _digest(measured)}
+        # (2) Units within every tile.
         united = run_pass(
             runner,
             self._pass(
@@ -257,20 +275,22 @@ class _Work:
                 shared,
             ),
             lambda tile, context: tiled_segment.units(
-                tiles.load(tile), tile, known, options, context
+                tiles.load(tile), tile, scene_facts, options, context
             ),
         )
+        # (3) Regions over all tiles: in memory, as units are few.
         progress = runner.progress
         with Measure() as joining, work.scratch() as scratch:
             progress.start("segment: regions across tiles", None, "units")
             joined = tiled_segment.regions(
                 [work.looked_up(record) for record in united.records],
-                known,
+                scene_facts,
                 options,
                 runner.context(scratch),
             )
             progress.done({"regions": joined.count})
         labels = _Labels(work, united, joined)
+        # (4) Segments of every tile, and which base faces they lie over.
         tolerance_m = max(surface.deviation_m[2], segment.SMALLEST_TOLERANCE_M)
         cuts = run_pass(
             runner,
@@ -287,13 +307,15 @@ class _Work:
                 labels.unit(tile),
                 (joined.fine[tile], joined.region[tile]),
                 base,
-                known,
+                scene_facts,
                 options,
                 context,
                 region_count=joined.count,
                 tolerance_m=tolerance_m,
             ),
         )
+        # (5) One numbering, one cover, one set of facts; reported as one stage together with the
+        # passes.
         passes = (measured, united, cuts)
         step = runner.step(
             tiled_join.NAME,
@@ -305,9 +327,9 @@ class _Work:
             ),
             lambda _: tiled_join.join(
                 (work.mapped(record) for record in cuts.records),
-                known,
+                scene_facts,
                 joined,
-                self._seam_regions(known, labels),
+                self._seam_regions(scene_facts, labels),
                 base,
                 options,
                 tolerance_m,
@@ -318,10 +340,10 @@ class _Work:
         )
         last = runner.reports.pop()
         joined_cost = Cost(joining.seconds, joining.peak_bytes)
-        cost = _together(last.cost, joined_cost, *(found.cost for found in passes))
-        taken_up = last.taken_up and all(found.taken_up for found in passes)
+        cost = _together(last.cost, joined_cost, *(tile_pass.cost for tile_pass in passes))
+        taken_up = last.taken_up and all(tile_pass.taken_up for tile_pass in passes)
         runner.reports.append(StageReport(last.name, taken_up, cost, last.facts))
-        return known, step.value(), labels, cuts
+        return scene_facts, step.value(), labels, cuts
 
     def _pass(
         self,
@@ -344,15 +366,15 @@ class _Work:
         return TilePass(name, _SEGMENT_MODULE, title, options, inputs, self._faces, bytes_per_face)
 
     @staticmethod
-    def _seam_regions(known: tiled_segment.TiledScene, labels: _Labels) -> Int32:
-        seams = known.seams
-        found = np.zeros(seams.faces.shape, np.int32)
+    def _seam_regions(scene_facts: tiled_segment.TiledScene, labels: _Labels) -> Int32:
+        seams = scene_facts.seams
+        regions = np.zeros(seams.faces.shape, np.int32)
         for tile in np.unique(seams.tiles):
             of_faces = labels.of(int(tile))
             for side in (0, 1):
                 rows = np.flatnonzero(seams.tiles[:, side] == tile)
-                found[rows, side] = of_faces[seams.faces[rows, side]]
-        return found
+                regions[rows, side] = of_faces[seams.faces[rows, side]]
+        return regions
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,13 +12,13 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xxhash
 
+from terraport_payload.types import AnyArray, Bool, Float32, Int32
 from terraport_pipeline.build_report import StageReport
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.photos import OpenPhotos
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import texture, tiled_texture, tiled_views
 from terraport_pipeline.stages.contract import Context, Facts, Stored
@@ -38,7 +38,7 @@ __all__ = ["TiledTextures", "TiledTexturing", "texture_tiles"]
 
 @dataclass(slots=True, eq=False)
 class TiledTexturing:
-    """What textures of tiles are made of."""
+    """Options and inputs of texturing in tiles, and how to open the photos when they are needed."""
 
     options: texture.Options
     inputs: Mapping[str, Any]
@@ -64,10 +64,10 @@ class TiledTextures:
     base: TextureSet
     info: TextureInfo
     records: tuple[StageRecord, ...]
-    """One per tile."""
+    """Records of the drawn tiles, in their order."""
     work: WorkDirectory
     digest: str
-    """Of exposures and the base's texture."""
+    """Hash of the exposures and the base's texture."""
 
     def tile(self, tile: int) -> TextureSet:
         """Open the textures of one tile's segments; images stay on disk."""
@@ -76,7 +76,7 @@ class TiledTextures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Base:
-    """What is found once for the scene."""
+    """Result of texturing the base: its atlas and the photos' exposures, once for the scene."""
 
     textures: TextureSet
     gains: Float32
@@ -84,7 +84,7 @@ class _Base:
 
 
 class _Passes:
-    """The passes of texturing."""
+    """Runs the passes of texturing over all tiles, each taken up where it is unchanged."""
 
     def __init__(
         self,
@@ -99,18 +99,20 @@ class _Passes:
         self._scale = TextureScale.of(scene)
 
     def base(self, base: Mesh, digest: str) -> Step[_Base]:
-        """Find exposures and texture the base."""
+        """Solve the photos' exposures and make the base's atlas; kept as one step."""
         asked = self._asked
 
         def compute(context: Context) -> _Base:
             opened = None if asked.open_photos is None else asked.opened()
-            made = texture.texture_base(base, opened, asked.options, context)
+            base_textures = texture.texture_base(base, opened, asked.options, context)
             warnings = () if opened is None else opened.warnings
-            gains = np.zeros((0, 0), np.float32) if made.gains is None else made.gains
-            counts = {f"base_{name}": value for name, value in made.made.facts.items()}
+            gains = (
+                np.zeros((0, 0), np.float32) if base_textures.gains is None else base_textures.gains
+            )
+            counts = {f"base_{name}": value for name, value in base_textures.atlases.facts.items()}
             if opened is not None:
                 counts |= {"photos": len(opened.views), "photos_left_out": opened.left_out}
-            return _Base(made.made.textures, gains, Facts(counts, warnings))
+            return _Base(base_textures.atlases.textures, gains, Facts(counts, warnings))
 
         return self._runner.step(
             "texture-base",
@@ -131,7 +133,7 @@ class _Passes:
         )
 
     def views(self, base: Mesh, gains: Float32) -> PassResult:
-        """Choose the photos of every tile."""
+        """Choose the photo of every face, tile by tile, each with a band of its neighbours."""
         return run_pass(
             self._runner,
             self._pass(
@@ -147,7 +149,7 @@ class _Passes:
         )
 
     def levels(self, chosen: PassResult, gains: Float32) -> tuple[PassResult, Step[Levels]]:
-        """Level the seams of the scene."""
+        """Sum up the seams of every tile, then solve the corrections of the whole scene."""
         views = self._arrays(chosen)
         cells = run_pass(
             self._runner,
@@ -185,7 +187,7 @@ class _Passes:
         levels: Step[Levels] | None,
         gains: Float32,
     ) -> PassResult:
-        """Make the atlases of every tile."""
+        """Bake the atlases of every tile's segments."""
         asked, tiles = self._asked, self._tiles
         views = (
             []
@@ -193,6 +195,7 @@ class _Passes:
             else [self._runner.work.looked_up(record).arrays for record in chosen.records]
         )
 
+        # (1) One tile: from vertex colours, or from photos with the neighbouring tiles' views.
         def one(tile: int, context: Context) -> Stored:
             if levels is None:
                 return tiled_texture.draw_plain(
@@ -205,6 +208,7 @@ class _Passes:
 
         if levels is not None:
             levels.value()  # before several threads ask for it
+        # (2) The pass; photos, gains, levels and views of any tile change every tile.
         shared = {"gains": _gains_digest(gains)}
         if levels is not None and chosen is not None:
             shared |= {"levels": levels.record.digest, "views": _digest(chosen)}
@@ -222,9 +226,9 @@ class _Passes:
             one,
         )
 
-    def _arrays(self, made: PassResult) -> list[Mapping[str, npt.NDArray[Any]]]:
-        """Map what a pass made of every tile."""
-        return [self._runner.work.looked_up(record).arrays for record in made.records]
+    def _arrays(self, result: PassResult) -> list[Mapping[str, AnyArray]]:
+        """Map the arrays that a pass stored of every tile."""
+        return [self._runner.work.looked_up(record).arrays for record in result.records]
 
     def _pass(
         self,
@@ -265,7 +269,7 @@ def texture_tiles(
     digest: str,
     scene: TiledScene,
     base: Mesh,
-    base_kept: npt.NDArray[np.bool_],
+    base_kept: Bool,
     segments: Callable[[int], Int32],
     cuts: Sequence[StageRecord],
     asked: TiledTexturing,
@@ -293,26 +297,31 @@ def texture_tiles(
     -------
     TiledTextures
     """
+    # (1) The base, which also finds the photos' gains.
     work = _Passes(runner, tiles, digest, scene, asked)
     kept = texture.faces_only(base, base_kept)
     before = len(runner.reports)
     first = work.base(kept, xxhash.xxh3_128_hexdigest(np.packbits(base_kept).data))
-    found = first.value()
+    base_result = first.value()
     chosen: PassResult | None = None
     levels: Step[Levels] | None = None
     passes: list[PassResult] = []
+    # (2) With photos: the best views of every face, and smooth corrections over the whole
+    # surface.
     if asked.open_photos is not None:
-        chosen = work.views(base, found.gains)
-        cells, levels = work.levels(chosen, found.gains)
+        chosen = work.views(base, base_result.gains)
+        cells, levels = work.levels(chosen, base_result.gains)
         passes = [chosen, cells]
-    passes.append(drawn := work.draw(segments, cuts, chosen, levels, found.gains))
-    parts = [runner.work.looked_up(record) for record in drawn.records]
-    counts, info = _summary(parts, found, asked.options)
+    # (3) Atlases of every tile.
+    passes.append(drawn := work.draw(segments, cuts, chosen, levels, base_result.gains))
+    # (4) Facts and cost of all passes, as one stage.
+    drawn_tiles = [runner.work.looked_up(record) for record in drawn.records]
+    counts, info = _summary(drawn_tiles, base_result, asked.options)
     if chosen is not None:
         counts |= choice_counts(chosen.records)
         counts["borrowed_share"] = round(counts["choice_faces_borrowed"] / sum(scene.faces), 4)
-    counts |= step_counts(parts)
-    warnings = (*found.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
+    counts |= step_counts(drawn_tiles)
+    warnings = (*base_result.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
     alone, runner.reports[before:] = runner.reports[before:], []
     costs = [*(report.cost for report in alone), *(result.cost for result in passes)]
     runner.reports.append(
@@ -323,31 +332,33 @@ def texture_tiles(
             Facts(counts, warnings),
         )
     )
-    return TiledTextures(found.textures, info, drawn.records, runner.work, first.record.digest)
+    return TiledTextures(
+        base_result.textures, info, drawn.records, runner.work, first.record.digest
+    )
 
 
 def _summary(
-    parts: Sequence[Stored], found: _Base, options: texture.Options
+    tiles: Sequence[Stored], base_result: _Base, options: texture.Options
 ) -> tuple[dict[str, Any], TextureInfo]:
-    sides = np.concatenate([np.array(part.arrays["sides"], np.int64) for part in parts])
+    sides = np.concatenate([np.array(tile.arrays["sides"], np.int64) for tile in tiles])
     texels = int((sides[:, 0] * sides[:, 1]).sum())
-    image_bytes = sum(int(part.arrays["offsets"][-1]) for part in parts)
-    measured = TextureTally.total(part.arrays for part in parts).facts()
+    image_bytes = sum(int(tile.arrays["offsets"][-1]) for tile in tiles)
+    measured = TextureTally.total(tile.arrays for tile in tiles).facts()
     counts: dict[str, Any] = {
         "images": len(sides),
         "image_bytes": image_bytes,
         "texels": texels,
         "longest_side": int(sides.max()),
-        "charts": sum(int(part.values["charts"]) for part in parts),
-        "cells_share": round(sum(float(part.values["used"]) for part in parts) / texels, 3),
+        "charts": sum(int(tile.values["charts"]) for tile in tiles),
+        "cells_share": round(sum(float(tile.values["used"]) for tile in tiles) / texels, 3),
         **measured,
-        **found.facts.counts,
+        **base_result.facts.counts,
     }
     info = TextureInfo(
         source=options.source,
-        media_types=(found.textures.texture(0).media_type,),
+        media_types=(base_result.textures.texture(0).media_type,),
         segments=len(sides),
-        base_side=int(found.textures.sides.max()),
+        base_side=int(base_result.textures.sides.max()),
         max_side=int(sides.max()),
         image_bytes=image_bytes,
         texels=texels,
@@ -357,7 +368,7 @@ def _summary(
     return counts, info
 
 
-def _arrays(textures: TextureSet) -> dict[str, npt.NDArray[Any]]:
+def _arrays(textures: TextureSet) -> dict[str, AnyArray]:
     return {name: getattr(textures, name) for name in ("wedges", "images", "offsets", "sides")}
 
 

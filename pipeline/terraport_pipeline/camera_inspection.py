@@ -9,16 +9,17 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Float64, UInt8
 from terraport_pipeline.engines.camera_files import read_cameras, read_raw_cameras
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos, sizes_below
-from terraport_pipeline.errors import OptionError, PhotoError
+from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.geometry.lens import Lens, valid_radius
 from terraport_pipeline.geometry.view_cover import cover_points
-from terraport_pipeline.model import Float64, UInt8, to_scene
+from terraport_pipeline.model import to_scene
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages.read import read_survey
 
-__all__ = ["inspect_cameras", "inspect_photos", "parse_offset"]
+__all__ = ["inspect_cameras", "inspect_photos"]
 
 MAX_POINTS: Final = 200_000
 """Points of the survey that are projected."""
@@ -31,26 +32,6 @@ _PHOTO_BYTES: Final = 1 << 30
 
 _LEAST_POINTS: Final = 200
 """Points in a photo for a comparison that means something."""
-
-
-def parse_offset(text: str | None) -> tuple[float, float, float] | None:
-    """Parse ``--camera-offset E,N,H``.
-
-    Raises
-    ------
-    OptionError
-    """
-    if text is None:
-        return None
-    try:
-        east, north, up = (float(word) for word in text.split(","))
-    except ValueError as error:
-        raise OptionError(
-            f"--camera-offset {text!r}: three numbers E,N,H in metres expected"
-        ) from error
-    if not np.isfinite((east, north, up)).all():
-        raise OptionError(f"--camera-offset {text!r}: finite numbers expected")
-    return east, north, up
 
 
 def inspect_cameras(path: Path, photos: Path | None = None) -> dict[str, Any]:
@@ -120,10 +101,11 @@ def inspect_photos(
     ReadError, PhotoError
         Also when the cameras do not look at the cloud.
     """
+    # (1) The survey's samples, in the scene's frame.
     survey = read_survey(survey_path, max_points=MAX_POINTS, progress=progress)
     origin = np.floor(survey.points.min(axis=0))
     points = to_scene(survey.points, origin).astype(np.float64)
-    found = read_cameras(
+    placed = read_cameras(
         cameras,
         origin=origin,
         crs=survey.crs,
@@ -131,7 +113,8 @@ def inspect_photos(
         samples=points,
         photo_size=sizes_below(photos),
     )
-    views, warnings = found.views, list(found.warnings)
+    views, warnings = placed.views, list(placed.warnings)
+    # (2) With the photos: their sizes, and whether their colours are the cloud's.
     colours = None
     if photos is not None:
         opened = open_photos(views, photos, max_bytes=_PHOTO_BYTES)
@@ -139,6 +122,7 @@ def inspect_photos(
         warnings += opened.warnings
         if survey.colours is not None:
             colours = _compare(opened, points, survey.colours)
+    # (3) How the cloud is covered.
     photos_per_point, finest_m, points_in_view = cover_points(views, points)
     seen = photos_per_point > 0
     if not seen.any():
@@ -146,10 +130,10 @@ def inspect_photos(
     heights_m = np.array([view.position[1] for view in views]) - np.median(points[:, 1])
     idle = [view.name for view, n in zip(views, points_in_view, strict=True) if n == 0]
     return {
-        "format": found.format,
+        "format": placed.format,
         "count": len(views),
         "lenses": _lenses([view.lens for view in views]),
-        "frame": found.frame,
+        "frame": placed.frame,
         "coverage": {
             "share": round(float(seen.mean()), 4),
             "photos_per_point": _spread(photos_per_point[seen]),
@@ -193,7 +177,7 @@ def _spread(values: npt.NDArray[np.generic]) -> dict[str, float]:
 
 def _compare(opened: OpenPhotos, points: Float64, colours: UInt8) -> dict[str, Any] | None:
     """Correlate brightness of photos and cloud: cameras that are off by a little lose it first."""
-    found = {}
+    correlations = {}
     step = max(1, len(opened.views) // MAX_COMPARED)
     for index in range(0, len(opened.views), step):
         view = opened.views[index]
@@ -207,7 +191,10 @@ def _compare(opened: OpenPhotos, points: Float64, colours: UInt8) -> dict[str, A
         ours = photo[row, column]
         theirs = colours[inside].astype(np.float32).mean(axis=1)
         if ours.std() > 0.0 and theirs.std() > 0.0:
-            found[view.name] = round(float(np.corrcoef(ours, theirs)[0, 1]), 3)
-    if not found:
+            correlations[view.name] = round(float(np.corrcoef(ours, theirs)[0, 1]), 3)
+    if not correlations:
         return None
-    return {"median": round(float(np.median(list(found.values()))), 3), "photos": found}
+    return {
+        "median": round(float(np.median(list(correlations.values()))), 3),
+        "photos": correlations,
+    }

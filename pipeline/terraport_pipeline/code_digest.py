@@ -3,7 +3,8 @@
 A work directory outlives releases. A result may be taken up by another release only when the code
 that made it is the same; a change elsewhere must not cost hours of reconstruction again. So the
 digest is taken over the stage's module and every module of ours that it imports or names, directly
-or not.
+or not. Docstrings do not count: those of options are the help, and a better word there must cost
+nothing.
 """
 
 from __future__ import annotations
@@ -11,20 +12,21 @@ from __future__ import annotations
 import ast
 import functools
 import importlib.util
-import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import xxhash
 
-__all__ = ["code_digest", "modules_behind"]
+from terraport_pipeline.import_graph import Needs, modules_needed, needs_of
 
-_OURS: Final = re.compile(r"terraport_(?:pipeline|payload|store)(?:\.\w+)+")
-"""Names of our modules, also where they stand in a string (a child process's ``-m``)."""
+__all__ = ["code_digest", "modules_behind", "without_docstrings"]
 
-_NO_RESULT: Final = frozenset({"terraport_pipeline.progress", "terraport_pipeline.errors"})
-"""What they hold changes what a build says, never what it makes."""
+_OURS: Final = frozenset({"terraport_pipeline", "terraport_payload", "terraport_store"})
+
+_NO_RESULT: Final = frozenset(
+    {"terraport_pipeline.progress", "terraport_pipeline.errors", "terraport_pipeline.option"}
+)
+"""What they hold changes what a build says or is told, never what it makes of that."""
 
 
 @functools.cache
@@ -43,8 +45,10 @@ def code_digest(module: str) -> str:
     """
     digest = xxhash.xxh3_64()
     for name in modules_behind(module):
+        path = _path(name)
         digest.update(f"{name}\n".encode())
-        digest.update(_source(name) or b"")
+        source = b"" if path is None else path.read_bytes()
+        digest.update(without_docstrings(source.decode("utf-8")).encode())
     return digest.hexdigest()
 
 
@@ -56,44 +60,59 @@ def modules_behind(module: str) -> list[str]:
     >>> "terraport_pipeline.model" in modules_behind("terraport_pipeline.stages.clean")
     True
     """
-    found: set[str] = set()
-    waiting = [module]
+    behind: set[str] = set()
+    handing_on: set[str] = set()
+    waiting = {module}
     while waiting:
         name = waiting.pop()
-        if name in found or name in _NO_RESULT:
+        needs = _needs(name)
+        if name in behind or name in _NO_RESULT or needs is None:
             continue
-        source = _source(name)
-        if source is not None:
-            found.add(name)
-            waiting += _named(source.decode("utf-8"))
-    return sorted(found)
+        behind.add(name)
+        used, passed = modules_needed(needs.names, _needs, _modules_below)
+        handing_on |= passed - _NO_RESULT
+        waiting |= used
+    return sorted(behind | handing_on)
 
 
-def _named(source: str) -> Iterator[str]:
-    """Every name of ours in a source; some may be no modules."""
-    yield from _OURS.findall(source)
+def without_docstrings(source: str) -> str:
+    """Take the strings that stand alone out of a source, and nothing else."""
+    lines = source.splitlines(keepends=True)
     for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-            yield node.module
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            rows = slice(node.lineno - 1, node.end_lineno)
+            lines[rows] = [""] * len(lines[rows])
+    return "".join(lines)
 
 
 @functools.cache
-def _source(name: str) -> bytes | None:
-    """Source of a module of ours; None when it is none."""
-    if not name.startswith(("terraport_pipeline", "terraport_payload", "terraport_store")):
+def _needs(name: str) -> Needs | None:
+    """List what a module of ours needs; None when it is none."""
+    path = _path(name)
+    if path is None:
         return None
-    parent, _, last = name.rpartition(".")
-    try:
-        spec = importlib.util.find_spec(parent or last)
-    except ModuleNotFoundError:  # a name inside a module, not a module
+    nodes = list(ast.walk(ast.parse(path.read_bytes())))
+    return needs_of(nodes, name, package=path.name == "__init__.py")
+
+
+def _modules_below(package: str) -> list[str]:
+    """Every module of a package, which itself counts."""
+    path = _path(package)
+    if path is None or path.name != "__init__.py":
+        return [package]
+    return [package, *(f"{package}.{one.stem}" for one in sorted(path.parent.glob("[!_]*.py")))]
+
+
+@functools.cache
+def _path(name: str) -> Path | None:
+    """File of a module of ours; None when it is none."""
+    root, *inner = name.split(".")
+    if root not in _OURS:
         return None
-    if spec is None or spec.origin is None:
-        return None
-    if not parent:
-        return Path(spec.origin).read_bytes()
-    for place in spec.submodule_search_locations or ():
-        for path in (Path(place) / f"{last}.py", Path(place) / last / "__init__.py"):
+    spec = importlib.util.find_spec(root)
+    for folder in (spec and spec.submodule_search_locations) or ():
+        stem = Path(folder, *inner)
+        for path in (stem / "__init__.py", stem.with_name(f"{stem.name}.py")):
             if path.is_file():
-                return path.read_bytes()
+                return path
     return None

@@ -39,10 +39,10 @@ POINT_RANGE: Final = (20_000, 20_000_000)
 
 @dataclass(frozen=True, slots=True)
 class DemoScene:
-    """What was made, and what it took."""
+    """Files of the demo (cloud, photos, scene, report), and the seconds that each step took."""
 
     scenes_dir: Path
-    """What a server serves."""
+    """Root folder for ``terraport serve``."""
     scene: Path
     quarry: WrittenQuarry
     report: ReportResult
@@ -100,11 +100,13 @@ def prepare_demo(
         seconds.append((step, time.perf_counter() - start))
 
     start = time.perf_counter()
+    # (1) A cloud, large enough for the flight to look at.
     options = QuarryOptions(points=points, seed=seed)
     if flight is not None:
         options = seen_by(flight, options)
     quarry = write_quarry(options, directory / "quarry.laz", overwrite=True, progress=watcher)
     took("make a quarry", start)
+    # (2) Its photos.
     photos, folder = None, directory / "photos"
     if flight is not None:
         start = time.perf_counter()
@@ -113,6 +115,7 @@ def prepare_demo(
         )
         took("photograph it", start)
     start = time.perf_counter()
+    # (3) The scene, as `terraport build` makes it.
     images = folder / "images"
     built = build(
         BuildOptions(
@@ -126,6 +129,7 @@ def prepare_demo(
     )
     took("build the scene", start)
     start = time.perf_counter()
+    # (4) Its report.
     report = write_report(
         scene,
         options=REPORT,

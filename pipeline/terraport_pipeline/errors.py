@@ -56,19 +56,19 @@ class ReadError(SurveyError):
         What was received and what was expected; lower-case, no full stop.
     advice : str
         What to do about it.
-    place : str or None
+    location : str or None
         Where in the file: ``"byte 1,024"``, ``"point 17"``, ``"line 3"``.
     """
 
-    def __init__(self, path: Path, reason: str, advice: str, place: str | None = None) -> None:
-        super().__init__(path, reason, advice, place)
+    def __init__(self, path: Path, reason: str, advice: str, location: str | None = None) -> None:
+        super().__init__(path, reason, advice, location)
         self.path = path
         self.reason = reason
         self.advice = advice
-        self.place = place
+        self.location = location
 
     def __str__(self) -> str:
-        where = f" at {self.place}" if self.place else ""
+        where = f" at {self.location}" if self.location else ""
         return f"{self.path}{where}: {self.reason}; {self.advice}"
 
 
@@ -137,10 +137,10 @@ class StageFailedError(PipelineError, RuntimeError):
         self.trace = trace
 
     def __str__(self) -> str:
-        told = "" if self.trace is None else f" with {self.trace}, which has the whole trace"
+        hint = "" if self.trace is None else f" with {self.trace}, which has the whole trace"
         return (
             f"{self.stage} failed in a way that nobody foresaw ({self.reason}); {self.advice}; "
-            f"please report it{told}"
+            f"please report it{hint}"
         )
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int64
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.handoff_rays import (
@@ -44,7 +44,6 @@ from terraport_pipeline.mixed_model import (
     MixedModel,
     ShownFaces,
 )
-from terraport_pipeline.model import Float32, Float64
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = ["check_hand_off", "check_hand_off_in_windows"]
@@ -54,9 +53,6 @@ MAX_EXACT_SUBSETS: Final = 16
 
 _LEAST_SUBSETS: Final = 6
 """Of a window: none, all, and one of each random sort but one."""
-
-Bool = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.signedinteger]
 
 
 def check_hand_off(
@@ -101,8 +97,8 @@ def check_hand_off(
 
 
 def check_hand_off_in_windows(
-    windows: Sequence[npt.NDArray[np.int64]],
-    open_window: Callable[[npt.NDArray[np.int64]], HandOffModel],
+    windows: Sequence[Int64],
+    open_window: Callable[[Int64], HandOffModel],
     faces: Sequence[int],
     options: HandOffOptions | None = None,
     *,
@@ -137,9 +133,9 @@ def check_hand_off_in_windows(
         model = open_window(segments)
         tolerance_m = model.tolerance_m
         watcher.start(f"hand-off: rays, window {number + 1} of {len(windows)}", float(rays), "rays")
-        part = HandOffOptions(rays, min(subsets, rays), chosen.seed + number)
+        window_options = HandOffOptions(rays, min(subsets, rays), chosen.seed + number)
         tally.segments = segments
-        _look_at(model, part, tally, watcher)
+        _look_at(model, window_options, tally, watcher)
         del model
         watcher.done({"holes": int(tally.counts[:, 3].sum())})
     return tally.report(tolerance_m, chosen.seed, len(windows))
@@ -168,9 +164,7 @@ def _look_at(
 class _Tally:
     """What is found, added up over subsets and windows."""
 
-    counts: npt.NDArray[np.int64] = field(
-        default_factory=lambda: np.zeros((len(RayKind), 4), dtype=np.int64)
-    )
+    counts: Int64 = field(default_factory=lambda: np.zeros((len(RayKind), 4), dtype=np.int64))
     subsets: int = 0
     holes_hidden: int = 0
     holes_uncovered: int = 0
@@ -183,15 +177,15 @@ class _Tally:
     down: list[Float32] = field(default_factory=list)
     worst: WorstRay | None = None
     worst_score: float = -1.0
-    segments: npt.NDArray[np.int64] | None = None
+    segments: Int64 | None = None
     """The scene's numbers of the model's segments; None: the same."""
 
-    def named(self, segments: Rows) -> Rows:
+    def named(self, segments: AnyInt) -> AnyInt:
         """Give segments of the model the scene's numbers."""
         return segments if self.segments is None else self.segments[segments]
 
     def report(self, tolerance_m: float, seed: int, windows: int = 1) -> HandOffReport:
-        """Sum up."""
+        """Turn the counts and distances of all rays into a report."""
         kinds = tuple(
             KindReport(kind.name.lower(), *(int(n) for n in self.counts[kind])) for kind in RayKind
         )
@@ -256,8 +250,8 @@ class _Prover:
         hit = np.isfinite(first_t)
         missed = strict_misses(first_t, met.base[0], mixed_t, tolerance)
         rows = np.flatnonzero(hit)
-        places = self._judge.places(met, rows)
-        distance = places.distance(mixed, mixed_t[rows], MEASURE_REACH * tolerance)
+        hits = self._judge.hit_places(met, rows)
+        distance = hits.distance(mixed, mixed_t[rows], MEASURE_REACH * tolerance)
         suspects, smoothed = self._judge.holes(met, mixed, mixed_t, rows[distance > tolerance])
         self._tally.smoothed += len(smoothed)
         if len(suspects):
@@ -286,7 +280,7 @@ class _Prover:
         count = options.rays // options.subsets + (index < options.rays % options.subsets)
         rim = rim_base_faces(model.cover_offsets, model.cover_segments, loaded)
         at_rim = count // 2 if len(rim) else 0
-        places = [
+        targets = [
             random_places(
                 model.detail_vertices,
                 model.detail_faces,
@@ -296,20 +290,20 @@ class _Prover:
             )
         ]
         if at_rim:
-            places.append(
+            targets.append(
                 random_places(model.base_vertices, model.base_faces[rim], at_rim, self._rng)
             )
-        return aim_rays(np.concatenate(places), self._top_m, self._rng, ground_m=self._ground_m)
+        return aim_rays(np.concatenate(targets), self._top_m, self._rng, ground_m=self._ground_m)
 
-    def _ground_m(self, places: Float64) -> Float64:
+    def _ground_m(self, points: Float64) -> Float64:
         """Height of the full detail at some places, seen from above; NaN where there is none."""
-        starts = places.copy()
+        starts = points.copy()
         starts[:, 1] = self._top_m + 1.0
         down = np.broadcast_to(np.array([0.0, -1.0, 0.0]), starts.shape)
         t = self._detail.closest_hit(starts, down)[0].astype(np.float64)
         return np.where(np.isfinite(t), self._top_m + 1.0 - t, np.nan)
 
-    def _verify(self, met: Meetings, suspects: Rows, loaded: Bool, hidden: Bool) -> Rows:
+    def _verify(self, met: Meetings, suspects: AnyInt, loaded: Bool, hidden: Bool) -> AnyInt:
         """Judge suspects again against the mixed model itself; returns those that stay holes."""
         if self._built >= MAX_EXACT_SUBSETS:
             self._tally.unverified += len(suspects)
@@ -334,7 +328,7 @@ class _Prover:
         self,
         rays: Rays,
         detail_t: Float32,
-        rows: Rows,
+        rows: AnyInt,
         distance: Float32,
         marks: tuple[Bool, Bool],
         loaded: Bool,
@@ -377,8 +371,8 @@ def _segment_centres(model: HandOffModel) -> Float64:
     return np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
 
 
-def _percentiles(parts: list[Float32]) -> dict[str, float]:
-    values = np.concatenate(parts) if parts else np.empty(0, np.float32)
+def _percentiles(chunks: list[Float32]) -> dict[str, float]:
+    values = np.concatenate(chunks) if chunks else np.empty(0, np.float32)
     if len(values) == 0:
         return {"p50": 0.0, "p99": 0.0, "p99.9": 0.0, "max": 0.0}
     # "lower" never averages a finite distance with an infinite one.
@@ -386,5 +380,5 @@ def _percentiles(parts: list[Float32]) -> dict[str, float]:
     return {"p50": float(p50), "p99": float(p99), "p99.9": float(p999), "max": float(values.max())}
 
 
-def _triple(vector: npt.NDArray[np.floating]) -> tuple[float, float, float]:
+def _triple(vector: AnyFloat) -> tuple[float, float, float]:
     return float(vector[0]), float(vector[1]), float(vector[2])

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Bool, Float32, Int32
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.handoff_rays import Rays, strict_misses
 from terraport_pipeline.mixed_model import (
@@ -20,15 +20,13 @@ from terraport_pipeline.mixed_model import (
     TracedModel,
     face_normals,
 )
-from terraport_pipeline.model import UP, Float32, Int32
+from terraport_pipeline.model import UP
 
 __all__ = ["MEASURE_REACH", "Judge", "Meetings"]
 
 MEASURE_REACH: Final = 4.0
 """Distances are measured up to this many tolerances; what lies further counts by its ray."""
 
-Bool = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.signedinteger]
 Hit = tuple[Float32, Int32]
 
 
@@ -77,7 +75,7 @@ class Judge:
         t[before] = from_t[before] + further
         return Meetings(rays, detail, (t, face), first)
 
-    def places(self, met: Meetings, rows: Rows) -> Places:
+    def hit_places(self, met: Meetings, rows: AnyInt) -> Places:
         """Gather where some rays meet the full detail."""
         model = self._model
         normals = face_normals(model.detail_vertices, model.detail_faces, met.detail[1][rows])
@@ -85,8 +83,8 @@ class Judge:
         return Places(rays.origins[rows], rays.directions[rows], met.detail[0][rows], normals)
 
     def holes(
-        self, met: Meetings, mixed: TracedModel, mixed_t: Float32, rows: Rows
-    ) -> tuple[Rows, Rows]:
+        self, met: Meetings, mixed: TracedModel, mixed_t: Float32, rows: AnyInt
+    ) -> tuple[AnyInt, AnyInt]:
         """Tell which rays find a hole.
 
         Parameters
@@ -110,7 +108,7 @@ class Judge:
         tolerance = self._model.tolerance_m
         rows = rows[mixed_t[rows] > met.detail[0][rows] + tolerance]
         # (1) at the place p: within the tolerance, or as near as the full base
-        now, due = self._nearness(self.places(met, rows), mixed, self._all_base)
+        now, due = self._nearness(self.hit_places(met, rows), mixed, self._all_base)
         left = ~_whole(now, due, tolerance)
         # Where the base stands near p, what is shown must stand there too, give or take the
         # tolerance: nothing further along the ray is an excuse.
@@ -125,40 +123,42 @@ class Judge:
         # (3) the base is nowhere on the ray: ground above or below p is no hole, the base smoothed
         # the thing away; no ground at any height is one, whoever is to blame
         bare = ~np.isfinite(met.base[0][open_rows])
-        bare[bare] = self.places(met, open_rows[bare]).meets_vertical(mixed)
+        bare[bare] = self.hit_places(met, open_rows[bare]).meets_vertical(mixed)
         return np.sort(np.concatenate([certain, open_rows[~bare]])), open_rows[bare]
 
-    def without_base(self, met: Meetings, rows: Rows) -> Bool:
+    def without_base(self, met: Meetings, rows: AnyInt) -> Bool:
         """Tell where there is no base at any height over or under the detail, (len(rows),)."""
-        return ~self.places(met, rows).meets_vertical(self._all_base)
+        return ~self.hit_places(met, rows).meets_vertical(self._all_base)
 
-    def under_base(self, met: Meetings, mixed: TracedModel, rows: Rows) -> Bool:
+    def under_base(self, met: Meetings, mixed: TracedModel, rows: AnyInt) -> Bool:
         """Tell which rays start below the mixed model and not below the full detail."""
         starts = met.rays.origins[rows]
         up = np.tile(np.array(UP, dtype=np.float32), (len(rows), 1))
         below = np.isfinite(mixed.closest(starts, up))
-        found: Bool = below & ~np.isfinite(self._all_detail.closest(starts, up))
-        return found
+        is_under: Bool = below & ~np.isfinite(self._all_detail.closest(starts, up))
+        return is_under
 
-    def _base_is_replaced(self, met: Meetings, mixed: TracedModel, rows: Rows) -> Bool:
+    def _base_is_replaced(self, met: Meetings, mixed: TracedModel, rows: AnyInt) -> Bool:
         """Tell where the mixed model has surface at the place q where the ray meets the base."""
         near = np.zeros(len(rows), dtype=np.bool_)
         at = np.flatnonzero(np.isfinite(met.base[0][rows]))
         some, model, rays = rows[at], self._model, met.rays
         normals = face_normals(model.base_vertices, model.base_faces, met.base[1][some])
-        places = Places(rays.origins[some], rays.directions[some], met.base[0][some], normals)
+        on_base = Places(rays.origins[some], rays.directions[some], met.base[0][some], normals)
         # Where a base face hides, it is the detail that stands for it.
-        near[at] = _whole(*self._nearness(places, mixed, self._all_detail), self._model.tolerance_m)
+        near[at] = _whole(
+            *self._nearness(on_base, mixed, self._all_detail), self._model.tolerance_m
+        )
         return near
 
     def _nearness(
-        self, places: Places, mixed: TracedModel, standing_in: TracedModel
+        self, points: Places, mixed: TracedModel, standing_in: TracedModel
     ) -> tuple[Float32, Float32]:
         """Measure how near the mixed model, and what stands in for it, are to some places."""
         nothing, reach = np.float32(np.inf), MEASURE_REACH * self._model.tolerance_m
         return (
-            places.distance(mixed, nothing, reach),
-            places.distance(standing_in, nothing, reach),
+            points.distance(mixed, nothing, reach),
+            points.distance(standing_in, nothing, reach),
         )
 
 

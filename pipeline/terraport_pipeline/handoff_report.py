@@ -12,14 +12,14 @@ __all__ = ["HandOffOptions", "HandOffReport", "KindReport", "WorstRay"]
 
 @dataclass(frozen=True, slots=True)
 class HandOffOptions:
-    """How hard to look."""
+    """Number of rays and of subsets of loaded segments, and the seed."""
 
     rays: int = 1_000_000
     """Rays in all, shared evenly among the subsets."""
     subsets: int = 100
     """Random sets of loaded segments."""
     seed: int = 0
-    """The same seed gives the same rays."""
+    """Seed of rays and subsets; the same gives the same proof."""
 
     def __post_init__(self) -> None:
         if self.subsets < 1 or self.rays < self.subsets:
@@ -31,7 +31,7 @@ class HandOffOptions:
 
 @dataclass(frozen=True, slots=True)
 class KindReport:
-    """What the rays of one kind found."""
+    """Rays, hits and holes of one vantage point."""
 
     kind: str
     """``"down"``, ``"above"`` or ``"eye"``."""
@@ -63,7 +63,7 @@ class WorstRay:
 
 @dataclass(frozen=True, slots=True)
 class HandOffReport:
-    """What the proof found."""
+    """Counts and distances of the proof that detail replaces base without holes."""
 
     rays: int
     subsets: int
@@ -100,7 +100,7 @@ class HandOffReport:
 
     @property
     def holes(self) -> int:
-        """All holes."""
+        """Number of rays that meet full detail and fall through the mixed model."""
         return self.holes_hidden + self.holes_uncovered
 
     @property

@@ -22,7 +22,7 @@ NICE: Final = (1, 2, 5, 10)
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """One bar: values in [low, high)."""
+    """One bar of a histogram: how many values lie in [low, high)."""
 
     low: float
     high: float

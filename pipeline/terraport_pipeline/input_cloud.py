@@ -46,8 +46,8 @@ def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | Non
         None when they are not there, are damaged, or belong to another build (another origin or
         number of points): a report goes without.
     """
-    place = scene.path.absolute()
-    folder = (work or place.parent / f".{place.name}.work") / "clean"
+    scene_path = scene.path.absolute()
+    folder = (work or scene_path.parent / f".{scene_path.name}.work") / "clean"
     try:
         with (folder / "stage.json").open("rb") as file:
             record = json.loads(file.read(MAX_RECORD_BYTES))

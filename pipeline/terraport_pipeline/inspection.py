@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Int64
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.scene_colour import SceneColour
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
@@ -57,7 +58,7 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
             "name": manifest.name,
             "version": manifest.version,
             "format": f"{manifest.format} {manifest.format_version}",
-            "place": _place(manifest),
+            "place": _extent(manifest),
             "counts": manifest.counts.model_dump(),
             "colour": asdict(SceneColour.of(manifest)),
             "segments": {
@@ -98,7 +99,7 @@ def _regions(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _place(manifest: Manifest) -> dict[str, Any]:
+def _extent(manifest: Manifest) -> dict[str, Any]:
     low, high = np.array(manifest.bounds.min), np.array(manifest.bounds.max)
     east, north, height = manifest.origin
     size = high - low
@@ -121,11 +122,11 @@ def _place(manifest: Manifest) -> dict[str, Any]:
     }
 
 
-def _spread(values: npt.NDArray[np.number] | npt.NDArray[np.int64]) -> dict[str, float]:
+def _spread(values: npt.NDArray[np.number] | Int64) -> dict[str, float]:
     whole = np.issubdtype(values.dtype, np.integer)
-    found = np.percentile(values, [share for _, share in PERCENTILES])
+    percentiles = np.percentile(values, [share for _, share in PERCENTILES])
     spread = {
         name: float(value) if not whole else round(float(value))
-        for (name, _), value in zip(PERCENTILES, found, strict=True)
+        for (name, _), value in zip(PERCENTILES, percentiles, strict=True)
     }
     return {**spread, "mean": round(float(np.mean(values)), 3)}

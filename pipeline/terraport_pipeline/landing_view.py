@@ -12,16 +12,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload import box_distances_m
+from terraport_payload.types import Bool, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.cameras import Camera, eye_level, oblique
 from terraport_pipeline.engines.pictures import Tint
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.geometry.handoff_rays import hidden_base_faces
-from terraport_pipeline.model import Float32, Int32, UInt8
 from terraport_pipeline.scene_model import SceneModel
-from terraport_store import box_distances_m
 
 __all__ = [
     "Landing",
@@ -56,7 +55,7 @@ class Landing:
     position: tuple[float, float, float]
     """On the ground, metres, scene frame."""
     radius_m: float
-    loaded: npt.NDArray[np.bool_]
+    loaded: Bool
     """(S,) True where the segment's box comes within the radius."""
 
 
@@ -93,16 +92,14 @@ def choose_landing(model: SceneModel, rays: RayScene) -> Landing:
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     width = float(np.max((high - low)[[0, 2]]))
     radius = min(LARGEST_RADIUS_M, max(width / 5, 1.0))
-    places = _standing_places(vertices, low, high, rays)
-    scores = [_views(place, radius, rays).max() for place in places]
-    position = tuple(float(value) for value in places[int(np.argmax(scores))])
+    spots = _standing_places(vertices, low, high, rays)
+    scores = [_views(spot, radius, rays).max() for spot in spots]
+    position = tuple(float(value) for value in spots[int(np.argmax(scores))])
     distance = box_distances_m(model.segment_bounds, np.array(position))
     return Landing((position[0], position[1], position[2]), radius, distance <= radius)
 
 
-def _standing_places(
-    vertices: Float32, low: Float32, high: Float32, rays: RayScene
-) -> npt.NDArray[np.float64]:
+def _standing_places(vertices: Float32, low: Float32, high: Float32, rays: RayScene) -> Float64:
     """Places on level ground over the inner half of the scene, (P, 3); at least one."""
     share = (np.arange(CANDIDATES) + 0.5) / CANDIDATES * 0.5 + 0.25
     x, z = np.meshgrid(low[0] + (high - low)[0] * share, low[2] + (high - low)[2] * share)
@@ -121,13 +118,11 @@ def _standing_places(
     # No such place (a cliff, a ring): the vertex nearest to the middle.
     middle = (low + high) / 2
     near = np.argmin(np.square(vertices[:, [0, 2]] - middle[[0, 2]]).sum(axis=1))
-    nearest: npt.NDArray[np.float64] = vertices[near][None].astype(np.float64)
+    nearest: Float64 = vertices[near][None].astype(np.float64)
     return nearest
 
 
-def mixed_mesh(
-    model: SceneModel, loaded: npt.NDArray[np.bool_], camera: Camera, *, tint: float = 0.45
-) -> MixedMesh:
+def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera, *, tint: float = 0.45) -> MixedMesh:
     """Put together what a client shows.
 
     Parameters
@@ -208,9 +203,7 @@ def view_from_above(landing: Landing, aspect: float) -> Camera:
     return oblique(np.array(landing.position) + ring, aspect=aspect, elevation_deg=42.0)
 
 
-def _views(
-    position: npt.NDArray[np.float64], radius_m: float, rays: RayScene
-) -> npt.NDArray[np.float64]:
+def _views(position: Float64, radius_m: float, rays: RayScene) -> Float64:
     """How much there is to see from eye height at a place, per bearing; (LOOKS,)."""
     eye = position + np.array([0.0, EYE_HEIGHT_M, 0.0])
     bearing = np.repeat(np.arange(LOOKS) * 2 * np.pi / LOOKS, 5)
@@ -222,5 +215,5 @@ def _views(
     # Sky counts nothing, near walls little: the logarithm keeps one far hit from deciding alone.
     worth = np.where(np.isfinite(t), np.log1p(np.minimum(t, 4 * radius_m)), 0.0)
     score = worth.reshape(LOOKS, 5).sum(axis=1)
-    spread: npt.NDArray[np.float64] = np.sum([np.roll(score, n) for n in range(-2, 3)], axis=0)
+    spread: Float64 = np.sum([np.roll(score, n) for n in range(-2, 3)], axis=0)
     return spread

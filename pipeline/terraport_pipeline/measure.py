@@ -76,7 +76,7 @@ class Measure:
 
 @dataclass(frozen=True, slots=True)
 class StepCost:
-    """What one step took."""
+    """Wall and CPU seconds of one step of a stage."""
 
     name: str
     """As the progress bar shows it."""
@@ -107,11 +107,11 @@ class StepClock:
         self._progress.start(stage, total, unit)
 
     def advance(self, n: float) -> None:
-        """Pass on."""
+        """Pass progress on to the watcher."""
         self._progress.advance(n)
 
     def done(self, facts: Mapping[str, object]) -> None:
-        """End the step."""
+        """Note the step's cost and pass its end on to the watcher."""
         self._end()
         self._progress.done(facts)
 

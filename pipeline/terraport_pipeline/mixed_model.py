@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Bool, Float32, Int32
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = [
     "BuiltModel",
@@ -36,9 +35,6 @@ START_BEHIND: Final = 1e-3
 """Share of the reach by which a measuring ray starts behind its place: a surface that lies in the
 very place must not be missed by rounding."""
 
-Bool = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.signedinteger]
-
 
 @dataclass(frozen=True, slots=True)
 class HandOffModel:
@@ -55,10 +51,10 @@ class HandOffModel:
     """(W, 3) metres, scene frame."""
     base_faces: Int32
     """(B, 3)."""
-    cover_offsets: npt.NDArray[np.integer]
+    cover_offsets: AnyInt
     """(B + 1,) where each base face's segments begin in ``cover_segments``."""
-    cover_segments: npt.NDArray[np.integer]
-    """Segment ids."""
+    cover_segments: AnyInt
+    """Segment ids of all lists, one after another."""
     tolerance_m: float
     """How far apart the two levels may lie (the manifest's ``hand_off.tolerance_m``)."""
 
@@ -132,7 +128,7 @@ class BuiltModel:
         self._rays = RayScene(np.concatenate([model.detail_vertices, model.base_vertices]), faces)
 
     def closest(self, origins: Float32, directions: Float32) -> Float32:
-        """Distance to the nearest face; (R,)."""
+        """Distance along each ray to the nearest face, (R,); infinite where it meets none."""
         return self._rays.closest_hit(origins, directions)[0]
 
 
@@ -165,13 +161,13 @@ class Places:
                 best[apart] = np.minimum(best[apart], length)
         return best
 
-    def meets_vertical(self, model: TracedModel) -> npt.NDArray[np.bool_]:
+    def meets_vertical(self, model: TracedModel) -> Bool:
         """Tell where the model has surface above or below, at whatever height; (R,)."""
         up = np.broadcast_to(np.array([0, 1, 0], dtype=np.float32), self._points.shape)
         points = self._points.astype(np.float32)
         above = np.isfinite(model.closest(points, np.ascontiguousarray(up)))
-        found: npt.NDArray[np.bool_] = above | np.isfinite(model.closest(points, -up))
-        return found
+        meets: Bool = above | np.isfinite(model.closest(points, -up))
+        return meets
 
 
 def face_normals(vertices: Float32, faces: Int32, face: Int32) -> Float32:

@@ -21,24 +21,18 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, UInt8
+
 __all__ = [
     "UP",
     "Cloud",
     "Crs",
-    "Float32",
-    "Float64",
-    "Int32",
     "Mesh",
     "Survey",
-    "UInt8",
     "to_crs",
     "to_scene",
 ]
 
-Float32 = npt.NDArray[np.float32]
-Float64 = npt.NDArray[np.float64]
-Int32 = npt.NDArray[np.int32]
-UInt8 = npt.NDArray[np.uint8]
 
 UP: Final = (0.0, 1.0, 0.0)
 """The scene frame's vertical, unit length."""
@@ -137,7 +131,7 @@ def to_scene(points: Float64, origin: Float64) -> Float32:
     return np.stack([local[:, 0], local[:, 2], -local[:, 1]], axis=1).astype(np.float32)
 
 
-def to_crs(positions: npt.NDArray[np.floating], origin: Float64) -> Float64:
+def to_crs(positions: AnyFloat, origin: Float64) -> Float64:
     """Convert scene positions back to the CRS frame; the inverse of :func:`to_scene`.
 
     Parameters

@@ -15,12 +15,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.photo_store import SCALES
 from terraport_pipeline.engines.photos import OpenPhotos, named
 from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.geometry.photo_agreement import correlation, moved_correlations
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["Agreement", "agreements", "checked_photos"]
 
@@ -81,8 +81,8 @@ class Agreement:
 
     def disagrees(self, limit: float = _DISAGREES) -> bool:
         """Whether every witness speaks against it, and there is one."""
-        told = [one for one in (self.cloud, self.others) if one is not None]
-        return bool(told) and max(told) < limit and not self.moved >= _RIGHT_BESIDE
+        correlations = [one for one in (self.cloud, self.others) if one is not None]
+        return bool(correlations) and max(correlations) < limit and not self.moved >= _RIGHT_BESIDE
 
     @property
     def is_moved(self) -> bool:
@@ -92,7 +92,7 @@ class Agreement:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sampled:
-    """What a photo shows of some points."""
+    """Brightness of a photo around the points that it sees, and where they lie in it."""
 
     picture: Float32
     rows: npt.NDArray[np.intp]
@@ -104,9 +104,9 @@ class _Sampled:
 
     @property
     def levels(self) -> Float32:
-        """Level of every point."""
-        found: Float32 = self.picture[self.row, self.column]
-        return found
+        """Brightness at every point that the photo sees, (P,)."""
+        levels: Float32 = self.picture[self.row, self.column]
+        return levels
 
 
 def checked_photos(opened: OpenPhotos, points: Float32, colours: UInt8 | None) -> OpenPhotos:
@@ -125,12 +125,17 @@ def checked_photos(opened: OpenPhotos, points: Float32, colours: UInt8 | None) -
     OpenPhotos
         With more warnings. May be empty: then nothing is known of the surface but the cloud.
     """
+    # (1) Which photos disagree with the others and the cloud. Where most do, the measure itself
+    # is in doubt (a cloud of other colours): only the plainest cases count.
     damaged: dict[int, PhotoError] = {}
-    found = agreements(opened, points, colours, damaged)
+    agreement_of = agreements(opened, points, colours, damaged)
     names = [view.name for view in opened.views]
-    wrong = [number for number, one in found.items() if one.disagrees()]
-    if 2 * len(wrong) > len(found):
-        wrong = [number for number, one in found.items() if one.disagrees(_DISAGREES_STRICTLY)]
+    wrong = [number for number, one in agreement_of.items() if one.disagrees()]
+    if 2 * len(wrong) > len(agreement_of):
+        wrong = [
+            number for number, one in agreement_of.items() if one.disagrees(_DISAGREES_STRICTLY)
+        ]
+    # (2) What is left out, in words.
     texts = []
     if damaged:
         texts.append(
@@ -144,7 +149,8 @@ def checked_photos(opened: OpenPhotos, points: Float32, colours: UInt8 | None) -
             "left out: are they of this survey, under their own names, and not turned?"
         )
     kept = [n for n in range(len(names)) if n not in damaged and n not in wrong]
-    moved = [found[n] for n in kept if n in found and found[n].is_moved]
+    # (3) What the photos that stay have in common, which is no reason to leave any out.
+    moved = [agreement_of[n] for n in kept if n in agreement_of and agreement_of[n].is_moved]
     if 2 * len(moved) > len(kept) > 0:
         texts.append(
             f"{len(moved):,} of {len(kept):,} photos lie about "
@@ -152,13 +158,15 @@ def checked_photos(opened: OpenPhotos, points: Float32, colours: UInt8 | None) -
             "smeared: look at the cameras' coordinates (--camera-offset) and at the survey's "
             "coordinate reference system"
         )
-    brighter = float(np.median([found[n].brighter for n in kept if n in found] or [1.0]))
+    brighter = float(
+        np.median([agreement_of[n].brighter for n in kept if n in agreement_of] or [1.0])
+    )
     if not 1.0 / _BRIGHTER <= brighter <= _BRIGHTER:
         texts.append(
             f"the photos have {brighter:.2g} times the light of the cloud's colours, and textures "
             "follow the photos: are they over- or under-exposed?"
         )
-    if 2 * len(moved) <= len(kept) and _median_of(found, kept) < _DISAGREES:
+    if 2 * len(moved) <= len(kept) and _median_of(agreement_of, kept) < _DISAGREES:
         texts.append(
             "the photos agree with each other and not with the cloud's colours: what no photo "
             "shows will look different"
@@ -168,9 +176,11 @@ def checked_photos(opened: OpenPhotos, points: Float32, colours: UInt8 | None) -
     return opened.only(kept, texts)
 
 
-def _median_of(found: dict[int, Agreement], kept: list[int]) -> float:
-    told = [one.cloud for n, one in found.items() if n in kept and one.cloud is not None]
-    return float(np.median(told)) if told else 1.0
+def _median_of(agreement_of: dict[int, Agreement], kept: list[int]) -> float:
+    correlations = [
+        one.cloud for n, one in agreement_of.items() if n in kept and one.cloud is not None
+    ]
+    return float(np.median(correlations)) if correlations else 1.0
 
 
 def agreements(
@@ -190,15 +200,17 @@ def agreements(
     dict of int to Agreement
         By number; photos with too few points are not in it.
     """
-    places = points.astype(np.float64)
+    positions = points.astype(np.float64)
     light = None if colours is None else colours.astype(np.float32).mean(axis=1)
     if light is not None and float(light.std()) == 0.0:
         light = None
+    # (1) Sample every photo at the points that it sees. Invariant: total and count are the sums
+    # of all readable photos' standardised levels by point.
     sampled: dict[int, _Sampled] = {}
-    total, count = np.zeros(len(places)), np.zeros(len(places), np.int64)
+    total, count = np.zeros(len(positions)), np.zeros(len(positions), np.int64)
     for number in range(len(opened.views)):
         try:
-            one = _sample(opened, number, places)
+            one = _sample(opened, number, positions)
         except PhotoError as error:
             damaged[number] = error
             continue
@@ -206,11 +218,13 @@ def agreements(
             sampled[number] = one
             total[one.rows] += _standard(one.levels)
             count[one.rows] += 1
-    found = {}
+    agreement_of = {}
     for number, one in sampled.items():
+        # (2) The other photos as a witness: their mean without this photo's own.
         shared = count[one.rows] > 1
         own = _standard(one.levels)
         mean = (total[one.rows] - own) / np.maximum(count[one.rows] - 1, 1)
+        # (3) The cloud as a witness, and whether it agrees better some pixels away.
         cloud = None if light is None else _witness(one.levels, light[one.rows])
         moved, move_m = 0.0, 0.0
         if light is not None and cloud is not None:
@@ -219,7 +233,7 @@ def agreements(
             away = float(np.hypot(dx - one.reach, dy - one.reach))
             if away >= _LEAST_MOVE_PX:
                 moved, move_m = float(near.max()), away * one.pixel_m
-        found[number] = Agreement(
+        agreement_of[number] = Agreement(
             len(one.rows),
             cloud,
             _witness(own[shared], mean[shared], least=0.0),
@@ -227,17 +241,17 @@ def agreements(
             move_m,
             1.0 if light is None else _light(one.levels) / _light(light[one.rows]),
         )
-    return found
+    return agreement_of
 
 
-def _sample(opened: OpenPhotos, number: int, places: Float64) -> _Sampled | None:
+def _sample(opened: OpenPhotos, number: int, positions: Float64) -> _Sampled | None:
     """Look at the points in a photo; None where they are too few."""
     view = opened.views[number]
     lens = view.lens
     longest = max(lens.width, lens.height)
     scale = next((one for one in SCALES if longest / one <= _PICTURE_PX), SCALES[-1])
     picture = opened.photos.get(number, scale).astype(np.float32).mean(axis=2)
-    pixels, depth = view.project(places)
+    pixels, depth = view.project(positions)
     size = np.array([picture.shape[1] / lens.width, picture.shape[0] / lens.height])
     at = pixels * size
     reach = max(1, round(_REACH_SHARE * max(picture.shape)))
@@ -267,10 +281,10 @@ def _standard(levels: Float32) -> Float64:
 
 
 def _witness(
-    levels: npt.NDArray[np.floating],
-    told: npt.NDArray[np.floating],
+    levels: AnyFloat,
+    reference: AnyFloat,
     least: float = _LEAST_CONTRAST,
 ) -> float | None:
-    if len(told) < _LEAST_POINTS or not float(told.std()) > least:
+    if len(reference) < _LEAST_POINTS or not float(reference.std()) > least:
         return None
-    return correlation(levels, told)
+    return correlation(levels, reference)

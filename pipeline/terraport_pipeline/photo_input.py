@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict, astuple, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import numpy as np
 import xxhash
 
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras, read_raw_cameras
 from terraport_pipeline.engines.camera_files.raw_cameras import RawCameras
 from terraport_pipeline.engines.photo_store import photo_size
@@ -21,13 +22,14 @@ from terraport_pipeline.engines.photos import (
     open_photos,
 )
 from terraport_pipeline.errors import OptionError, PhotoError
-from terraport_pipeline.model import Crs, Float32, Float64, Survey, UInt8, to_scene
+from terraport_pipeline.model import Crs, Survey, to_scene
+from terraport_pipeline.option import COMMON, OFFSET, Option
 from terraport_pipeline.photo_check import checked_photos
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import texture
 from terraport_pipeline.workdir import file_digest
 
-__all__ = ["FoundPhotos", "Texturing", "camera_samples"]
+__all__ = ["LocatedPhotos", "Texturing", "camera_samples"]
 
 _MAX_SAMPLES: Final = 20_000
 """Points of the cloud that the cameras are tried on."""
@@ -38,12 +40,18 @@ class Texturing:
     """What a build is asked for in the way of textures."""
 
     options: texture.Options = field(default_factory=texture.Options)
-    photos: Path | None = None
-    """Folder of the photos; None with textures from vertex colours."""
-    cameras: Path | None = None
-    """File or project folder; looked for in the photos' folder and the one above by default."""
-    camera_offset: tuple[float, float, float] | None = None
-    """East, north, height to add to the cameras' coordinates; found by itself where stated."""
+    photos: Annotated[Path | None, Option(heading=COMMON)] = None
+    """Folder of the survey's photos: the scene gets textures from them."""
+    cameras: Annotated[
+        Path | None, Option(heading=COMMON, unset="looked for in the photos' folder and above it")
+    ] = None
+    """Where the photos were taken: file or project folder of COLMAP, OpenSfM, OpenDroneMap, Pix4D,
+    Metashape or Bundler."""
+    camera_offset: Annotated[
+        tuple[float, float, float] | None,
+        Option(notation=OFFSET, unset="found where the cameras' files state it"),
+    ] = None
+    """Metres east, north and up to add to the cameras' coordinates."""
 
     def __post_init__(self) -> None:
         if self.options.source == "vertex" and (self.photos or self.cameras):
@@ -52,9 +60,12 @@ class Texturing:
                 "--photos, or --texture-from vertex"
             )
         if self.options.source == "photos" and self.photos is None:
-            raise OptionError("cameras without photos; give the folder of the photos with --photos")
+            raise OptionError(
+                "options of cameras or textures without photos; expected the folder of the photos "
+                "with --photos, or --texture-from vertex"
+            )
 
-    def find(self, progress: Progress) -> FoundPhotos | None:
+    def find(self, progress: Progress) -> LocatedPhotos | None:
         """Find cameras and photos and hash them; None with textures from vertex colours.
 
         Raises
@@ -73,40 +84,45 @@ class Texturing:
         cameras = self.cameras or _beside(self.photos)
         raw = read_raw_cameras(cameras, partial(_size_of, self.photos))
         # Names and sizes are all that is looked at; poses in the scene need the cloud.
-        found = find_photos(self.photos, raw.cameras)
+        path_of_photo = find_photos(self.photos, raw.cameras)
         refused: dict[str, PhotoError] = {}
         for camera in raw.cameras:
-            if camera.name in found:
+            if camera.name in path_of_photo:
                 try:
-                    fit_lens(camera.lens, found[camera.name])
+                    fit_lens(camera.lens, path_of_photo[camera.name])
                 except PhotoError as error:
                     refused[camera.name] = error
-        if len(refused) == len(found):
+        if len(refused) == len(path_of_photo):
             raise none_usable(refused)
-        progress.start("texture: checksum of the photos", float(len(found)), "photos")
+        progress.start("texture: checksum of the photos", float(len(path_of_photo)), "photos")
         digest = xxhash.xxh3_64()
-        for name in sorted(found):
-            digest.update(f"{name}\0{file_digest(found[name])}\0".encode())
+        for name in sorted(path_of_photo):
+            digest.update(f"{name}\0{file_digest(path_of_photo[name])}\0".encode())
             progress.advance(1)
-        left_out = len(raw.cameras) - len(found) + len(refused)
-        progress.done({"photos": len(found) - len(refused), "left out": left_out})
-        return FoundPhotos(
-            self, cameras, len(found), digest.hexdigest(), _digest_of_cameras(raw), raw.format
+        left_out = len(raw.cameras) - len(path_of_photo) + len(refused)
+        progress.done({"photos": len(path_of_photo) - len(refused), "left out": left_out})
+        return LocatedPhotos(
+            self,
+            cameras,
+            len(path_of_photo),
+            digest.hexdigest(),
+            _digest_of_cameras(raw),
+            raw.format,
         )
 
-    def recorded(self, found: FoundPhotos | None) -> dict[str, Any]:
+    def recorded(self, photos: LocatedPhotos | None) -> dict[str, Any]:
         """Return what changes the published bytes, as the manifest records it."""
-        told: dict[str, Any] = asdict(self.options)
-        if found is not None:
-            told["photos"] = {"count": found.count, "xxh3": found.photos_xxh3}
-            told["cameras"] = {"format": found.format, "xxh3": found.cameras_xxh3}
-            told["camera_offset"] = None if self.camera_offset is None else [*self.camera_offset]
-        return told
+        values: dict[str, Any] = asdict(self.options)
+        if photos is not None:
+            values["photos"] = {"count": photos.count, "xxh3": photos.photos_xxh3}
+            values["cameras"] = {"format": photos.format, "xxh3": photos.cameras_xxh3}
+            values["camera_offset"] = None if self.camera_offset is None else [*self.camera_offset]
+        return values
 
 
 @dataclass(frozen=True, slots=True)
-class FoundPhotos:
-    """Cameras and photos that are there."""
+class LocatedPhotos:
+    """Cameras whose photos were located and hashed, before they are placed in a scene."""
 
     asked: Texturing
     cameras: Path
@@ -148,7 +164,7 @@ class FoundPhotos:
         folder = self.asked.photos
         assert folder is not None
         samples = camera_samples(points)
-        known = read_cameras(
+        placed = read_cameras(
             self.cameras,
             origin=origin,
             crs=crs,
@@ -156,11 +172,11 @@ class FoundPhotos:
             samples=samples.astype(np.float64),
             photo_size=partial(_size_of, folder),
         )
-        opened = open_photos(known.views, folder, max_bytes=max_bytes)
+        opened = open_photos(placed.views, folder, max_bytes=max_bytes)
         checked = checked_photos(
             opened, samples, None if colours is None else camera_samples(colours)
         )
-        return replace(checked, warnings=(*known.warnings, *checked.warnings))
+        return replace(checked, warnings=(*placed.warnings, *checked.warnings))
 
     def try_on(self, survey: Survey, progress: Progress) -> None:
         """Say at once, before hours of work, whether cameras and photos show the survey.
@@ -213,12 +229,12 @@ def _beside(photos: Path) -> Path:
 
 
 def _digest_of_cameras(raw: RawCameras) -> str:
-    """Hash what was read, to the last bit."""
+    """Hash lenses, poses and frames to the last bit: a key for the textures."""
     digest = xxhash.xxh3_64()
     for camera in raw.cameras:
         digest.update(f"{camera.name}\0{astuple(camera.lens)!r}\0".encode())
         digest.update(np.ascontiguousarray(camera.rotation, dtype="<f8").tobytes())
         digest.update(np.ascontiguousarray(camera.centre, dtype="<f8").tobytes())
     for frame in raw.frames:
-        digest.update(repr((frame.kind, frame.offset, frame.place, frame.crs)).encode())
+        digest.update(repr((frame.kind, frame.offset, frame.geodetic, frame.crs)).encode())
     return digest.hexdigest()

@@ -65,16 +65,16 @@ class Progress(Protocol):
 
 
 class NullProgress:
-    """Says nothing."""
+    """Progress for callers that watch nothing."""
 
     def start(self, stage: str, total: float | None, unit: str) -> None:
-        """Do nothing."""
+        """Ignore the start of a step."""
 
     def advance(self, n: float) -> None:
-        """Do nothing."""
+        """Ignore the progress of a step."""
 
     def done(self, facts: Mapping[str, object]) -> None:
-        """Do nothing."""
+        """Ignore the end of a step."""
 
 
 class RichProgress:
@@ -142,11 +142,11 @@ class RichProgress:
         if self._task is None:
             return
         total = self._total if self._total is not None else max(self._amount, 1.0)
-        told = "  ".join(f"{name} {_format_fact(value)}" for name, value in facts.items())
-        self._bars.update(self._task, total=total, completed=total, facts=told)
+        text = "  ".join(f"{name} {_format_fact(value)}" for name, value in facts.items())
+        self._bars.update(self._task, total=total, completed=total, facts=text)
         self._bars.stop_task(self._task)
         if not self._console.is_terminal:
-            self._console.print(f"{self._stage}: done  {told}".rstrip(), highlight=False)
+            self._console.print(f"{self._stage}: done  {text}".rstrip(), highlight=False)
         self._task = None
 
 

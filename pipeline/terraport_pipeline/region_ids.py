@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import Float32, Float64, Int32, UInt32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.region_match import carry_ids, match_regions, region_overlaps
 from terraport_pipeline.geometry.surface_samples import SurfaceSamples, surface_samples
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import Progress
 from terraport_store import (
     CorruptPayloadError,
@@ -57,17 +57,17 @@ class Surface(Protocol):
 
     @property
     def face_count(self) -> int:
-        """Faces of the detail."""
+        """Number of faces of the detail."""
         ...
 
     @property
     def origin(self) -> Float64:
-        """(3,) E0, N0, H0."""
+        """Easting, northing and height of the scene's origin, (3,) metres."""
         ...
 
     @property
     def crs(self) -> CrsInfo | None:
-        """Of the survey."""
+        """Coordinate reference system of the survey; None where it states none."""
         ...
 
     def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
@@ -80,7 +80,7 @@ class Surface(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewSurface:
-    """A surface that is in memory."""
+    """The new version's detail, held in memory as a whole."""
 
     detail: Mesh
     segments: Int32
@@ -93,7 +93,7 @@ class NewSurface:
 
     @property
     def face_count(self) -> int:
-        """Faces of the detail."""
+        """Number of faces of the detail."""
         return len(self.segments)
 
     def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
@@ -119,10 +119,10 @@ class NumberedRegions:
 
 @dataclass(slots=True)
 class _Before:
-    """What is known of the version before."""
+    """Ids, samples and labels of the version before, as far as they could be read."""
 
     first_free: int = 0
-    ids: npt.NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    ids: UInt32 = field(default_factory=lambda: np.zeros(0, np.uint32))
     samples: SurfaceSamples = field(default_factory=lambda: SurfaceSamples.joined([]))
     labels: Mapping[int, str] = field(default_factory=dict)
     at_least: int = _LEAST_SAMPLES[1]
@@ -158,6 +158,7 @@ def number_regions(
     DamagedSceneError
         Neither the scene before nor its labels can be read.
     """
+    # (1) Match the regions to those of the version before, by the surface they share.
     before = _before(scene, surface, progress)
     rows = facts["regions"]
     new = (
@@ -172,6 +173,8 @@ def number_regions(
             f"stable ids up to {first_free - 1}; expected at most {MAX_STABLE_ID}: build the scene "
             "in a new place"
         )
+    # (2) The document: stable ids beside the numbers of this version. Invariant: an id is never
+    # given to another region, not even after its own has gone.
     document = {
         "next_stable_id": first_free,
         **{key: value for key, value in facts.items() if key != "regions"},
@@ -180,6 +183,7 @@ def number_regions(
             for row, number in zip(rows, ids.tolist(), strict=True)
         ],
     }
+    # (3) What was carried over, and labels that lost their region.
     kept = len(matched[0])
     counts = {
         "regions_kept": kept,
@@ -200,36 +204,36 @@ def number_regions(
 
 def _before(scene: Path, surface: Surface, progress: Progress) -> _Before:
     """Read ids, samples and labels of the published version, as far as they can be read."""
-    found = _Before()
+    before = _Before()
     try:
         with Scene.open(scene) as opened:
             names = RegionNames.of(opened.regions, file=opened.manifest.files["regions.json"].path)
             if names.stable_ids is not None:
-                found.first_free, found.ids = names.next_stable_id, names.stable_ids
+                before.first_free, before.ids = names.next_stable_id, names.stable_ids
                 if _same_crs(opened.manifest.crs, surface.crs):
                     pieces = int(opened.index.region_count.sum(dtype=np.int64))
                     fewest, most = _LEAST_SAMPLES
-                    found.at_least = min(most, max(fewest, _SAMPLES // max(1, pieces)))
-                    found.samples = _old_samples(opened, found, surface, progress)
+                    before.at_least = min(most, max(fewest, _SAMPLES // max(1, pieces)))
+                    before.samples = _old_samples(opened, before, surface, progress)
                 else:
-                    found.warnings.append(
+                    before.warnings.append(
                         "the scene published before is in another coordinate reference system: all "
                         "regions get new stable ids"
                     )
     except SceneNotFoundError:
-        return found
+        return before
     except DamagedSceneError as error:
         labels = read_labels(scene)
-        found.first_free = max(labels, default=-1) + 1
-        found.warnings.append(
+        before.first_free = max(labels, default=-1) + 1
+        before.warnings.append(
             f"the scene published before cannot be read ({error}): all regions get new stable ids"
         )
-        return found
+        return before
     try:
-        found.labels = read_labels(scene)
+        before.labels = read_labels(scene)
     except DamagedSceneError as error:
-        found.warnings.append(f"labels cannot be read ({error}); restore or delete labels.json")
-    return found
+        before.warnings.append(f"labels cannot be read ({error}); restore or delete labels.json")
+    return before
 
 
 def _old_samples(
@@ -239,23 +243,29 @@ def _old_samples(
     shift = _shift(np.array(scene.manifest.origin), surface.origin)
     per_sample = _faces_per_sample(int(scene.index.face_count.sum(dtype=np.int64)))
     progress.start("pack: regions before", float(len(scene.index)), "segments")
-    parts, unread = [], 0
+    samples_of_segments, unread = [], 0
     for segment in range(len(scene.index)):
         try:
             mesh = decode_glb(scene.payload(segment))
         except (CorruptPayloadError, PayloadError):
             unread += 1  # its ground counts as new; the rest is still matched
         else:
-            part = surface_samples(
+            samples = surface_samples(
                 mesh.positions,
                 mesh.faces,
                 _labels(mesh, int(scene.index.region[segment])),
                 faces_per_sample=per_sample,
                 at_least=before.at_least,
             )
-            known = part.labels < len(before.ids)  # regions.json may lack what a payload names
-            parts.append(
-                SurfaceSamples(part.points[known] + shift, part.labels[known], part.areas[known])
+            has_region = samples.labels < len(
+                before.ids
+            )  # regions.json may lack what a payload names
+            samples_of_segments.append(
+                SurfaceSamples(
+                    samples.points[has_region] + shift,
+                    samples.labels[has_region],
+                    samples.areas[has_region],
+                )
             )
         progress.advance(1)
     if unread:
@@ -263,8 +273,8 @@ def _old_samples(
             f"{unread} of {len(scene.index)} segments of the scene published before cannot be "
             "read: regions there may get new stable ids"
         )
-    progress.done({"samples": sum(len(part.labels) for part in parts)})
-    return SurfaceSamples.joined(parts)
+    progress.done({"samples": sum(len(samples.labels) for samples in samples_of_segments)})
+    return SurfaceSamples.joined(samples_of_segments)
 
 
 def _labels(mesh: SegmentMesh, region: int) -> Int32:

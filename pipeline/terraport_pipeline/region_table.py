@@ -53,9 +53,9 @@ def region_rows(
     """
     rows = []
     for region, facts in enumerate(document.get("regions", [])):
-        told: Mapping[str, Any] = facts if isinstance(facts, Mapping) else {}
-        x, y, z = _numbers(told.get("centroid"))
-        height, slope = told.get("height_m"), told.get("slope_deg")
+        values: Mapping[str, Any] = facts if isinstance(facts, Mapping) else {}
+        x, y, z = _numbers(values.get("centroid"))
+        height, slope = values.get("height_m"), values.get("slope_deg")
         span: Mapping[str, Any] = height if isinstance(height, Mapping) else {}
         steep: Mapping[str, Any] = slope if isinstance(slope, Mapping) else {}
         rows.append(
@@ -63,16 +63,16 @@ def region_rows(
                 "stable_id": names.stable_id(region),
                 "label": names.label(region) or "",
                 "region": region,
-                "area_m2": _number(told.get("area_m2")),
-                "faces": _number(told.get("faces")),
+                "area_m2": _number(values.get("area_m2")),
+                "faces": _number(values.get("faces")),
                 "east_m": _sum(origin[0], x, 1),
                 "north_m": _sum(origin[1], z, -1),
                 "height_m": _sum(origin[2], y, 1),
                 "lowest_m": _sum(origin[2], _number(span.get("min")), 1),
                 "highest_m": _sum(origin[2], _number(span.get("max")), 1),
-                "mean_colour": _css(told.get("mean_colour")),
+                "mean_colour": _css(values.get("mean_colour")),
                 "slope_deg": _number(steep.get("mean")),
-                "roughness_m": _number(told.get("roughness_m")),
+                "roughness_m": _number(values.get("roughness_m")),
             }
         )
     rows.sort(key=lambda row: (-(_number(row["area_m2"]) or 0.0), row["region"]))
@@ -116,11 +116,11 @@ def read_label_changes(path: Path, names: RegionNames) -> dict[int, str | None]:
         The file cannot be read.
     """
     numbers = [] if names.stable_ids is None else names.stable_ids.tolist()
-    known = {number: region for region, number in enumerate(numbers)}
+    region_of_id = {number: region for region, number in enumerate(numbers)}
     changes: dict[int, str | None] = {}
     first_line: dict[int, int] = {}
     for line, number_text, label in _rows(path):
-        number = _stable_id(path, line, number_text, known)
+        number = _stable_id(path, line, number_text, region_of_id)
         if number in changes:
             raise LabelFileError(
                 path,
@@ -133,7 +133,9 @@ def read_label_changes(path: Path, names: RegionNames) -> dict[int, str | None]:
         fault = label_fault(text) if text else None
         if fault is not None:
             raise LabelFileError(path, line, fault, "shorten or retype it")
-        given = text and number not in names.labels and text == names.given.get(known[number])
+        given = (
+            text and number not in names.labels and text == names.given.get(region_of_id[number])
+        )
         if not given:
             changes[number] = text or None
     return changes
@@ -171,7 +173,7 @@ def _rows(path: Path) -> Iterator[tuple[int, str, str]]:
 
 
 def _columns(path: Path, line: int, header: list[str]) -> tuple[int, int]:
-    """Places of the two columns that count."""
+    """Find the columns of stable id and label in a table's header."""
     names = [cell.strip().lower() for cell in header]
     for wanted in ("stable_id", "label"):
         if names.count(wanted) != 1:
@@ -182,15 +184,15 @@ def _columns(path: Path, line: int, header: list[str]) -> tuple[int, int]:
     return names.index("stable_id"), names.index("label")
 
 
-def _stable_id(path: Path, line: int, text: str, known: Mapping[int, int]) -> int:
+def _stable_id(path: Path, line: int, text: str, region_of_id: Mapping[int, int]) -> int:
     number = int(text) if re.fullmatch(r"\s*[0-9]{1,10}\s*", text, re.ASCII) else None
-    if number is None or number not in known:
-        last = max(known, default=0)
+    if number is None or number not in region_of_id:
+        last = max(region_of_id, default=0)
         raise LabelFileError(
             path,
             line,
-            f"stable id {text.strip()!r}, expected one of the scene's {len(known)} "
-            f"({min(known, default=0)} to {last})",
+            f"stable id {text.strip()!r}, expected one of the scene's {len(region_of_id)} "
+            f"({min(region_of_id, default=0)} to {last})",
             _EXPORT,
         )
     return number

@@ -48,7 +48,7 @@ THINNED_FACES: Final = 6_000_000
 
 @dataclass(frozen=True, slots=True)
 class ReportOptions:
-    """What goes into a report."""
+    """Size of the pictures and effort of the proof."""
 
     pictures: PictureOptions = field(default_factory=PictureOptions)
     rays: int = 200_000
@@ -59,7 +59,7 @@ class ReportOptions:
 
 @dataclass(frozen=True, slots=True)
 class ReportResult:
-    """What was written."""
+    """The page that was written, its pictures, and the proof's report."""
 
     path: Path
     bytes: int
@@ -111,12 +111,14 @@ def write_report(
     OptionError
         When the output cannot be written where it is asked for.
     """
+    # (1) Refuse a page that cannot be written before anything is drawn.
     chosen, watcher = options or ReportOptions(), progress or NullProgress()
     target = output or scene_path / REPORT_NAME
     if not target.absolute().parent.is_dir():
         raise OptionError(
             f"received the output {target}, expected an existing folder {target.parent}"
         )
+    # (2) Facts and pictures; a scene too large for memory is drawn thinned.
     with Scene.open(scene_path) as scene:
         points = cloud(scene) if cloud is not None else None
         facts = collect_facts(scene, has_input=points is not None)
@@ -129,6 +131,7 @@ def write_report(
             if photos is not None and textures:
                 beside = _Beside(photos, find_vertex_colours(scene, work), compared)
             overview, landing, proof = _look_at(scene, points, chosen, watcher, beside)
+    # (3) One page with everything inside, put in its place in one step.
     page = (
         page_templates()
         .get_template("report.html.j2")
@@ -148,12 +151,12 @@ def write_report(
 
 @dataclass(frozen=True, slots=True)
 class _Beside:
-    """What a textured scene is shown beside."""
+    """Photos and vertex colours that a textured scene is compared with."""
 
     photos: Callable[[SceneModel], OpenPhotos]
     plain: VertexColours | None
     pictures: list[Picture]
-    """Filled."""
+    """Gets the pictures that were drawn."""
 
 
 def _look_at(

@@ -30,7 +30,7 @@ class ReportFacts:
     """Everything the page says beside the pictures."""
 
     name: str
-    place: str
+    extent: str
     """CRS and size, one line."""
     cards: tuple[dict[str, str], ...]
     warnings: tuple[str, ...]
@@ -63,6 +63,7 @@ def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
     -------
     ReportFacts
     """
+    # (1) Distributions, regions, stages: what index and records say.
     manifest, index = scene.manifest, scene.index
     faces, lengths = histogram(index.face_count), histogram(index.length)
     assert faces is not None  # a scene has at least one segment
@@ -70,12 +71,13 @@ def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
     columns, regions, note = _regions(scene)
     record = read_build_record(scene.path)
     stages, stages_note = _stages(record)
+    # (2) Size and frame: what the manifest says. Values stay plain, words and units are theirs.
     total = sum(info.bytes for info in manifest.files.values())
     size = np.array(manifest.bounds.max) - np.array(manifest.bounds.min)
     crs = manifest.crs.name if manifest.crs else "no coordinate reference system stated"
     return ReportFacts(
         name=manifest.name,
-        place=f"{crs} · {size[0]:,.0f} m east-west, {size[2]:,.0f} m north-south, "
+        extent=f"{crs} · {size[0]:,.0f} m east-west, {size[2]:,.0f} m north-south, "
         f"{size[1]:,.1f} m high",
         cards=_cards(scene, total),
         warnings=manifest.build.warnings,
@@ -176,6 +178,7 @@ def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:
 
 def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...], str]:
     """Table of the largest regions: columns, rows, and a note."""
+    # (1) Names and labels; damaged labels cost the labels, not the table.
     try:
         names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
     except DamagedSceneError as error:
@@ -185,6 +188,7 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
         names = names.with_labels(read_labels(scene.path))
     except DamagedSceneError as error:
         problem = f" Labels are left out: {error}."
+    # (2) One row per region, largest first.
     rows = region_rows(names, scene.regions, scene.manifest.origin)
     colours = distinct_colours(len(rows))
     columns: tuple[str, ...] = (
@@ -204,6 +208,7 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
         }
         for row in rows[:MAX_REGIONS]
     ]
+    # (3) Only columns that say something.
     # A column that nobody filled is not shown.
     filled = [
         any(row["cells"][index]["text"] or row["cells"][index]["swatch"] for row in table)
@@ -228,11 +233,11 @@ def _region_cells(row: Mapping[str, Any]) -> list[dict[str, str]]:
     low, high = row["lowest_m"], row["highest_m"]
     texts = (
         row["label"],
-        _told(row["area_m2"], "{:,.0f}"),
-        _told(row["faces"], "{:,.0f}"),
+        _formatted(row["area_m2"], "{:,.0f}"),
+        _formatted(row["faces"], "{:,.0f}"),
         "",
-        _told(row["slope_deg"], "{:.0f}°"),
-        _told(row["roughness_m"], "{:.3f}"),
+        _formatted(row["slope_deg"], "{:.0f}°"),
+        _formatted(row["roughness_m"], "{:.3f}"),
         "" if low is None or high is None else f"{low:,.1f} to {high:,.1f}",
     )
     cells = [{"text": text, "swatch": ""} for text in texts]
@@ -240,7 +245,7 @@ def _region_cells(row: Mapping[str, Any]) -> list[dict[str, str]]:
     return cells
 
 
-def _told(value: float | None, form: str) -> str:
+def _formatted(value: float | None, form: str) -> str:
     return "" if value is None else form.format(value)
 
 
@@ -252,7 +257,7 @@ def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]
     for row, spent in zip(listed, seconds, strict=True):
         memory = _number(row.get("peak_bytes"), 0.0)
         counts = row.get("counts")
-        told = (
+        result = (
             # Most zeros are exceptions that did not occur.
             ", ".join(_fact(key, value) for key, value in counts.items() if value)
             if isinstance(counts, Mapping)
@@ -265,7 +270,7 @@ def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]
                 "seconds": "taken up" if skipped else f"{spent:,.1f}",
                 "share": 0.0 if skipped or not whole else spent / whole,
                 "memory": format_bytes(memory) if memory else "",
-                "result": told,
+                "result": result,
             }
         )
     total = _number(record.get("seconds"), whole)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, UInt8
 from terraport_pipeline.engines.cameras import Camera, oblique
 from terraport_pipeline.engines.palettes import (
     RAMP_STOPS,
@@ -27,7 +27,6 @@ from terraport_pipeline.landing_view import (
     view_from_above,
     view_from_eye,
 )
-from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.scene_model import SceneModel
 from terraport_pipeline.worst_place import compare_at, describe, to_survey
 
@@ -51,7 +50,7 @@ MAX_POINTS: Final = 3_000_000
 
 @dataclass(frozen=True, slots=True)
 class Legend:
-    """What a ramp's ends mean."""
+    """Ends, unit and colours of a ramp, for the words under a picture."""
 
     low: float
     high: float
@@ -61,7 +60,7 @@ class Legend:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One picture and its words."""
+    """One picture as JPEG, with title, alternative text, caption and legend."""
 
     key: str
     title: str
@@ -76,13 +75,13 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class PictureOptions:
-    """Size and fineness."""
+    """Pixels, rays per pixel and JPEG quality of the pictures."""
 
     width: int = 1280
     height: int = 720
     supersample: int = 2
     quality: int = 84
-    """JPEG, 1..95."""
+    """Quality of the JPEG files, 1..95."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,8 +215,8 @@ class PictureTaker:
             base_rays=self.base_rays,
         )
         scene, survey = (
-            ", ".join(f"{value:,.2f}" for value in place)
-            for place in (worst.target, to_survey(self._model.manifest.origin, worst.target))
+            ", ".join(f"{value:,.2f}" for value in position)
+            for position in (worst.target, to_survey(self._model.manifest.origin, worst.target))
         )
         return self._picture(
             "worst",
@@ -244,12 +243,12 @@ class PictureTaker:
             spacing_m=cloud.spacing_m * step**0.5,
         )
         shown = len(cloud.points[::step])
-        part = "" if shown == cloud.total else f", of which {shown:,} are drawn"
+        share = "" if shown == cloud.total else f", of which {shown:,} are drawn"
         return self._picture(
             "input",
             "Input",
             "The survey's point cloud, seen obliquely from above",
-            f"{cloud.total:,} points{part}.",
+            f"{cloud.total:,} points{share}.",
             image,
         )
 
@@ -359,7 +358,7 @@ class PictureTaker:
         alt: str,
         caption: str,
         camera: Camera,
-        loaded: npt.NDArray[np.bool_],
+        loaded: Bool,
         *,
         tint: float,
     ) -> Picture:

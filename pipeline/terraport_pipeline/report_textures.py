@@ -12,16 +12,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
+from terraport_payload.types import AnyFloat, Bool, Float32, Int32, UInt8
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras
 from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Crs, Float32, Int32, UInt8
+from terraport_pipeline.model import Crs
 from terraport_pipeline.report_pictures import Picture, PictureOptions
 from terraport_pipeline.scene_model import SceneModel
 from terraport_store import Manifest, Scene
@@ -57,7 +57,7 @@ GAP_PX: Final = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VertexColours:
-    """The detail as it was before textures."""
+    """The detail's mesh with the vertex colours that it had before texturing."""
 
     vertices: Float32
     faces: Int32
@@ -88,19 +88,19 @@ def open_scene_photos(
         As :func:`~terraport_pipeline.engines.camera_files.read_cameras` and
         :func:`~terraport_pipeline.engines.photos.open_photos` say.
     """
-    places = (photos, photos.absolute().parent)
-    found = cameras or next((folder for folder in places if has_cameras(folder)), photos)
+    folders = (photos, photos.absolute().parent)
+    camera_file = cameras or next((folder for folder in folders if has_cameras(folder)), photos)
     manifest = model.manifest
     crs = manifest.crs
     vertices = model.detail.vertices
-    known = read_cameras(
-        found,
+    placed = read_cameras(
+        camera_file,
         origin=np.array(manifest.origin),
         crs=Crs(crs.name, crs.wkt or "", crs.epsg) if crs is not None else None,
         offset=offset,
         samples=vertices[:: max(1, len(vertices) // 20_000)].astype(np.float64),
     )
-    return open_photos(known.views, photos, max_bytes=MAX_PHOTO_BYTES)
+    return open_photos(placed.views, photos, max_bytes=MAX_PHOTO_BYTES)
 
 
 def find_vertex_colours(scene: Scene, work: Path | None = None) -> VertexColours | None:
@@ -118,8 +118,8 @@ def find_vertex_colours(scene: Scene, work: Path | None = None) -> VertexColours
     VertexColours or None
         None when they are not there or belong to another build.
     """
-    place = scene.path.absolute()
-    folder = work or place.parent / f".{place.name}.work"
+    scene_path = scene.path.absolute()
+    folder = work or scene_path.parent / f".{scene_path.name}.work"
     whole = _colours_of(scene, [folder / "reconstruct"], "detail-")
     if whole is not None:
         return whole
@@ -149,15 +149,15 @@ def _colours_of(scene: Scene, folders: Sequence[Path], prefix: str) -> VertexCol
         return None
     if not count or count != scene.manifest.counts.detail_faces:
         return None
-    found = VertexColours(*(np.concatenate(parts) for parts in (vertices, faces, colours)))
-    drawn = np.zeros(len(found.vertices), np.bool_)
-    drawn[found.faces.ravel()] = True
-    used = found.vertices[drawn]
+    joined = VertexColours(*(np.concatenate(arrays) for arrays in (vertices, faces, colours)))
+    drawn = np.zeros(len(joined.vertices), np.bool_)
+    drawn[joined.faces.ravel()] = True
+    used = joined.vertices[drawn]
     bounds = scene.index.bounds  # of the detail alone: the base reaches beyond it
     fits = np.allclose(used.min(axis=0), bounds[:, :3].min(axis=0), atol=0.05) and np.allclose(
         used.max(axis=0), bounds[:, 3:].max(axis=0), atol=0.05
     )
-    return found if fits else None
+    return joined if fits else None
 
 
 def photo_pictures(
@@ -185,6 +185,7 @@ def photo_pictures(
         For the view nearest to straight down and for an oblique one: the whole photo, and a
         close-up in the photo's own pixels.
     """
+    # (1) Words for two panels or three.
     panels = "the photo, the scene with textures" + (
         ", the scene with vertex colours" if plain is not None else ""
     )
@@ -196,6 +197,7 @@ def photo_pictures(
             "or is another build's."
         )
     )
+    # (2) By each camera the whole photo, then one part of it pixel by pixel.
     plain_rays = None if plain is None else RayScene(plain.vertices, plain.faces)
     for index, kind in chosen_views(opened.views, rays):
         view = opened.views[index]
@@ -230,8 +232,8 @@ def chosen_views(views: Sequence[View], rays: RayScene) -> list[tuple[int, str]]
     down = np.array([-view.rotation[2, 1] for view in views])
     good = share >= min(MIN_SHARE, float(share.max()))
     # Near the middle of the scene rather than at its edge: where most photos overlap.
-    places = np.array([view.position for view in views])[:, [0, 2]]
-    away = np.linalg.norm(places - np.median(places[good], axis=0), axis=1)
+    positions = np.array([view.position for view in views])[:, [0, 2]]
+    away = np.linalg.norm(positions - np.median(positions[good], axis=0), axis=1)
     away /= max(float(away[good].max()), 1e-9)
     picked = [(int(np.argmax(np.where(good, down - 0.3 * away, -9.0))), "from above")]
     oblique = int(np.argmin(np.where(good, down, 9.0)))
@@ -244,7 +246,7 @@ def close_up(photo: UInt8, view: View, rays: RayScene) -> tuple[slice, slice]:
     """Find the part of a photo with the most contrast that shows nothing but the scene."""
     height, width = photo.shape[:2]
     wide, high = min(CLOSE_PX[0], width), min(CLOSE_PX[1], height)
-    best, place = -1.0, ((height - high) // 2, (width - wide) // 2)
+    best, corner = -1.0, ((height - high) // 2, (width - wide) // 2)
     for top in np.linspace(0, height - high, 7).astype(int):
         for left in np.linspace(0, width - wide, 7).astype(int):
             across, down = np.linspace(0.03, 0.97, 6), np.linspace(0.03, 0.97, 6)
@@ -255,8 +257,8 @@ def close_up(photo: UInt8, view: View, rays: RayScene) -> tuple[slice, slice]:
             # Contrast between neighbours: detail, not one bright and one dark half.
             contrast = float(np.abs(np.diff(grey, axis=0)).mean())
             if contrast > best:
-                best, place = contrast, (int(top), int(left))
-    return slice(place[0], place[0] + high), slice(place[1], place[1] + wide)
+                best, corner = contrast, (int(top), int(left))
+    return slice(corner[0], corner[0] + high), slice(corner[1], corner[1] + wide)
 
 
 def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[str, str], ...]:
@@ -267,13 +269,13 @@ def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[st
     stages = record.get("stages", [])
     rows = [row for row in stages if isinstance(row, Mapping) and row.get("name") == "texture"]
     counts = rows[0].get("counts", {}) if rows else {}
-    told: list[tuple[str, str]] = [
+    facts: list[tuple[str, str]] = [
         ("made from", "photos" if textures.source == "photos" else "vertex colours"),
         ("texel", f"{textures.texel_m * 100:.3g} cm (median over the surface)"),
     ]
     if textures.gsd_m is not None:
-        told.append(("ground sampling distance", f"{textures.gsd_m * 100:.3g} cm (median)"))
-    told += [
+        facts.append(("ground sampling distance", f"{textures.gsd_m * 100:.3g} cm (median)"))
+    facts += [
         ("images", f"{textures.segments:,} of {manifest.counts.segments:,} segments and the base"),
         ("texels", f"{textures.texels / 1e6:,.1f} million"),
         ("bytes", f"{textures.image_bytes / 1e6:,.1f} MB ({', '.join(textures.media_types)})"),
@@ -281,8 +283,8 @@ def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[st
     for name, label, form in _COUNTS:
         value = counts.get(name)
         if isinstance(value, int | float) and not isinstance(value, bool):
-            told.append((label, form.format(value)))
-    return tuple({"label": label, "value": value} for label, value in told)
+            facts.append((label, form.format(value)))
+    return tuple({"label": label, "value": value} for label, value in facts)
 
 
 _COUNTS: Final = (
@@ -316,7 +318,7 @@ def _share(view: View, rays: RayScene) -> float:
     return float(_met(view, np.stack([x.ravel(), y.ravel()], axis=1), rays).mean())
 
 
-def _met(view: View, pixels: npt.NDArray[np.floating], rays: RayScene) -> npt.NDArray[np.bool_]:
+def _met(view: View, pixels: AnyFloat, rays: RayScene) -> Bool:
     headings = np.nan_to_num(view.rays(pixels))
     face = rays.closest_hit(np.broadcast_to(view.position, headings.shape), headings)[1]
     return face >= 0
@@ -367,10 +369,10 @@ def _picture(
     key: str, title: str, alt: str, caption: str, panels: list[UInt8], options: PictureOptions
 ) -> Picture:
     gap = np.full((panels[0].shape[0], GAP_PX, 3), 255, dtype=np.uint8)
-    parts = [panels[0]]
+    columns = [panels[0]]
     for panel in panels[1:]:
-        parts += [gap, panel]
-    image = np.concatenate(parts, axis=1)
+        columns += [gap, panel]
+    image = np.concatenate(columns, axis=1)
     height, width = image.shape[:2]
     data = encode_jpeg(image, options.quality)
     return Picture(key.replace(" ", "-"), title, alt, caption, data, width, height)

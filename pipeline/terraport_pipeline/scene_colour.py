@@ -16,7 +16,7 @@ __all__ = ["SceneColour"]
 
 @dataclass(frozen=True, slots=True)
 class SceneColour:
-    """What colours the ground of a scene."""
+    """Whether textures or vertex colours paint a scene, and how many segments of it."""
 
     source: Literal["photos", "points"] | None
     """None: the ground is grey."""
@@ -26,7 +26,7 @@ class SceneColour:
 
     @classmethod
     def of(cls, manifest: Manifest) -> SceneColour:
-        """Read it from a manifest."""
+        """Derive it from what a manifest says of textures and attributes."""
         textures, segments = manifest.textures, manifest.counts.segments
         if textures is None:
             return cls("points" if manifest.has_colour else None, 0, segments)

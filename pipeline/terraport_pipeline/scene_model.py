@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import Cover, PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import Bool, Float32, Int32, Int64
 from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.geometry.thin_cells import thin_by_cells
 from terraport_pipeline.mixed_model import HandOffModel
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.scene_textures import (
     SceneTextures,
@@ -30,7 +30,6 @@ from terraport_store import DamagedSceneError, Manifest, Scene
 
 __all__ = ["WHOLE_FACES", "SceneModel", "load_scene_model"]
 
-Int64 = npt.NDArray[np.int64]
 
 WHOLE_FACES: Final = 16_000_000
 """Largest scene that is looked at whole (some 5 GB with the trees that rays need); larger ones are
@@ -100,7 +99,7 @@ def load_scene_model(
     *,
     segments: Int64 | None = None,
     max_faces: int | None = None,
-    whole: npt.NDArray[np.bool_] | None = None,
+    whole: Bool | None = None,
     progress: Progress | None = None,
 ) -> SceneModel:
     """Read and decode a scene, or part of it.
@@ -131,6 +130,7 @@ def load_scene_model(
     DamagedSceneError
         When a payload fails its hash, does not decode, or has other counts than the index says.
     """
+    # (1) What to read, and whether to thin it.
     watcher = progress or NullProgress()
     index, manifest = scene.index, scene.manifest
     chosen = np.arange(len(index)) if segments is None else segments
@@ -141,6 +141,7 @@ def load_scene_model(
             f"{total_faces} detail faces, expected at most {np.iinfo(np.int32).max // 3} to look "
             "at in one piece"
         )
+    # (2) Payloads one at a time. Thinned ones are gathered first: their size is known only then.
     watcher.start("read segments", len(chosen), "segments")
     meshes: Iterable[tuple[int, SegmentMesh]] = _read(scene, chosen, watcher)
     if cell_m is None:
@@ -155,20 +156,21 @@ def load_scene_model(
             sum(len(mesh.faces) for _, mesh in thinned),
         )
         meshes = thinned
-    parts = _Parts(*size, tuple(attribute.name for attribute in manifest.attributes))
+    # (3) One mesh. Invariant: faces stand in order of their segments, whatever was thinned.
+    builder = _Parts(*size, tuple(attribute.name for attribute in manifest.attributes))
     for number, mesh in meshes:
-        parts.add(number, mesh)
+        builder.add(number, mesh)
     base, base_parts = _decoded_base(scene, len(index))
     watcher.done({"faces": size[1]})
     return SceneModel(
         manifest,
-        parts.mesh(),
-        parts.segment_of_face,
-        parts.region_of_face,
+        builder.mesh(),
+        builder.segment_of_face,
+        builder.region_of_face,
         index.bounds.copy(),
         base,
         scene.cover,
-        _textures(scene, parts.textures, base_parts),
+        _textures(scene, builder.textures, base_parts),
     )
 
 
@@ -189,9 +191,7 @@ def _read(scene: Scene, chosen: Int64, watcher: Progress) -> Iterator[tuple[int,
         watcher.advance(1)
 
 
-def _cell_m(
-    scene: Scene, chosen: Int64, max_faces: int, whole: npt.NDArray[np.bool_] | None
-) -> float | None:
+def _cell_m(scene: Scene, chosen: Int64, max_faces: int, whole: Bool | None) -> float | None:
     """Side of the cubes that thin a scene to so many faces; None when it has no more."""
     faces = scene.index.face_count.astype(np.int64)
     full = np.zeros(len(faces), np.bool_) if whole is None else whole
@@ -277,14 +277,14 @@ def _decoded_base(scene: Scene, image: int) -> tuple[Mesh, TextureParts]:
     except PayloadError as error:
         raise DamagedSceneError(scene.manifest.files["base.glb"].path, str(error)) from None
     count = len(mesh.positions)
-    parts = TextureParts(count, len(mesh.faces))
-    colours = parts.add(image, mesh, slice(0, count), slice(0, len(mesh.faces)))
+    textures = TextureParts(count, len(mesh.faces))
+    colours = textures.add(image, mesh, slice(0, count), slice(0, len(mesh.faces)))
     if colours is None:
         colours = mesh.colours
     if colours is None:
         colours = np.full((count, 3), GREY, np.uint8)
     faces = mesh.faces.astype(np.int32)
-    return Mesh(mesh.positions, faces, mesh.normals, colours, dict(mesh.attributes)), parts
+    return Mesh(mesh.positions, faces, mesh.normals, colours, dict(mesh.attributes)), textures
 
 
 def _textures(scene: Scene, detail: TextureParts, base: TextureParts) -> SceneTextures | None:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import Bool, Float32, Int32, UInt8
 from terraport_pipeline.engines.texturing import (
     MAX_HALVINGS,
     ImageCache,
@@ -21,7 +21,6 @@ from terraport_pipeline.engines.texturing import (
     decode_halved,
 )
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.model import Float32, Int32, UInt8
 from terraport_store import DamagedSceneError, Scene
 
 __all__ = ["SceneTextures", "TextureParts", "colours_from_texture", "open_images"]
@@ -34,9 +33,7 @@ class SceneTextures:
     detail: Texturing
     base: Texturing
 
-    def mixed(
-        self, detail_faces: npt.NDArray[np.bool_], base_faces: npt.NDArray[np.bool_]
-    ) -> Texturing:
+    def mixed(self, detail_faces: Bool, base_faces: Bool) -> Texturing:
         """Take what a mesh of some detail and some base faces needs, vertices of both in a row."""
         return Texturing(
             np.concatenate([self.detail.uvs, self.base.uvs]),

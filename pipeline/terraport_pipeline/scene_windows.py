@@ -13,23 +13,22 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload import box_distances_m
+from terraport_payload.types import Bool, Float64, Int64
 from terraport_pipeline.handoff import check_hand_off_in_windows
 from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.scene_model import load_scene_model
-from terraport_store import Scene, box_distances_m
+from terraport_store import Scene
 
 __all__ = ["MAX_WINDOW_FACES", "prove_in_windows", "scene_windows", "segments_around", "windows_of"]
 
 MAX_WINDOW_FACES: Final = 12_000_000
 """Faces of one window without its overlap: some 3.5 GB with the trees that rays need."""
 
-_Int64 = npt.NDArray[np.int64]
 
-
-def scene_windows(scene: Scene, max_faces: int = MAX_WINDOW_FACES) -> list[_Int64]:
+def scene_windows(scene: Scene, max_faces: int = MAX_WINDOW_FACES) -> list[Int64]:
     """Cut a scene into windows.
 
     Parameters
@@ -79,15 +78,15 @@ def prove_in_windows(
 
 
 def segments_around(
-    scene: Scene, place: tuple[float, float, float], max_faces: int = MAX_WINDOW_FACES
-) -> _Int64:
+    scene: Scene, point: tuple[float, float, float], max_faces: int = MAX_WINDOW_FACES
+) -> Int64:
     """Choose the segments nearest to a place, of so many faces in all; at least one.
 
     Parameters
     ----------
     scene : Scene
         Open.
-    place : (float, float, float)
+    point : (float, float, float)
         Metres, scene frame.
     max_faces : int
 
@@ -96,13 +95,13 @@ def segments_around(
     ndarray of int64
         Ascending.
     """
-    distance = box_distances_m(scene.index.bounds, np.array(place))
+    distance = box_distances_m(scene.index.bounds, np.array(point))
     order = np.argsort(distance, kind="stable")
     passed = np.cumsum(scene.index.face_count[order].astype(np.int64))
     return np.sort(order[: max(1, int(np.searchsorted(passed, max_faces, side="right")))])
 
 
-def windows_of(bounds: npt.NDArray[np.float64], faces: _Int64, max_faces: int) -> list[_Int64]:
+def windows_of(bounds: Float64, faces: Int64, max_faces: int) -> list[Int64]:
     """Cut segments into windows by their boxes (S, 6) and faces (S,); see :func:`scene_windows`."""
     centre = (bounds[:, :3] + bounds[:, 3:]) * 0.5
     waiting, cores = [np.arange(len(faces))], []
@@ -128,13 +127,13 @@ def windows_of(bounds: npt.NDArray[np.float64], faces: _Int64, max_faces: int) -
     return windows
 
 
-def _touches(
-    bounds: npt.NDArray[np.float64], core: _Int64, others: _Int64
-) -> npt.NDArray[np.bool_]:
+def _touches(bounds: Float64, core: Int64, others: Int64) -> Bool:
     """Whether the boxes of some segments meet any box of the core's."""
-    found = np.zeros(len(others), np.bool_)
+    touches = np.zeros(len(others), np.bool_)
     own = bounds[core]
-    for place, other in enumerate(others):  # a few thousand segments
+    for number, other in enumerate(others):  # a few thousand segments
         box = bounds[other]
-        found[place] = bool(((own[:, :3] <= box[3:]) & (own[:, 3:] >= box[:3])).all(axis=1).any())
-    return found
+        touches[number] = bool(
+            ((own[:, :3] <= box[3:]) & (own[:, 3:] >= box[:3])).all(axis=1).any()
+        )
+    return touches

@@ -36,20 +36,20 @@ class Step(Generic[T]):
     load: Callable[[], T]
 
     def value(self) -> T:
-        """Return the result, loaded if need be."""
+        """Return the result; loads it from disk on the first call if it was taken up."""
         if self.result is None:
             self.result = self.load()
         return self.result
 
     def release(self) -> None:
-        """Forget the result; it is still on disk."""
+        """Drop the result from memory; a later :meth:`value` loads it again."""
         self.result = None
         gc.collect()
 
 
 @dataclass(slots=True)
 class StageRunner:
-    """Runs stages or takes their results up."""
+    """Runs stages in order, or takes their results up where their keys are unchanged."""
 
     work: WorkDirectory
     resume: bool
@@ -93,8 +93,8 @@ class StageRunner:
                 cost = Cost(measure.seconds, measure.peak_bytes, tuple(clock.steps))
                 record = self.work.save(name, key, stored, facts_of(result), cost)
         self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
-        found = record
-        return Step(found, result, lambda: restore(self.work.load(found), found.facts))
+        saved = record
+        return Step(saved, result, lambda: restore(self.work.load(saved), saved.facts))
 
     def folder_step(
         self,

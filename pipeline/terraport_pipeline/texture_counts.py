@@ -26,12 +26,12 @@ def choice_counts(records: Sequence[StageRecord]) -> dict[str, Any]:
     }
 
 
-def step_counts(parts: Iterable[Stored]) -> dict[str, Any]:
+def step_counts(tiles: Iterable[Stored]) -> dict[str, Any]:
     """Tell how far colours step across seams, within tiles and across their borders.
 
     ``choice_seam_share`` is the share of the edges that part two photos.
     """
-    listed = [part.arrays for part in parts if "steps_edges" in part.arrays]
+    listed = [tile.arrays for tile in tiles if "steps_edges" in tile.arrays]
     counts: dict[str, Any] = {}
     if not listed:
         return counts
@@ -47,7 +47,7 @@ def step_counts(parts: Iterable[Stored]) -> dict[str, Any]:
             total = float(weights.sum())
             if total:
                 mean = float((weights * middles).sum() / total)
-                place = int(np.searchsorted(np.cumsum(weights), 0.95 * total))
+                index = int(np.searchsorted(np.cumsum(weights), 0.95 * total))
                 counts[f"choice_seam_step_{name}{where}"] = round(mean, 3)
-                counts[f"choice_seam_step_p95_{name}{where}"] = float(middles[place])
+                counts[f"choice_seam_step_p95_{name}{where}"] = float(middles[index])
     return counts

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline import photo_input
 from terraport_pipeline.build_tiled_textures import TiledTexturing
 from terraport_pipeline.code_digest import code_digest
-from terraport_pipeline.model import Crs, Float32, Float64, UInt8
-from terraport_pipeline.photo_input import FoundPhotos, Texturing
+from terraport_pipeline.model import Crs
+from terraport_pipeline.photo_input import LocatedPhotos, Texturing
 from terraport_pipeline.stage_runner import StageRunner, Step, key_of
 from terraport_pipeline.stages import texture
 from terraport_pipeline.stages.clean import Cleaned
@@ -24,7 +25,7 @@ __all__ = ["texture_step", "tiled_texturing"]
 def texture_step(
     runner: StageRunner,
     asked: Texturing,
-    found: FoundPhotos | None,
+    photo_source: LocatedPhotos | None,
     crs: dict[str, Any] | None,
     cleaned: Step[Cleaned],
     reconstructed: Step[Reconstructed],
@@ -36,7 +37,7 @@ def texture_step(
     ----------
     runner : StageRunner
     asked : Texturing
-    found : FoundPhotos or None
+    photo_source : LocatedPhotos or None
         From ``asked.find``.
     crs : dict or None
         The survey's, as the read stage records it.
@@ -47,11 +48,12 @@ def texture_step(
     Step of Textured
     """
 
+    # (1) Photos are opened, and the cloud loaded, only if the stage is not taken up.
     def compute(context: Context) -> Textured:
         opened = None
-        if found is not None:
+        if photo_source is not None:
             cloud = cleaned.value().cloud
-            opened = found.open(
+            opened = photo_source.open(
                 cloud.points,
                 cloud.colours if cloud.has_colour else None,
                 cloud.origin,
@@ -61,9 +63,14 @@ def texture_step(
             cleaned.release()
         return texture.run(reconstructed.value(), segmented.value(), opened, asked.options, context)
 
+    # (2) The key: meshes, labels, and photos and cameras by their content, wherever they lie.
     inputs = {"meshes": reconstructed.record.digest, "labels": segmented.record.digest}
-    if found is not None:
-        inputs |= {"photos": found.photos_xxh3, "cameras": found.cameras_xxh3, "code": _code()}
+    if photo_source is not None:
+        inputs |= {
+            "photos": photo_source.photos_xxh3,
+            "cameras": photo_source.cameras_xxh3,
+            "code": _code(),
+        }
     return runner.step(
         texture.NAME,
         key_of(
@@ -80,7 +87,7 @@ def texture_step(
 
 def tiled_texturing(
     asked: Texturing,
-    found: FoundPhotos | None,
+    photo_source: LocatedPhotos | None,
     samples: Float32,
     colours: UInt8 | None,
     origin: Float64,
@@ -92,7 +99,7 @@ def tiled_texturing(
     Parameters
     ----------
     asked : Texturing
-    found : FoundPhotos or None
+    photo_source : LocatedPhotos or None
         From ``asked.find``.
     samples : ndarray of shape (N, 3), float32
         Points of the survey, scene frame.
@@ -106,19 +113,19 @@ def tiled_texturing(
     -------
     TiledTexturing
     """
-    if found is None:
+    if photo_source is None:
         return TiledTexturing(asked.options, {})
-    told = None if crs is None else asdict(crs)
+    crs_values = None if crs is None else asdict(crs)
     return TiledTexturing(
         asked.options,
         {
             "camera_offset": asked.camera_offset,
-            "crs": told,
-            "photos": found.photos_xxh3,
-            "cameras": found.cameras_xxh3,
+            "crs": crs_values,
+            "photos": photo_source.photos_xxh3,
+            "cameras": photo_source.cameras_xxh3,
             "code": _code(),
         },
-        lambda: found.open(
+        lambda: photo_source.open(
             samples, colours, origin, crs, max_bytes=texture.photo_bytes(max_memory_bytes)
         ),
     )

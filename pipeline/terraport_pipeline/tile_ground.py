@@ -8,18 +8,20 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.engines.raw_survey import thinning_rows
-from terraport_pipeline.errors import OptionError, ResourceError
+from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.geometry.footprint import Occupancy, plan_occupancy
 from terraport_pipeline.geometry.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
-from terraport_pipeline.model import Crs, Float64, Survey
+from terraport_pipeline.model import Crs, Survey
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.stage_runner import StageRunner, Step
 from terraport_pipeline.stages import (
     clean,
@@ -46,23 +48,31 @@ _THINNED_POINTS: Final = 1_500_000
 
 @dataclass(frozen=True, slots=True)
 class TileOptions:
-    """How to go about a survey in tiles."""
+    """Whether to build in tiles, how large these are, and who works on them."""
 
-    force: bool = False
-    """Tiles although the whole would fit."""
-    depth: int | None = None
-    """Octree depth of a tile; by the memory allowed when None."""
-    cluster: str | None = None
-    """Address of a Dask scheduler; processes of this machine when None."""
+    force: Annotated[bool, Option(flags=("--tiles",))] = False
+    """Build in tiles although the whole would fit into the memory."""
+    depth: Annotated[
+        int | None,
+        Option(flags=("--tile-depth",), least=7, most=12, unset="what --max-memory allows"),
+    ] = None
+    """Octree depth of a tile: 10 is about 1.1 million faces, 9 a quarter of that."""
+    cluster: Annotated[str | None, Option(unset="processes of this machine")] = None
+    """Address of a Dask scheduler that works on the tiles, as --tiles: tcp://host:8786. Its workers
+    must see the same paths."""
 
     def __post_init__(self) -> None:
-        if self.depth is not None and not 7 <= self.depth <= 12:
-            raise OptionError(f"tile depth {self.depth}; expected 7 to 12")
+        check_options(self)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether to build in tiles whatever the memory."""
+        return self.force or self.cluster is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
-    """What is known before the first tile."""
+    """Everything that is the same for all tiles: lattice, plan, samples, forecast of memory."""
 
     read: StageRecord
     cleaned: Step[Cleaned]
@@ -91,6 +101,7 @@ def prepare(
     runner, survey, file_key, max_points, clean_options, options, tiles
         As :func:`terraport_pipeline.tiled_reconstruct.run`.
     """
+    # (1) The survey as columns on disk.
     read = runner.folder_step(
         read_streamed.NAME,
         stage_key(
@@ -102,6 +113,7 @@ def prepare(
         lambda folder, context: read_streamed.run(survey, folder, context, max_points=max_points),
     )
     source = runner.work.path / read.name
+    # (2) A thinned copy in memory, for the origin, colours and the scene's frame.
     cleaned = runner.step(
         clean.NAME,
         stage_key(
@@ -116,6 +128,7 @@ def prepare(
         clean.restore,
     )
     cloud = cleaned.value().cloud
+    # (3) Extent and spacing of all samples.
     measured = runner.step(
         measure_survey.NAME,
         stage_key(
@@ -132,6 +145,8 @@ def prepare(
         lambda stored, _facts: stored,
     ).value()
     values = dict(measured.values)
+    # (4) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
+    # on one lattice: their surfaces meet at the same planes.
     depth, warnings = reconstruct.choose_detail_depth(
         options, values["extent_m"], values["spacing_m"]
     )
@@ -159,14 +174,14 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
     rows = thinning_rows(total, _THINNED_POINTS)
 
     def column(name: str) -> Any:
-        parts = []
+        blocks = []
         for first, block in NpyReader(source / f"{name}.npy").blocks(1_000_000):
             if rows is None:
-                parts.append(block)
+                blocks.append(block)
             else:
                 low, high = np.searchsorted(rows, (first, first + len(block)))
-                parts.append(block[rows[low:high] - first])
-        return np.concatenate(parts)
+                blocks.append(block[rows[low:high] - first])
+        return np.concatenate(blocks)
 
     crs = read.values["crs"]
     return Survey(
@@ -199,19 +214,19 @@ def _plan(
             source, lattice, origin, partition.BLOCK_CELLS, runner.context(scratch)
         )
     area_m2 = measured["points"] * measured["spacing_m"] ** 2
-    found = choose_depth(
+    choice = choose_depth(
         lambda depth: plan_tiles(lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS),
         points=measured["points"],
         area_m2=area_m2,
         max_memory_bytes=runner.max_memory_bytes,
         asked=tiles.depth,
     )
-    if found is None:
+    if choice is None:
         raise ResourceError(
             f"{runner.max_memory_bytes / 2**30:.1f} GiB are too little even for the smallest "
             "tile; raise --max-memory to 2G or more"
         )
-    plan = found
+    plan = choice
     return plan, forecast_tiles(
         plan, measured["points"], area_m2, runner.max_memory_bytes, runner.threads
     )

@@ -9,11 +9,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.errors import WorkDirectoryError
 from terraport_pipeline.kernel_threads import limit_threads
@@ -59,7 +59,7 @@ def join_name() -> str:
 
 @dataclass(frozen=True, slots=True)
 class SolveJob:
-    """Reconstruct one tile."""
+    """Order to reconstruct one tile, as it goes to a worker process."""
 
     work: WorkDirectory
     tile: int
@@ -83,7 +83,7 @@ class LookJob:
 
 @dataclass(frozen=True, slots=True)
 class FinishJob:
-    """Write a tile as it is after the join."""
+    """Order to write one tile as it is after the join, as it goes to a worker process."""
 
     work: WorkDirectory
     tile: int
@@ -93,7 +93,7 @@ class FinishJob:
 
 
 def solve_one(job: SolveJob) -> StageRecord:
-    """Carry out a :class:`SolveJob`."""
+    """Reconstruct the tile of a :class:`SolveJob` and keep it; runs in a worker."""
     name = solve_name(job.tile)
     record = job.work.find(name, job.key)
     if record is not None:
@@ -120,7 +120,7 @@ def look_at_tile(job: LookJob) -> Look:
 
 
 def finish_tile(job: FinishJob) -> StageRecord:
-    """Carry out a :class:`FinishJob`."""
+    """Write the tile of a :class:`FinishJob`; runs in a worker."""
     name = tile_name(job.tile)
     record = job.work.find(name, job.key)
     if record is not None:
@@ -142,14 +142,14 @@ def finish_tile(job: FinishJob) -> StageRecord:
     return job.work.save(name, job.key, Stored(arrays, values), Facts(dict(values)), cost)
 
 
-class TileArrays(dict[str, npt.NDArray[Any]]):
+class TileArrays(dict[str, AnyArray]):
     """Arrays of a result by name, each read when it is asked for."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self._folder = folder
 
-    def __missing__(self, name: str) -> npt.NDArray[Any]:
+    def __missing__(self, name: str) -> AnyArray:
         try:
             self[name] = np.load(self._folder / f"{name}.npy", allow_pickle=False)
         except (OSError, ValueError, EOFError) as error:
@@ -160,7 +160,7 @@ class TileArrays(dict[str, npt.NDArray[Any]]):
 
 
 def save_join(folder: Path, join: Join) -> None:
-    """Write the join for :class:`LookJob`."""
+    """Write the join where workers find it: once, not once a job."""
     stored = join_tiles.to_stored(join, None)
     folder.mkdir()
     for name, array in stored.arrays.items():
@@ -169,7 +169,7 @@ def save_join(folder: Path, join: Join) -> None:
 
 
 def load_join(folder: Path) -> Join:
-    """Read what :func:`save_join` wrote."""
+    """Read the join that :func:`save_join` wrote."""
     arrays = {file.stem: np.load(file, allow_pickle=False) for file in folder.glob("*.npy")}
     values = json.loads((folder / _VALUES).read_text(encoding="utf-8"))
     return join_tiles.from_stored(Stored(arrays, values))[0]

@@ -34,7 +34,7 @@ _MAX_THINNING_BYTES: Final = 450 * 2**20
 """Of that thinning, which goes block by block: 1.76 GB at the peak of 1 M points, 3.93 of 5 M."""
 
 _HELD_BYTES_PER_POINT: Final = 90
-"""Of a tile's samples, while its solver runs."""
+"""Bytes that each sample of a tile takes while its solver runs."""
 
 PARENT_BYTES: Final = 900 * 2**20
 """The build itself while tiles are worked on: the thinned copy (0.2 GB), libraries, buffers. It
@@ -64,7 +64,7 @@ class TileForecast:
     tile_bytes: int
     """The most loaded tile, with its process."""
     workers: int
-    """Tiles side by side."""
+    """Number of tiles that are solved side by side."""
     faces: int
     seconds: float
     """CPU seconds of all tiles' solvers."""
@@ -72,7 +72,7 @@ class TileForecast:
 
 @dataclass(frozen=True, slots=True)
 class MemoryPlan:
-    """Whether a build goes whole or in tiles."""
+    """Whether a build goes whole or in tiles, and the estimate that decides it."""
 
     tiled: bool
     whole_bytes: int
@@ -130,15 +130,15 @@ def plan_memory(
     )
     segmenting = SEGMENT_BYTES_PER_FACE * faces
     whole = PROCESS_BYTES + max(reading, cleaning, solving, finishing, segmenting)
-    told = (
+    reason = (
         f"a build in one piece needs about {whole / 2**30:.1f} GiB for {points:,} points and "
         f"{faces:,} faces, allowed are {allowed_bytes / 2**30:.1f} GiB"
     )
     if force:
-        return MemoryPlan(True, whole, allowed_bytes, f"tiles were asked for ({told})")
+        return MemoryPlan(True, whole, allowed_bytes, f"tiles were asked for ({reason})")
     if whole <= allowed_bytes:
-        return MemoryPlan(False, whole, allowed_bytes, told)
-    return MemoryPlan(True, whole, allowed_bytes, f"{told}: it goes in tiles")
+        return MemoryPlan(False, whole, allowed_bytes, reason)
+    return MemoryPlan(True, whole, allowed_bytes, f"{reason}: it goes in tiles")
 
 
 def choose_depth(

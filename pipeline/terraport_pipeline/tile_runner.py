@@ -28,13 +28,13 @@ _BASE_BYTES: Final = 300 * 2**20
 
 @dataclass(frozen=True, slots=True)
 class TilePass:
-    """One pass over all tiles."""
+    """One pass over all tiles: its key per tile, its size, its need of memory."""
 
     name: str
     module: str
     """Where its code stands, for the keys."""
     title: str
-    """For the progress bar."""
+    """Title of the step on the progress bar."""
     options: Mapping[str, Any]
     inputs: Sequence[Mapping[str, str]]
     """For every tile the digests of what goes in."""
@@ -48,7 +48,7 @@ class TilePass:
 
 @dataclass(frozen=True, slots=True)
 class PassResult:
-    """Results of all tiles, on disk."""
+    """Records of a pass's results, one a tile, and what the pass cost."""
 
     records: tuple[StageRecord, ...]
     taken_up: bool
@@ -82,6 +82,7 @@ def run_pass(
     PassResult
         The records in order of the tiles, whatever the order of the work.
     """
+    # (1) What is there already, by key; what an earlier build with more tiles left is deleted.
     code = code_digest(chosen.module)
     keys = [stage_key(chosen.name, code, chosen.options, digests) for digests in chosen.inputs]
     names = [f"{chosen.name}-{tile:04d}" for tile in range(len(keys))]
@@ -103,6 +104,7 @@ def run_pass(
                 max((record.cost.peak_bytes for record in kept), default=0),
             ),
         )
+    # (2) As many tiles at once as fit into memory, the threads shared among them.
     progress = runner.progress
     progress.start(chosen.title, float(sum(chosen.faces[tile] for tile in left)), "faces")
     with runner.at(chosen.name), Measure() as measure, runner.work.scratch() as scratch:
@@ -117,6 +119,8 @@ def run_pass(
             cost = Cost(watch.seconds / workers, watch.peak_bytes)
             return runner.work.save(names[tile], keys[tile], stored, Facts(), cost)
 
+        # (3) Results are recorded in order of the tiles. A tile is saved as soon as it is done,
+        # so a build that is stopped here goes on with the others.
         with ThreadPoolExecutor(max_workers=workers) as pool:
             waiting: list[tuple[int, Future[StageRecord]]] = []
             try:

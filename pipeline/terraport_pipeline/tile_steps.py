@@ -52,6 +52,7 @@ def solve_all(
     pool: TilePool,
 ) -> list[StageRecord]:
     """Reconstruct every tile that is not there yet, the largest first."""
+    # (1) What is there already; jobs for the rest.
     code = code_digest(solve_tile.__name__)
     folder = runner.work.path / ground.samples.name
     samples = ground.samples.values["samples"]
@@ -70,6 +71,7 @@ def solve_all(
         file = folder / f"{partition.samples_name(tile)}.npy"
         limit = ground.forecast.tile_bytes * 2
         jobs.append(SolveJob(runner.work, tile, key, task, file, 1, limit))
+    # (2) The largest first: a large one started last would leave cores idle.
     jobs.sort(key=lambda job: (-samples[job.tile], job.tile))
     taken_up = not jobs
     with Measure() as measure:
@@ -88,6 +90,7 @@ def solve_all(
 
             pool.run(solve_one, jobs, done)
             progress.done({"tiles": len(jobs)})
+    # (3) Facts and cost; of results taken up, what they took when they were made.
     listed = [records[tile] for tile in range(len(tasks))]
     facts = Facts(
         {
@@ -110,13 +113,15 @@ def join_all(
     options: reconstruct.Options,
     pool: TilePool,
 ) -> tuple[StoredTiles, Facts]:
-    """Weld, look, settle, finish."""
+    """Weld the tiles, settle what only all of them decide, and write each as it will be."""
+    # (1) Nothing to join: say so before anything is decided.
     work, plan = runner.work, ground.plan
     if not any(int(record.values["faces"]) for record in solved):
         raise SurveyError(
             "no surface lies near the samples of any tile; are they scattered in space rather "
             "than on a surface?"
         )
+    # (2) What is decided for all tiles together: edge, welding, islands; see :mod:`.join_tiles`.
     key = stage_key(
         join_tiles.NAME,
         code_digest(joined_tile.__name__),
@@ -136,23 +141,23 @@ def join_all(
         )
         seams = weld_tiles(borders, plan.neighbours())
         names, codes = tasks[0].attributes, tasks[0].codes
-        places = tuple(place for place, name in enumerate(names) if name in codes)
-        join = join_tiles.Join.of(seams, arrays, len(names), places, rules)
+        code_positions = tuple(position for position, name in enumerate(names) if name in codes)
+        join = join_tiles.Join.of(seams, arrays, len(names), code_positions, rules)
         del arrays
 
         def each(function: Callable[[LookJob], T], join: join_tiles.Join, name: str) -> list[T]:
-            """Look at every tile."""
+            """Run a function over every tile in the pool; results in order of the tiles."""
             folder = context.scratch / name
             save_join(folder, join)
             jobs = [LookJob(work, tile, task, folder) for tile, task in enumerate(tasks)]
-            found: dict[int, T] = {}
+            results: dict[int, T] = {}
 
             def done(number: int, result: T) -> None:
-                found[number] = result
+                results[number] = result
                 context.progress.advance(1.0)
 
             pool.run(function, jobs, done)
-            return [found[tile] for tile in range(plan.count)]
+            return [results[tile] for tile in range(plan.count)]
 
         join = join_tiles.forgive(join, each(find_weak, join, "weak"))
         settled = join_tiles.settle(
@@ -171,6 +176,7 @@ def join_all(
         lambda stored, facts: (stored, facts),
     )
     joined.release()
+    # (3) Write every tile as it will be.
     code = code_digest(joined_tile.__name__)
     jobs = [
         FinishJob(
@@ -188,11 +194,11 @@ def join_all(
         )
         for tile, task in enumerate(tasks)
     ]
-    made: dict[int, StageRecord] = {}
+    records: dict[int, StageRecord] = {}
     runner.progress.start("tiles: write", float(len(jobs)), "tiles")
 
     def finished(number: int, record: StageRecord) -> None:
-        made[number] = record
+        records[number] = record
         runner.progress.advance(1.0)
 
     waiting = []
@@ -202,30 +208,31 @@ def join_all(
             work.forget(tile_name(tile))
             waiting.append(job)
         else:
-            made[tile] = record
+            records[tile] = record
     pool.run(
         finish_tile,
         waiting,
         lambda number, record: finished(waiting[number].tile, record),
     )
     runner.progress.done({"tiles": len(jobs)})
+    # (4) Forget what an earlier plan with more tiles left; keep the tiles with faces.
     for stale in (*work.names("solve-"), *work.names("tile-")):
         if int(stale.split("-")[1]) >= plan.count:
             work.forget(stale)
-    kept = [tile for tile in range(plan.count) if made[tile].values["faces"]]
+    kept = [tile for tile in range(plan.count) if records[tile].values["faces"]]
     stored = StoredTiles(
         work.path,
         tuple(tile_name(tile) for tile in kept),
-        np.array([made[tile].values["box"] for tile in kept], dtype=np.float64).reshape(-1, 6),
-        tuple(int(made[tile].values["faces"]) for tile in kept),
-        tuple(int(made[tile].values["vertices"]) for tile in kept),
+        np.array([records[tile].values["box"] for tile in kept], dtype=np.float64).reshape(-1, 6),
+        tuple(int(records[tile].values["faces"]) for tile in kept),
+        tuple(int(records[tile].values["vertices"]) for tile in kept),
         tasks[0].attributes,
         int(joined.record.facts.counts["shared_vertices"]),
         stage_key(
-            "tiles", "", {}, {tile_name(tile): made[tile].digest for tile in range(plan.count)}
+            "tiles", "", {}, {tile_name(tile): records[tile].digest for tile in range(plan.count)}
         ),
         tuple(tile_name(tile) for tile in range(plan.count)),
-        tuple(int(made[tile].values["base_faces"]) for tile in range(plan.count)),
+        tuple(int(records[tile].values["base_faces"]) for tile in range(plan.count)),
     )
     return stored, joined.record.facts
 
@@ -247,7 +254,7 @@ def _seam_facts(seams: Seams, settled: join_tiles.Settled, rule: EdgeRule) -> Fa
         "seam_edges": settled.seam_edges,
         "seam_cracks": settled.cracks,
         "seam_rims": settled.rims,
-        "seam_fillers": sum(len(part) for part in seams.fillers),
+        "seam_fillers": sum(len(fillers) for fillers in seams.fillers),
         "seam_unmatched_vertices": seams.unmatched,
         "islands_dropped": settled.islands,
         "support_threshold": rule.threshold,

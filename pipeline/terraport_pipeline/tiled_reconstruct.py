@@ -18,9 +18,10 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.tile_pool import TilePool
-from terraport_pipeline.model import Crs, Float32, Float64, Mesh, UInt8
+from terraport_pipeline.model import Crs, Mesh
 from terraport_pipeline.photo_input import camera_samples
 from terraport_pipeline.stage_runner import StageRunner
 from terraport_pipeline.stages import clean, reconstruct, tiled_base
@@ -57,7 +58,7 @@ class TiledReconstructed:
     cell_m: float
     tile_depth: int
     digest: str
-    """Of base and tiles."""
+    """Hash of base and tiles."""
 
 
 def run(
@@ -100,8 +101,10 @@ def run(
     EngineError
         The solver failed twice on a tile, or a worker was lost twice.
     """
+    # (1) Everything known before the first tile.
     ground = prepare(runner, survey, file_key, max_points, clean_options, options, tiles)
     check(tuple(ground.cleaned.record.values["attributes"]))
+    # (2) Solve and join tiles, in processes of their own.
     tasks = tile_tasks(ground, clean_options, options)
     with (
         runner.at(reconstruct.NAME),
@@ -109,6 +112,7 @@ def run(
     ):
         solved = solve_all(runner, ground, tasks, pool)
         stored, joined = join_all(runner, ground, tasks, solved, options, pool)
+    # (3) The base, from all tiles and the thinned cloud.
     cleaned = ground.cleaned.value()
     base_key = stage_key(
         tiled_base.NAME,
@@ -124,7 +128,8 @@ def run(
         tiled_base.store,
         tiled_base.restore,
     )
-    made = base.value()
+    # (4) Facts of all steps.
+    base_result = base.value()
     ground.cleaned.release()
     crs = ground.read.values["crs"]
     counts = [record.values for record in solved]
@@ -140,14 +145,14 @@ def run(
             "detail_vertices": sum(stored.vertices),
             "outliers_with_margins": lost,
             **joined.counts,
-            **made.facts.counts,
+            **base_result.facts.counts,
         },
-        (*ground.warnings, *joined.warnings, *made.facts.warnings),
+        (*ground.warnings, *joined.warnings, *base_result.facts.warnings),
     )
     return TiledReconstructed(
-        made.base,
+        base_result.base,
         stored,
-        made.deviation_m,
+        base_result.deviation_m,
         facts,
         ground.origin,
         Crs(**crs) if crs else None,

@@ -10,18 +10,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 import xxhash
 
+from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64
 from terraport_pipeline.errors import WorkDirectoryError
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 
 __all__ = ["Border", "DetailTiles", "StoredTiles", "WholeDetail"]
 
-Int64 = npt.NDArray[np.int64]
 
 _FIELDS = ("vertices", "faces", "normals", "colours")
 
@@ -46,21 +45,21 @@ class DetailTiles(Protocol):
 
     @property
     def border_count(self) -> int:
-        """Number of different shared vertices."""
+        """Number of distinct shared vertices over all tiles."""
         ...
 
     @property
     def attributes(self) -> tuple[str, ...]:
-        """Names, the same in every tile."""
+        """Names of the attributes, the same in every tile."""
         ...
 
     @property
     def digest(self) -> str:
-        """Of all tiles' content."""
+        """Hash of all tiles' content."""
         ...
 
     def load(self, i: int) -> Mesh:
-        """Read one tile."""
+        """Read the mesh of tile `i`."""
         ...
 
     def box(self, i: int) -> Float64:
@@ -68,21 +67,21 @@ class DetailTiles(Protocol):
         ...
 
     def border(self, i: int) -> Border:
-        """Vertices that it shares."""
+        """Vertices of tile `i` that it shares with others, and their common ids."""
         ...
 
     def face_count(self, i: int) -> int:
-        """Faces, without reading them."""
+        """Count the faces of tile `i`, without reading it."""
         ...
 
     def vertex_count(self, i: int) -> int:
-        """Vertices, without reading them."""
+        """Count the vertices of tile `i`, without reading it."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeDetail:
-    """One mesh as the only tile."""
+    """A detail in memory, seen as a single tile."""
 
     mesh: Mesh
     count: int = 1
@@ -95,7 +94,7 @@ class WholeDetail:
 
     @property
     def digest(self) -> str:
-        """Of the mesh's arrays."""
+        """Hash of the mesh's arrays."""
         digest = xxhash.xxh3_128()
         mesh = self.mesh
         for array in (*(getattr(mesh, f) for f in _FIELDS), *mesh.attributes.values()):
@@ -103,25 +102,25 @@ class WholeDetail:
         return digest.hexdigest()
 
     def load(self, i: int) -> Mesh:
-        """Return the mesh."""
+        """Return the mesh itself."""
         _check(i, 1)
         return self.mesh
 
     def box(self, i: int) -> Float64:
-        """Box of its vertices."""
+        """Bounding box of all vertices, (6,) metres."""
         return vertex_box(self.load(i).vertices)
 
     def border(self, i: int) -> Border:
-        """Nothing is shared."""
+        """Return an empty border: a single tile shares nothing."""
         _check(i, 1)
         return Border(np.zeros(0, np.int32), np.zeros(0, np.int64))
 
     def face_count(self, i: int) -> int:
-        """Faces."""
+        """Count the faces of the mesh."""
         return len(self.load(i).faces)
 
     def vertex_count(self, i: int) -> int:
-        """Vertices."""
+        """Count the vertices of the mesh."""
         return len(self.load(i).vertices)
 
 
@@ -131,7 +130,7 @@ class StoredTiles:
 
     folder: Path
     names: tuple[str, ...]
-    """Folder of every tile."""
+    """Name of every tile's result in the work directory."""
     boxes: Float64
     """(T, 6) metres."""
     faces: tuple[int, ...]
@@ -146,7 +145,7 @@ class StoredTiles:
 
     @property
     def count(self) -> int:
-        """Number of tiles."""
+        """Number of tiles with at least one face."""
         return len(self.names)
 
     def base_part(self, i: int) -> tuple[Float32, Int32]:
@@ -167,23 +166,23 @@ class StoredTiles:
         return Mesh(**arrays, attributes=values)
 
     def box(self, i: int) -> Float64:
-        """Box of its vertices."""
-        found: Float64 = self.boxes[i]
-        return found
+        """Bounding box of the tile's vertices, (6,) metres, without reading it."""
+        box: Float64 = self.boxes[i]
+        return box
 
     def border(self, i: int) -> Border:
-        """Vertices that it shares."""
+        """Read the vertices that the tile shares with others, and their common ids."""
         return Border(self._read(i, "border-rows"), self._read(i, "border-ids"))
 
     def face_count(self, i: int) -> int:
-        """Faces."""
+        """Count the faces of the tile, without reading it."""
         return self.faces[i]
 
     def vertex_count(self, i: int) -> int:
-        """Vertices."""
+        """Count the vertices of the tile, without reading it."""
         return self.vertices[i]
 
-    def _read(self, i: int, field: str) -> npt.NDArray[Any]:
+    def _read(self, i: int, field: str) -> AnyArray:
         _check(i, self.count)
         return _read(self.folder / self.names[i] / f"{field}.npy")
 
@@ -193,14 +192,14 @@ def vertex_box(vertices: Float32) -> Float64:
     return np.concatenate([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
 
 
-def _read(path: Path) -> npt.NDArray[Any]:
+def _read(path: Path) -> AnyArray:
     try:
-        found: npt.NDArray[Any] = np.load(path, allow_pickle=False)
+        array: AnyArray = np.load(path, allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise WorkDirectoryError(
             f"{path} cannot be read ({error}); build again with --no-resume"
         ) from None
-    return found
+    return array
 
 
 def _check(i: int, count: int) -> None:

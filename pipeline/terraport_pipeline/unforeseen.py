@@ -12,7 +12,7 @@ from typing import Final
 
 from terraport_pipeline.errors import ResourceError, StageFailedError
 
-__all__ = ["FAILURE_NAME", "build_failed", "stage_failed", "told_of"]
+__all__ = ["FAILURE_NAME", "build_failed", "description_of", "stage_failed"]
 
 FAILURE_NAME: Final = "failure.log"
 """In the work directory; the last failure alone."""
@@ -53,8 +53,8 @@ def build_failed(
     advice += "; the scene is as it was"
     if isinstance(error, MemoryError):
         return ResourceError(
-            f"{stage} was refused memory ({told_of(error)}); free some, or thin the survey with "
-            f"--max-points; {advice}"
+            f"{stage} was refused memory ({description_of(error)}); free some, or thin the survey "
+            f"with --max-points; {advice}"
         )
     return stage_failed(error, stage, advice, work)
 
@@ -80,17 +80,19 @@ def stage_failed(
     StageFailedError
         To be raised from `error`.
     """
-    return StageFailedError(stage, told_of(error), advice, _kept_trace(error, stage, directory))
+    return StageFailedError(
+        stage, description_of(error), advice, _kept_trace(error, stage, directory)
+    )
 
 
-def told_of(error: Exception) -> str:
+def description_of(error: Exception) -> str:
     r"""Put an exception's kind and text in one line.
 
     Examples
     --------
-    >>> told_of(ValueError("3 sizes,\n expected 2"))
+    >>> description_of(ValueError("3 sizes,\n expected 2"))
     'ValueError: 3 sizes, expected 2'
-    >>> told_of(ZeroDivisionError())
+    >>> description_of(ZeroDivisionError())
     'ZeroDivisionError'
     """
     text = " ".join(str(error).split())

@@ -35,7 +35,7 @@ GLTF_SAMPLE: Final = 32
 
 @dataclass(frozen=True, slots=True)
 class ValidationOptions:
-    """What is checked, and how hard."""
+    """Which checks run beyond the files, and with how many samples."""
 
     hand_off: HandOffOptions | None = field(default_factory=HandOffOptions)
     """None leaves the rays out."""
@@ -48,13 +48,13 @@ class ValidationOptions:
 
 @dataclass(frozen=True, slots=True)
 class ValidationResult:
-    """What was found."""
+    """Findings about a scene's files, payloads and hand-off, and which checks did not run."""
 
     path: Path | str
     manifest: Manifest | None
     """None when it cannot be read."""
     findings: tuple[Finding, ...]
-    """Of the store's check."""
+    """Findings of the store's check of files, index and cover."""
     hand_off: HandOffReport | None
     hand_off_not_run: str
     """Why the rays were not cast; empty when they were."""
@@ -116,9 +116,9 @@ def validate(
     try:
         findings = tuple(validate_scene(files, progress=_by_segment(watcher)))
         watcher.done({"findings": len(findings)})
-        found = _Looked(None, "left out")
+        proof = _Proof(None, "left out")
         if chosen.hand_off is not None:
-            found = _look(files, chosen.hand_off, chosen.picture, watcher)
+            proof = _look(files, chosen.hand_off, chosen.picture, watcher)
         gltf = GltfCheck(0, not_run="only with --khronos")
         if chosen.khronos:
             gltf = _judge(files, chosen.gltf_sample, watcher, announce)
@@ -132,12 +132,12 @@ def validate(
         scene_path,
         manifest,
         findings,
-        found.report,
-        found.why_not,
+        proof.report,
+        proof.why_not,
         gltf,
         chosen.khronos,
-        found.seconds,
-        found.picture,
+        proof.seconds,
+        proof.picture,
     )
 
 
@@ -154,7 +154,9 @@ def _by_segment(watcher: Progress) -> Callable[[int, int], None]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Looked:
+class _Proof:
+    """Report of the rays, or why they did not run."""
+
     report: HandOffReport | None
     why_not: str = ""
     seconds: float = 0.0
@@ -163,7 +165,7 @@ class _Looked:
 
 def _look(
     files: SceneFiles, options: HandOffOptions, picture: Path | None, watcher: Progress
-) -> _Looked:
+) -> _Proof:
     """Cast the rays; a scene too damaged for it is a reason, not an error."""
     try:
         with Scene.open(files) as scene:
@@ -179,26 +181,26 @@ def _look(
         )
         seconds = time.perf_counter() - start
     except (StoreError, PipelineError) as error:
-        return _Looked(None, str(error))
+        return _Proof(None, str(error))
     if picture is None or report.worst is None:
-        return _Looked(report, "", seconds)
+        return _Proof(report, "", seconds)
     save_png(compare_at(model, report.worst, detail_rays=detail, base_rays=base), picture)
-    return _Looked(report, "", seconds, picture)
+    return _Proof(report, "", seconds, picture)
 
 
 def _look_in_windows(
     scene: Scene, options: HandOffOptions, picture: Path | None, watcher: Progress
-) -> _Looked:
+) -> _Proof:
     """Cast the rays at a scene larger than memory."""
     start = time.perf_counter()
     report = prove_in_windows(scene, options, watcher)
     seconds = time.perf_counter() - start
     if picture is None or report.worst is None:
-        return _Looked(report, "", seconds)
+        return _Proof(report, "", seconds)
     near = segments_around(scene, report.worst.target)
     model = load_scene_model(scene, segments=near, progress=watcher)
     save_png(compare_at(model, report.worst), picture)
-    return _Looked(report, "", seconds, picture)
+    return _Proof(report, "", seconds, picture)
 
 
 def _judge(

@@ -29,6 +29,7 @@ import numpy as np
 import numpy.typing as npt
 import xxhash
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.errors import ResourceError, WorkDirectoryError
 from terraport_pipeline.measure import StepCost
@@ -61,17 +62,17 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class StageRecord:
-    """What ``stage.json`` says."""
+    """Key, digest, facts and cost of a kept result: the content of ``stage.json``."""
 
     name: str
     key: str
     digest: str
-    """Of the result: arrays and values, not costs."""
+    """Hash of the result: arrays and values, not costs."""
     facts: Facts
     cost: Cost
     values: Mapping[str, Json]
     files: Mapping[str, int]
-    """Bytes by file name."""
+    """Size of every file, bytes, by name."""
 
 
 class WorkDirectory:
@@ -159,12 +160,10 @@ class WorkDirectory:
         folder = self.path / record.name
         return Stored(_LookedUp({Path(f).stem: folder / f for f in record.files}), record.values)
 
-    def array(self, record: StageRecord, name: str) -> npt.NDArray[Any]:
-        """Read one array of a result."""
-        found: npt.NDArray[Any] = np.load(
-            self.path / record.name / f"{name}.npy", allow_pickle=False
-        )
-        return found
+    def array(self, record: StageRecord, name: str) -> AnyArray:
+        """Load one array of a kept result into memory."""
+        array: AnyArray = np.load(self.path / record.name / f"{name}.npy", allow_pickle=False)
+        return array
 
     def save(self, name: str, key: str, stored: Stored, facts: Facts, cost: Cost) -> StageRecord:
         """Write a result and put it in place of an older one.
@@ -175,7 +174,7 @@ class WorkDirectory:
             The disk is full; the older result stands.
         """
         values = json.loads(json.dumps(dict(stored.values), allow_nan=False))
-        told = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        plain_facts = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
         digests = {f"{n}.npy": _array_digest(array) for n, array in stored.arrays.items()}
         whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
         with self.beside(name) as folder:
@@ -186,7 +185,7 @@ class WorkDirectory:
                     _write_npy(file, np.ascontiguousarray(array))
                     _sync(file.fileno())
                 files[path.name] = path.stat().st_size
-            return _write_record(folder, name, key, whole, told, cost, values, files)
+            return _write_record(folder, name, key, whole, plain_facts, cost, values, files)
 
     def seal(
         self,
@@ -207,7 +206,7 @@ class WorkDirectory:
             As in :meth:`save`; the digest is the one that :meth:`save` computes.
         """
         values = json.loads(json.dumps(dict(values), allow_nan=False))
-        told = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        plain_facts = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
         digests, files = {}, {}
         for path in sorted(folder.glob("*.npy")):
             digests[path.name] = _npy_digest(path)
@@ -215,7 +214,7 @@ class WorkDirectory:
                 _sync(file.fileno())
             files[path.name] = path.stat().st_size
         whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
-        return _write_record(folder, name, key, whole, told, cost, values, files)
+        return _write_record(folder, name, key, whole, plain_facts, cost, values, files)
 
     def forget(self, name: str) -> None:
         """Delete a result; nothing happens when there is none."""
@@ -283,13 +282,13 @@ def stage_key(name: str, code: str, options: Mapping[str, Json], inputs: Mapping
     return xxhash.xxh3_128_hexdigest(_canonical([name, code, dict(options), dict(inputs)]))
 
 
-class _LookedUp(Mapping[str, npt.NDArray[Any]]):
+class _LookedUp(Mapping[str, AnyArray]):
     """Arrays that are mapped anew each time they are asked for."""
 
     def __init__(self, paths: Mapping[str, Path]) -> None:
         self._paths = paths
 
-    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+    def __getitem__(self, name: str) -> AnyArray:
         return _map(self._paths[name])
 
     def __iter__(self) -> Iterator[str]:
@@ -299,12 +298,12 @@ class _LookedUp(Mapping[str, npt.NDArray[Any]]):
         return len(self._paths)
 
 
-def _map(path: Path) -> npt.NDArray[Any]:
+def _map(path: Path) -> AnyArray:
     try:
-        found: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+        array: AnyArray = np.load(path, mmap_mode="r", allow_pickle=False)
     except ValueError:  # an empty array cannot be mapped
-        found = np.load(path, allow_pickle=False)
-    return found
+        array = np.load(path, allow_pickle=False)
+    return array
 
 
 def file_digest(path: Path) -> str:
@@ -334,7 +333,7 @@ def _write_record(
     name: str,
     key: str,
     digest: str,
-    told: Json,
+    plain_facts: Json,
     cost: Cost,
     values: Json,
     files: Mapping[str, int],
@@ -343,7 +342,7 @@ def _write_record(
         "name": name,
         "key": key,
         "digest": digest,
-        "facts": told,
+        "facts": plain_facts,
         "cost": asdict(cost),
         "values": values,
         "files": dict(files),

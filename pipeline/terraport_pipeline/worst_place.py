@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
+from terraport_payload.types import AnyFloat, Bool, Float32, UInt8
 from terraport_pipeline.engines.cameras import Camera
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import RayScene
@@ -19,7 +19,6 @@ from terraport_pipeline.geometry.handoff_rays import hidden_base_faces
 from terraport_pipeline.handoff_report import WorstRay
 from terraport_pipeline.landing_view import mixed_mesh
 from terraport_pipeline.mixed_model import ShownFaces
-from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.scene_model import SceneModel
 
 __all__ = ["compare_at", "describe", "difference_colours", "sight_of", "to_survey"]
@@ -55,7 +54,7 @@ def describe(worst: WorstRay) -> str:
 
 
 def to_survey(
-    origin: tuple[float, float, float], place: tuple[float, float, float]
+    origin: tuple[float, float, float], position: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Turn a place of the scene into easting, northing and height.
 
@@ -63,7 +62,7 @@ def to_survey(
     ----------
     origin : (float, float, float)
         E0, N0, H0 of the manifest, metres.
-    place : (float, float, float)
+    position : (float, float, float)
         x, y, z, metres, scene frame.
 
     Returns
@@ -75,7 +74,7 @@ def to_survey(
     >>> to_survey((500.0, 8000.0, 100.0), (1.0, 2.0, 3.0))
     (501.0, 7997.0, 102.0)
     """
-    return origin[0] + place[0], origin[1] - place[2], origin[2] + place[1]
+    return origin[0] + position[0], origin[1] - position[2], origin[2] + position[1]
 
 
 def sight_of(worst: WorstRay, tolerance_m: float) -> Camera:
@@ -135,12 +134,14 @@ def compare_at(
         detail, orange further, full colour at four tolerances, magenta where the mixed model shows
         nothing.
     """
+    # (1) Where to look from, and the two meshes to look at.
     tolerance_m = model.manifest.hand_off.tolerance_m
     camera = sight_of(worst, tolerance_m)
     loaded = np.zeros(len(model.segment_bounds), dtype=np.bool_)
     loaded[list(worst.loaded)] = True
     detail_scene = detail_rays or RayScene(model.detail.vertices, model.detail.faces)
     base_scene = base_rays or RayScene(model.base.vertices, model.base.faces)
+    # (2) Both pictures by the same camera and light.
     full = render_mesh(
         model.detail.vertices,
         model.detail.faces,
@@ -168,6 +169,7 @@ def compare_at(
         shadows=False,
         supersample=supersample,
     )
+    # (3) Their difference in depth, in colour.
     full_t, mixed_t = _depths(model, loaded, camera, size, (detail_scene, base_scene))
     difference = difference_colours(full_t, mixed_t, tolerance_m).reshape(size[1], size[0], 3)
     most = f"{FULL_COLOUR * tolerance_m:.3g} m"
@@ -219,7 +221,7 @@ def difference_colours(full_t: Float32, mixed_t: Float32, tolerance_m: float) ->
 
 def _depths(
     model: SceneModel,
-    loaded: npt.NDArray[np.bool_],
+    loaded: Bool,
     camera: Camera,
     size: tuple[int, int],
     scenes: tuple[RayScene, RayScene],
@@ -238,8 +240,8 @@ def _side_by_side(panels: tuple[UInt8, ...], words: tuple[str, ...]) -> UInt8:
     height, width = panels[0].shape[:2]
     whole = Image.new("RGB", (len(panels) * (width + GAP_PX) - GAP_PX, height + LINE_PX), "white")
     draw, font = ImageDraw.Draw(whole), ImageFont.load_default(13)
-    for place, (panel, text) in enumerate(zip(panels, words, strict=True)):
-        left = place * (width + GAP_PX)
+    for number, (panel, text) in enumerate(zip(panels, words, strict=True)):
+        left = number * (width + GAP_PX)
         whole.paste(Image.fromarray(panel), (left, LINE_PX))
         draw.text((left + 4, 3), text, fill="black", font=font)
         middle, reach = (left + width / 2, LINE_PX + height / 2), height / 12
@@ -248,5 +250,5 @@ def _side_by_side(panels: tuple[UInt8, ...], words: tuple[str, ...]) -> UInt8:
     return np.asarray(whole)
 
 
-def _triple(vector: npt.NDArray[np.floating]) -> tuple[float, float, float]:
+def _triple(vector: AnyFloat) -> tuple[float, float, float]:
     return float(vector[0]), float(vector[1]), float(vector[2])

@@ -35,7 +35,7 @@ _Stamps = tuple[tuple[int, int, int] | None, ...]
 
 @dataclass(eq=False, slots=True)
 class Visitor:
-    """One session, as far as access goes."""
+    """A session whose token is checked again and again: what it opened, and how to end it."""
 
     scene_id: str
     withdraw: Callable[[str], None]
@@ -47,7 +47,7 @@ class Visitor:
 
 @dataclass(slots=True)
 class _Watched:
-    """One file, and what was last seen of it."""
+    """A file of tokens, keys or certificates, and the stamps at which it was last read."""
 
     name: str
     paths: tuple[Path, ...]
@@ -122,7 +122,7 @@ class AccessWatch:
         self._visitors.discard(visitor)
 
     async def watch(self, period_s: float) -> None:
-        """Look again and again until cancelled."""
+        """Refresh, and check every visitor, once a period until cancelled."""
         while True:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(period_s):
@@ -187,12 +187,12 @@ class AccessWatch:
 
 
 def _stamps(paths: tuple[Path, ...]) -> _Stamps:
-    found: list[tuple[int, int, int] | None] = []
+    stamps: list[tuple[int, int, int] | None] = []
     for path in paths:
         try:
             status = path.stat()
         except OSError:
-            found.append(None)
+            stamps.append(None)
         else:
-            found.append((status.st_mtime_ns, status.st_size, status.st_ino))
-    return tuple(found)
+            stamps.append((status.st_mtime_ns, status.st_size, status.st_ino))
+    return tuple(stamps)

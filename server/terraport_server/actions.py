@@ -9,9 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-import numpy as np
-import numpy.typing as npt
-
+from terraport_payload.types import Int64
 from terraport_server.selection import SegmentTable
 from terraport_wire import (
     Arrived,
@@ -50,7 +48,7 @@ class SceneView:
     name: str
     encodings: Mapping[str, SegmentTable]
     """One table per payload encoding; at least one, all of the same length."""
-    within: Callable[[Sequence[float], float], npt.NDArray[np.int64]]
+    within: Callable[[Sequence[float], float], Int64]
     """Ids of the segments whose box comes within a radius of a point, metres, scene frame."""
 
 
@@ -77,7 +75,7 @@ class SessionLimits:
 
 @dataclass(frozen=True, slots=True)
 class SendMessage:
-    """Send one message."""
+    """Send one message, behind the actions before it."""
 
     message: Message
 

@@ -70,7 +70,7 @@ class AimLedger:
             self._tell(sum(self._sent.pop(segment, 0) for segment in segments), 0)
 
     def end(self) -> None:
-        """Settle the rest: the session is over."""
+        """Book the rest as wasted: the session is over."""
         self.waste(list(self._sent))
 
     def _tell(self, sent_bytes: int, used_bytes: int) -> None:

@@ -34,7 +34,7 @@ _DOCS: Final = "/docs"
 
 
 class AppGuard:
-    """Wraps the application.
+    """Middleware that refuses requests before the application sees them, and counts answers.
 
     Parameters
     ----------

@@ -124,32 +124,32 @@ class Gate:
         if token is None:
             return None
         digest = self._digest(token[: MAX_TOKEN_BYTES + 1])
-        found = None
+        static_pass = None
         for one in self._static:
             if hmac.compare_digest(one.digest, digest):
-                found = one
-        if found is None and self._keys is not None and len(token) <= MAX_TOKEN_BYTES:
+                static_pass = one
+        if static_pass is None and self._keys is not None and len(token) <= MAX_TOKEN_BYTES:
             claims = read_token(token, self._keys, audience=self._audience)
             if claims is not None and self._is_in_time(claims):
                 return TokenPass(claims.name, claims.scenes, claims.guide, signed=claims)
-        return found
+        return static_pass
 
     def admit(self, token: str | None, scene_id: str) -> TokenPass | ErrorCode:
         """Return the pass of a token that opens the scene, or why it does not."""
-        found = self.find(token)
-        if found is None:
+        token_pass = self.find(token)
+        if token_pass is None:
             return ErrorCode.UNAUTHORISED
-        return found if found.opens(scene_id) else ErrorCode.FORBIDDEN
+        return token_pass if token_pass.opens(scene_id) else ErrorCode.FORBIDDEN
 
     def check(self, token: str | None, scene_id: str) -> ErrorCode | None:
         """Return ``None`` if the token opens the scene, else why not."""
-        found = self.admit(token, scene_id)
-        return None if isinstance(found, TokenPass) else found
+        admission = self.admit(token, scene_id)
+        return None if isinstance(admission, TokenPass) else admission
 
     def may_guide(self, token: str | None, scene_id: str) -> bool:
         """Whether the token opens the scene and lets its bearer move a group there."""
-        found = self.admit(token, scene_id)
-        return isinstance(found, TokenPass) and found.guide
+        admission = self.admit(token, scene_id)
+        return isinstance(admission, TokenPass) and admission.guide
 
     def withdrawal(self, token_pass: TokenPass, scene_id: str) -> Withdrawal | None:
         """Return why a pass opens the scene no more; ``None`` while it does."""
@@ -228,7 +228,7 @@ def origin_is_allowed(origin: str | None, host: str | None, allowed: tuple[str, 
     if origin is None or "*" in allowed or origin in allowed:
         return True
     try:
-        place = urlsplit(origin).netloc
+        netloc = urlsplit(origin).netloc
     except ValueError:  # an address in broken brackets
         return False
-    return host is not None and place.lower() == host.lower()
+    return host is not None and netloc.lower() == host.lower()

@@ -93,7 +93,12 @@ def serve(
         str | None, typer.Option(help="debug, info, warning or error. [default: info]")
     ] = None,
 ) -> None:
-    """Serve scenes; the text for people is ``_HELP``."""
+    """Serve scenes until a signal; the text for people is ``_HELP``.
+
+    An option that is not given is left to the environment, then to the default of ``Settings``: no
+    default stands here twice.
+    """
+    # Options by the names of the settings.
     given: dict[str, Any] = {
         "scenes_url" if is_url(directory) else "scenes_dir": directory,
         "host": host,
@@ -113,6 +118,7 @@ def serve(
         "log_level": log_level,
     }
     options = {name: value for name, value in given.items() if value is not None}
+    # Serve; what the operator can mend is one line, not a trace.
     try:
         settings = _settings(options)
 
@@ -135,7 +141,7 @@ def _settings(given: dict[str, Any]) -> Settings:
         return Settings(**given)
     except pydantic.ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
-        name = ".".join(str(part) for part in first["loc"])
+        name = ".".join(str(key) for key in first["loc"])
         what = f"{first['msg']}; give the option or set {ENV_PREFIX}{name.upper()}"
         raise SettingsError(name, what) from None
 
@@ -145,8 +151,8 @@ def _announce(settings: Settings) -> None:
     scheme = "https" if settings.tls_certificate else "http"
     address = f"{scheme}://{settings.host}:{settings.port}"
     access = "open to everyone who can connect" if settings.is_open else "with a token"
-    place = settings.scenes_url or settings.scenes_dir
-    typer.echo(f"terraport serves {place} at {address} ({access})")
+    location = settings.scenes_url or settings.scenes_dir
+    typer.echo(f"terraport serves {location} at {address} ({access})")
     typer.echo(f"  viewer: {_viewer_line(settings, scheme)}")
     if settings.scenes_url is not None:
         typer.echo("  the log names each scene as it is opened")
@@ -168,7 +174,7 @@ def _announce(settings: Settings) -> None:
 
 
 def _viewer_line(settings: Settings, scheme: str) -> str:
-    """Return where the viewer is, or why it is not."""
+    """Return the viewer's address, or why there is no viewer."""
     if not settings.viewer:
         return "switched off"
     if settings.viewer_dir is None and not (BUILT_PAGE / "index.html").is_file():

@@ -47,7 +47,7 @@ class ClientAddresses:
         return None if any(address in network for network in self._networks) else host
 
     def enter(self, key: str) -> int:
-        """Count one in; return how many there are now."""
+        """Count a connection of an address in; return how many it has open now."""
         self._open[key] += 1
         return self._open[key]
 
@@ -63,7 +63,7 @@ class ClientAddresses:
         return self._arrived[key]
 
     def leave(self, key: str) -> None:
-        """Count one out."""
+        """Count a connection of an address out."""
         self._open[key] -= 1
         if self._open[key] <= 0:
             del self._open[key]

@@ -31,7 +31,7 @@ MAX_LINE_BYTES: Final = 16 << 20
 
 
 class Channel:
-    """One end of the pair. Lives on one event loop."""
+    """One end of the socket pair of supervisor and worker. Lives on one event loop."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader

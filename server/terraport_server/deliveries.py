@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import islice
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, UInt32
 from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
 from terraport_server.aim_ledger import AimLedger
 from terraport_server.id_set import IdSet
@@ -81,7 +80,7 @@ class Deliveries:
         """Ids offered by hello that were not accepted."""
         self.credit_bytes = min(hello.credit_bytes, limits.max_credit_bytes)
         """Payload bytes that may still be sent."""
-        self._parts: dict[int, int] = {}
+        self._partly_sent: dict[int, int] = {}
         self._landing: Landing | None = None
         self._aiming: Transfer | None = None
         self._waiting_aim: Aim | None = None
@@ -111,16 +110,16 @@ class Deliveries:
         self.credit_bytes = min(self.credit_bytes + credit_bytes, self._limits.max_credit_bytes)
         self._note_stall(now_s)
 
-    def offer(self, held: npt.NDArray[Any] | None) -> npt.NDArray[np.uint32]:
+    def offer(self, held: AnyArray | None) -> UInt32:
         """Take the offered segments whose hash is right; return the ids of the others (5.3)."""
         if held is None:
             return np.zeros(0, dtype=ID_DTYPE)
         ids = held["id"].astype(np.int64)
-        known = ids < len(self._table)
-        known[known] = self._table.hashes[ids[known]] == held["xxh3"][known]
-        dropped = ids[~known].astype(ID_DTYPE)
+        is_match = ids < len(self._table)
+        is_match[is_match] = self._table.hashes[ids[is_match]] == held["xxh3"][is_match]
+        dropped = ids[~is_match].astype(ID_DTYPE)
         self.held.difference_update(dropped)  # an id offered again replaces its row
-        self.held.update(ids[known])
+        self.held.update(ids[is_match])
         return dropped
 
     @property
@@ -142,7 +141,7 @@ class Deliveries:
             deadline_s=None if land.deadline_ms is None else now_s + land.deadline_ms / 1000.0,
             stall_s=None if land.stall_ms is None else land.stall_ms / 1000.0,
         )
-        self._forget_parts(self._landing)
+        self._forget_partly_sent(self._landing)
         self._ahead.land(self._landing.plan, needed_more=len(chosen.load) > 0)
         plan = make_plan(
             land, chosen, self._table, release_radius_m=land.radius_m * self.release_factor
@@ -170,7 +169,7 @@ class Deliveries:
             self._say(message)
             self._observer.superseded(message, landing=False)
 
-    def evict(self, segments: npt.NDArray[Any]) -> int | None:
+    def evict(self, segments: AnyArray) -> int | None:
         """Note that the client dropped segments; return one that it may not drop yet (6.7)."""
         if self._landing is not None and self._landing.unfinished:
             wrong = segments[self._landing.plan.contains(segments)]
@@ -219,7 +218,7 @@ class Deliveries:
         chunks, lengths = [], self._table.lengths
         generation, landing = transfer.generation, transfer is self._landing
         for segment in transfer.queue:
-            total, offset = int(lengths[segment]), self._parts.get(segment, 0)
+            total, offset = int(lengths[segment]), self._partly_sent.get(segment, 0)
             while offset < total:
                 length = min(MAX_CHUNK_BYTES, total - offset, credit_bytes)
                 chunks.append(SendChunk(generation, segment, offset, length, total, landing))
@@ -249,10 +248,10 @@ class Deliveries:
         for chunk in chunks:
             end = chunk.offset + chunk.length
             if end < chunk.total:
-                self._parts[chunk.segment] = end
+                self._partly_sent[chunk.segment] = end
                 continue
             transfer.queue.popleft()
-            self._parts.pop(chunk.segment, None)
+            self._partly_sent.pop(chunk.segment, None)
             self.held.add_new(chunk.segment)  # what is held is never queued
             transfer.delivered += 1
         self.settle(now_s)
@@ -261,13 +260,13 @@ class Deliveries:
         """Give up the segment of the chunk that :meth:`next_chunks` returned first."""
         transfer = self._answering(chunk)
         transfer.queue.popleft()
-        self._parts.pop(chunk.segment, None)
+        self._partly_sent.pop(chunk.segment, None)
         if isinstance(transfer, Landing):
             transfer.missing.add(chunk.segment)
         self.settle(now_s)
 
     def end(self) -> None:
-        """Settle what only the session's end settles."""
+        """Book as wasted what was sent for aims and never used: the session is over."""
         self._ahead.end()
 
     def settle(self, now_s: float) -> None:
@@ -332,19 +331,19 @@ class Deliveries:
         chosen = self._select(aim, None)
         self._aiming = Transfer(aim.generation, chosen)
         self._ahead.aim()
-        self._forget_parts(self._aiming)
+        self._forget_partly_sent(self._aiming)
         self._say(make_prefetch(aim, chosen, self._table))
 
     def _sending(self) -> Transfer | None:
         landing, aiming = self._landing, self._aiming
-        if aiming is not None and aiming.queue and self._parts.get(aiming.queue[0]):
+        if aiming is not None and aiming.queue and self._partly_sent.get(aiming.queue[0]):
             return aiming  # a reject may reopen a landing: segments still come one after the other
         if landing is not None and landing.unfinished:
             return landing if landing.queue else None
         return aiming if aiming is not None and aiming.queue else None
 
     def _put_back(self, transfer: Transfer, segment: int) -> None:
-        partly = bool(transfer.queue) and bool(self._parts.get(transfer.queue[0]))
+        partly = bool(transfer.queue) and bool(self._partly_sent.get(transfer.queue[0]))
         transfer.put_back(segment, behind_first=partly)
 
     def _answering(self, chunk: SendChunk) -> Transfer:
@@ -357,7 +356,7 @@ class Deliveries:
         message = Superseded(
             generation=transfer.generation,
             by=by,
-            unsent_bytes=transfer.unsent_bytes(self._table.lengths, self._parts),
+            unsent_bytes=transfer.unsent_bytes(self._table.lengths, self._partly_sent),
         )
         self._say(message)
         self._observer.superseded(message, landing=landing)
@@ -380,9 +379,9 @@ class Deliveries:
             budgets=self._budgets,
         )
 
-    def _forget_parts(self, transfer: Transfer) -> None:
+    def _forget_partly_sent(self, transfer: Transfer) -> None:
         """Forget every part of a segment that is not to be sent now (6.5, rule 3)."""
-        forgotten = [segment for segment in self._parts if segment not in transfer.plan]
+        forgotten = [segment for segment in self._partly_sent if segment not in transfer.plan]
         for segment in forgotten:
-            del self._parts[segment]
+            del self._partly_sent[segment]
         self._ahead.waste(forgotten)

@@ -163,7 +163,7 @@ async def get_segment(
 
 @_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")
 async def get_report(served: _Scene) -> Response:
-    """Return report.html."""
+    """Return the build's report of the scene; 404 where the build left none."""
     headers = {"Cache-Control": CHECK}
     path = report_of(served)
     if path is not None:
@@ -182,7 +182,7 @@ async def get_report(served: _Scene) -> Response:
 
 @_router.get("/healthz", summary="Whether the process runs", response_class=PlainTextResponse)
 def get_health() -> str:
-    """Say ok."""
+    """Answer 200 while the process runs, whatever state the service is in."""
     return "ok\n"
 
 
@@ -272,8 +272,8 @@ def _not_routed(_request: Request, error: Exception) -> Response:
 
 def _not_understood(_request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    places = sorted({str(part["loc"][-1])[:64] for part in error.errors()})
-    return _error(400, ErrorCode.INVALID_FIELD, f"got a wrong value of: {', '.join(places)}")
+    fields = sorted({str(fault["loc"][-1])[:64] for fault in error.errors()})
+    return _error(400, ErrorCode.INVALID_FIELD, f"got a wrong value of: {', '.join(fields)}")
 
 
 def _failed(_request: Request, _fault: Exception) -> Response:

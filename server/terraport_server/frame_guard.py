@@ -35,7 +35,7 @@ class FrameGuard:
         """Whether a frame is under way."""
 
     def __getattr__(self, name: str) -> Any:
-        """Everything else is the transport's."""
+        """Return what the transport itself has of that name."""
         return getattr(self._transport, name)
 
     def begin(self) -> None:
@@ -72,9 +72,9 @@ class FrameGuard:
         """Bytes that wait, here or in the transport."""
         return self._held_bytes + int(self._transport.get_write_buffer_size())
 
-    def writelines(self, parts: Iterable[bytes | memoryview]) -> None:
+    def writelines(self, buffers: Iterable[bytes | memoryview]) -> None:
         """Write now; only whole frames, and only by who begins frames."""
-        self._transport.writelines(parts)
+        self._transport.writelines(buffers)
 
     def close(self) -> None:
         """Close now, or after the frame."""

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray
 from terraport_wire import (
     ID_DTYPE,
     Gather,
@@ -80,7 +80,7 @@ class _Barrier:
 class _Group:
     """One group; it is gone with its last seat."""
 
-    place: tuple[str, str]
+    id: tuple[str, str]
     """Scene and name."""
     seats: dict[int, _Seat] = field(default_factory=dict)
     """By number, ascending."""
@@ -111,7 +111,7 @@ class Groups:
     def __init__(self, limits: GroupLimits) -> None:
         self._limits = limits
         self._groups: dict[tuple[str, str], _Group] = {}
-        self._places: dict[Hashable, tuple[tuple[str, str], int]] = {}
+        self._memberships: dict[Hashable, tuple[tuple[str, str], int]] = {}
         """Group and number by connection."""
         self._posts: list[tuple[Hashable, Message]] = []
 
@@ -171,34 +171,43 @@ class Groups:
             Of a new seat; at least 128 random bits.
         may_guide
             Whether this client may take the guide's seat.
+
+        Notes
+        -----
+        Invariant: a connection has one seat at most, a seat one connection at most, and
+        ``_memberships`` is the inverse of the seats' keys.
         """
-        place = (scene_id, join.group)
-        group = self._groups.get(place)
-        known = None if group is None else group.seat_of(join.seat)
-        if known is None or self._places.get(key) != (place, known.number):
-            if known is None:
-                refusal = self._refusal(key, place, join, may_guide=may_guide)
+        # A secret of this group leads back to its seat; else a new seat must be free. Nothing is
+        # changed before a refusal.
+        group_id = (scene_id, join.group)
+        group = self._groups.get(group_id)
+        seat = None if group is None else group.seat_of(join.seat)
+        if seat is None or self._memberships.get(key) != (group_id, seat.number):
+            if seat is None:
+                refusal = self._refusal(key, group_id, join, may_guide=may_guide)
                 if refusal is not None:
                     return refusal
             self.leave(key, now_s)
-        group = self._groups.setdefault(place, _Group(place))
-        if known is None:
+        # Seat and connection belong to one another from here on.
+        group = self._groups.setdefault(group_id, _Group(group_id))
+        if seat is None:
             group.newest += 1
-            known = _Seat(group.newest, new_secret, join.name, join.role, key)
-            group.seats[known.number] = known
-        elif known.key is not None and known.key != key:
-            del self._places[known.key]  # the old connection only looks alive
-        known.key = key
-        self._places[key] = (place, known.number)
+            seat = _Seat(group.newest, new_secret, join.name, join.role, key)
+            group.seats[seat.number] = seat
+        elif seat.key is not None and seat.key != key:
+            del self._memberships[seat.key]  # the old connection only looks alive
+        seat.key = key
+        self._memberships[key] = (group_id, seat.number)
+        # The member first hears its own number, then who else is there, then where they go.
         self._posts.append(
             (
                 key,
                 Joined(
                     request=join.request,
                     group=join.group,
-                    member=known.number,
-                    role=known.role,
-                    seat=known.secret,
+                    member=seat.number,
+                    role=seat.role,
+                    seat=seat.secret,
                 ),
             )
         )
@@ -209,25 +218,25 @@ class Groups:
 
     def leave(self, key: Hashable, now_s: float) -> None:
         """Give up a seat; nothing where there is none."""
-        found = self._find(key)
-        if found is not None:
-            self._remove(*found, now_s)
+        membership = self._find(key)
+        if membership is not None:
+            self._remove(*membership, now_s)
 
     def lost(self, key: Hashable, now_s: float) -> None:
         """Note that a connection is gone; its seat is kept for a while."""
-        found = self._find(key)
-        if found is not None:
-            group, seat = found
-            del self._places[key]
+        membership = self._find(key)
+        if membership is not None:
+            group, seat = membership
+            del self._memberships[key]
             seat.key, seat.lost_s = None, now_s
             self._changed(group, now_s)
 
     def gather(self, key: Hashable, gather: Gather, now_s: float) -> str | None:
         """Land the group (16.2); return why not."""
-        found = self._find(key)
-        if found is None:
+        membership = self._find(key)
+        if membership is None:
             return "got gather without a seat in a group, expected join first"
-        group, seat = found
+        group, seat = membership
         if seat.role != "guide":
             return f"got gather from a {seat.role}, expected it from the guide"
         most_s = self._limits.group_deadline_s
@@ -239,10 +248,10 @@ class Groups:
 
     def arrived(self, key: Hashable, number: int, state: str) -> None:
         """Note what a member says of a group landing; one that is over is ignored (16.2)."""
-        found = self._find(key)
-        if found is None:
+        membership = self._find(key)
+        if membership is None:
             return
-        group, seat = found
+        group, seat = membership
         barrier = group.barrier
         if barrier is not None and barrier.number == number and not barrier.is_open:
             barrier.states[seat.number] = state
@@ -261,10 +270,10 @@ class Groups:
                 self._tell_roster(group, now_s)
 
     def _refusal(
-        self, key: Hashable, place: tuple[str, str], join: Join, *, may_guide: bool
+        self, key: Hashable, group_id: tuple[str, str], join: Join, *, may_guide: bool
     ) -> str | None:
         """Return why a new seat cannot be had. The seat that this key holds now would be left."""
-        limits, group = self._limits, self._groups.get(place)
+        limits, group = self._limits, self._groups.get(group_id)
         own = self._find(key)
         if join.role == "guide" and not may_guide:
             return "got role guide with a token that does not allow it, expected role member"
@@ -282,18 +291,19 @@ class Groups:
         return None
 
     def _find(self, key: Hashable) -> tuple[_Group, _Seat] | None:
-        place = self._places.get(key)
-        if place is None:
+        membership = self._memberships.get(key)
+        if membership is None:
             return None
-        group = self._groups[place[0]]
-        return group, group.seats[place[1]]
+        group_id, number = membership
+        group = self._groups[group_id]
+        return group, group.seats[number]
 
     def _remove(self, group: _Group, seat: _Seat, now_s: float) -> None:
         del group.seats[seat.number]
         if seat.key is not None:
-            del self._places[seat.key]
+            del self._memberships[seat.key]
         if not group.seats:
-            del self._groups[group.place]
+            del self._groups[group.id]
             return
         if group.barrier is not None:
             group.barrier.states.pop(seat.number, None)
@@ -336,7 +346,7 @@ class Groups:
             Member(member=seat.number, name=seat.name, role=seat.role, present=seat.key is not None)
             for seat in group.seats.values()
         )
-        self._tell(group, Roster(group=group.place[1], members=members))
+        self._tell(group, Roster(group=group.id[1], members=members))
 
     def _tell(self, group: _Group, message: Message) -> None:
         self._posts += [
@@ -357,5 +367,5 @@ def _gathering(barrier: _Barrier, now_s: float) -> Gathering:
     )
 
 
-def _ids(numbers: list[int]) -> npt.NDArray[Any]:
+def _ids(numbers: list[int]) -> AnyArray:
     return np.array(numbers, dtype=ID_DTYPE)

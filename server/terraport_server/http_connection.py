@@ -52,7 +52,7 @@ class HttpLimits:
 
     @classmethod
     def of(cls, settings: Settings) -> HttpLimits:
-        """Take them from the settings."""
+        """Return the bounds that the settings name."""
         return cls(
             header_bytes=settings.http_header_bytes,
             body_bytes=settings.http_body_bytes,
@@ -112,7 +112,7 @@ class HttpConnection(HttpToolsProtocol):
         self._header_timer = self.loop.call_later(limits.header_timeout_s, self._on_slow)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Let go of everything."""
+        """Stop the timers and count the connection out."""
         self._stop_header_timer()
         self._stop_stall_timer()
         self._uncount()

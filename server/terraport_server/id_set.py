@@ -5,11 +5,12 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, AnyInt, Bool, UInt32
 from terraport_wire import ID_DTYPE
 
 __all__ = ["IdSet"]
@@ -46,18 +47,16 @@ class IdSet:
     __slots__ = ("_added", "_sorted")
 
     def __init__(self, ids: npt.ArrayLike | None = None) -> None:
-        self._sorted: npt.NDArray[np.uint32] = (
-            _NONE if ids is None else _ascending(np.asarray(ids, dtype=ID_DTYPE))
-        )
+        self._sorted: UInt32 = _NONE if ids is None else _ascending(np.asarray(ids, dtype=ID_DTYPE))
         self._added: set[int] = set()
         """Disjoint from the sorted ones."""
 
     @classmethod
-    def of_sorted(cls, ids: npt.NDArray[np.uint32]) -> IdSet:
+    def of_sorted(cls, ids: UInt32) -> IdSet:
         """Return a set of ids that are ascending, each once, and not written to any more."""
-        made = cls()
-        made._sorted = ids
-        return made
+        id_set = cls()
+        id_set._sorted = ids
+        return id_set
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -67,18 +66,18 @@ class IdSet:
         """Return whether one id is in it."""
         return segment in self._added or self._is_sorted_in(segment)
 
-    def contains(self, ids: npt.NDArray[np.integer]) -> npt.NDArray[np.bool_]:
+    def contains(self, ids: AnyInt) -> Bool:
         """Return for each id whether it is in the set."""
-        known = self.array()
-        if len(known) == 0 or len(ids) == 0:
+        members = self.array()
+        if len(members) == 0 or len(ids) == 0:
             return np.zeros(len(ids), dtype=np.bool_)
-        asked = ids.astype(ID_DTYPE, copy=False)  # another type would copy all of `known`
-        places = np.searchsorted(known, asked)
-        places[places == len(known)] = 0
-        found: npt.NDArray[np.bool_] = known[places] == asked
-        return found
+        asked = ids.astype(ID_DTYPE, copy=False)  # another type would copy all of `members`
+        positions = np.searchsorted(members, asked)
+        positions[positions == len(members)] = 0
+        is_member: Bool = members[positions] == asked
+        return is_member
 
-    def array(self) -> npt.NDArray[np.uint32]:
+    def array(self) -> UInt32:
         """Return all ids, ascending. The caller must not write to it."""
         if self._added:
             new = np.fromiter(self._added, dtype=ID_DTYPE, count=len(self._added))
@@ -98,7 +97,7 @@ class IdSet:
         if len(self._added) > _MOST_ADDED:
             self.array()
 
-    def update(self, ids: npt.NDArray[Any]) -> None:
+    def update(self, ids: AnyArray) -> None:
         """Put many ids in."""
         new = _ascending(ids.astype(ID_DTYPE, copy=False))
         new = new[~self.contains(new)]  # which also sorts in what was added
@@ -111,21 +110,21 @@ class IdSet:
         elif self._is_sorted_in(segment):
             self._sorted = np.delete(self._sorted, np.searchsorted(self._sorted, _id(segment)))
 
-    def difference_update(self, ids: npt.NDArray[Any]) -> None:
+    def difference_update(self, ids: AnyArray) -> None:
         """Take many ids out, where they are in."""
         ids = _ascending(ids.astype(ID_DTYPE, copy=False))
         gone = ids[self.contains(ids)]
         if len(gone):
-            places = np.searchsorted(self._sorted, gone)
-            self._sorted = np.delete(self._sorted, places)
+            positions = np.searchsorted(self._sorted, gone)
+            self._sorted = np.delete(self._sorted, positions)
 
     def _is_sorted_in(self, segment: int) -> bool:
-        known = self._sorted
-        place = int(known.searchsorted(_id(segment)))
-        return place < len(known) and int(known[place]) == segment
+        members = self._sorted
+        position = int(members.searchsorted(_id(segment)))
+        return position < len(members) and int(members[position]) == segment
 
 
-def _ascending(ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+def _ascending(ids: UInt32) -> UInt32:
     """Return ids ascending, each once.
 
     To search for them in order is three times as fast, and NumPy's ``unique`` three times as slow.
@@ -139,7 +138,7 @@ def _ascending(ids: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
     return ordered[is_new]
 
 
-def _merged(one: npt.NDArray[np.uint32], other: npt.NDArray[np.uint32]) -> npt.NDArray[np.uint32]:
+def _merged(one: UInt32, other: UInt32) -> UInt32:
     """Return two ascending arrays as one; NumPy's stable sort merges runs."""
     both = np.concatenate((one, other))
     both.sort(kind="stable")

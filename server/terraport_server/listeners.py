@@ -88,11 +88,11 @@ class Listeners:
 
     def _open(self, family: int, address: str) -> socket.socket:
         options: dict[str, Any] = {"reuse_port": True} if self._is_dealt else {}
-        made = socket.create_server(
+        listener = socket.create_server(
             (address, self.port), family=family, backlog=_BACKLOG, **options
         )
-        made.setblocking(False)
-        return made
+        listener.setblocking(False)
+        return listener
 
 
 def _probe(host: str, port: int) -> tuple[list[tuple[int, str]], int]:
@@ -112,10 +112,10 @@ def _probe(host: str, port: int) -> tuple[list[tuple[int, str]], int]:
     OSError
         When it is taken, or there is no such address here.
     """
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    candidates = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     addresses: list[tuple[int, str]] = []
     absent: OSError | None = None
-    for family, _, _, _, address in dict.fromkeys(found):
+    for family, _, _, _, address in dict.fromkeys(candidates):
         try:
             with socket.create_server((str(address[0]), port), family=family) as probe:
                 port = probe.getsockname()[1]

@@ -38,6 +38,8 @@ class Metrics:
     """The counters of one service, in a registry of their own (a process may run several)."""
 
     def __init__(self) -> None:
+        # Invariant: no label has more values than MAX_SCENE_LABELS, or a closed set, allows: what
+        # a client sends never becomes one.
         self.registry = CollectorRegistry()
         self._scenes: set[str] = set()
         ProcessCollector(registry=self.registry)

@@ -66,7 +66,7 @@ class PayloadDesk:
         self._release = release
         self._fetching: dict[tuple[str, int, int], asyncio.Future[None]] = {}
 
-    def part(
+    def chunk_data(
         self, chunk: SendChunk, encoding: str, *, as_file: bool, probe: bool = True
     ) -> PayloadRange | memoryview | None:
         """Return the chunk's bytes, or where they lie; ``None`` where that would take a wait.
@@ -86,19 +86,19 @@ class PayloadDesk:
         scene, segment = self._scene, chunk.segment
         if not scene.is_verified(segment, encoding):
             return None
-        found = scene.payload_range(segment, encoding, chunk.offset, chunk.length)
-        if found is None:
+        file_range = scene.payload_range(segment, encoding, chunk.offset, chunk.length)
+        if file_range is None:
             data = scene.held(segment, encoding, chunk.offset, chunk.length)
             return None if data is None else memoryview(data)
-        if probe and not _is_cached(found):
+        if probe and not _is_cached(file_range):
             return None
         if as_file:
-            return found
-        part = os.pread(found.descriptor, found.length, found.offset)
-        if len(part) < found.length:  # cut short since it was checked: let the check say so
+            return file_range
+        data = os.pread(file_range.descriptor, file_range.length, file_range.offset)
+        if len(data) < file_range.length:  # cut short since it was checked: let the check say so
             scene.distrust(segment, encoding)
             return None
-        return memoryview(part)
+        return memoryview(data)
 
     async def fetch(self, chunk: SendChunk, encoding: str) -> None:
         """Bring the chunk's bytes into memory, and compare the segment's hash unless that was done.
@@ -195,22 +195,22 @@ class PayloadDesk:
         self._scene.payload(chunk.segment, encoding)
 
     def _touch(self, chunk: SendChunk, encoding: str) -> None:
-        found = self._scene.payload_range(chunk.segment, encoding, chunk.offset, chunk.length)
-        if found is None:
+        file_range = self._scene.payload_range(chunk.segment, encoding, chunk.offset, chunk.length)
+        if file_range is None:
             self._scene.payload(chunk.segment, encoding)
             return
-        got = len(os.pread(found.descriptor, found.length, found.offset))
-        if got < found.length:
+        got = len(os.pread(file_range.descriptor, file_range.length, file_range.offset))
+        if got < file_range.length:
             self._scene.distrust(chunk.segment, encoding)
-            raise RangeError(found.offset, found.length, found.offset + got)
+            raise RangeError(file_range.offset, file_range.length, file_range.offset + got)
 
 
-def _is_cached(part: PayloadRange) -> bool:
+def _is_cached(file_range: PayloadRange) -> bool:
     """Tell whether the first page of a range, and so what was read with it, is in memory."""
     if not _NOWAIT:
         return True
     try:
-        return bool(os.preadv(part.descriptor, _PROBE, part.offset, _NOWAIT))
+        return bool(os.preadv(file_range.descriptor, _PROBE, file_range.offset, _NOWAIT))
     except BlockingIOError:
         return False
     except OSError:

@@ -103,7 +103,7 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         self.close_timeout = min(self.close_timeout, seconds)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Count out."""
+        """Drop what waits and count the connection out of its address."""
         self._cutter.clear()
         if self._addresses is not None and self._counted is not None:
             self._addresses.leave(self._counted)
@@ -158,12 +158,12 @@ class BoundedPeer(WebSocketsSansIOProtocol):
             self.transport.write(pong)
 
     def handle_pong(self, event: Frame) -> None:
-        """Count it."""
+        """Pass a pong on, within the bound on frames per second."""
         if self._may_send_frame():
             super().handle_pong(event)
 
     def handle_cont(self, event: Frame) -> None:
-        """Count the fragment."""
+        """Pass a fragment on, within the bound on frames per second."""
         if self._may_send_frame():
             super().handle_cont(event)
 

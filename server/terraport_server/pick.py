@@ -16,12 +16,11 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import AnyArray, Float32, Float64, UInt32
 from terraport_server.errors import PickTimeoutError
 from terraport_store import RegionNames, Scene, StoreError
 from terraport_wire import Hit
@@ -30,8 +29,6 @@ __all__ = ["MeshCache", "RayHit", "pick", "ray_box_entry", "ray_triangles"]
 
 _EDGE = 1e-9
 """Barycentric slack: a ray through a shared edge must not slip between two faces."""
-
-_Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +132,13 @@ def pick(
     ------
     PickTimeoutError
         When time or segments run out before the answer is certain.
+
+    Notes
+    -----
+    Invariant: ``best`` is the nearest hit of all segments looked at, and every other segment begins
+    at or behind the one that is looked at next.
     """
+    # The rays, of unit length: a distance along them is in metres.
     start = np.asarray(origin, dtype=np.float64)
     if direction is None:
         rays = [np.array([0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0])]
@@ -144,18 +147,19 @@ def pick(
         # Scaled first: the square of a very small or large component would vanish or overflow.
         towards = towards / np.abs(towards).max()
         rays = [towards / np.linalg.norm(towards)]
-    best: tuple[RayHit, int, SegmentMesh, _Floats] | None = None
-    looked_at = 0
+    # Segments along each ray in the order in which the ray enters their boxes.
+    best: tuple[RayHit, int, SegmentMesh, Float64] | None = None
+    decoded = 0
     for ray in rays:
         entry = ray_box_entry(scene.index.bounds, start, ray)
         near = np.flatnonzero(entry <= max_distance_m)
         for segment in near[np.lexsort((near, entry[near]))].tolist():
             limit = max_distance_m if best is None else best[0].distance_m
             if entry[segment] > limit:
-                break
-            if time_is_up() or looked_at >= max_segments:
-                raise PickTimeoutError(looked_at)
-            looked_at += 1
+                break  # nothing behind it can be nearer
+            if time_is_up() or decoded >= max_segments:
+                raise PickTimeoutError(decoded)
+            decoded += 1
             try:
                 mesh = cache.get(scene, segment)
             except (StoreError, PayloadError, OSError) as error:
@@ -173,7 +177,7 @@ def pick(
     return _describe(scene, names, hit, segment, mesh, start + hit.distance_m * ray)
 
 
-def ray_box_entry(bounds: npt.NDArray[np.float32], origin: _Floats, ray: _Floats) -> _Floats:
+def ray_box_entry(bounds: Float32, origin: Float64, ray: Float64) -> Float64:
     """Distance at which a ray enters each box.
 
     Parameters
@@ -205,10 +209,10 @@ def ray_box_entry(bounds: npt.NDArray[np.float32], origin: _Floats, ray: _Floats
 
 
 def ray_triangles(
-    positions: npt.NDArray[np.float32],
-    faces: npt.NDArray[np.uint32],
-    origin: _Floats,
-    ray: _Floats,
+    positions: Float32,
+    faces: UInt32,
+    origin: Float64,
+    ray: Float64,
 ) -> RayHit | None:
     """Find the nearest triangle that a ray meets, either side of it.
 
@@ -258,7 +262,7 @@ def _describe(
     hit: RayHit,
     segment: int,
     mesh: SegmentMesh,
-    position: _Floats,
+    position: Float64,
 ) -> Hit:
     vertices = mesh.faces[hit.face]
     a, b, c = mesh.positions[vertices].astype(np.float64)
@@ -285,12 +289,12 @@ def _describe(
     )
 
 
-def _triple(vector: _Floats) -> tuple[float, float, float]:
+def _triple(vector: Float64) -> tuple[float, float, float]:
     return (float(vector[0]), float(vector[1]), float(vector[2]))
 
 
 def _mesh_bytes(mesh: SegmentMesh) -> int:
-    arrays: list[npt.NDArray[Any] | None] = [
+    arrays: list[AnyArray | None] = [
         mesh.positions,
         mesh.faces,
         mesh.normals,

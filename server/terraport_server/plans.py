@@ -5,11 +5,9 @@ PURE: no I/O, no clock. spec/wire-protocol.md, sections 6.3 and 7.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray
 from terraport_server.actions import SessionLimits
 from terraport_server.selection import Budgets, SegmentTable, Selection
 from terraport_wire import LOAD_DTYPE, Aim, Hello, Land, Plan, Prefetch
@@ -29,7 +27,7 @@ def budgets_of(hello: Hello, limits: SessionLimits) -> Budgets:
 def make_plan(
     land: Land, chosen: Selection, table: SegmentTable, *, release_radius_m: float
 ) -> Plan:
-    """Return the answer to a landing."""
+    """Return the ``plan`` of a landing, its table in the order in which segments are sent."""
     return Plan.trusted(
         generation=land.generation,
         position=land.position,
@@ -50,12 +48,12 @@ def make_plan(
 
 
 def make_prefetch(aim: Aim, chosen: Selection, table: SegmentTable) -> Prefetch:
-    """Return the answer to an aim."""
+    """Return the ``prefetch`` of an aim, its table in the order in which segments are sent."""
     rows = _load_table(chosen, table)
     return Prefetch.trusted(generation=aim.generation, segments=rows, bytes=chosen.load_bytes)
 
 
-def _load_table(chosen: Selection, table: SegmentTable) -> npt.NDArray[Any]:
+def _load_table(chosen: Selection, table: SegmentTable) -> AnyArray:
     ids = chosen.load
     rows = np.empty(len(ids), dtype=LOAD_DTYPE)
     rows["id"] = ids

@@ -1,4 +1,4 @@
-"""The scenes of a directory, or of a place in object storage, kept open and kept current.
+"""The scenes of a folder, or of an address in object storage, kept open and kept current.
 
 A newer version is noticed by looking at ``scene.json`` again and again (its size, time and inode;
 its ETag), opened beside the old one, and served to every session from then on. The old one stays
@@ -21,7 +21,7 @@ from terraport_server.actions import SceneView
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logs import log
 from terraport_server.payload_desk import PayloadDesk
-from terraport_server.scene_places import FolderPlace, Look, ScenePlace
+from terraport_server.scene_roots import FolderRoot, Look, SceneRoot
 from terraport_server.selection import SegmentTable
 from terraport_store import OriginError, RegionNames, Scene, SceneFiles, StoreError, read_labels
 
@@ -48,13 +48,15 @@ class ServedScene:
     ) -> None:
         self.id = scene_id
         self.scene = scene
+        # Threads. Whoever may wait for a network waits in the scene's own.
         self.fetchers: Executor | None = None
-        """Threads that may wait for a network: its own, so that no other scene waits for it."""
+        """Threads that may wait for the scene's storage; None = it lies on this machine."""
         self.pickers: Executor | None = None
-        """The thread of its picks, for the same reason."""
+        """The thread of its picks; None = the service's."""
         if fetch_threads:
             self.fetchers = ThreadPoolExecutor(fetch_threads, thread_name_prefix="fetch")
             self.pickers = ThreadPoolExecutor(1, thread_name_prefix="pick")
+        # What sessions ask: payload bytes, names of regions, the tables of the plans.
         self.desk = PayloadDesk(
             scene,
             readers,
@@ -84,6 +86,7 @@ class ServedScene:
             },
             within=scene.within,
         )
+        # Life: open while anybody holds it, or nothing has replaced it.
         self._holders = 0
         self._retired = False
         self.closed = False
@@ -92,7 +95,7 @@ class ServedScene:
     def open(
         cls,
         scene_id: str,
-        place: Path | SceneFiles,
+        location: Path | SceneFiles,
         source: Literal["file", "mmap"],
         readers: Executor | None = None,
         *,
@@ -102,7 +105,7 @@ class ServedScene:
         """Open the published version and build its R-tree. Blocks: call it in a thread.
 
         ``fetch_threads`` and ``ahead_bytes`` are for scenes behind a network: see
-        :class:`~terraport_server.scene_places.ScenePlace`.
+        :class:`~terraport_server.scene_roots.SceneRoot`.
 
         Raises
         ------
@@ -111,7 +114,7 @@ class ServedScene:
         OSError
             When a file cannot be read.
         """
-        scene = Scene.open(place, source=source)
+        scene = Scene.open(location, source=source)
         # Built here, once, while no other thread knows the scene; asked on the loop's thread only.
         _ = scene.spatial
         try:
@@ -150,16 +153,16 @@ class ServedScene:
         return data[:limit]
 
     def hold(self) -> None:
-        """Keep it open."""
+        """Keep the scene open until :meth:`release`."""
         self._holders += 1
 
     def release(self) -> None:
-        """Give up one hold."""
+        """End one :meth:`hold`; the last one closes a scene that was retired."""
         self._holders -= 1
         self._close_if_idle()
 
     def retire(self) -> None:
-        """Close it as soon as nobody holds it."""
+        """Serve no new session; close as soon as nobody holds the scene."""
         self._retired = True
         self._close_if_idle()
 
@@ -177,7 +180,7 @@ class SceneRegistry:
 
     Parameters
     ----------
-    place
+    root
         Where they lie; a folder of scenes, or one scene, by its path. Closed with this.
     source
         How payloads are read; see ``Scene.open``.
@@ -189,13 +192,13 @@ class SceneRegistry:
 
     def __init__(
         self,
-        place: Path | ScenePlace,
+        root: Path | SceneRoot,
         *,
         source: Literal["file", "mmap"] = "file",
         read_threads: int = 4,
         published: Callable[[ServedScene], None] | None = None,
     ) -> None:
-        self.place = FolderPlace(place) if isinstance(place, Path) else place
+        self.root = FolderRoot(root) if isinstance(root, Path) else root
         """Where the scenes lie."""
         self._source = source
         self._readers = ThreadPoolExecutor(read_threads, thread_name_prefix="read")
@@ -229,7 +232,7 @@ class SceneRegistry:
         raise UnknownSceneError(scene_id, version)
 
     async def refresh(self) -> None:
-        """Look at the place once; open what is new, retire what was replaced or is gone.
+        """Look at the root once; open what is new, retire what was replaced or is gone.
 
         A scene that cannot be opened is logged once per change, and what was served before stays;
         one whose storage does not answer is tried again with every look.
@@ -237,10 +240,10 @@ class SceneRegistry:
         Raises
         ------
         StoreError, OSError
-            When the place cannot be looked at; everything stays as it is.
+            When the scenes cannot be listed; everything stays as it is.
         """
-        found = await asyncio.to_thread(self.place.look)
-        for scene_id, seen in found.items():
+        looks = await asyncio.to_thread(self.root.look)
+        for scene_id, seen in looks.items():
             await self._refresh_labels(scene_id, seen)
             if self._stamps.get(scene_id) == seen.manifest:
                 continue
@@ -252,8 +255,8 @@ class SceneRegistry:
                     seen.files,
                     self._source,
                     self._readers,
-                    fetch_threads=self.place.fetch_threads,
-                    ahead_bytes=self.place.ahead_bytes,
+                    fetch_threads=self.root.fetch_threads,
+                    ahead_bytes=self.root.ahead_bytes,
                 )
             except (StoreError, OSError) as error:
                 if isinstance(error, OriginError):
@@ -262,7 +265,7 @@ class SceneRegistry:
                 continue
             served.names = served.names.with_labels(self._labels.get(scene_id, {}))
             self._take(served)
-        for scene_id in (self._stamps.keys() | self._current.keys()) - found.keys():
+        for scene_id in (self._stamps.keys() | self._current.keys()) - looks.keys():
             self._stamps.pop(scene_id, None)
             self._label_stamps.pop(scene_id, None)
             self._labels.pop(scene_id, None)
@@ -283,14 +286,14 @@ class SceneRegistry:
 
     def close(self) -> None:
         """Close every scene that nobody holds; the others follow when they are released."""
-        self.place.interrupt()
+        self.root.interrupt()
         for served in [*self._current.values(), *self._retired]:
             if not served.closed:
                 served.scene.interrupt()
             served.retire()
         self._current.clear()
         self._retired.clear()
-        self.place.close()
+        self.root.close()
         self._readers.shutdown(wait=False)  # what it still reads holds its scene
 
     def _take(self, served: ServedScene) -> None:

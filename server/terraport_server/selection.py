@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload import box_distances_m
+from terraport_payload.types import AnyInt, Bool, Float32, Int64, UInt32, UInt64
 from terraport_server.id_set import IdSet
 
 __all__ = [
@@ -21,7 +22,6 @@ __all__ = [
     "Budgets",
     "SegmentTable",
     "Selection",
-    "box_distances",
     "find_candidates",
     "select",
 ]
@@ -31,19 +31,19 @@ __all__ = [
 class SegmentTable:
     """What planning needs to know about S segments of one scene in one payload encoding."""
 
-    bounds: npt.NDArray[np.float32]
+    bounds: Float32
     """(S, 6) min x, y, z, max x, y, z; metres, scene frame."""
-    lengths: npt.NDArray[np.uint32]
+    lengths: UInt32
     """(S,) payload bytes."""
-    hashes: npt.NDArray[np.uint64]
+    hashes: UInt64
     """(S,) xxh3-64 of the payload."""
-    faces: npt.NDArray[np.uint32]
+    faces: UInt32
     """(S,) triangles."""
-    vertices: npt.NDArray[np.uint32]
+    vertices: UInt32
     """(S,) vertices."""
 
     def __len__(self) -> int:
-        """Return S."""
+        """Return the number of segments, S."""
         return len(self.lengths)
 
 
@@ -66,17 +66,17 @@ NO_BUDGETS = Budgets()
 class Selection:
     """The outcome of :func:`select`; ``load`` and ``keep`` are disjoint and together the plan."""
 
-    load: npt.NDArray[np.uint32]
+    load: UInt32
     """To be sent, nearest first."""
-    keep: npt.NDArray[np.uint32]
+    keep: UInt32
     """Within the radius and already held by the client, ascending."""
-    nearby: npt.NDArray[np.uint32]
+    nearby: UInt32
     """Held beyond the radius and within the release radius: kept, not shown; ascending."""
     plan: IdSet
     """The ids of the plan, loaded and kept."""
-    order: npt.NDArray[np.uint32]
+    order: UInt32
     """The same, nearest first."""
-    inner: npt.NDArray[np.uint32]
+    inner: UInt32
     """The ids of the plan within ``inner_radius_m`` (none without one), nearest first."""
     effective_radius_m: float
     """Everything nearer than this is in the plan; the radius asked for if nothing was left out."""
@@ -91,39 +91,13 @@ class Selection:
     """The budget that left them out, by its field name in :class:`Budgets`; ``None`` for none."""
 
 
-def box_distances(
-    bounds: npt.NDArray[np.float32], centre: Sequence[float]
-) -> npt.NDArray[np.float64]:
-    """Distances from a point to axis-aligned boxes.
-
-    Parameters
-    ----------
-    bounds
-        (N, 6) min x, y, z, max x, y, z in metres.
-    centre
-        x, y, z in metres, same frame.
-
-    Returns
-    -------
-    ndarray
-        (N,) float64 metres; 0 for a point inside or on the box.
-    """
-    point = np.asarray(centre, dtype=np.float64)
-    boxes = bounds.astype(np.float64)
-    gap = np.maximum(np.maximum(boxes[:, :3] - point, point - boxes[:, 3:]), 0.0)
-    squared = gap * gap
-    # Summed in this order by the specification (6.1), so that every implementation agrees.
-    distances: npt.NDArray[np.float64] = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
-    return distances
-
-
 def find_candidates(
     table: SegmentTable,
-    near: npt.NDArray[np.int64],
+    near: Int64,
     held: IdSet,
     centre: Sequence[float],
     release_radius_m: float,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+) -> tuple[Int64, Bool]:
     """Find what a landing may want: all that is near, and of what is held what is not far.
 
     Beyond the load radius only held segments are looked at, never the scene: its ball of four times
@@ -157,9 +131,9 @@ def find_candidates(
         reach_m = release_radius_m + 1e-12 * (release_radius_m + abs(at_m)) + 1e-30
         low_m, high_m = table.bounds[ids, axis], table.bounds[ids, axis + 3]
         ids = ids[(low_m <= at_m + reach_m) & (high_m >= at_m - reach_m)]
-    places = np.searchsorted(near, ids)
-    places[places == len(near)] = 0
-    further = ids[near[places] != ids] if len(near) else ids
+    positions = np.searchsorted(near, ids)
+    positions[positions == len(near)] = 0
+    further = ids[near[positions] != ids] if len(near) else ids
     candidates = np.concatenate((near, further))
     is_held = np.ones(len(candidates), dtype=np.bool_)
     is_held[: len(near)] = held.contains(near)
@@ -168,13 +142,13 @@ def find_candidates(
 
 def select(
     table: SegmentTable,
-    candidates: npt.NDArray[np.integer],
+    candidates: AnyInt,
     centre: Sequence[float],
     radius_m: float,
     *,
     release_radius_m: float,
     inner_radius_m: float | None,
-    held: npt.NDArray[np.bool_],
+    held: Bool,
     budgets: Budgets = NO_BUDGETS,
 ) -> Selection:
     """Choose the segments of one landing.
@@ -211,31 +185,40 @@ def select(
 
     Notes
     -----
+    Invariant: within the plan, (distance, id) ascends; no segment left out for a budget stands
+    before one that is in, and whatever is nearby stands behind the plan.
+
     O(C log C) in the number of candidates; never of the whole scene. Where a budget of segments
     cuts most of it off, O(C) and the sorting of what it leaves.
     """
+    # What is wanted: near, or held and not yet far.
     ids = np.asarray(candidates, dtype=np.int64)
-    distances = box_distances(table.bounds[ids], centre)
+    distances = box_distances_m(table.bounds[ids], centre)
     in_radius = distances <= radius_m
     wanted = np.flatnonzero(in_radius | (held & (distances <= release_radius_m)))
+
+    # What is wanted is a prefix of the order: what comes behind the budget of segments need not be
+    # sorted.
     omitted = 0
     most = budgets.max_segments
     if most is not None and len(wanted) > 2 * (most + 1):
-        # What is wanted is a prefix of the order: what comes behind it need not be sorted.
         last_m = np.partition(distances[wanted], most)[most]
         head = distances[wanted] <= last_m
         omitted = int(np.count_nonzero(in_radius[wanted[~head]]))
         wanted = wanted[head]
+
+    # The order, and the longest prefix that keeps every budget.
     order = wanted[np.lexsort((ids[wanted], distances[wanted]))]
     ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
-
     count, omitted_by = _budget_prefix(table, ids, budgets)
+
     # Whatever is within the radius is nearer than all that is nearby: in the order it comes first.
     within = int(np.count_nonzero(in_radius))
+    nearby = ids[within:count]
     omitted += max(within - count, 0)
     effective_radius_m = float(radius_m if within <= count else distances[count])
 
-    nearby = ids[within:count]
+    # Both halves of the plan.
     count = min(within, count)
     plan, plan_distances = ids[:count], distances[:count]
     load, keep = plan[~held[:count]], plan[held[:count]]
@@ -258,13 +241,11 @@ def select(
     )
 
 
-def _total(column: npt.NDArray[np.uint32], ids: npt.NDArray[np.int64]) -> int:
+def _total(column: UInt32, ids: Int64) -> int:
     return int(column[ids].sum(dtype=np.int64))
 
 
-def _budget_prefix(
-    table: SegmentTable, ids: npt.NDArray[np.int64], budgets: Budgets
-) -> tuple[int, str | None]:
+def _budget_prefix(table: SegmentTable, ids: Int64, budgets: Budgets) -> tuple[int, str | None]:
     """Length of the longest prefix within all budgets, and which budget ended it.
 
     Where two budgets end at the same segment, the first of segments, triangles, bytes is named.

@@ -58,7 +58,7 @@ PickRunner = Callable[[ServedScene, RunPick], Awaitable[Hit | None]]
 
 @dataclass(frozen=True, slots=True)
 class SenderLimits:
-    """What bounds one sender."""
+    """Bounds of one sender; each is the setting of its name."""
 
     max_message_bytes: int
     max_pending_actions: int
@@ -278,8 +278,8 @@ class Sender:
         frames: list[tuple[bytes, PayloadRange | memoryview]] = []
         for chunk in chunks:
             probe = not frames or not chunk.offset
-            part = desk.part(chunk, session.encoding, as_file=as_file, probe=probe)
-            if part is None:
+            payload = desk.chunk_data(chunk, session.encoding, as_file=as_file, probe=probe)
+            if payload is None:
                 if not frames:
                     self._absent = chunk
                 break
@@ -290,7 +290,7 @@ class Sender:
                 total=chunk.total,
                 length=chunk.length,
             )
-            frames.append((header, part))
+            frames.append((header, payload))
         return chunks[: len(frames)], frames
 
     def _note_sent(self, chunks: list[SendChunk]) -> None:
@@ -319,10 +319,10 @@ class Sender:
     async def _send_plainly(self) -> None:
         chunks, frames = self._next_frames(1)
         if frames:
-            header, part = frames[0]
-            assert isinstance(part, memoryview)
+            header, payload = frames[0]
+            assert isinstance(payload, memoryview)
             self._note_sent(chunks)
-            await self._websocket.send_bytes(header + part)
+            await self._websocket.send_bytes(header + payload)
 
     def _look_ahead(self, chunk: SendChunk) -> None:
         """Let the desk fetch what follows, so much at a time that neighbours go together."""

@@ -18,7 +18,7 @@ from terraport_server.group_desk import GroupDesk
 from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
-from terraport_server.scene_places import place_of
+from terraport_server.scene_roots import root_of
 from terraport_server.scenes import SceneRegistry, ServedScene
 from terraport_server.sender import Sender, SenderLimits
 from terraport_server.settings import Settings
@@ -56,18 +56,22 @@ class Service:
     """
 
     def __init__(self, settings: Settings) -> None:
+        # Invariant: the sum of _per_ip is the number of sessions; _empty is set while _senders is
+        # empty. Nothing here opens a scene or starts a task: that is start's.
         self.settings = settings
         self.gate = Gate.from_settings(settings)
         self.metrics = Metrics()
         self.access = AccessWatch(self.gate, settings, self.metrics)
-        place = place_of(settings)
-        place.show_counts(self.metrics.registry)
+        # Scenes.
+        root = root_of(settings)
+        root.show_counts(self.metrics.registry)
         self.registry = SceneRegistry(
-            place,
+            root,
             source=settings.payload_source,
             read_threads=settings.read_threads,
             published=self._published,
         )
+        # Bounds of every session, taken from the settings once.
         self.session_limits = settings.session_limits(server_name())
         self.sender_limits = SenderLimits(
             max_message_bytes=settings.max_message_bytes,
@@ -75,6 +79,7 @@ class Service:
             max_burst_bytes=settings.max_burst_bytes,
             close_timeout_s=settings.close_timeout_s,
         )
+        # What sessions share: groups, the page, turns on the wire, threads of picks.
         routing = settings.groups_served
         self.groups = None if routing == "none" else GroupDesk(settings.group_limits(), routing)
         if self.groups is not None:
@@ -86,7 +91,10 @@ class Service:
         if settings.viewer:
             self.viewer = ViewerPage.read(settings.viewer_dir or BUILT_PAGE)
         self.turns = Turns()
+        self._cache = MeshCache(settings.pick_cache_bytes)
+        self._pool = ThreadPoolExecutor(settings.pick_threads, thread_name_prefix="pick")
         self.once = OncePerMinute()
+        # Where the service is in its life, and who is served.
         self.ready = False
         """Whether the scenes were looked at and clients may come."""
         self.draining = False
@@ -99,8 +107,6 @@ class Service:
         self._empty.set()
         self._per_ip: Counter[str] = Counter()
         self._tasks: list[asyncio.Task[None]] = []
-        self._cache = MeshCache(settings.pick_cache_bytes)
-        self._pool = ThreadPoolExecutor(settings.pick_threads, thread_name_prefix="pick")
 
     async def render_metrics(self) -> bytes:
         """Return the page of /metrics: of all processes of this service."""
@@ -178,7 +184,7 @@ class Service:
         return None
 
     def dismiss(self, client_ip: str) -> None:
-        """Count a session out."""
+        """Undo :meth:`admit`: the session is over."""
         self._per_ip[client_ip] -= 1
         if self._per_ip[client_ip] <= 0:
             del self._per_ip[client_ip]
@@ -196,7 +202,7 @@ class Service:
         self._empty.clear()
 
     def remove(self, sender: Sender) -> None:
-        """Let a client go."""
+        """Forget a client and release its scene."""
         served = self._senders.pop(sender)
         if not self._senders:
             self._empty.set()

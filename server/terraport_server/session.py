@@ -170,7 +170,7 @@ class Session:
         return self._deliveries.next_chunks(most_bytes)
 
     def receive(self, message: Message | Unknown, now_s: float) -> None:
-        """Take one decoded message."""
+        """Act on one decoded message; before ``hello`` every other one is fatal."""
         if not self._admit(now_s):
             return
         deliveries = self._deliveries
@@ -202,7 +202,7 @@ class Session:
             self._out.close(CloseCode.NORMAL, "bye", at_once=True)
 
     def refuse(self, error: DecodeError, now_s: float) -> None:
-        """Take one message that could not be decoded."""
+        """Answer one message that could not be decoded: fatal, or an error of its request."""
         if not self._admit(now_s):
             return
         generation = request = None

@@ -45,7 +45,7 @@ __all__ = ["stream"]
 
 @dataclass(frozen=True, slots=True)
 class _Refusal:
-    """Why a client may not come in."""
+    """A client that is not let in: what it is told, and what is counted."""
 
     code: ErrorCode
     text: str
@@ -97,6 +97,12 @@ async def _serve(
     client_ip: str,
     service: Service,
 ) -> None:
+    """Run the session of a client that was let in, from its first message to its last.
+
+    Invariant: what is entered (scene held, visitor watched, seat taken) is left again in the
+    ``finally``, however the session ends; nothing between entering and ``try`` awaits.
+    """
+    # The scene.
     try:
         served = service.registry.get(scene_id)
     except UnknownSceneError:  # hello's token decides who is told so
@@ -105,21 +111,23 @@ async def _serve(
         note_error(service.metrics, service.once, code, text, client_ip=client_ip)
         await _refuse(websocket, code, text)
         return
+    # Access: by the handshake's token, or by that of hello, which the session asks about.
     session_id = secrets.token_hex(6)
     authorise: Authorise | None = None
     if token_pass is None:
 
         def authorise(token: str | None) -> ErrorCode | None:
-            found = service.gate.admit(token, scene_id)
-            if isinstance(found, ErrorCode):
-                service.metrics.refused.labels(str(found)).inc()
-                return found
-            visitor.token_pass = found
+            admission = service.gate.admit(token, scene_id)
+            if isinstance(admission, ErrorCode):
+                service.metrics.refused.labels(str(admission)).inc()
+                return admission
+            visitor.token_pass = admission
             return None
 
     chronicle = Chronicle(
         service.metrics, service.once, session_id=session_id, served=served, client_ip=client_ip
     )
+    # The session's surroundings: who hears of it, its way to the groups.
     door: GroupDoor | None = None
     if service.groups is not None:
 
@@ -133,6 +141,7 @@ async def _serve(
 
         named_by_url = websocket.query_params.get("group")
         door = service.groups.door(scene_id, named_by_url, may_guide=may_guide, deliver=deliver)
+    # The session itself is pure; the sender carries out what it decides.
     session = Session(
         served.view,
         service.session_limits,
@@ -156,6 +165,7 @@ async def _serve(
         session.withdraw(text)
         sender.wake()
 
+    # Enter, serve, leave.
     visitor = Visitor(scene_id, withdraw, session_id, token_pass)
     service.add(sender, served)
     service.access.add(visitor)
@@ -192,12 +202,12 @@ def _let_in(
     if not origin_is_allowed(headers.get("origin"), headers.get("host"), allowed):
         text = f"got origin {headers.get('origin', '')[:200]!r}, expected one that is allowed"
         return _Refusal(ErrorCode.FORBIDDEN, text, "origin")
-    token, found = _given_token(websocket, offered), None
+    token, token_pass = _given_token(websocket, offered), None
     if token is not None:
         admitted = service.gate.admit(token, scene_id)
         if isinstance(admitted, ErrorCode):
             return _Refusal(admitted, str(AccessError(admitted)), str(admitted))
-        found = admitted
+        token_pass = admitted
     elif not service.gate.is_open:
         # Whether there is such a scene is told to nobody before the token: hello is waited for.
         return None
@@ -205,7 +215,7 @@ def _let_in(
         service.registry.get(scene_id)
     except UnknownSceneError as error:
         return _Refusal(error.code, str(error), str(error.code))
-    return found
+    return token_pass
 
 
 async def _judge_hello(

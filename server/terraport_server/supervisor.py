@@ -47,7 +47,7 @@ _MEASURE_TIMEOUT_S: Final = 2.0
 
 
 class _Worker:
-    """One process. Its tasks end with it."""
+    """A worker process and its channel. Its tasks end with it."""
 
     def __init__(self, slot: int, process: asyncio.subprocess.Process, channel: Channel) -> None:
         self.slot = slot
@@ -64,7 +64,7 @@ class _Worker:
         """Its last word was read."""
 
     def kill(self) -> None:
-        """End it now."""
+        """Kill the process; nothing where it has ended."""
         with contextlib.suppress(ProcessLookupError):
             self.process.kill()
 
@@ -96,7 +96,7 @@ class Supervisor:
         self._locks = [asyncio.Lock() for _ in range(settings.workers)]
         self._failures = [0] * settings.workers
         self._tasks: set[asyncio.Task[None]] = set()
-        self._told = asyncio.Event()
+        self._stopping = asyncio.Event()
         self._rolling = True
         """Nothing is rolled before all of them are ready for the first time."""
         self._collecting: asyncio.Task[str] | None = None
@@ -121,24 +121,24 @@ class Supervisor:
         try:
             starts = [self._start(slot) for slot in range(self._settings.workers)]
             failures = await asyncio.gather(*starts, return_exceptions=True)
-            if not self._told.is_set():
+            if not self._stopping.is_set():
                 for failure in failures:
                     if failure is not None:
                         raise failure
                 log("workers ready", workers=len(self._workers))
                 self._rolling = False
-                await self._told.wait()
+                await self._stopping.wait()
         finally:
             await self._end_all()
 
     def _stop(self) -> None:
-        if self._told.is_set():
+        if self._stopping.is_set():
             for worker in self._alive():
                 worker.kill()
-        self._told.set()
+        self._stopping.set()
 
     def _roll_soon(self) -> None:
-        if self._rolling or self._told.is_set():
+        if self._rolling or self._stopping.is_set():
             return  # one is under way, or the first start: what comes up is new
         self._rolling = True
         self._spawn(self._roll())
@@ -172,7 +172,7 @@ class Supervisor:
         self._leaving.add(worker)
         self._spawn(self._hear(worker))
         self._spawn(self._watch(worker))
-        events = (worker.ready, worker.ended, self._told)
+        events = (worker.ready, worker.ended, self._stopping)
         waits = {asyncio.ensure_future(event.wait()) for event in events}
         try:
             await asyncio.wait(waits, timeout=_START_TIMEOUT_S, return_when=asyncio.FIRST_COMPLETED)
@@ -184,7 +184,7 @@ class Supervisor:
                 worker.kill()
         if worker.is_expected_to_end:
             what = f"was not ready in {_START_TIMEOUT_S:g} s"
-            if worker.ended.is_set() or self._told.is_set():
+            if worker.ended.is_set() or self._stopping.is_set():
                 what = "ended before it was ready"
             raise ServerError(f"worker {slot} {what}, expected it to serve; its log says why")
         self._leaving.discard(worker)
@@ -218,7 +218,7 @@ class Supervisor:
         worker.ended.set()
         worker.measured.set()
         self._leaving.discard(worker)
-        if worker.is_expected_to_end or self._told.is_set():
+        if worker.is_expected_to_end or self._stopping.is_set():
             log("worker ended", worker=worker.slot, process=worker.process.pid, code=code)
             return
         if self._workers.get(worker.slot) is worker:
@@ -236,14 +236,14 @@ class Supervisor:
 
     async def _revive(self, slot: int) -> None:
         async with self._locks[slot]:
-            while not self._told.is_set() and slot not in self._workers:
+            while not self._stopping.is_set() and slot not in self._workers:
                 pause_s = min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0 ** self._failures[slot])
                 self._failures[slot] = min(16, self._failures[slot] + 1)
                 if self._failures[slot] > 1:
                     self._listeners.give_up(slot)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(pause_s):
-                        await self._told.wait()
+                        await self._stopping.wait()
                         return
                 self._restarts += 1
                 try:
@@ -258,7 +258,7 @@ class Supervisor:
             log("rolling restart", workers=len(self._locks))
             for slot, lock in enumerate(self._locks):
                 async with lock:
-                    if self._told.is_set():
+                    if self._stopping.is_set():
                         return
                     old = self._workers.get(slot)
                     await self._start(slot)
@@ -298,7 +298,7 @@ class Supervisor:
             await worker.ended.wait()
 
     async def _end_all(self) -> None:
-        self._told.set()
+        self._stopping.set()
         for worker in self._alive():
             worker.is_expected_to_end = True
             if worker.ready.is_set():

@@ -67,15 +67,15 @@ def new_key_command(
     name = key_id or _free_id({key.id for key in keys})
     if any(key.id == name for key in keys):
         raise SettingsError("--id", f"got {name}, which {file} has already, expected another")
-    made = new_key(name, algorithm)
+    signing_key = new_key(name, algorithm)
     revoked = () if old is None else sorted(old.revoked)
-    write_keys(file, _lines((made, *keys), revoked))
+    write_keys(file, _lines((signing_key, *keys), revoked))
     typer.echo(f"wrote key {name} ({algorithm}) to {file}: it signs from now on, {len(keys)} other")
     served = file
-    private = [key for key in (made, *keys) if key.algorithm == "EdDSA-private"]
+    private = [key for key in (signing_key, *keys) if key.algorithm == "EdDSA-private"]
     if private:
         served = file.with_name(f"{file.name}.public")
-        shown = [k.public() if k.algorithm == "EdDSA-private" else k for k in (made, *keys)]
+        shown = [k.public() if k.algorithm == "EdDSA-private" else k for k in (signing_key, *keys)]
         write_keys(served, _lines(tuple(shown), revoked))
         typer.echo(f"wrote what checks its tokens to {served}: for the service")
     typer.echo(f"the service: terraport serve DIRECTORY --token-keys {served}")
@@ -101,6 +101,7 @@ def create(
     guide: Annotated[bool, typer.Option("--guide", help="It may move a group.")] = False,
 ) -> None:
     """Print a token, alone on standard output; what it says goes to standard error."""
+    # What the token grants, and when.
     if all_scenes == bool(scene):
         raise SettingsError("--scene", "expected --scene ID, once or more, or --all-scenes")
     ring = read_keys(keys)
@@ -116,6 +117,7 @@ def create(
         token_id=secrets.token_hex(_MIN_ID_BYTES),
         guide=guide,
     )
+    # Read back as the service would: what is printed is accepted.
     claims = read_token(token, ring, audience=audience)
     if claims is None:
         raise SettingsError("--name", f"got {name[:80]!r}, expected 1 to 64 printable characters")
@@ -142,10 +144,10 @@ def show(
 ) -> None:
     """Show what a token says: it is signed, not encrypted, so anyone who has it can read it."""
     text = sys.stdin.readline(MAX_TOKEN_BYTES + 2).strip() if token == _STANDARD_INPUT else token
-    said = look_into(text)
-    if said is None:
+    decoded = look_into(text)
+    if decoded is None:
         raise SettingsError("token", "this is no signed token, expected three parts and two dots")
-    header, claims = said
+    header, claims = decoded
     typer.echo(json.dumps({"header": header, "claims": claims}, indent=1))
     for name in ("nbf", "exp"):
         if isinstance(claims.get(name), int | float):
@@ -166,24 +168,24 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(
         help=_HELP, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
     )
-    group.command("new-key")(_told(new_key_command))
-    group.command("create")(_told(create))
-    group.command("show")(_told(show))
+    group.command("new-key")(_with_plain_errors(new_key_command))
+    group.command("create")(_with_plain_errors(create))
+    group.command("show")(_with_plain_errors(show))
     app.add_typer(group, name="token")
 
 
-def _told(command: Any) -> Any:
+def _with_plain_errors(command: Any) -> Any:
     """Return the command with expected errors as one line and exit code 1."""
 
     @functools.wraps(command)
-    def telling(*arguments: Any, **options: Any) -> None:
+    def checked(*arguments: Any, **options: Any) -> None:
         try:
             command(*arguments, **options)
         except (ServerError, OSError) as error:
             typer.echo(f"error: {error}", err=True)
             raise typer.Exit(1) from None
 
-    return telling
+    return checked
 
 
 def _lines(keys: tuple[TokenKey, ...], revoked: Any) -> list[str]:
@@ -201,8 +203,8 @@ def _free_id(taken: set[str]) -> str:
 
 
 def _seconds(option: str, text: str) -> int:
-    found = re.fullmatch(r"([1-9][0-9]{0,8})([smhd])", text.strip())
-    seconds = 0 if found is None else int(found[1]) * _UNITS_S[found[2]]
+    match = re.fullmatch(r"([1-9][0-9]{0,8})([smhd])", text.strip())
+    seconds = 0 if match is None else int(match[1]) * _UNITS_S[match[2]]
     if not 0 < seconds <= _LONGEST_S:
         raise SettingsError(option, f"got {text[:40]!r}, expected like 30m, 8h, 7d, at most 400d")
     return seconds

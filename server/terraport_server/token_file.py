@@ -21,7 +21,7 @@ _MAX_FILE_BYTES: Final = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class StaticToken:
-    """One line of the file."""
+    """A token that does not expire: one line of the tokens file."""
 
     name: str
     token: str = field(repr=False)

@@ -46,7 +46,7 @@ _ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 @dataclass(frozen=True, slots=True)
 class TokenKey:
-    """One line of the file."""
+    """A key that signs or checks tokens: one line of the key file."""
 
     id: str
     algorithm: str

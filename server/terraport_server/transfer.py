@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import UInt32
 from terraport_server.id_set import IdSet
 from terraport_server.selection import Selection
 from terraport_wire import Timings
@@ -55,13 +55,17 @@ class Transfer:
             Whether the first one in the queue is partly sent: it goes on before anything else.
         """
         ranks = dict(zip(self._order.tolist(), range(len(self._order)), strict=True))
-        place = bisect(self.queue, ranks[segment], lo=int(behind_first), key=ranks.__getitem__)
-        self.queue.insert(place, segment)
+        position = bisect(self.queue, ranks[segment], lo=int(behind_first), key=ranks.__getitem__)
+        self.queue.insert(position, segment)
 
-    def unsent_bytes(self, lengths: npt.NDArray[np.uint32], parts: Mapping[int, int]) -> int:
+    def unsent_bytes(self, lengths: UInt32, partly_sent: Mapping[int, int]) -> int:
         """Payload bytes that are not sent, given how much of each unfinished segment is."""
         unsent = np.fromiter(self.queue, dtype=np.int64, count=len(self.queue))
-        sent = sum(parts[segment] for segment in parts.keys() & set(self.queue)) if parts else 0
+        sent = (
+            sum(partly_sent[segment] for segment in partly_sent.keys() & set(self.queue))
+            if partly_sent
+            else 0
+        )
         return int(lengths[unsent].sum(dtype=np.int64)) - sent
 
 

@@ -107,7 +107,7 @@ class Connection(BoundedPeer):
             self._close_direct()
 
     def data_received(self, data: bytes) -> None:
-        """Note the time."""
+        """Note when the client was last heard, and read on."""
         self.heard_s = self.loop.time()
         super().data_received(data)
 
@@ -186,15 +186,15 @@ class Connection(BoundedPeer):
                 self._buffer = LinkBuffer(self._own_socket(), now_s)
             self._buffer.look(now_s)
         poll = self._poll_client
-        for number, (header, part) in enumerate(frames, start=1):
+        for number, (header, payload) in enumerate(frames, start=1):
             self.frames_begun = number
-            if isinstance(part, PayloadRange):
-                self._frame = (_frame_header(len(header) + part.length) + header, part)
+            if isinstance(payload, PayloadRange):
+                self._frame = (_frame_header(len(header) + payload.length) + header, payload)
                 if not self._push():
                     return number
             else:
-                head = _frame_header(len(header) + len(part))
-                self._guard.writelines([head, header, part])
+                head = _frame_header(len(header) + len(payload))
+                self._guard.writelines([head, header, payload])
                 if self._guard.get_write_buffer_size():
                     return number
             if poll(0):
@@ -212,17 +212,19 @@ class Connection(BoundedPeer):
     def _push(self) -> bool:
         """Hand the socket what it takes of the frame; tell whether that was all."""
         assert self._frame is not None
-        direct, (head, part) = self._direct or self._own_socket(), self._frame
+        direct, (head, file_range) = self._direct or self._own_socket(), self._frame
         try:
             while head:
                 head = head[direct.send(head, _MSG_MORE) :]
-            while part.length:
-                sent = os.sendfile(self._number, part.descriptor, part.offset, part.length)
-                if sent == part.length:
+            while file_range.length:
+                sent = os.sendfile(
+                    self._number, file_range.descriptor, file_range.offset, file_range.length
+                )
+                if sent == file_range.length:
                     break
-                part = _after(part, sent)
+                file_range = _after(file_range, sent)
         except BlockingIOError:
-            self._frame = (head, part)
+            self._frame = (head, file_range)
             self._guard.begin()
             return False
         except ConnectionError:
@@ -268,9 +270,9 @@ class Connection(BoundedPeer):
         """
         if self._frame is None:
             return
-        (head, part), self._frame = self._frame, None
+        (head, file_range), self._frame = self._frame, None
         try:
-            self._guard.finish(head, _read(part))
+            self._guard.finish(head, _read(file_range))
         except OSError:
             self._guard.abort()
         self._end_frame()
@@ -334,8 +336,8 @@ def protocol_class(
 
 def connection_of(scope: Any) -> Connection | None:
     """Return the connection of an ASGI scope, where the server is ours."""
-    found = scope.get("extensions", {}).get(EXTENSION)
-    return found if isinstance(found, Connection) else None
+    connection = scope.get("extensions", {}).get(EXTENSION)
+    return connection if isinstance(connection, Connection) else None
 
 
 def _frame_header(length: int) -> bytes:
@@ -347,18 +349,22 @@ def _frame_header(length: int) -> bytes:
     return b"\x82\x7f" + length.to_bytes(8, "big")
 
 
-def _after(part: PayloadRange, sent: int) -> PayloadRange:
+def _after(file_range: PayloadRange, sent: int) -> PayloadRange:
     """Return what is left of a range; raises ShortFileError where nothing was sent of it."""
     if not sent:
-        raise ShortFileError(f"the pack ends {part.length} bytes before its segment")
-    return PayloadRange(part.descriptor, part.offset + sent, part.length - sent, part.keeper)
+        raise ShortFileError(f"the pack ends {file_range.length} bytes before its segment")
+    return PayloadRange(
+        file_range.descriptor, file_range.offset + sent, file_range.length - sent, file_range.keeper
+    )
 
 
-def _read(part: PayloadRange) -> bytes:
+def _read(file_range: PayloadRange) -> bytes:
     """Read a range; raises ShortFileError where the file is shorter."""
-    data = os.pread(part.descriptor, part.length, part.offset)
-    if len(data) < part.length:
-        raise ShortFileError(f"the pack ends {part.length - len(data)} bytes before its segment")
+    data = os.pread(file_range.descriptor, file_range.length, file_range.offset)
+    if len(data) < file_range.length:
+        raise ShortFileError(
+            f"the pack ends {file_range.length - len(data)} bytes before its segment"
+        )
     return data
 
 

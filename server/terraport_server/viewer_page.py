@@ -46,7 +46,7 @@ _MEDIA_TYPES: Final = {
 
 @dataclass(frozen=True, slots=True)
 class PageFile:
-    """One file in all its forms."""
+    """One file of the page: plain, and compressed by each coding that the build made."""
 
     name: str
     """Path below the page's folder, with slashes."""
@@ -67,7 +67,7 @@ class PageFile:
 
 
 class ViewerPage:
-    """A built page.
+    """The viewer as built: every file by its path.
 
     Parameters
     ----------
@@ -121,9 +121,9 @@ def chosen_coding(accepted: str | None, available: Collection[str]) -> str:
 def _read(folder: Path) -> Iterator[PageFile]:
     endings = {ending for _, ending in _CODINGS}
     for path in sorted(folder.rglob("*")):
-        parts = path.relative_to(folder).parts
+        names = path.relative_to(folder).parts
         # Names with a dot in front are notes of the build's own.
-        if path.suffix in endings or not path.is_file() or any(p.startswith(".") for p in parts):
+        if path.suffix in endings or not path.is_file() or any(p.startswith(".") for p in names):
             continue
         data = path.read_bytes()
         forms = {"": data}
@@ -132,4 +132,4 @@ def _read(folder: Path) -> Iterator[PageFile]:
             if twin.is_file():
                 forms[coding] = twin.read_bytes()
         media_type = _MEDIA_TYPES.get(path.suffix, "application/octet-stream")
-        yield PageFile("/".join(parts), media_type, xxhash.xxh3_64_hexdigest(data), forms)
+        yield PageFile("/".join(names), media_type, xxhash.xxh3_64_hexdigest(data), forms)

@@ -31,10 +31,11 @@ from terraport_store.errors import (
     SceneNotFoundError,
     StoreError,
 )
-from terraport_store.files import FolderFiles, SceneFiles, is_url, path_inside, scene_files
+from terraport_store.files import FolderFiles, SceneFiles, path_inside
 from terraport_store.index import SegmentIndex
 from terraport_store.labelling import change_labels, read_labels, read_names
 from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
+from terraport_store.location import is_url, scene_files
 from terraport_store.manifest import (
     AttributeInfo,
     Bounds,
@@ -55,7 +56,7 @@ from terraport_store.packed_rtree import PackedRTree
 from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
-from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex, box_distances_m
+from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex
 from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
 
@@ -101,7 +102,6 @@ __all__ = [
     "SpatialIndex",
     "StoreError",
     "TextureInfo",
-    "box_distances_m",
     "change_labels",
     "is_url",
     "label_fault",

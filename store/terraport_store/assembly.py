@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import SegmentMesh
+from terraport_payload.types import Float64
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import ENCODING, INDEX, MEDIA_TYPE, PACK
 from terraport_store.manifest import (
@@ -137,6 +137,6 @@ def assemble_manifest(
     return unnamed.model_copy(update={"version": unnamed.digest()})
 
 
-def _vector(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
+def _vector(values: Float64) -> tuple[float, float, float]:
     x, y, z = values.tolist()
     return x, y, z

@@ -1,42 +1,34 @@
-"""Where the files of one scene lie: a folder, or a place in object storage.
+"""The files of one scene: what they can be asked, and those in a folder.
 
 The reader, the validator and the labels ask :class:`SceneFiles` and know no paths of their own, so
-there is one way to read a scene. Paths are those of the manifest, relative to the scene.
+there is one way to read a scene. Paths are those of the manifest, relative to the scene. Which
+files an address or a path stands for: :mod:`terraport_store.location`.
 """
 
 from __future__ import annotations
 
 import errno
 import os
-import re
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Literal, Protocol
 
-from terraport_store.errors import OriginError
 from terraport_store.index import SegmentIndex
 from terraport_store.manifest import FileInfo, Manifest
 from terraport_store.source import FileSource, MmapSource, PayloadSource
-
-if TYPE_CHECKING:
-    from terraport_store.object_files import ObjectFiles
 
 __all__ = [
     "FolderFiles",
     "LocalCopy",
     "SceneFiles",
     "SourceKind",
-    "is_url",
     "path_inside",
-    "scene_files",
 ]
 
 SourceKind = Literal["file", "mmap"]
 """How packs in a folder are read."""
-
-_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
 
 _BLOCK_BYTES = 1 << 20
 
@@ -58,8 +50,8 @@ class SceneFiles(Protocol):
     """
 
     @property
-    def place(self) -> str:
-        """What messages call it: a path, or an address."""
+    def location(self) -> str:
+        """Path or address, as messages name it."""
         ...
 
     def read(self, path: str, limit: int) -> bytes:
@@ -93,32 +85,6 @@ class SceneFiles(Protocol):
     def close(self) -> None:
         """Free what this holds; may be called again."""
         ...
-
-
-def is_url(place: str | Path) -> bool:
-    """Tell an address (``s3://bucket/scene``) from a path.
-
-    Examples
-    --------
-    >>> is_url("s3://bucket/scene"), is_url("scenes/quarry"), is_url("C://x")
-    (True, False, False)
-    """
-    return isinstance(place, str) and _URL.match(place) is not None
-
-
-def scene_files(place: str | Path | SceneFiles) -> SceneFiles:
-    """Return the files of a scene by path, address, or as they are.
-
-    Raises
-    ------
-    OriginError
-        When an address cannot be used, or the package for it is not installed.
-    """
-    if isinstance(place, str) and is_url(place):
-        return _object_files(place)
-    if isinstance(place, str | Path):
-        return FolderFiles(Path(place))
-    return place
 
 
 def path_inside(folder: Path, path: str) -> Path:
@@ -156,8 +122,8 @@ class FolderFiles:
         self.directory = directory
 
     @property
-    def place(self) -> str:
-        """The directory."""
+    def location(self) -> str:
+        """Path of the directory."""
         return str(self.directory)
 
     def read(self, path: str, limit: int) -> bytes:
@@ -214,19 +180,3 @@ def _named(path: str) -> Iterator[None]:
         yield
     except (FileNotFoundError, NotADirectoryError) as error:
         raise FileNotFoundError(error.errno, error.strerror, path) from None
-
-
-def _object_files(url: str) -> ObjectFiles:
-    try:
-        from terraport_store.object_files import ObjectStorage
-    except ModuleNotFoundError as missing:
-        if missing.name != "obstore":
-            raise
-        what = "needs the package obstore; install it with: pip install 'terraport[s3]'"
-        raise OriginError(url, what) from None
-    storage = ObjectStorage()
-    try:
-        return storage.files(url, owned=True)
-    except BaseException:
-        storage.close()
-        raise

@@ -12,10 +12,10 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import PayloadError
 from terraport_payload.flatfile import decode_flat, encode_flat
+from terraport_payload.types import AnyArray, Bool, Float32, UInt16, UInt32, UInt64
 
 __all__ = ["INDEX_MAGIC", "SegmentIndex"]
 
@@ -45,28 +45,28 @@ class SegmentIndex:
         maximum, a segment is empty, or payloads overlap or are out of order.
     """
 
-    bounds: npt.NDArray[np.float32]
+    bounds: Float32
     """(S, 6) metres, scene frame: x, y, z minimum, x, y, z maximum; exact for the decoded
     positions."""
-    vertex_count: npt.NDArray[np.uint32]
+    vertex_count: UInt32
     """(S,)"""
-    face_count: npt.NDArray[np.uint32]
+    face_count: UInt32
     """(S,)"""
-    offset: npt.NDArray[np.uint64]
+    offset: UInt64
     """(S,) where the payload starts in the pack, bytes; a multiple of 64, ascending."""
-    length: npt.NDArray[np.uint32]
+    length: UInt32
     """(S,) payload bytes."""
-    xxh3: npt.NDArray[np.uint64]
+    xxh3: UInt64
     """(S,) XXH3-64 (seed 0) of the payload."""
-    region: npt.NDArray[np.uint32]
+    region: UInt32
     """(S,) id of the region with most faces in the segment."""
-    region_count: npt.NDArray[np.uint16]
+    region_count: UInt16
     """(S,) number of regions in the segment."""
 
     def __post_init__(self) -> None:
         rows = len(self.bounds)
         for name, (dtype, components) in _SHAPES.items():
-            values: npt.NDArray[Any] = getattr(self, name)
+            values: AnyArray = getattr(self, name)
             shape = (rows,) if components == 1 else (rows, components)
             if values.dtype != np.dtype(dtype) or values.shape != shape:
                 raise PayloadError(
@@ -135,11 +135,11 @@ class SegmentIndex:
         return index
 
     @staticmethod
-    def _check(what: str, wrong: npt.NDArray[np.bool_]) -> None:
+    def _check(what: str, wrong: Bool) -> None:
         if bool(wrong.any()):
             raise PayloadError(f"segment {int(np.argmax(wrong))}: {what}")
 
 
-def _proper(bounds: npt.NDArray[np.float32]) -> npt.NDArray[np.bool_]:
+def _proper(bounds: Float32) -> Bool:
     ordered = (bounds[:, :3] <= bounds[:, 3:]).all(axis=1)
     return np.asarray(np.isfinite(bounds).all(axis=1) & ordered, dtype=np.bool_)

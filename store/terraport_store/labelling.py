@@ -19,9 +19,10 @@ from typing import Any, Final
 import xxhash
 
 from terraport_store.errors import DamagedSceneError, LabelError
-from terraport_store.files import SceneFiles, scene_files
+from terraport_store.files import SceneFiles
 from terraport_store.labels import MAX_LABELS, encode_labels, label_fault, parse_labels
 from terraport_store.layout import LABELS, MAX_LABELS_BYTES, MAX_REGIONS_BYTES, REGIONS
+from terraport_store.location import scene_files
 from terraport_store.opening import read_manifest
 from terraport_store.publishing import (
     PublishLock,

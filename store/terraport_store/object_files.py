@@ -40,10 +40,10 @@ from terraport_store.shelf import Shelf
 __all__ = ["ObjectFiles", "ObjectStorage"]
 
 MAX_SCENES: Final = 1000
-"""Scenes of one place that are looked at, lowest names first."""
+"""Scenes of one address that are looked at, lowest names first."""
 
-_PART_BYTES: Final = 8 << 20
-"""Files are fetched in parts of this size: a cut connection costs one part."""
+_CHUNK_BYTES: Final = 8 << 20
+"""Files are fetched in chunks of this size: a cut connection costs one chunk."""
 
 
 class ObjectStorage:
@@ -117,7 +117,7 @@ class ObjectStorage:
         Raises
         ------
         OriginError
-            When the place cannot be looked at.
+            When the address cannot be listed.
         """
         url = url.rstrip("/")
         origin = self._listed.get(url)
@@ -185,8 +185,8 @@ class ObjectFiles:
         self._scope = hashlib.blake2b(text, digest_size=8).hexdigest()
 
     @property
-    def place(self) -> str:
-        """The address."""
+    def location(self) -> str:
+        """Address of the scene."""
         return self.origin.url
 
     def read(self, path: str, limit: int) -> bytes:
@@ -200,7 +200,7 @@ class ObjectFiles:
         kept = None if cache is None else cache.open(key)
         if kept is not None:
             return kept.read()
-        data = b"".join(self._parts(file))
+        data = b"".join(self._chunks(file))
         if cache is not None and xxhash.xxh3_64_hexdigest(data) == file.xxh3:
             with contextlib.suppress(OSError):
                 cache.put(key, data)
@@ -215,7 +215,7 @@ class ObjectFiles:
 
     def blocks(self, file: FileInfo) -> Iterator[bytes]:
         """Read an object from end to end; see :class:`SceneFiles`."""
-        return self._parts(file)
+        return self._chunks(file)
 
     def stamp(self, path: str) -> Hashable | None:
         """Return its ETag, or time and size; see :class:`SceneFiles`."""
@@ -262,20 +262,20 @@ class ObjectFiles:
         if self._owned:
             self._storage.close()
 
-    def _parts(self, file: FileInfo) -> Iterator[bytes]:
+    def _chunks(self, file: FileInfo) -> Iterator[bytes]:
         """All of a file, checked for its size before anything is fetched."""
         size = self.size(file.path)
         if size != file.bytes:
             what = f"{size} bytes, expected {file.bytes} by scene.json"
             raise DamagedSceneError(file.path, what)
-        for offset in range(0, size, _PART_BYTES):
-            yield self.origin.range(file.path, offset, min(_PART_BYTES, size - offset))
+        for offset in range(0, size, _CHUNK_BYTES):
+            yield self.origin.range(file.path, offset, min(_CHUNK_BYTES, size - offset))
 
 
 def _checked(file: FileInfo, data: bytes) -> bytes:
-    found = xxhash.xxh3_64_hexdigest(data)
-    if found != file.xxh3:
-        raise DamagedSceneError(file.path, f"hash {found}, expected {file.xxh3} by scene.json")
+    digest = xxhash.xxh3_64_hexdigest(data)
+    if digest != file.xxh3:
+        raise DamagedSceneError(file.path, f"hash {digest}, expected {file.xxh3} by scene.json")
     return data
 
 

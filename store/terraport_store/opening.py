@@ -10,7 +10,7 @@ import xxhash
 
 from terraport_payload import Cover, PayloadError
 from terraport_store.errors import DamagedSceneError, SceneNotFoundError
-from terraport_store.files import SceneFiles, SourceKind, scene_files
+from terraport_store.files import SceneFiles, SourceKind
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     COVER,
@@ -19,6 +19,7 @@ from terraport_store.layout import (
     PACK_HEADER_BYTES,
     check_pack_header,
 )
+from terraport_store.location import scene_files
 from terraport_store.manifest import EncodingInfo, Manifest
 from terraport_store.source import PayloadSource
 
@@ -58,7 +59,7 @@ def read_manifest(directory: str | Path | SceneFiles) -> Manifest:
     try:
         data = files.read(MANIFEST_NAME, MAX_MANIFEST_BYTES)
     except FileNotFoundError:
-        raise SceneNotFoundError(files.place) from None
+        raise SceneNotFoundError(files.location) from None
     finally:
         if files is not directory:
             files.close()

@@ -13,9 +13,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_store.spatial import box_distances_m, validate_query
+from terraport_payload import box_distances_m
+from terraport_payload.types import Float32, Int64, UInt32
+from terraport_store.spatial import validate_query
 
 __all__ = ["PackedRTree"]
 
@@ -38,9 +39,7 @@ class PackedRTree:
     packing", ICDE 1997. Tiles are cut over x and z only: ground is wide and shallow.
     """
 
-    def __init__(
-        self, bounds: npt.NDArray[np.float32], fanout: int = 64, most_roots: int = 1024
-    ) -> None:
+    def __init__(self, bounds: Float32, fanout: int = 64, most_roots: int = 1024) -> None:
         self._ids = _str_order(bounds, fanout)
         self._children = np.arange(fanout)
         self._levels = [np.ascontiguousarray(bounds[self._ids])]
@@ -52,7 +51,7 @@ class PackedRTree:
             high = np.maximum.reduceat(below[:, 3:], starts)
             self._levels.append(np.hstack([low, high]))
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius; see ``SpatialIndex``.
 
         A node's distance is never above that of a box in it, rounding included: each step of
@@ -71,7 +70,7 @@ class PackedRTree:
         return ids
 
 
-def _str_order(bounds: npt.NDArray[np.float32], fanout: int) -> npt.NDArray[np.uint32]:
+def _str_order(bounds: Float32, fanout: int) -> UInt32:
     """Ids in sort-tile-recursive order of the boxes' centres over x and z."""
     count = len(bounds)
     x, z = bounds[:, 0] + bounds[:, 3], bounds[:, 2] + bounds[:, 5]

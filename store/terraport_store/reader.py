@@ -16,16 +16,16 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
-import numpy.typing as npt
 import xxhash
 
 from terraport_payload import Cover
+from terraport_payload.types import Int64
 from terraport_store.errors import (
     CorruptPayloadError,
     DamagedSceneError,
     RangeError,
 )
-from terraport_store.files import LocalCopy, SceneFiles, SourceKind, path_inside, scene_files
+from terraport_store.files import LocalCopy, SceneFiles, SourceKind, path_inside
 from terraport_store.index import SegmentIndex
 from terraport_store.layout import (
     BASE,
@@ -35,6 +35,7 @@ from terraport_store.layout import (
     MAX_REGIONS_BYTES,
     REGIONS,
 )
+from terraport_store.location import scene_files
 from terraport_store.manifest import Manifest
 from terraport_store.opening import (
     check_agreement,
@@ -227,7 +228,7 @@ class Scene:
         """
         return self._indexes[encoding]
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
         return self.spatial.within(centre, radius_m)
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import UInt32
 from terraport_store.errors import DamagedSceneError
 from terraport_store.labels import MAX_LABEL_LENGTH, MAX_STABLE_ID
 from terraport_store.layout import REGIONS
@@ -27,7 +27,7 @@ __all__ = ["RegionNames"]
 class RegionNames:
     """Stable ids and labels of the regions of one version, and the labels that users set."""
 
-    stable_ids: npt.NDArray[np.uint32] | None = None
+    stable_ids: UInt32 | None = None
     """(R,) by region; None where regions.json gives none."""
     next_stable_id: int = 0
     """Lowest number that no region of the scene ever had; 0 without stable ids."""

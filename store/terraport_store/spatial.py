@@ -2,7 +2,7 @@
 
 Scenes are searched by :class:`~terraport_store.packed_rtree.PackedRTree`. The two here are what it
 is tested and measured against. All answer exactly, by the same float64 arithmetic
-(:func:`box_distances_m`), so they agree to the last segment.
+(:func:`~terraport_payload.boxes.box_distances_m`), so they agree to the last segment.
 
 References
 ----------
@@ -18,10 +18,12 @@ from collections.abc import Sequence
 from typing import Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 from rtree import index as rtree_index
 
-__all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "box_distances_m", "validate_query"]
+from terraport_payload import box_distances_m
+from terraport_payload.types import Float32, Float64, Int64
+
+__all__ = ["BruteForceIndex", "RTreeIndex", "SpatialIndex", "validate_query"]
 
 
 _QUERY_SLACK: Final = 2.0**-50
@@ -36,7 +38,7 @@ _LEAST_SLACK_M: Final = 1e-150
 class SpatialIndex(Protocol):
     """Finds segments by distance."""
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius.
 
         Parameters
@@ -71,10 +73,10 @@ class BruteForceIndex:
         As in :class:`~terraport_store.index.SegmentIndex`.
     """
 
-    def __init__(self, bounds: npt.NDArray[np.float32]) -> None:
+    def __init__(self, bounds: Float32) -> None:
         self._bounds = bounds
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
         point = validate_query(centre, radius_m)
         return np.flatnonzero(box_distances_m(self._bounds, point) <= radius_m).astype(np.int64)
@@ -92,7 +94,7 @@ class RTreeIndex:
         As in :class:`~terraport_store.index.SegmentIndex`.
     """
 
-    def __init__(self, bounds: npt.NDArray[np.float32]) -> None:
+    def __init__(self, bounds: Float32) -> None:
         self._bounds = bounds
         self._tree: rtree_index.Index | None = None
         if len(bounds):  # libspatialindex refuses an empty bulk load
@@ -107,7 +109,7 @@ class RTreeIndex:
                 properties=properties,
             )
 
-    def within(self, centre: Sequence[float], radius_m: float) -> npt.NDArray[np.int64]:
+    def within(self, centre: Sequence[float], radius_m: float) -> Int64:
         """Find every segment whose box comes within a radius; see :class:`SpatialIndex`."""
         point = validate_query(centre, radius_m)
         if self._tree is None:
@@ -115,44 +117,13 @@ class RTreeIndex:
         # The tree finds the boxes that meet the cube about the sphere; the exact test then decides.
         slack_m = (np.abs(point) + radius_m) * _QUERY_SLACK + _LEAST_SLACK_M
         low, high = point - radius_m - slack_m, point + radius_m + slack_m
-        found = np.fromiter(self._tree.intersection((*low, *high)), dtype=np.int64)
-        found = found[box_distances_m(self._bounds[found], point) <= radius_m]
-        found.sort()
-        return found
+        ids = np.fromiter(self._tree.intersection((*low, *high)), dtype=np.int64)
+        ids = ids[box_distances_m(self._bounds[ids], point) <= radius_m]
+        ids.sort()
+        return ids
 
 
-def box_distances_m(
-    bounds: npt.NDArray[np.float32], centre: Sequence[float] | npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Distance from a point to axis-aligned boxes.
-
-    Parameters
-    ----------
-    bounds : ndarray of shape (N, 6), float32
-        x, y, z minimum, x, y, z maximum, metres.
-    centre : sequence of 3 floats
-        Metres, the same frame.
-
-    Returns
-    -------
-    ndarray of shape (N,), float64
-        Metres; 0 inside a box or on its surface.
-
-    Examples
-    --------
-    >>> boxes = np.array([[0, 0, 0, 1, 1, 1], [4, 5, 0, 9, 9, 1]], dtype=np.float32)
-    >>> box_distances_m(boxes, (1.0, 1.0, 1.0)).tolist()
-    [0.0, 5.0]
-    """
-    point = np.asarray(centre, dtype=np.float64)
-    wide = bounds.astype(np.float64)
-    gap = np.maximum(np.maximum(wide[:, :3] - point, point - wide[:, 3:]), 0.0)
-    squared = gap * gap
-    distances: npt.NDArray[np.float64] = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
-    return distances
-
-
-def validate_query(centre: Sequence[float], radius_m: float) -> npt.NDArray[np.float64]:
+def validate_query(centre: Sequence[float], radius_m: float) -> Float64:
     """Return the centre as an array; ValueError as :meth:`SpatialIndex.within` has it."""
     point = np.asarray(centre, dtype=np.float64)
     if point.shape != (3,) or not bool(np.isfinite(point).all()):

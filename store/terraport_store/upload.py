@@ -101,7 +101,7 @@ def upload_scene(
     try:
         text = local.read(MANIFEST_NAME, MAX_MANIFEST_BYTES)
     except FileNotFoundError:
-        raise SceneNotFoundError(local.place) from None
+        raise SceneNotFoundError(local.location) from None
     manifest = Manifest.from_bytes(text)
     before = _published_folder(origin)
     upload = _Upload(origin, local.directory, progress or _nobody)

@@ -18,7 +18,7 @@ import xxhash
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
 from terraport_store.errors import DamagedSceneError
-from terraport_store.files import SceneFiles, scene_files
+from terraport_store.files import SceneFiles
 from terraport_store.findings import Finding, Findings
 from terraport_store.labelling import read_labels
 from terraport_store.layout import (
@@ -30,6 +30,7 @@ from terraport_store.layout import (
     PACK_HEADER_BYTES,
     REGIONS,
 )
+from terraport_store.location import scene_files
 from terraport_store.manifest import Manifest, manifest_digest
 from terraport_store.opening import read_manifest
 from terraport_store.reader import Scene

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
 from terraport_payload.grid import grid_codes
+from terraport_payload.types import Float32
 from terraport_store.errors import CorruptPayloadError, RangeError
 from terraport_store.findings import Findings
 from terraport_store.layout import MAX_SEGMENT_SIDE
@@ -116,7 +116,7 @@ def check_mesh_fits(
         _check_range(out, info, mesh, file, segment)
 
 
-def box_of(mesh: SegmentMesh) -> npt.NDArray[np.float32]:
+def box_of(mesh: SegmentMesh) -> Float32:
     """Axis-aligned box, (6,): x, y, z minimum, x, y, z maximum."""
     return np.concatenate([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
 

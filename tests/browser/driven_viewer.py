@@ -7,9 +7,10 @@ from typing import Any, Final
 
 import httpx
 import numpy as np
-import numpy.typing as npt
 from eventually import eventually
 from playwright.sync_api import Error, Page
+
+from terraport_payload.types import Bool
 
 __all__ = ["DrivenViewer", "payload_bytes"]
 
@@ -125,7 +126,7 @@ class DrivenViewer:
         found: dict[str, Any] = self.run("terraport.stats.stream")
         return found
 
-    def hidden_on_gpu(self, base_faces: int) -> npt.NDArray[np.bool_]:
+    def hidden_on_gpu(self, base_faces: int) -> Bool:
         """Return which faces of the base the GPU really leaves out: those without any extent.
 
         Reads back the index buffer that the newest frame drew.

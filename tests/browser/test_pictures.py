@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from browser.driven_viewer import DrivenViewer
 from browser.small_scenes import PHOTOGRAPHED, SMALL
@@ -26,6 +25,8 @@ from browser.watched_page import Watch
 from faults.service import Service
 from PIL import Image
 from playwright.sync_api import Page
+
+from terraport_payload.types import UInt8
 
 PICTURES: Final = Path(__file__).with_name("pictures")
 
@@ -116,13 +117,13 @@ def check(name: str, picture: bytes) -> None:
     assert is_alike(wanted, found), f"{name}: mean difference {mean:.1f}, far {share:.3f}"
 
 
-def read(png: bytes, shrink: int = 2) -> npt.NDArray[np.uint8]:
+def read(png: bytes, shrink: int = 2) -> UInt8:
     picture = Image.open(io.BytesIO(png)).convert("RGB")
     size = picture.width // shrink, picture.height // shrink
     return np.array(picture.resize(size, Image.Resampling.BOX))
 
 
-def difference(one: npt.NDArray[np.uint8], other: npt.NDArray[np.uint8]) -> tuple[float, float]:
+def difference(one: UInt8, other: UInt8) -> tuple[float, float]:
     """Return the mean difference of the small pictures, and the share of pixels far apart."""
     height, width = one.shape[0] // 2, one.shape[1] // 2
     small = [
@@ -133,6 +134,6 @@ def difference(one: npt.NDArray[np.uint8], other: npt.NDArray[np.uint8]) -> tupl
     return float(apart.mean()), float((apart.max(2) > FAR).mean())
 
 
-def is_alike(one: npt.NDArray[np.uint8], other: npt.NDArray[np.uint8]) -> bool:
+def is_alike(one: UInt8, other: UInt8) -> bool:
     mean, share = difference(one, other)
     return mean <= MEAN_TOLERANCE and share <= FAR_SHARE

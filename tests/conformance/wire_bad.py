@@ -9,6 +9,7 @@ from typing import Any
 
 import msgpack
 
+import terraport_wire as m
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,
     MAX_CLIENT_VALUES,
@@ -18,7 +19,6 @@ from terraport_wire import (
     PayloadFrame,
     encode_frame,
 )
-from terraport_wire import messages as m
 from terraport_wire.kinds import Flag
 from terraport_wire.message import fields_of
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import msgpack
 
+import terraport_wire as m
 from terraport_wire import HEADER_BYTES, MAX_CLIENT_VALUES, PayloadFrame, encode_frame
-from terraport_wire import messages as m
 
 from .cases import C2S, S2C, Case, frame, good, pack, unknown
 from .wire_samples import FULL, MINIMAL, by_type, plain

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import terraport_wire as m
 from terraport_wire import LOAD_DTYPE
-from terraport_wire import messages as m
 from terraport_wire.kinds import Kind
 from terraport_wire.message import Part, PartKind, PartList, fields_of, to_map
 from terraport_wire.tables import HeldTable, Ids, LoadTable

@@ -26,7 +26,15 @@ from terraport_pipeline.model import to_scene
 from terraport_server.serving import BackgroundServer
 from terraport_store import Scene, read_names, validate_scene
 
-BUILD = ("--no-report", "--engine", "tpa", "--region-threshold", "0.35", "--region-small", "0.01")
+BUILD = (
+    "--no-report",
+    "--engine",
+    "tpa",
+    "--tpa-region-threshold",
+    "0.35",
+    "--small-region-share",
+    "0.01",
+)
 
 
 @dataclass(frozen=True)

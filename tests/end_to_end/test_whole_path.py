@@ -13,13 +13,14 @@ from command_line import Built, run_terraport
 from scipy.spatial import Delaunay, cKDTree
 
 import terraport.sync
+from terraport_payload import box_distances_m
 from terraport_pipeline.model import Mesh, Survey, to_crs, to_scene
 from terraport_pipeline.stages import pack
 from terraport_pipeline.stages.contract import Context, Facts
 from terraport_pipeline.stages.reconstruct import Reconstructed
 from terraport_pipeline.stages.segment import Segmented
 from terraport_server.serving import BackgroundServer
-from terraport_store import Scene, box_distances_m
+from terraport_store import Scene
 from terraport_store.manifest import BuildInfo, InputInfo
 
 

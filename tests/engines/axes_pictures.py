@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 if __name__ == "__main__":  # run as a script: the package "engines" lies in tests/
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -27,6 +26,8 @@ from engines.engine_view import CONVENTIONS, Drawn, beside, draw
 from engines.programs import Client
 from engines.sdk_arrays import land_with_sdk
 from faults.service import Service
+
+from terraport_payload.types import AnyArray
 
 __all__ = ["PICTURE", "drawn_by_client", "drawn_by_sdk"]
 
@@ -76,7 +77,7 @@ def _mesh(told: dict[str, Any]) -> Drawn:
     return Drawn(positions.reshape(-1, 3), normals.reshape(-1, 3), faces, colours, uvs, image)
 
 
-def _rows(values: list[float] | None, columns: int) -> npt.NDArray[Any] | None:
+def _rows(values: list[float] | None, columns: int) -> AnyArray | None:
     return None if values is None else np.array(values).reshape(-1, columns)
 
 

@@ -12,16 +12,16 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import PIL.Image
 import PIL.ImageDraw
 
+from terraport_payload.types import AnyArray, UInt8
+
 __all__ = ["CONVENTIONS", "Convention", "Drawn", "beside", "draw"]
 
-Array = npt.NDArray[Any]
 
 SKY: Final = (200, 215, 230)
 BACK_FACE: Final = (255, 0, 255)
@@ -49,10 +49,10 @@ class Convention:
     first_row_v: float
     """v of the first row of the image file: 0 where v grows downwards, 1 where it grows upwards."""
 
-    def place(self, east_up_north: Sequence[float]) -> Array:
+    def place(self, east_up_north: Sequence[float]) -> AnyArray:
         """Return a place or direction in the engine's coordinates."""
         axes = np.array([self.east, self.up, self.north])
-        turned: Array = np.asarray(east_up_north, dtype=np.float64) @ axes
+        turned: AnyArray = np.asarray(east_up_north, dtype=np.float64) @ axes
         return turned
 
 
@@ -72,23 +72,21 @@ CONVENTIONS: Final = {
 class Drawn:
     """A mesh in an engine's coordinates."""
 
-    positions: Array
+    positions: AnyArray
     """(V, 3)."""
-    normals: Array
+    normals: AnyArray
     """(V, 3), unit."""
-    faces: Array
+    faces: AnyArray
     """(F, 3)."""
-    colours: Array | None = None
+    colours: AnyArray | None = None
     """(V, 3) sRGB, 0..255."""
-    uvs: Array | None = None
+    uvs: AnyArray | None = None
     """(V, 2)."""
     image: bytes | None = None
     """The image file."""
 
 
-def draw(
-    meshes: Iterable[Drawn], by: Convention, width: int = 400, height: int = 300
-) -> npt.NDArray[np.uint8]:
+def draw(meshes: Iterable[Drawn], by: Convention, width: int = 400, height: int = 300) -> UInt8:
     """Return a picture (height, width, 3) of meshes in an engine's coordinates."""
     eye, target = by.place(EYE), by.place(LOOK_AT)
     forward = _unit(target - eye)
@@ -116,13 +114,13 @@ def draw(
 
 
 def _fill(
-    picture: Array,
-    depth: Array,
+    picture: AnyArray,
+    depth: AnyArray,
     mesh: Drawn,
-    face: Array,
-    projected: tuple[Array, Array, Array],
-    light: Array,
-    texels: Array | None,
+    face: AnyArray,
+    projected: tuple[AnyArray, AnyArray, AnyArray],
+    light: AnyArray,
+    texels: AnyArray | None,
     by: Convention,
 ) -> None:
     """Draw one face, perspective-correct, by pixel centres."""
@@ -151,7 +149,7 @@ def _fill(
     share = weights[inside] / along / near[inside][:, None]
     # y runs downwards on the screen, so a positive area is clockwise to the eye.
     if (area > 0) != by.front_clockwise:
-        shade: Array = np.tile(BACK_FACE, (len(share), 1))
+        shade: AnyArray = np.tile(BACK_FACE, (len(share), 1))
     elif texels is not None and mesh.uvs is not None:
         u, v = (share @ np.asarray(mesh.uvs)[face]).T
         down = 1.0 - v if by.first_row_v == 1.0 else v
@@ -166,7 +164,7 @@ def _fill(
     depth[window][inside] = near[inside]
 
 
-def beside(pictures: dict[str, Array], path: Path) -> None:
+def beside(pictures: dict[str, AnyArray], path: Path) -> None:
     """Write pictures side by side with their names below, as a small PNG."""
     caption = 22
     height, width, _ = next(iter(pictures.values())).shape
@@ -181,6 +179,6 @@ def beside(pictures: dict[str, Array], path: Path) -> None:
     sheet.quantize(128, dither=PIL.Image.Dither.NONE).save(path, optimize=True)
 
 
-def _unit(vector: Array) -> Array:
-    unit: Array = vector / np.linalg.norm(vector)
+def _unit(vector: AnyArray) -> AnyArray:
+    unit: AnyArray = vector / np.linalg.norm(vector)
     return unit

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
-from terraport_pipeline.model import Crs, Survey, UInt8
+from terraport_payload.types import Float32, Float64, Int64, UInt8
+from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.stages.contract import Context
-
-Float64 = npt.NDArray[np.float64]
 
 ORIGIN = np.array([641200.0, 8594700.0, 1287.0])
 """UTM 35 S: float32 steps here are half a metre."""
@@ -23,9 +21,9 @@ ORIGIN = np.array([641200.0, 8594700.0, 1287.0])
 class Overhang:
     """A rock shelf over a recess, sampled at random, with the true normals. Scene frame."""
 
-    points: npt.NDArray[np.float32]
+    points: Float32
     normals: Float64
-    part: npt.NDArray[np.int64]
+    part: Int64
     """0 ground, 1 back wall of the recess, 2 underside, 3 face, 4 top."""
 
 

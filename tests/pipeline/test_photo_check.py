@@ -11,9 +11,9 @@ import pytest
 from pipeline.flat_photos import LENS, SIDE_M, field_views
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from terraport_payload.types import Float32, UInt8
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.photo_check import checked_photos
 
 COUNT = 6

@@ -147,7 +147,7 @@ def test_what_is_missing_is_told_before_any_work(field: Path, tmp_path: Path) ->
         build(options_for(field, scene, texture=Texturing(photos=alone)))
     with pytest.raises(PhotoError, match="is no folder"):
         build(options_for(field, scene, texture=Texturing(photos=tmp_path / "no")))
-    with pytest.raises(OptionError, match="cameras without photos"):
+    with pytest.raises(OptionError, match="options of cameras or textures without photos"):
         Texturing(cameras=field / "colmap")
     with pytest.raises(OptionError, match="expected one or the other"):
         Texturing(texture.Options(source="vertex"), photos=alone)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from server.plain_client import make_hello
 
+from terraport_payload import box_distances_m
 from terraport_server.actions import (
     Action,
     Close,
@@ -21,7 +22,7 @@ from terraport_server.actions import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.selection import SegmentTable, box_distances
+from terraport_server.selection import SegmentTable
 from terraport_server.session import Session
 from terraport_wire import (
     Aim,
@@ -54,7 +55,7 @@ def make_scene(count: int = 12, *, length: int = 1000, encoding: str = "glb") ->
     )
 
     def within(centre: Any, radius_m: float) -> Any:
-        return np.flatnonzero(box_distances(bounds, centre) <= radius_m)
+        return np.flatnonzero(box_distances_m(bounds, centre) <= radius_m)
 
     return SceneView(id="row", version="v1", name="Row", encodings={encoding: table}, within=within)
 

@@ -35,13 +35,13 @@ def test_nothing_is_handed_out_before_it_was_checked(pit: GridScene) -> None:
     async def story() -> None:
         served = opened(pit)
         chunk = whole(pit, 3)
-        assert served.desk.part(chunk, "glb", as_file=True) is None
+        assert served.desk.chunk_data(chunk, "glb", as_file=True) is None
         await served.desk.fetch(chunk, "glb")
-        found = served.desk.part(chunk, "glb", as_file=True)
+        found = served.desk.chunk_data(chunk, "glb", as_file=True)
         assert isinstance(found, PayloadRange)
         assert os.pread(found.descriptor, found.length, found.offset) == pit.payloads[3]
         part = chunk._replace(offset=10, length=20)
-        assert served.desk.part(part, "glb", as_file=False) == pit.payloads[3][10:30]
+        assert served.desk.chunk_data(part, "glb", as_file=False) == pit.payloads[3][10:30]
         served.retire()
         assert served.closed
 
@@ -53,7 +53,7 @@ def test_maps_are_handed_out_as_views(pit: GridScene) -> None:
         served = opened(pit, "mmap")
         chunk = whole(pit, 0)._replace(offset=5, length=7)
         await served.desk.fetch(chunk, "glb")
-        assert served.desk.part(chunk, "glb", as_file=True) == pit.payloads[0][5:12]
+        assert served.desk.chunk_data(chunk, "glb", as_file=True) == pit.payloads[0][5:12]
         served.retire()
 
     asyncio.run(story())
@@ -100,18 +100,20 @@ def test_a_flipped_byte_is_found_at_first_and_after_distrust(tmp_path: Path) -> 
         served = opened(pit)
         chunk = whole(pit, 2)
         await served.desk.fetch(chunk, "glb")
-        found = served.desk.part(chunk, "glb", as_file=True)
+        found = served.desk.chunk_data(chunk, "glb", as_file=True)
         assert isinstance(found, PayloadRange)
         pack = next(pit.path.glob("v-*/*.pack"))
         data = bytearray(pack.read_bytes())
         data[found.offset + 9] ^= 1
         pack.write_bytes(data)
-        assert served.desk.part(chunk, "glb", as_file=True) is not None  # as checked, it was right
+        assert (
+            served.desk.chunk_data(chunk, "glb", as_file=True) is not None
+        )  # as checked, it was right
         served.desk.distrust(2)
-        assert served.desk.part(chunk, "glb", as_file=True) is None
+        assert served.desk.chunk_data(chunk, "glb", as_file=True) is None
         with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
             await served.desk.fetch(chunk, "glb")
-        assert served.desk.part(chunk, "glb", as_file=True) is None
+        assert served.desk.chunk_data(chunk, "glb", as_file=True) is None
         served.retire()
 
     asyncio.run(story())
@@ -126,7 +128,7 @@ def test_a_pack_cut_short_is_told(tmp_path: Path) -> None:
         await served.desk.fetch(chunk, "glb")
         pack = next(pit.path.glob("v-*/*.pack"))
         os.truncate(pack, pack.stat().st_size - len(pit.payloads[last]))
-        assert served.desk.part(chunk, "glb", as_file=False) is None
+        assert served.desk.chunk_data(chunk, "glb", as_file=False) is None
         with pytest.raises(RangeError):
             await served.desk.fetch(chunk, "glb")
         served.retire()

@@ -6,21 +6,20 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from terraport_payload import box_distances_m
+from terraport_payload.types import Bool, Float32
 from terraport_server.id_set import IdSet
 from terraport_server.selection import (
     Budgets,
     SegmentTable,
     Selection,
-    box_distances,
     find_candidates,
     select,
 )
-from terraport_store.spatial import box_distances_m
 
 
 def make_table(
@@ -64,14 +63,14 @@ def run(
     )
 
 
-def mask(count: int, ids: set[int]) -> npt.NDArray[np.bool_]:
+def mask(count: int, ids: set[int]) -> Bool:
     out = np.zeros(count, dtype=np.bool_)
     out[list(ids)] = True
     out.setflags(write=False)
     return out
 
 
-def brute_distance(box: npt.NDArray[np.float32], centre: tuple[float, ...]) -> float:
+def brute_distance(box: Float32, centre: tuple[float, ...]) -> float:
     total = 0.0
     for axis in range(3):
         low, high, at = float(box[axis]), float(box[axis + 3]), centre[axis]
@@ -201,7 +200,7 @@ def test_plan_equals_brute_force(
 def test_superset_and_order_of_candidates_do_not_matter(
     data: st.DataObject, table: SegmentTable, centre: tuple[float, float, float]
 ) -> None:
-    distances = box_distances(table.bounds, centre)
+    distances = box_distances_m(table.bounds, centre)
     near = np.flatnonzero(distances <= 10.0)
     shuffled = data.draw(st.permutations(range(len(table))))
     plans = [
@@ -243,7 +242,7 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
 ) -> None:
     held = IdSet(data.draw(st.lists(st.integers(0, len(table) - 1)), "held"))
     centre = (centre[0] + nudge, centre[1], centre[2] - nudge)
-    distances = box_distances(table.bounds, centre)
+    distances = box_distances_m(table.bounds, centre)
     if data.draw(st.booleans(), "to the border"):
         radius_m = float(data.draw(st.sampled_from(distances.tolist()))) / factor
     release_radius_m = radius_m * factor
@@ -295,11 +294,6 @@ def test_nearest_first_and_ties_by_id() -> None:
     assert run(table, 9.0).load.tolist() == [2, 0, 1]
 
 
-def test_point_inside_a_box_is_at_distance_zero() -> None:
-    bounds = np.array([[0, 0, 0, 2, 2, 2], [5, 0, 0, 6, 4, 2]], dtype=np.float32)
-    assert box_distances(bounds, (1.0, 1.0, 1.0)).tolist() == [0.0, 4.0]
-
-
 def test_radius_is_inclusive() -> None:
     table = row_of_boxes(3)
     assert run(table, 10.0).load.tolist() == [0, 1]
@@ -348,15 +342,6 @@ def test_inner_is_what_of_the_plan_lies_within_the_inner_radius() -> None:
     assert chosen.load.tolist() == [0, 2, 3, 4]
     assert chosen.inner.tolist() == [0, 1, 2]
     assert run(row_of_boxes(5), 45.0).inner.tolist() == []
-
-
-@settings(max_examples=50)
-@given(table=scenes(), centre=st.tuples(coordinate, coordinate, coordinate))
-def test_distances_are_those_of_the_store(
-    table: SegmentTable, centre: tuple[float, float, float]
-) -> None:
-    ours = box_distances(table.bounds, centre)
-    assert ours.tolist() == box_distances_m(table.bounds, centre).tolist()
 
 
 def test_nothing_near() -> None:

@@ -27,8 +27,8 @@ from server.session_model import (
     make_scene,
 )
 
+from terraport_payload import box_distances_m
 from terraport_server.actions import Close, Observer, SessionLimits
-from terraport_server.selection import box_distances
 from terraport_server.session import INTERNAL_TEXT, Session
 from terraport_wire import (
     HELD_DTYPE,
@@ -406,7 +406,7 @@ def _check_plan(
     client.run(until=lambda: generation in client.load)
     plan = next(m for m in reversed(client.messages) if isinstance(m, Plan))
     assert plan.generation == generation
-    distances = box_distances(client.table.bounds, (x, 0.0, 0.0))
+    distances = box_distances_m(client.table.bounds, (x, 0.0, 0.0))
     wanted = sorted(
         (float(distances[s]), s)
         for s in range(len(client.table))

@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from server.session_model import Client, aim, ids, land, make_client, make_scene
 
+from terraport_payload import box_distances_m
+from terraport_payload.types import UInt64
 from terraport_server.actions import SendChunk, SendMessage
-from terraport_server.selection import box_distances
 from terraport_wire import HELD_DTYPE, Credit, Evict, Plan, Prefetch, Ready, Reject, Superseded
 
 COUNT = 12
@@ -108,7 +109,7 @@ def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
     client.greet(held=_offer(kept, hashes))  # what a reconnect would offer
     client.tell(land(1, float(x), float(radius), inner_radius_m=min(5.0, radius)))
     (plan,) = client.run(most=1)
-    distances = box_distances(scene.encodings["glb"].bounds, (float(x), 0.0, 0.0))
+    distances = box_distances_m(scene.encodings["glb"].bounds, (float(x), 0.0, 0.0))
     rank: Callable[[int], tuple[float, int]] = lambda s: (float(distances[s]), s)  # noqa: E731
     due = set(plan.load["id"].tolist())
     in_plan = due | set(plan.keep.tolist())
@@ -146,6 +147,6 @@ def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
     assert not due
 
 
-def _offer(kept: set[int], hashes: npt.NDArray[np.uint64]) -> npt.NDArray[np.void]:
+def _offer(kept: set[int], hashes: UInt64) -> npt.NDArray[np.void]:
     rows = [(segment, int(hashes[segment])) for segment in sorted(kept)]
     return np.array(rows, dtype=HELD_DTYPE)

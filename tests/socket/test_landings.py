@@ -12,8 +12,9 @@ import pytest
 from server.grid_scene import SIDE, TILE_M, GridScene
 from server.plain_client import PlainClient, assemble
 
+from terraport_payload import box_distances_m
 from terraport_server import BackgroundServer
-from terraport_store import Scene, box_distances_m
+from terraport_store import Scene
 from terraport_wire import (
     HELD_DTYPE,
     MAX_FRAME_BYTES,

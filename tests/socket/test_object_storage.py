@@ -19,7 +19,7 @@ from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
 from server.plain_client import PlainClient, assemble
 
 from terraport_server import BackgroundServer
-from terraport_server.scene_places import ObjectPlace
+from terraport_server.scene_roots import ObjectRoot
 from terraport_store import change_labels
 from terraport_store.origin import ObjectCounts, ObjectOptions, Origin
 from terraport_store.upload import upload_scene
@@ -78,9 +78,9 @@ def serve(place: str, tmp_path: Path, **settings: object) -> BackgroundServer:
 
 
 def counts(server: BackgroundServer) -> ObjectCounts:
-    found = server.service.registry.place
-    assert isinstance(found, ObjectPlace)
-    return found.storage.counts
+    root = server.service.registry.root
+    assert isinstance(root, ObjectRoot)
+    return root.storage.counts
 
 
 def pack_of(scene: str, fault: Fault) -> Callable[[Asked], Fault | None]:

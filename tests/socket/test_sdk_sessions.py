@@ -23,8 +23,9 @@ from terraport.errors import (
     SessionClosedError,
     UsageError,
 )
+from terraport_payload import box_distances_m
 from terraport_server import BackgroundServer
-from terraport_store import Scene, box_distances_m
+from terraport_store import Scene
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
 CORNER = (1.0, 1.0, 1.0)

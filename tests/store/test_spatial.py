@@ -8,7 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from terraport_store import BruteForceIndex, PackedRTree, RTreeIndex, SpatialIndex, box_distances_m
+from terraport_payload import box_distances_m
+from terraport_store import BruteForceIndex, PackedRTree, RTreeIndex, SpatialIndex
 
 BOXES = np.array(
     [

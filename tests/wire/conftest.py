@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
+import terraport_wire as m
 from terraport_wire import kinds, tables
-from terraport_wire import messages as m
 from terraport_wire.message import PartKind, PartList, fields_of
 
 _U32 = st.integers(0, 2**32 - 1)

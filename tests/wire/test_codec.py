@@ -10,6 +10,7 @@ from conformance.wire_samples import FULL, MINIMAL
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import terraport_wire as m
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,
     MAX_CLIENT_VALUES,
@@ -25,7 +26,6 @@ from terraport_wire import (
     token_from_subprotocols,
     token_subprotocol,
 )
-from terraport_wire import messages as m
 
 C2S, S2C = Direction.CLIENT_TO_SERVER, Direction.SERVER_TO_CLIENT
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from conformance.wire_samples import FULL, MINIMAL
 
+import terraport_wire as m
 from terraport_wire import HELD_DTYPE, LOAD_DTYPE, InvalidMessageError
-from terraport_wire import messages as m
 
 
 def test_every_message_class_is_registered_once_in_its_own_direction() -> None:

@@ -8,117 +8,33 @@ from __future__ import annotations
 
 import dataclasses
 
-from .client_messages import Aim, Budgets, Bye, Credit, Evict, Held, Hello, Land, Pick, Reject
-from .group_messages import (
-    Arrived,
-    Gather,
-    Gathered,
-    Gathering,
-    Join,
-    Joined,
-    Leave,
-    Member,
-    Roster,
-)
+from . import client_messages, group_messages, server_messages
 from .message import Direction, Message, Part
-from .server_messages import (
-    Degraded,
-    Error,
-    HeldChecked,
-    Hit,
-    Notice,
-    Picked,
-    Plan,
-    Prefetch,
-    Ready,
-    SceneInfo,
-    ServerLimits,
-    Superseded,
-    Timings,
-    Welcome,
-)
 
-__all__ = [
-    "MESSAGES",
-    "PARTS",
-    "Aim",
-    "Arrived",
-    "Budgets",
-    "Bye",
-    "Credit",
-    "Degraded",
-    "Direction",
-    "Error",
-    "Evict",
-    "Gather",
-    "Gathered",
-    "Gathering",
-    "Held",
-    "HeldChecked",
-    "Hello",
-    "Hit",
-    "Join",
-    "Joined",
-    "Land",
-    "Leave",
-    "Member",
-    "Message",
-    "Notice",
-    "Part",
-    "Pick",
-    "Picked",
-    "Plan",
-    "Prefetch",
-    "Ready",
-    "Reject",
-    "Roster",
-    "SceneInfo",
-    "ServerLimits",
-    "Superseded",
-    "Timings",
-    "Unknown",
-    "Welcome",
+__all__ = ["MESSAGES", "PARTS", "Direction", "Message", "Part", "Unknown"]
+
+_CLASSES: list[type] = [
+    value
+    for module in (client_messages, server_messages, group_messages)
+    for value in vars(module).values()
+    if isinstance(value, type) and value.__module__ == module.__name__
 ]
 
-_CLIENT: tuple[type[Message], ...] = (
-    Hello,
-    Aim,
-    Land,
-    Credit,
-    Evict,
-    Reject,
-    Pick,
-    Bye,
-    Held,
-    Join,
-    Leave,
-    Gather,
-    Arrived,
-)
-_SERVER: tuple[type[Message], ...] = (
-    Welcome,
-    Plan,
-    Prefetch,
-    Ready,
-    Degraded,
-    Superseded,
-    Picked,
-    Notice,
-    Error,
-    HeldChecked,
-    Joined,
-    Roster,
-    Gathering,
-    Gathered,
-)
-
 MESSAGES: dict[Direction, dict[str, type[Message]]] = {
-    Direction.CLIENT_TO_SERVER: {message.TYPE: message for message in _CLIENT},
-    Direction.SERVER_TO_CLIENT: {message.TYPE: message for message in _SERVER},
+    direction: {
+        message.TYPE: message
+        for message in _CLASSES
+        if issubclass(message, Message)
+        and "TYPE" in vars(message)
+        and message.DIRECTION is direction
+    }
+    for direction in (Direction.CLIENT_TO_SERVER, Direction.SERVER_TO_CLIENT)
 }
 """Message class by direction and type on the wire."""
 
-PARTS: tuple[type[Part], ...] = (Budgets, SceneInfo, ServerLimits, Hit, Timings, Member)
+PARTS: tuple[type[Part], ...] = tuple(
+    part for part in _CLASSES if issubclass(part, Part) and not issubclass(part, Message)
+)
 """Maps that stand inside messages."""
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from terraport.cover import CoverCounters
 from terraport.errors import ProtocolViolationError
 from terraport_payload import Cover, PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import Bool
 
 __all__ = ["BaseMesh"]
 
@@ -47,7 +45,7 @@ class BaseMesh:
             )
         return cls(version, mesh, rows, CoverCounters.of(rows))
 
-    def hidden_faces(self, loaded: Iterable[int]) -> npt.NDArray[np.bool_]:
+    def hidden_faces(self, loaded: Iterable[int]) -> Bool:
         """Return which faces must not be drawn while these segments are shown.
 
         Costs what changed since the last call, not the size of the mesh (but for the copy).

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from terraport.errors import ProtocolViolationError, UsageError
 from terraport_payload import Cover
+from terraport_payload.types import Bool, Int64
 
 __all__ = ["CoverCounters"]
 
@@ -94,14 +95,14 @@ class CoverCounters:
         return frozenset(self._loaded)
 
     @property
-    def hidden(self) -> npt.NDArray[np.bool_]:
+    def hidden(self) -> Bool:
         """(B,) bool, True where the face must not be drawn; a read-only, live view."""
         view = self._hidden.view()
         view.flags.writeable = False
         return view
 
     @property
-    def rim(self) -> npt.NDArray[np.bool_]:
+    def rim(self) -> Bool:
         """(B,) bool, True for drawn faces over which some but not all segments are loaded; a copy.
 
         Only there can base and detail overlap.
@@ -132,7 +133,7 @@ class CoverCounters:
         self._loaded -= gone
         self._change(gone, +1)
 
-    def show(self, segments: Iterable[int]) -> npt.NDArray[np.bool_]:
+    def show(self, segments: Iterable[int]) -> Bool:
         """Make exactly these segments the loaded ones: one swap of a landing.
 
         Returns
@@ -154,7 +155,7 @@ class CoverCounters:
         # each.
         self._hidden[faces] = self._missing[faces] == 0
 
-    def _faces_under(self, segments: set[int]) -> npt.NDArray[np.int64]:
+    def _faces_under(self, segments: set[int]) -> Int64:
         known = len(self._starts) - 1
         parts = [
             self._faces[self._starts[segment] : self._starts[segment + 1]]
@@ -171,9 +172,7 @@ def _clean_ids(segments: Iterable[int]) -> set[int]:
     return ids
 
 
-def _validate_csr(
-    offsets: npt.ArrayLike, segments: npt.ArrayLike
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _validate_csr(offsets: npt.ArrayLike, segments: npt.ArrayLike) -> tuple[Int64, Int64]:
     """Return both arrays as int64, or raise ProtocolViolationError saying which rule they break."""
     starts = np.asarray(offsets, dtype=np.int64)
     ids = np.asarray(segments, dtype=np.int64)

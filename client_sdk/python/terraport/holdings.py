@@ -10,12 +10,11 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport.cache import CachedSegment, SegmentCache
+from terraport_payload.types import AnyArray
 from terraport_wire import HELD_DTYPE, ID_DTYPE, MAX_HELD_SEGMENTS, Evict
 
 __all__ = ["Holdings"]
@@ -126,7 +125,7 @@ class Holdings:
             for start in range(0, len(ids), MAX_HELD_SEGMENTS)
         ]
 
-    def offer(self) -> npt.NDArray[Any]:
+    def offer(self) -> AnyArray:
         """Return the held table of ``hello`` and take every eviction as told by it.
 
         Memory first, most recently used first, then the disk. What does not fit into one message

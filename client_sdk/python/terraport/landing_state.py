@@ -9,9 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy.typing as npt
-
 from terraport.cache import SegmentFacts
+from terraport_payload.types import AnyArray
 from terraport_wire import Land, Plan, Prefetch, Timings
 
 __all__ = ["LandingState", "PrefetchState", "facts_of_table"]
@@ -111,7 +110,7 @@ class PrefetchState:
         return cls(prefetch.generation, facts, set(facts), prefetch.bytes)
 
 
-def facts_of_table(table: npt.NDArray[Any]) -> dict[int, SegmentFacts]:
+def facts_of_table(table: AnyArray) -> dict[int, SegmentFacts]:
     """Return the rows of a load table by id, in its order."""
     rows: Iterable[tuple[Any, ...]] = table.tolist()
     return {

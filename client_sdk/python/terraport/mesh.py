@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport.errors import MissingExtraError, UsageError
 from terraport.rim import rim_heights
@@ -20,6 +19,7 @@ from terraport_payload import (
     encode_glb,
     snap,
 )
+from terraport_payload.types import Float32
 
 if TYPE_CHECKING:
     import trimesh
@@ -273,15 +273,13 @@ def write_glb(
     return len(data)
 
 
-def _sunk(
-    base: BaseMesh, segments: Iterable[SegmentMesh], most_m: float
-) -> npt.NDArray[np.float32]:
+def _sunk(base: BaseMesh, segments: Iterable[SegmentMesh], most_m: float) -> Float32:
     """Return the base's positions, the rim's lowered below the detail."""
     points = np.concatenate([segment.positions for segment in segments])
     rim = base.mesh.faces[base.counters.rim]
     height = rim_heights(base.mesh.positions, rim, points, most_m=most_m)
     depth = np.minimum(height * np.float32(_SINK), np.float32(most_m))
-    lowered: npt.NDArray[np.float32] = base.mesh.positions - depth[:, None] * base.mesh.normals
+    lowered: Float32 = base.mesh.positions - depth[:, None] * base.mesh.normals
     return lowered
 
 

@@ -5,11 +5,11 @@ PURE: no I/O, no clock. ``spec/wire-protocol.md``, section 5, rule 3.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray
 from terraport_wire import (
     HELD_DTYPE,
     MAX_HELD_SEGMENTS,
@@ -29,9 +29,9 @@ class HeldOffer:
     __slots__ = ("_rest",)
 
     def __init__(self) -> None:
-        self._rest: npt.NDArray[Any] = np.zeros(0, dtype=HELD_DTYPE)
+        self._rest: AnyArray = np.zeros(0, dtype=HELD_DTYPE)
 
-    def first(self, rows: npt.NDArray[Any], *, in_hello: bool) -> npt.NDArray[Any]:
+    def first(self, rows: AnyArray, *, in_hello: bool) -> AnyArray:
         """Return what goes into ``hello``.
 
         Parameters

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport.errors import UsageError
 from terraport.payloads import ENCODING
+from terraport_payload.types import AnyArray
 from terraport_wire import (
     HELD_DTYPE,
     PROTOCOL,
@@ -51,7 +51,7 @@ class SessionOptions:
             raise UsageError(f"credit_bytes is {self.credit_bytes}, expected 1 or more")
         checked(lambda: self.hello(np.zeros(0, dtype=HELD_DTYPE)))
 
-    def hello(self, held: npt.NDArray[Any]) -> Hello:
+    def hello(self, held: AnyArray) -> Hello:
         """Return the message that opens a connection."""
         return Hello(
             protocol=PROTOCOL,

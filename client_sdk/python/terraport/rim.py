@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Float64, Int64
 
 __all__ = ["rim_heights"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int64 = npt.NDArray[np.int64]
 
 _MAX_PAIRS: Final = 2_000_000
 """Pairs of a face and a vertex looked at together: about 400 MB of scratch."""
@@ -26,12 +25,12 @@ _MAX_CELLS: Final = 64
 
 
 def rim_heights(
-    vertices: npt.NDArray[np.floating[Any]],
-    faces: npt.NDArray[np.integer[Any]],
-    points: npt.NDArray[np.floating[Any]],
+    vertices: AnyFloat,
+    faces: AnyInt,
+    points: AnyFloat,
     *,
     most_m: float,
-) -> npt.NDArray[np.float32]:
+) -> Float32:
     """Measure how far to lower the vertices of rim faces, so that none stands over the detail.
 
     Parameters
@@ -70,7 +69,7 @@ def rim_heights(
     return out
 
 
-def _meetings(corner: _Float64, place: _Float64, most_m: float) -> Iterator[tuple[_Int64, _Int64]]:
+def _meetings(corner: Float64, place: Float64, most_m: float) -> Iterator[tuple[Int64, Int64]]:
     """Pair each face with the points in the columns that it touches, in bounded portions."""
     flat = corner[:, :, [0, 2]]
     low, high = flat.min(axis=1) - most_m, flat.max(axis=1) + most_m
@@ -103,7 +102,7 @@ def _meetings(corner: _Float64, place: _Float64, most_m: float) -> Iterator[tupl
         yield np.repeat(face[begin:end], each), point
 
 
-def _heights(corner: _Float64, place: _Float64) -> _Float64:
+def _heights(corner: Float64, place: Float64) -> Float64:
     """Height of each face over its point along the face's normal; -inf where it lies beside it."""
     edge, other = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     normal = np.cross(edge, other)
@@ -114,6 +113,6 @@ def _heights(corner: _Float64, place: _Float64) -> _Float64:
     v = np.einsum("ij,ij->i", np.cross(away, other), normal) / safe
     w = np.einsum("ij,ij->i", np.cross(edge, away), normal) / safe
     beside = (v < -_MARGIN) | (w < -_MARGIN) | (v + w > 1 + _MARGIN) | (area <= 0)
-    above: _Float64 = -np.einsum("ij,ij->i", away, normal) / np.sqrt(safe)
+    above: Float64 = -np.einsum("ij,ij->i", away, normal) / np.sqrt(safe)
     above[beside] = -np.inf
     return above

@@ -22,9 +22,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from typing import Any
-
-import numpy.typing as npt
 
 from terraport.aim_counts import AimCounts
 from terraport.aim_state import AimState
@@ -46,6 +43,7 @@ from terraport.offer import HeldOffer
 from terraport.options import SessionOptions, checked, point
 from terraport.pick_state import PickState
 from terraport.transfers import Transfers
+from terraport_payload.types import AnyArray
 from terraport_wire import (
     PROTOCOL,
     Bye,
@@ -381,7 +379,7 @@ class ClientSession:
             landing, self._queued = self._queued, None
             self._send_landing(landing)
 
-    def _on_dropped(self, segments: npt.NDArray[Any]) -> None:
+    def _on_dropped(self, segments: AnyArray) -> None:
         """Free what this scene version does not have."""
         dropped = tuple(segments.tolist())
         if dropped:

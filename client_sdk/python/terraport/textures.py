@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport.errors import MissingExtraError, UsageError
 from terraport_payload import SegmentMesh, Texture
 from terraport_payload.texture import MAX_SIDE
+from terraport_payload.types import Float32, Int64, UInt8
 
 if TYPE_CHECKING:
     import PIL.Image
@@ -49,7 +49,7 @@ def open_texture(texture: Texture) -> PIL.Image.Image:
         ) from None
 
 
-def decode_texture(texture: Texture) -> npt.NDArray[np.uint8]:
+def decode_texture(texture: Texture) -> UInt8:
     """Return a payload's pixels, (height, width, 3) sRGB, row 0 the top; raises as opening does."""
     image = open_texture(texture)
     try:
@@ -58,7 +58,7 @@ def decode_texture(texture: Texture) -> npt.NDArray[np.uint8]:
         raise UsageError(f"{texture.media_type} does not decode: {error}") from None
 
 
-def vertex_colours(mesh: SegmentMesh) -> npt.NDArray[np.uint8] | None:
+def vertex_colours(mesh: SegmentMesh) -> UInt8 | None:
     """Return a colour for every vertex: its own, or the texel nearest to it.
 
     Returns
@@ -76,11 +76,11 @@ def vertex_colours(mesh: SegmentMesh) -> npt.NDArray[np.uint8] | None:
     pixels = decode_texture(mesh.texture)
     size = np.array([mesh.texture.width, mesh.texture.height])
     column, row = np.clip((mesh.uvs * size).astype(np.int64), 0, size - 1).T
-    colours: npt.NDArray[np.uint8] = pixels[row, column]
+    colours: UInt8 = pixels[row, column]
     return colours
 
 
-def merge_textures(meshes: Sequence[SegmentMesh]) -> tuple[npt.NDArray[np.float32], Texture]:
+def merge_textures(meshes: Sequence[SegmentMesh]) -> tuple[Float32, Texture]:
     """Put the images of several meshes into one.
 
     Parameters
@@ -126,7 +126,7 @@ def merge_textures(meshes: Sequence[SegmentMesh]) -> tuple[npt.NDArray[np.float3
     return np.concatenate(uvs).astype(np.float32), _encoded(whole)
 
 
-def _encoded(pixels: npt.NDArray[np.uint8]) -> Texture:
+def _encoded(pixels: UInt8) -> Texture:
     import PIL.Image
 
     out = io.BytesIO()
@@ -134,7 +134,7 @@ def _encoded(pixels: npt.NDArray[np.uint8]) -> Texture:
     return Texture.of(out.getvalue())
 
 
-def _shelves(sizes: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.int64], int, int] | None:
+def _shelves(sizes: Int64) -> tuple[Int64, int, int] | None:
     """Place rectangles of powers of two in rows, the high ones first."""
     order = np.lexsort((np.arange(len(sizes)), -sizes[:, 0], -sizes[:, 1]))
     area = int((sizes[:, 0] * sizes[:, 1]).sum())

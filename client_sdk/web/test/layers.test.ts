@@ -87,6 +87,13 @@ describe("imports", () => {
     expect(wrong).toEqual([]);
   });
 
+  it("go in no circle", () => {
+    const edges = new Map(FILES.map((path) => [path, [] as string[]]));
+    for (const { from, target } of IMPORTS) if (edges.has(target)) edges.get(from)!.push(target);
+    expect(circleIn(edges)).toEqual([]);
+    expect(circleIn(new Map([...edges, ["a", ["b"]], ["b", ["a"]]]))).toEqual(["a", "b", "a"]);
+  });
+
   it("are of the packages of their part", () => {
     const wrong = IMPORTS.filter(({ from, target, isOurs }) => {
       return !isOurs && !PACKAGES[partOf(from)]?.includes(packageOf(target));
@@ -125,6 +132,26 @@ function importsOf(path: string): Import[] {
     const below = relative(SRC, join(SRC, dirname(path), target!));
     return { from: path, target: below.split(sep).join("/"), isOurs: true };
   });
+}
+
+/** One circle of imports, types included, from a file back to itself; empty where there is none. */
+function circleIn(edges: ReadonlyMap<string, readonly string[]>): readonly string[] {
+  const finished = new Set<string>();
+  const follow = (file: string, path: readonly string[]): readonly string[] => {
+    if (path.includes(file)) return [...path.slice(path.indexOf(file)), file];
+    if (finished.has(file)) return [];
+    for (const target of edges.get(file)!) {
+      const circle = follow(target, [...path, file]);
+      if (circle.length > 0) return circle;
+    }
+    finished.add(file);
+    return [];
+  };
+  for (const file of edges.keys()) {
+    const circle = follow(file, []);
+    if (circle.length > 0) return circle;
+  }
+  return [];
 }
 
 function partOf(path: string): string {

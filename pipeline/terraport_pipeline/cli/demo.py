@@ -19,9 +19,9 @@ from rich.table import Table
 
 import terraport.sync
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.cli.synth import parse_count
 from terraport_pipeline.demo import FLIGHT, SCENE_ID, DemoScene, prepare_demo
 from terraport_pipeline.errors import PipelineError, StageFailedError
+from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
 from terraport_server.errors import ServerError
@@ -40,7 +40,7 @@ _HOST: Final = "127.0.0.1"
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport demo`` to the command line `app`."""
     app.command("demo")(demo)
 
 
@@ -90,15 +90,18 @@ def demo(
         _listening(port) as listeners,
         _directory(keep) as directory,
     ):
-        count = parse_count(points)
+        count = parse_count(points, "points")
         with RichProgress(errors) as progress:
-            made = prepare_demo(
+            # (1) survey, scene and report: what an earlier demo left in the folder is taken up
+            demo_scene = prepare_demo(
                 directory, points=count, flight=FLIGHT if photos else None, progress=progress
             )
-        _tell_scene(console, made)
-        with BackgroundServer(made.scenes_dir, listeners=listeners) as server:
+        _print_steps(console, demo_scene)
+        # (2) serve it and land in it, as a client would
+        with BackgroundServer(demo_scene.scenes_dir, listeners=listeners) as server:
             _land(console, server.scene_url(SCENE_ID))
             seconds = time.perf_counter() - started
+            # (3) show where to look, and serve on
             pages = _pages(server)
             console.print()
             for name, address in pages.items():
@@ -143,45 +146,46 @@ def _listening(port: int) -> Iterator[Listeners]:
 
 @contextlib.contextmanager
 def _directory(keep: Path | None) -> Iterator[Path]:
+    """Give the folder to work in: the one to keep, or one that goes unless the build failed."""
     if keep is None:
-        place = Path(tempfile.mkdtemp(prefix="terraport-demo-"))
+        temporary = Path(tempfile.mkdtemp(prefix="terraport-demo-"))
         try:
-            yield place
+            yield temporary
         except StageFailedError as error:  # what is finished, and the trace, are in there
             error.advice = (
-                f"what is finished is kept, and terraport demo --keep {place} goes on with it"
+                f"what is finished is kept, and terraport demo --keep {temporary} goes on with it"
             )
             raise
         except BaseException:
-            shutil.rmtree(place, ignore_errors=True)
+            shutil.rmtree(temporary, ignore_errors=True)
             raise
-        shutil.rmtree(place, ignore_errors=True)
+        shutil.rmtree(temporary, ignore_errors=True)
     else:
         keep.mkdir(parents=True, exist_ok=True)
         yield keep
 
 
-def _tell_scene(console: Console, made: DemoScene) -> None:
+def _print_steps(console: Console, demo_scene: DemoScene) -> None:
     table = Table(title="A scene from nothing", title_justify="left")
     table.add_column("step")
     table.add_column("time", justify="right")
     table.add_column("result")
-    report = made.report
+    report = demo_scene.report
     holes = "not proved" if report.proof is None else f"{report.proof.holes} holes"
     results = {
-        "make a quarry": f"{made.quarry.points:,} points, "
-        f"{format_bytes(made.quarry.survey_bytes)} LAZ",
-        "build the scene": f"version {made.build.version[:12]}, "
-        f"{format_bytes(made.build.peak_bytes)} of memory at most",
+        "make a quarry": f"{demo_scene.quarry.points:,} points, "
+        f"{format_bytes(demo_scene.quarry.survey_bytes)} LAZ",
+        "build the scene": f"version {demo_scene.build.version[:12]}, "
+        f"{format_bytes(demo_scene.build.peak_bytes)} of memory at most",
         "write the report": f"{len(report.pictures)} pictures, {format_bytes(report.bytes)}, "
         f"hand-off: {holes}",
     }
-    if made.photos is not None:
+    if demo_scene.photos is not None:
         results["photograph it"] = (
-            f"{made.photos.photos} photos, {format_bytes(made.photos.bytes)}, "
-            f"{made.photos.gsd_m * 100:.0f} cm a pixel"
+            f"{demo_scene.photos.photos} photos, {format_bytes(demo_scene.photos.bytes)}, "
+            f"{demo_scene.photos.gsd_m * 100:.0f} cm a pixel"
         )
-    for step, seconds in made.seconds:
+    for step, seconds in demo_scene.seconds:
         table.add_row(step, f"{seconds:,.1f} s", results[step])
     console.print(table)
 
@@ -195,25 +199,27 @@ def _land(console: Console, url: str) -> None:
         bounds = session.manifest()["bounds"]
         low, high = bounds["min"], bounds["max"]
         middle = ((low[0] + high[0]) / 2, (low[2] + high[2]) / 2)
-        places = [
+        positions = [
             _ground(session, middle[0] + east_m, middle[1], high[1] + 10.0)
             for east_m in (0.0, STEP_M, 0.0)
         ]
         landings = []
-        for place in places:
-            landing = session.land(place, RADIUS_M)
+        for position in positions:
+            landing = session.land(position, RADIUS_M)
             landing.ready(LANDING_TIMEOUT_S)
             landings.append(landing)
         rows = {
-            "at (x, y, z) m": [", ".join(f"{v:,.1f}" for v in place) for place in places],
-            "segments to load": [f"{len(one.plan.load):,}" for one in landings],
-            "held already": [f"{len(one.plan.keep):,}" for one in landings],
-            "triangles shown": [f"{one.plan.total_triangles:,}" for one in landings],
-            "kept nearby": [f"{len(one.plan.nearby):,}" for one in landings],
-            "bytes received": [f"{one.stats.streamed_bytes:,}" for one in landings],
-            "plan after": [_milliseconds(one.stats.plan_s) for one in landings],
-            "first segment after": [_milliseconds(one.stats.first_segment_s) for one in landings],
-            "ready after": [_milliseconds(one.stats.ready_s) for one in landings],
+            "at (x, y, z) m": [", ".join(f"{v:,.1f}" for v in position) for position in positions],
+            "segments to load": [f"{len(landing.plan.load):,}" for landing in landings],
+            "held already": [f"{len(landing.plan.keep):,}" for landing in landings],
+            "triangles shown": [f"{landing.plan.total_triangles:,}" for landing in landings],
+            "kept nearby": [f"{len(landing.plan.nearby):,}" for landing in landings],
+            "bytes received": [f"{landing.stats.streamed_bytes:,}" for landing in landings],
+            "plan after": [_milliseconds(landing.stats.plan_s) for landing in landings],
+            "first segment after": [
+                _milliseconds(landing.stats.first_segment_s) for landing in landings
+            ],
+            "ready after": [_milliseconds(landing.stats.ready_s) for landing in landings],
         }
         for label, cells in rows.items():
             table.add_row(label, *cells)

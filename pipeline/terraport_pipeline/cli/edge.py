@@ -1,4 +1,4 @@
-"""Where errors become one line and an exit code."""
+"""Where errors become one line and an exit code, and progress a bar."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import typer
 from rich.console import Console
 
 from terraport_pipeline.errors import OptionError, PipelineError
+from terraport_pipeline.progress import NullProgress, Progress, RichProgress
 from terraport_pipeline.unforeseen import stage_failed
 from terraport_store import StoreError
 
-__all__ = ["reporting_errors"]
+__all__ = ["reporting_errors", "watching"]
 
 
 @contextmanager
@@ -44,3 +45,13 @@ def reporting_errors(console: Console) -> Iterator[None]:
         failed = stage_failed(error, "this command", "nothing was finished by it")
         console.print(f"error: {failed}", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from error
+
+
+@contextmanager
+def watching(console: Console, *, quiet: bool) -> Iterator[Progress]:
+    """Show progress on `console` while the block runs, or none."""
+    if quiet:
+        yield NullProgress()
+        return
+    with RichProgress(console) as progress:
+        yield progress

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -11,24 +11,20 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.cli.synth import parse_count
-from terraport_pipeline.errors import OptionError
+from terraport_pipeline.cli.edge import watching
+from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.evaluation.page import write_page
 from terraport_pipeline.evaluation.reconstruction import (
-    MODELS,
     Compared,
     Evaluation,
     Options,
     evaluate,
     to_json,
 )
-from terraport_pipeline.progress import NullProgress, RichProgress
 from terraport_pipeline.report_facts import format_bytes
 
 __all__ = ["reconstruction", "register"]
 
-_DEFAULTS: Final = Options()
 _QUICK_POINTS: Final = 5_000
 _QUICK_DEPTHS: Final = (6, 7, 8)
 
@@ -41,7 +37,7 @@ _app = typer.Typer(
 
 
 def register(app: typer.Typer) -> None:
-    """Add the group to `app`."""
+    """Add ``terraport evaluate`` and its commands to the command line `app`."""
     app.add_typer(_app, name="evaluate")
 
 
@@ -50,48 +46,12 @@ def _group() -> None:
     """Keep `evaluate` a group while it has one command."""
 
 
-@_app.command("reconstruction")
 def reconstruction(
+    options: Options,
     output: Annotated[
         Path,
         typer.Option("--output", "-o", help="Folder for reconstruction.html, .json, pictures."),
     ] = Path("evaluation"),
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder with real data: stanford/bunny.ply, stanford/armadillo.obj, "
-            "red_rocks/red_rocks.laz, apaxco_quarry/apaxco_quarry_500k.laz. What is not there is "
-            "left out, and said."
-        ),
-    ] = None,
-    points: Annotated[
-        str, typer.Option(help="Samples of each model and of the quarry: 20k.")
-    ] = f"{_DEFAULTS.points}",
-    algorithms: Annotated[
-        str, typer.Option(help="Which, by commas; none: only the depths.")
-    ] = ",".join(_DEFAULTS.algorithms),
-    models: Annotated[
-        str,
-        typer.Option(
-            help="Models with truth: bunny, armadillo, block, gear, stairs, torus, sphere."
-        ),
-    ] = ",".join(MODELS),
-    depths: Annotated[
-        str, typer.Option(help="Octree depths of Poisson, by commas; none: only the algorithms.")
-    ] = ",".join(map(str, _DEFAULTS.depths)),
-    depth_points: Annotated[
-        str, typer.Option(help="Points of each scene that the depths are tried on.")
-    ] = f"{_DEFAULTS.depth_points}",
-    scenes: Annotated[
-        str,
-        typer.Option(help="Those scenes: quarry, red_rocks, apaxco_quarry, or paths of surveys."),
-    ] = ",".join(_DEFAULTS.scenes),
-    threads: Annotated[
-        int | None, typer.Option(help="Reconstructions at once.  [all cores]", min=1, max=64)
-    ] = None,
-    time_limit_s: Annotated[
-        float, typer.Option("--time-limit", help="Stop an algorithm after this many seconds.")
-    ] = _DEFAULTS.time_limit_s,
     quick: Annotated[
         bool, typer.Option("--quick", help="5,000 points, depths 6 to 8: a look in a minute.")
     ] = False,
@@ -113,48 +73,30 @@ def reconstruction(
         terraport evaluate reconstruction --algorithms none --scenes pit.laz --depth-points 500k
     """
     errors, console = Console(stderr=True, soft_wrap=True), Console()
-    with reporting_errors(errors):
-        options = Options(
-            algorithms=_names(algorithms),
-            models=_names(models),
-            points=_QUICK_POINTS if quick else parse_count(points),
-            depths=_QUICK_DEPTHS if quick else _numbers(depths),
-            depth_points=_QUICK_POINTS if quick else parse_count(depth_points),
-            scenes=_names(scenes),
-            data=data,
-            threads=threads or os.cpu_count() or 1,
-            time_limit_s=time_limit_s,
+    if quick:
+        options = replace(
+            options, points=_QUICK_POINTS, depths=_QUICK_DEPTHS, depth_points=_QUICK_POINTS
         )
-        output.mkdir(parents=True, exist_ok=True)
-        if quiet:
-            found = evaluate(options, NullProgress())
-        else:
-            with RichProgress(errors) as progress:
-                found = evaluate(options, progress)
-        _write(found, output)
-        if not quiet:
-            _tell(console, found)
-            console.print(f"written: {output / 'reconstruction.html'}", highlight=False)
+    output.mkdir(parents=True, exist_ok=True)
+    # Minutes of work; an algorithm that fails or takes too long is a result, no error.
+    with watching(errors, quiet=quiet) as progress:
+        evaluation = evaluate(options, progress)
+    # Files first, so that nothing is lost to a closed terminal.
+    _write(evaluation, output)
+    if not quiet:
+        _print_tables(console, evaluation)
+        console.print(f"written: {output / 'reconstruction.html'}", highlight=False)
 
 
-def _names(text: str) -> tuple[str, ...]:
-    names = tuple(part.strip() for part in text.split(",") if part.strip())
-    return () if names == ("none",) else names
+_app.command("reconstruction")(command_of(reconstruction))
 
 
-def _numbers(text: str) -> tuple[int, ...]:
-    try:
-        return tuple(sorted({int(part) for part in _names(text)}))
-    except ValueError as error:
-        raise OptionError(f"depths {text!r}; expected whole numbers, for example 8,9,10") from error
-
-
-def _write(found: Evaluation, output: Path) -> None:
-    write_page(found, output / "reconstruction.html")
-    (output / "reconstruction.json").write_text(to_json(found), encoding="utf-8")
+def _write(evaluation: Evaluation, output: Path) -> None:
+    write_page(evaluation, output / "reconstruction.html")
+    (output / "reconstruction.json").write_text(to_json(evaluation), encoding="utf-8")
     pictures = output / "pictures"
     pictures.mkdir(exist_ok=True)
-    for compared in (*([found.ground] if found.ground else []), *found.models):
+    for compared in (*([evaluation.ground] if evaluation.ground else []), *evaluation.models):
         for name, jpeg in (("cloud", compared.picture), ("truth", compared.truth_picture)):
             if jpeg is not None:
                 (pictures / f"{compared.key}-{name}.jpg").write_bytes(jpeg)
@@ -163,18 +105,18 @@ def _write(found: Evaluation, output: Path) -> None:
                 (pictures / f"{compared.key}-{result.algorithm}.jpg").write_bytes(result.picture)
 
 
-def _tell(console: Console, found: Evaluation) -> None:
-    for told in (*found.skipped, *found.missing.values()):
-        console.print(Text(f"not run: {told}", style="yellow"))
-    if found.ground is not None:
-        console.print(_colour_table(found))
-        console.print(_measured(found.ground))
-    if found.models:
-        console.print(_shape_table(found))
-        for one in found.models:
-            console.print(_measured(one))
-    if found.scenes:
-        console.print(_depth_table(found))
+def _print_tables(console: Console, evaluation: Evaluation) -> None:
+    for reason in (*evaluation.skipped, *evaluation.missing.values()):
+        console.print(Text(f"not run: {reason}", style="yellow"))
+    if evaluation.ground is not None:
+        console.print(_colour_table(evaluation))
+        console.print(_measured(evaluation.ground))
+    if evaluation.models:
+        console.print(_shape_table(evaluation))
+        for compared in evaluation.models:
+            console.print(_measured(compared))
+    if evaluation.scenes:
+        console.print(_depth_table(evaluation))
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -188,12 +130,12 @@ def _yes(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def _colour_table(found: Evaluation) -> Table:
+def _colour_table(evaluation: Evaluation) -> Table:
     table = _table(
         "Is the colour kept? (Table 3.1, grey levels)",
         *("algorithm", "95 % differ by", "allowed", "lost", "kept", "thesis: kept"),
     )
-    for key, row in found.colour.items():
+    for key, row in evaluation.colour.items():
         table.add_row(
             key,
             f"{row.difference_p95:.0f}",
@@ -205,12 +147,12 @@ def _colour_table(found: Evaluation) -> Table:
     return table
 
 
-def _shape_table(found: Evaluation) -> Table:
+def _shape_table(evaluation: Evaluation) -> Table:
     table = _table(
         "Holes and likeness on all models (Table 3.2, distances in spacings)",
         *("algorithm", "holes", "to truth p95", "from truth p95", "verdict", "thesis"),
     )
-    for key, row in found.shape.items():
+    for key, row in evaluation.shape.items():
         thesis = "not tried"
         if row.thesis is not None:
             thesis = "proceed" if row.thesis[1] and not row.thesis[0] else "eliminated"
@@ -225,13 +167,13 @@ def _shape_table(found: Evaluation) -> Table:
     return table
 
 
-def _measured(one: Compared) -> Table:
+def _measured(compared: Compared) -> Table:
     table = _table(
-        f"{one.title}: {one.points:,} samples, distances in spacings",
+        f"{compared.title}: {compared.points:,} samples, distances in spacings",
         *("algorithm", "faces", "to truth p95", "from truth p95", "most", "holes"),
         *("CPU s", "memory"),
     )
-    for result in one.results:
+    for result in compared.results:
         scores = result.scores
         if scores is None:
             table.add_row(result.algorithm, *["-"] * 7)
@@ -249,12 +191,12 @@ def _measured(one: Compared) -> Table:
     return table
 
 
-def _depth_table(found: Evaluation) -> Table:
+def _depth_table(evaluation: Evaluation) -> Table:
     table = _table(
         "Poisson by octree depth (Figure 5.8; * what a build takes)",
         *("scene", "depth", "faces", "per point", "CPU s", "memory"),
     )
-    for scene in found.scenes:
+    for scene in evaluation.scenes:
         for row in scene.rows:
             mark = " *" if row.depth == scene.our_depth else ""
             table.add_row(

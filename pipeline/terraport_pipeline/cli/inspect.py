@@ -12,13 +12,14 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from terraport_pipeline.camera_inspection import inspect_cameras, inspect_photos, parse_offset
+from terraport_pipeline.camera_inspection import inspect_cameras, inspect_photos
 from terraport_pipeline.cli.camera_tables import camera_tables
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.label import regions_table
 from terraport_pipeline.engines.camera_files import has_cameras
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.inspection import inspect_scene
+from terraport_pipeline.option import parse_offset
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report_facts import format_bytes
 from terraport_pipeline.scene_colour import SceneColour
@@ -31,7 +32,7 @@ _REGIONS: Final = 10
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport inspect`` to the command line `app`."""
     app.command("inspect")(inspect)
 
 
@@ -77,60 +78,65 @@ def inspect(
         terraport inspect survey.laz --cameras colmap/ --photos images/
     """
     console = Console(stderr=True)
+    # Facts are gathered as plain values; whether they are printed as JSON or drawn comes last.
     with reporting_errors(console):
         if cameras is not None:
+            offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
             with RichProgress(console) as progress:
-                found = inspect_photos(
+                facts = inspect_photos(
                     target,
                     cameras,
                     photos=photos,
-                    offset=parse_offset(camera_offset),
+                    offset=offset,
                     progress=progress,
                 )
-            drawn = camera_tables(found, cameras.name)
+            tables = camera_tables(facts, cameras.name)
         elif camera_offset is not None:
             raise OptionError("--camera-offset needs --cameras and the survey")
         else:
-            found, drawn = _scene_or_cameras(target, photos)
+            facts, tables = _scene_or_cameras(target, photos)
     if as_json:
-        typer.echo(json.dumps(found, indent=1))
+        typer.echo(json.dumps(facts, indent=1))
     else:
-        Console().print(drawn)
+        Console().print(tables)
 
 
 def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any], Group]:
+    """Gather and draw the facts of a scene or of cameras: a folder may be either."""
     if not target.is_file():
         try:
-            found = inspect_scene(target)
-            return found, _tables(found)
+            facts = inspect_scene(target)
+            return facts, _tables(facts)
         except SceneNotFoundError:
             if not has_cameras(target):
                 raise
-    found = inspect_cameras(target, photos)
-    return found, camera_tables(found, target.name)
+    facts = inspect_cameras(target, photos)
+    return facts, camera_tables(facts, target.name)
 
 
-def _tables(found: Mapping[str, Any]) -> Group:
-    heading = Text.assemble((str(found["name"]), "bold"), f"  version {found['version'][:12]}")
-    warnings = [Text(f"to know: {text}", style="yellow") for text in found["build"]["warnings"]]
-    regions = found["regions"]
+def _tables(facts: Mapping[str, Any]) -> Group:
+    heading = Text.assemble((str(facts["name"]), "bold"), f"  version {facts['version'][:12]}")
+    warnings = [Text(f"to know: {text}", style="yellow") for text in facts["build"]["warnings"]]
+    regions = facts["regions"]
     listed = [regions_table(regions["largest"], _REGIONS)] if regions["largest"] else []
     if regions["problem"]:
         warnings.append(Text(f"regions: {regions['problem']}", style="yellow"))
-    return Group(heading, _summary(found), *listed, _segments(found), _files(found), *warnings)
+    return Group(heading, _summary(facts), *listed, _segments(facts), _files(facts), *warnings)
 
 
-def _summary(found: Mapping[str, Any]) -> Table:
-    counts, place = found["counts"], found["place"]
-    size, crs, outline = place["size_m"], place["crs"], place["bounds_crs"]
+def _summary(facts: Mapping[str, Any]) -> Table:
+    """Draw a row per fact of the whole scene; what the manifest may lack is said to be missing."""
+    counts, location = facts["counts"], facts["place"]
+    size, crs, outline = location["size_m"], location["crs"], location["bounds_crs"]
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
+    # (1) where it is: CRS frame, metres
     named = "not stated" if crs is None else crs["name"]
     if crs is not None and crs["epsg"]:
         named += f" (EPSG:{crs['epsg']})"
     table.add_row("coordinates", named)
-    table.add_row("origin", ", ".join(f"{value:,.3f}" for value in place["origin"]) + " m")
+    table.add_row("origin", ", ".join(f"{value:,.3f}" for value in location["origin"]) + " m")
     table.add_row(
         "size",
         f"{size['east_west']:,.1f} m east-west, {size['north_south']:,.1f} m north-south, "
@@ -138,6 +144,7 @@ def _summary(found: Mapping[str, Any]) -> Table:
     )
     for axis, (low, high) in outline.items():
         table.add_row(axis, f"{low:,.2f} .. {high:,.2f} m")
+    # (2) what is in it
     table.add_row("points", f"{counts['points']:,}")
     table.add_row(
         "detail", f"{counts['detail_faces']:,} triangles, {counts['detail_vertices']:,} vertices"
@@ -148,56 +155,58 @@ def _summary(found: Mapping[str, Any]) -> Table:
     table.add_row(
         "segments",
         f"{counts['segments']:,} in {counts['regions']:,} regions, "
-        f"{found['regions']['labelled']:,} of them with a label",
+        f"{facts['regions']['labelled']:,} of them with a label",
     )
-    table.add_row("colour", str(SceneColour(**found["colour"])))
-    for one in found["attributes"]:
-        low, high = (one[end] for end in ("min", "max"))
+    table.add_row("colour", str(SceneColour(**facts["colour"])))
+    for attribute in facts["attributes"]:
+        low, high = (attribute[end] for end in ("min", "max"))
         span = "no values" if low is None else f"{low:.6g} .. {high:.6g}"
-        table.add_row(f"attribute {one['name']}", f"{span}, step {one['step']:.3g}")
-    hand_off = found["hand_off"]
+        table.add_row(f"attribute {attribute['name']}", f"{span}, step {attribute['step']:.3g}")
+    # (3) how exact it is
+    hand_off = facts["hand_off"]
     table.add_row(
         "hand-off",
         f"levels {hand_off['deviation_m']:.3g} m apart, cover within "
         f"{hand_off['tolerance_m']:.3g} m, "
-        f"{found['cover']['base_faces_never_hidden']:,} base faces never hidden",
+        f"{facts['cover']['base_faces_never_hidden']:,} base faces never hidden",
     )
-    table.add_row("grid step", f"{place['grid_step_m'] * 1000:.4g} mm")
-    source = found["build"]["input"]
+    table.add_row("grid step", f"{location['grid_step_m'] * 1000:.4g} mm")
+    # (4) where it comes from
+    source = facts["build"]["input"]
     table.add_row("input", f"{source['name']}, {format_bytes(source['bytes'])}" if source else "-")
-    table.add_row("built by", f"terraport {found['build']['terraport']}")
-    table.add_row("on disk", ", ".join(found["versions_on_disk"]))
+    table.add_row("built by", f"terraport {facts['build']['terraport']}")
+    table.add_row("on disk", ", ".join(facts["versions_on_disk"]))
     return table
 
 
-def _segments(found: Mapping[str, Any]) -> Table:
+def _segments(facts: Mapping[str, Any]) -> Table:
     table = Table(title="Segments", title_justify="left", title_style="bold")
     table.add_column("")
     names = ("min", "p10", "median", "p90", "max", "mean")
     for name in names:
         table.add_column(name, justify="right")
-    spreads = found["segments"]
+    spreads = facts["segments"]
     for label, key, form in (
         ("triangles", "faces", "{:,.0f}"),
         ("bytes", "bytes", "{:,.0f}"),
         ("widest side m", "extent_m", "{:,.2f}"),
     ):
         table.add_row(label, *(form.format(spreads[key][name]) for name in names))
-    over = found["cover"]["segments_per_base_face"]
+    over = facts["cover"]["segments_per_base_face"]
     table.add_row("segments per base face", *(f"{over[name]:,.1f}" for name in names))
     return table
 
 
-def _files(found: Mapping[str, Any]) -> Table:
+def _files(facts: Mapping[str, Any]) -> Table:
     table = Table(title="Files", title_justify="left", title_style="bold")
     table.add_column("")
     table.add_column("bytes", justify="right")
     table.add_column("share", justify="right")
-    for name, size in sorted(found["files"].items(), key=lambda item: -int(item[1])):
-        table.add_row(name, f"{size:,}", f"{size / max(1, found['bytes']):.1%}")
+    for name, size in sorted(facts["files"].items(), key=lambda item: -int(item[1])):
+        table.add_row(name, f"{size:,}", f"{size / max(1, facts['bytes']):.1%}")
     table.add_row(
         "in all",
-        f"{found['bytes']:,}",
-        f"{found['segments']['bytes_per_face']:.2f} bytes per triangle",
+        f"{facts['bytes']:,}",
+        f"{facts['segments']['bytes_per_face']:.2f} bytes per triangle",
     )
     return table

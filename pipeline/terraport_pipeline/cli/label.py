@@ -25,7 +25,7 @@ _LABEL_WIDTH: Final = 16
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport label`` to the command line `app`."""
     app.command("label")(label)
 
 
@@ -68,6 +68,8 @@ def label(
     again.
     """
     console = Console(stderr=True, soft_wrap=True)
+    # One of three: set labels from a table, write a table, or show the regions. Nothing is written
+    # unless all of it can be.
     with reporting_errors(console):
         if table is not None and export is not None:
             raise OptionError(
@@ -77,7 +79,7 @@ def label(
         if table is not None:
             changes = read_label_changes(table, names)
             now = change_labels(scene, changes)
-            _tell_changes(console, names, now)
+            _print_changes(console, names, now)
             return
         if export is not None and export.exists():
             raise OptionError(
@@ -86,7 +88,7 @@ def label(
         rows = region_rows(names, document, read_manifest(scene).origin)
         if export is None:
             Console().print(regions_table(rows, _SHOWN))
-            _tell_lost(console, names)
+            _print_lost(console, names)
         elif str(export) == "-":
             typer.echo(region_table_text(rows), nl=False)
         else:
@@ -94,7 +96,7 @@ def label(
             export.write_text(region_table_text(rows), encoding="utf-8-sig")
             text = f"{export}: {len(rows)} regions, {_labelled(names)} of them with a label"
             console.print(text, markup=False, highlight=False)
-            _tell_lost(console, names)
+            _print_lost(console, names)
 
 
 def regions_table(rows: list[dict[str, Any]], shown: int) -> Table:
@@ -147,7 +149,7 @@ def _labelled(names: RegionNames) -> int:
     return len(names.labels) - len(names.without_region())
 
 
-def _tell_changes(console: Console, before: RegionNames, now: RegionNames) -> None:
+def _print_changes(console: Console, before: RegionNames, now: RegionNames) -> None:
     new = sum(before.labels.get(number) != text for number, text in now.labels.items())
     gone = len(before.labels.keys() - now.labels.keys())
     console.print(
@@ -158,7 +160,7 @@ def _tell_changes(console: Console, before: RegionNames, now: RegionNames) -> No
     )
 
 
-def _tell_lost(console: Console, names: RegionNames) -> None:
+def _print_lost(console: Console, names: RegionNames) -> None:
     lost = names.without_region()
     if lost:
         listed = ", ".join(f"{text!r} ({number})" for number, text in list(lost.items())[:_SHOWN])

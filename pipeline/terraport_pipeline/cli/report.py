@@ -21,7 +21,7 @@ __all__ = ["register", "report"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport report`` to the command line `app`."""
     app.command("report")(report)
 
 
@@ -74,6 +74,7 @@ def report(
     errors = Console(stderr=True)
     start = time.perf_counter()
     with reporting_errors(errors):
+        # Survey and photos are not in the scene: they are opened only when a picture wants them.
         options = ReportOptions(PictureOptions(width, width * 9 // 16), rays, subsets)
         with RichProgress(errors) as progress:
             result = write_report(

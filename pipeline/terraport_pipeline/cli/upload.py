@@ -16,7 +16,7 @@ __all__ = ["register", "upload"]
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport upload`` to the command line `app`."""
     app.command("upload")(upload)
 
 
@@ -51,6 +51,7 @@ def upload(
     """
     errors = Console(stderr=True)
     with reporting_errors(errors):
+        # (1) refuse what cannot be sent
         if not is_url(url):
             raise OriginError(url, "is a path, expected an address like s3://BUCKET/PREFIX/NAME")
         try:
@@ -61,6 +62,7 @@ def upload(
                 raise
             what = "needs the package obstore; install it with: pip install 'terraport[s3]'"
             raise OriginError(url, what) from None
+        # (2) send; the last file, scene.json, is what readers see
         manifest = read_manifest(scene)
         total = sum(file.bytes for file in manifest.files.values())
         options = ObjectOptions(endpoint=endpoint, region=region)

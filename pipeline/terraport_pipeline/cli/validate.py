@@ -28,7 +28,7 @@ MAX_SHOWN: Final = 20
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command to `app`."""
+    """Add ``terraport validate`` to the command line `app`."""
     app.command("validate")(validate_command)
 
 
@@ -77,6 +77,8 @@ def validate_command(
 
         terraport validate scenes/quarry --picture worst.png
     """
+    # Findings about the scene go to standard output and into the exit code; what keeps the check
+    # from being made at all is an error.
     errors = Console(stderr=True)
     start = time.perf_counter()
     with reporting_errors(errors):
@@ -175,8 +177,8 @@ def _show_worst(console: Console, result: ValidationResult) -> None:
     if worst is None or result.manifest is None:
         return
     scene, survey = (
-        ", ".join(f"{value:.2f}" for value in place)
-        for place in (worst.target, to_survey(result.manifest.origin, worst.target))
+        ", ".join(f"{value:.2f}" for value in position)
+        for position in (worst.target, to_survey(result.manifest.origin, worst.target))
     )
     console.print(
         f"worst place: {describe(worst)}; at ({scene}) scene m, ({survey}) in the survey's "

@@ -15,8 +15,8 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Float32, Float64
 
 __all__ = ["Camera", "PhotoCamera", "eye_level", "oblique", "top_down"]
 
@@ -32,7 +32,7 @@ NEAR_M: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """A pinhole or a parallel projection."""
+    """A pinhole or a parallel projection, given by its eye and three axes."""
 
     kind: Literal["perspective", "orthographic"]
     eye: tuple[float, float, float]
@@ -84,7 +84,7 @@ class Camera:
         return result
 
     def project(
-        self, points: npt.NDArray[np.floating], width: int, height: int
+        self, points: AnyFloat, width: int, height: int
     ) -> tuple[Float64, Float64, Float64]:
         """Find where points fall in the picture.
 
@@ -147,7 +147,7 @@ class PhotoCamera:
         return result
 
 
-def top_down(points: npt.NDArray[np.floating], *, aspect: float, margin: float = 0.03) -> Camera:
+def top_down(points: AnyFloat, *, aspect: float, margin: float = 0.03) -> Camera:
     """Look straight down on everything, north up.
 
     Parameters
@@ -174,7 +174,7 @@ def top_down(points: npt.NDArray[np.floating], *, aspect: float, margin: float =
 
 
 def oblique(
-    points: npt.NDArray[np.floating],
+    points: AnyFloat,
     *,
     aspect: float,
     azimuth_deg: float = 30.0,
@@ -240,7 +240,7 @@ def eye_level(position: npt.ArrayLike, *, azimuth_deg: float, pitch_deg: float =
     return _camera("perspective", np.asarray(position, np.float64), right, up, forward, half_height)
 
 
-def _bounds(points: npt.NDArray[np.floating]) -> tuple[Float64, Float64]:
+def _bounds(points: AnyFloat) -> tuple[Float64, Float64]:
     if len(points) == 0:
         raise ValueError("received no points, expected at least one to frame")
     array = np.asarray(points, dtype=np.float64)

@@ -58,7 +58,7 @@ class CleanText(io.RawIOBase):
         self._at = 0
 
     def readable(self) -> bool:
-        """Say that it is."""
+        """Return True: :class:`io.RawIOBase` asks before it reads."""
         return True
 
     def readinto(self, buffer: Buffer, /) -> int:
@@ -71,10 +71,10 @@ class CleanText(io.RawIOBase):
             block += self._file.readline()
             self._advance(len(block), self._size)
             self._ready, self._at = self._clean(block), 0
-        part = self._ready[self._at : self._at + len(view)]
-        view[: len(part)] = part
-        self._at += len(part)
-        return len(part)
+        chunk = self._ready[self._at : self._at + len(view)]
+        view[: len(chunk)] = chunk
+        self._at += len(chunk)
+        return len(chunk)
 
     def _clean(self, block: bytes) -> bytes:
         if self._first:

@@ -10,7 +10,7 @@ import threading
 import fast_simplification
 import numpy as np
 
-from terraport_pipeline.model import Float32, Int32
+from terraport_payload.types import Float32, Int32
 
 __all__ = ["decimate"]
 

@@ -45,7 +45,7 @@ const validator = require('gltf-validator');
 
 @dataclass(frozen=True, slots=True)
 class GltfMessage:
-    """One thing the validator said."""
+    """One message of the Khronos validator about one file."""
 
     name: str
     """Which payload, as the caller called it."""
@@ -57,7 +57,7 @@ class GltfMessage:
 
 @dataclass(frozen=True, slots=True)
 class GltfCheck:
-    """What the validator found."""
+    """Counts and messages of the Khronos validator, or why it did not run."""
 
     checked: int
     """Payloads looked at; 0 when it was not run."""
@@ -96,10 +96,10 @@ def check_gltf(
         return GltfCheck(0, not_run=reason)
     if not payloads:
         return GltfCheck(0)
-    with tempfile.TemporaryDirectory(prefix="terraport-gltf-") as place:
+    with tempfile.TemporaryDirectory(prefix="terraport-gltf-") as scratch:
         names = {}
         for number, (name, data) in enumerate(payloads.items()):
-            path = Path(place) / f"{number}.glb"
+            path = Path(scratch) / f"{number}.glb"
             path.write_bytes(data)
             names[str(path)] = name
         try:
@@ -142,16 +142,19 @@ def _parse(output: str, names: Mapping[str, str]) -> GltfCheck:
 
 def _find_package(node: str, announce: Callable[[str], None] | None) -> tuple[Path | None, str]:
     """Find a folder from which Node can load the package, or say why there is none."""
+    # (1) The folder that the environment names; only that one then.
     named = os.environ.get(FOLDER_VARIABLE)
     if named:
         folder = Path(named)
         if _loads(node, folder):
             return folder, ""
         return None, f"{FOLDER_VARIABLE}={named} holds no gltf-validator"
+    # (2) The cache, filled by an earlier run.
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = cache / "terraport" / PACKAGE.replace("@", "-")
     if _loads(node, folder):
         return folder, ""
+    # (3) The registry, said before it is asked.
     npm = shutil.which("npm")
     if npm is None:
         return None, "the npm package gltf-validator is not installed, and npm is not there"

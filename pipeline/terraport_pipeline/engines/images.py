@@ -10,9 +10,9 @@ import PIL.Image
 
 from terraport_payload import PayloadError
 from terraport_payload.texture import read_image_header
+from terraport_payload.types import UInt8
 from terraport_pipeline.engines.ktx2 import encode_ktx2
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.model import UInt8
 
 __all__ = ["MEDIA_TYPES", "ImageFormat", "decode_image", "encode_image"]
 

@@ -16,8 +16,8 @@ from typing import Final
 
 import PIL.Image
 
+from terraport_payload.types import UInt8
 from terraport_pipeline.errors import EngineError, OptionError
-from terraport_pipeline.model import UInt8
 
 __all__ = ["encode_ktx2", "require_encoder"]
 
@@ -35,13 +35,13 @@ def require_encoder() -> str:
     OptionError
         It is not installed.
     """
-    found = shutil.which(_PROGRAM)
-    if found is None:
+    program = shutil.which(_PROGRAM)
+    if program is None:
         raise OptionError(
             f"texture format ktx2 without its encoder; put the program {_PROGRAM} of Basis "
             "Universal on PATH, or use --texture-format webp or jpeg"
         )
-    return found
+    return program
 
 
 def encode_ktx2(pixels: UInt8, quality: int) -> bytes:

@@ -14,6 +14,8 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyArray
+
 __all__ = ["NpyReader", "NpyWriter"]
 
 
@@ -54,7 +56,7 @@ class NpyWriter:
         if kind is None:
             self.close()
 
-    def append(self, rows: npt.NDArray[Any]) -> None:
+    def append(self, rows: AnyArray) -> None:
         """Write rows of shape (n, *row_shape); converted to the file's dtype."""
         if rows.shape[1:] != self.row_shape:
             raise ValueError(f"rows of shape {rows.shape[1:]}, expected {self.row_shape}")
@@ -65,7 +67,7 @@ class NpyWriter:
         self.rows += len(whole)
 
     def close(self) -> None:
-        """Write the header."""
+        """Write the header, which needs the number of rows, and close the file."""
         room = self._header_bytes - 10
         with self.path.open("r+b") as file:
             file.write(b"\x93NUMPY\x01\x00" + room.to_bytes(2, "little"))
@@ -111,7 +113,7 @@ class NpyReader:
     def __len__(self) -> int:
         return self.shape[0]
 
-    def read(self, first: int, last: int) -> npt.NDArray[Any]:
+    def read(self, first: int, last: int) -> AnyArray:
         """Read rows `first` to `last`, without the last."""
         row_shape = self.shape[1:]
         items = int(np.prod(row_shape))
@@ -123,7 +125,7 @@ class NpyReader:
         )
         return rows.reshape(last - first, *row_shape)
 
-    def blocks(self, rows: int) -> Iterator[tuple[int, npt.NDArray[Any]]]:
+    def blocks(self, rows: int) -> Iterator[tuple[int, AnyArray]]:
         """Yield (first row, rows) one after the other."""
         for first in range(0, len(self), rows):
             yield first, self.read(first, min(first + rows, len(self)))

@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64, UInt8
+from terraport_payload.types import AnyFloat, Float64, UInt8
 
 __all__ = ["NO_VALUE", "RAMP_STOPS", "distinct_colours", "ramp_colours", "value_range"]
 
@@ -66,7 +65,7 @@ def distinct_colours(count: int) -> UInt8:
     return _oklab_to_srgb(level[:, 0], level[:, 1] * np.cos(hue), level[:, 1] * np.sin(hue))
 
 
-def ramp_colours(values: npt.NDArray[np.floating], low: float, high: float) -> UInt8:
+def ramp_colours(values: AnyFloat, low: float, high: float) -> UInt8:
     """Colour measured values by the ramp.
 
     Parameters
@@ -85,14 +84,14 @@ def ramp_colours(values: npt.NDArray[np.floating], low: float, high: float) -> U
     span = high - low
     share = (np.asarray(values, np.float64) - low) / span if span > 0 else np.zeros(len(values))
     share = np.where(np.isnan(values), np.nan, share)
-    place = np.clip(np.nan_to_num(share), 0, 1) * (len(stops) - 1)
-    channels = [np.interp(place, np.arange(len(stops)), stops[:, c]) for c in range(3)]
+    position = np.clip(np.nan_to_num(share), 0, 1) * (len(stops) - 1)
+    channels = [np.interp(position, np.arange(len(stops)), stops[:, c]) for c in range(3)]
     colours = np.round(np.stack(channels, axis=1)).astype(np.uint8)
     colours[np.isnan(share)] = NO_VALUE
     return colours
 
 
-def value_range(values: npt.NDArray[np.floating]) -> tuple[float, float]:
+def value_range(values: AnyFloat) -> tuple[float, float]:
     """Choose the ramp's ends: the 1st and 99th percentile, so that no single spike sets them.
 
     Parameters

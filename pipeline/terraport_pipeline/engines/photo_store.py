@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from PIL import Image, ImageOps
 
+from terraport_payload.types import UInt8
 from terraport_pipeline.errors import PhotoError
-from terraport_pipeline.model import UInt8
 
 __all__ = ["MAX_PIXELS", "SCALES", "PhotoStore", "exif_orientation", "open_image", "photo_size"]
 
@@ -27,7 +27,7 @@ SCALES: Final = (1, 2, 4, 8)
 """What a photo may be divided by; a JPEG is decoded at that size straight away."""
 
 _ORIENTATION_TAG: Final = 0x0112
-"""EXIF's."""
+"""EXIF tag that says how the photo is turned."""
 
 Image.MAX_IMAGE_PIXELS = MAX_PIXELS  # Pillow warns at 89 million, below what survey cameras have
 
@@ -81,9 +81,9 @@ def open_image(path: Path) -> Image.Image:
 
 
 def _unreadable(path: Path, error: Exception) -> PhotoError:
-    told = " ".join(str(error).split())[:120] or type(error).__name__
+    reason = " ".join(str(error).split())[:120] or type(error).__name__
     return PhotoError(
-        f"photo {path} cannot be read ({told}); copy it again from the camera, or remove it"
+        f"photo {path} cannot be read ({reason}); copy it again from the camera, or remove it"
     )
 
 
@@ -126,7 +126,7 @@ class PhotoStore:
         )
 
     def __len__(self) -> int:
-        """Count the photos."""
+        """Count the photos of the store, decoded or not."""
         return len(self.paths)
 
     @property

@@ -54,7 +54,7 @@ class Named(Protocol):
 
     @property
     def name(self) -> str:
-        """Name of the photo."""
+        """Name of the photo as the file of cameras states it; may be a path."""
         ...
 
 
@@ -81,20 +81,20 @@ def find_photos(directory: Path, views: Iterable[Named]) -> dict[str, Path]:
         No directory, too many files, no view has a file, or a name means several files equally.
     """
     by_name, by_stem = _index(directory)
-    found: dict[str, Path] = {}
+    path_of_view: dict[str, Path] = {}
     views = list(views)
     for view in views:
         path = _look_up(view.name, by_name, by_stem)
         if path is not None:
-            found[view.name] = path
-    if not found:
+            path_of_view[view.name] = path
+    if not path_of_view:
         names = ", ".join(view.name for view in views[:_NAMED])
         raise PhotoError(
             f"none of the {len(views):,} photos that the cameras name ({names}, ..) is below "
             f"{directory}, which has {sum(map(len, by_name.values())):,} pictures; give the "
             "folder of the original photos with --photos"
         )
-    return found
+    return path_of_view
 
 
 def _index(directory: Path) -> tuple[dict[str, list[Path]], dict[str, list[Path]]]:
@@ -116,15 +116,15 @@ def _index(directory: Path) -> tuple[dict[str, list[Path]], dict[str, list[Path]
 _Index = dict[str, list[Path]]
 
 
-def _look_up(told: str, by_name: _Index, by_stem: _Index) -> Path | None:
-    name = PurePosixPath(told.replace("\\", "/").lower())
+def _look_up(stated: str, by_name: _Index, by_stem: _Index) -> Path | None:
+    name = PurePosixPath(stated.replace("\\", "/").lower())
     candidates = by_name.get(name.name, [])
     if not candidates and name.suffix not in _ENDINGS:
         candidates = by_stem.get(name.name, [])
-    return _pick(told, name, candidates) if candidates else None
+    return _pick(stated, name, candidates) if candidates else None
 
 
-def _pick(told: str, name: PurePosixPath, candidates: Sequence[Path]) -> Path:
+def _pick(stated: str, name: PurePosixPath, candidates: Sequence[Path]) -> Path:
     if len(candidates) == 1:
         return candidates[0]
 
@@ -140,7 +140,7 @@ def _pick(told: str, name: PurePosixPath, candidates: Sequence[Path]) -> Path:
     ranked = sorted(candidates, key=lambda path: (-shared(path), str(path)))
     if shared(ranked[0]) == shared(ranked[1]):
         raise PhotoError(
-            f"photo {told} may be {ranked[0]} or {ranked[1]}; give a folder that has it once"
+            f"photo {stated} may be {ranked[0]} or {ranked[1]}; give a folder that has it once"
         )
     return ranked[0]
 
@@ -210,11 +210,12 @@ def open_photos(views: Sequence[View], directory: Path, *, max_bytes: int) -> Op
     PhotoError
         No photo found, or all are damaged or of sides that do not fit their lenses.
     """
-    found = find_photos(directory, views)
+    path_of_view = find_photos(directory, views)
     kept, paths, turned, scaled = [], [], [], 0
     refused: dict[str, PhotoError] = {}
+    # (1) Fit each lens to its photo's size and turn.
     for view in views:
-        path = found.get(view.name)
+        path = path_of_view.get(view.name)
         if path is None:
             continue
         try:
@@ -228,8 +229,9 @@ def open_photos(views: Sequence[View], directory: Path, *, max_bytes: int) -> Op
         turned.append(turn)
     if not kept:
         raise none_usable(refused)
+    # (2) What is missing, unusable or scaled, in words.
     warnings = []
-    missing = [view.name for view in views if view.name not in found]
+    missing = [view.name for view in views if view.name not in path_of_view]
     if missing:
         warnings.append(
             f"{len(missing):,} of {len(views):,} photos are not below {directory} "
@@ -251,7 +253,7 @@ def open_photos(views: Sequence[View], directory: Path, *, max_bytes: int) -> Op
 
 
 def named(names: Sequence[str]) -> str:
-    """Name some photos in a message."""
+    """List the first few photo names for a message, and how many more there are."""
     return ", ".join(names[:_NAMED]) + (", .." if len(names) > _NAMED else "")
 
 

@@ -21,10 +21,10 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.cameras import Camera, PhotoCamera
 from terraport_pipeline.engines.rays import Hits, RayScene
 from terraport_pipeline.engines.texturing import Texturing, textured_colours
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["Tint", "encode_jpeg", "encode_png", "render_mesh", "render_points", "save_png"]
 
@@ -128,34 +128,38 @@ def render_mesh(
     ValueError
         For a size that is not positive or too large.
     """
+    # (1) Rays of all pixels.
     width, height = _validate_size(size, supersample)
     rays = scene or RayScene(vertices, faces)
     lift = float(np.ptp(vertices, axis=0).max(initial=0.0)) * SHADOW_LIFT
     small = np.empty((size[1], size[0], 3), dtype=np.uint8)
     starts, headings = camera.rays(width, height)
 
+    # (2) Bands of rows. Invariant: a band writes its own rows only, so bands may be drawn at
+    # once.
     def draw(first_row: int) -> None:
         last_row = min(first_row + BAND_ROWS, size[1])
-        part = slice(first_row * supersample * width, last_row * supersample * width)
-        origins, directions = starts[part], headings[part]
+        pixels = slice(first_row * supersample * width, last_row * supersample * width)
+        origins, directions = starts[pixels], headings[pixels]
         hits = rays.intersect(origins, directions)
         picture = np.empty((len(origins), 3), dtype=np.float32)
         missed = hits.face < 0
         picture[missed] = _sky(directions[missed], camera)
+        # (3) Pixels that meet the mesh: light, colour, tint, in this order.
         met = np.flatnonzero(~missed)
         if len(met):
-            found = Hits(hits.t[met], hits.face[met], hits.u[met], hits.v[met])
-            places = origins[met] + directions[met] * found.t[:, None]
-            flat = _face_normals(vertices, faces, found.face, directions[met])
-            shading = flat if normals is None else _smooth(normals, faces, found, flat)
-            lit = _sunlit(rays, places, flat, lift) if shadows else np.ones(len(met), np.float32)
+            met_hits = Hits(hits.t[met], hits.face[met], hits.u[met], hits.v[met])
+            points = origins[met] + directions[met] * met_hits.t[:, None]
+            flat = _face_normals(vertices, faces, met_hits.face, directions[met])
+            shading = flat if normals is None else _smooth(normals, faces, met_hits, flat)
+            lit = _sunlit(rays, points, flat, lift) if shadows else np.ones(len(met), np.float32)
             light = _light(shading, lit, relief)
-            bare = _surface_colours(faces, found, colours, face_colours)
+            bare = _surface_colours(faces, met_hits, colours, face_colours)
             if texturing is not None and face_colours is None:
-                pixel_m = camera.pixel_m(found.t, height)
-                textured_colours(texturing, vertices, faces, found, pixel_m, bare)
+                pixel_m = camera.pixel_m(met_hits.t, height)
+                textured_colours(texturing, vertices, faces, met_hits, pixel_m, bare)
             if tint is not None:
-                marked = found.face >= tint.first_face
+                marked = met_hits.face >= tint.first_face
                 paint = np.array(tint.colour, dtype=np.float32)
                 bare[marked] += tint.share * (paint - bare[marked])
             # (c^2.2 * light)^(1 / 2.2) = c * light^(1 / 2.2): the light is linear, colours sRGB.
@@ -201,6 +205,7 @@ def render_points(
         sRGB, edges darkened by eye-dome lighting (Boucheny 2009), so that shapes show without
         normals.
     """
+    # (1) Points in the picture, far to near.
     width, height = _validate_size(size, supersample)
     column, row, depth = camera.project(points, width, height)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
@@ -210,6 +215,7 @@ def render_points(
     picture = _sky(camera.rays(width, height)[1], camera)
     if len(order) == 0:
         return _shrink(picture.reshape(height, width, 3), supersample)
+    # (2) Width of each splat.
     x, y = column[order].astype(np.int64), row[order].astype(np.int64)
     near = depth[order]
     scale = near if camera.kind == "perspective" else np.ones_like(near)
@@ -218,6 +224,8 @@ def render_points(
     nearest = np.full(width * height, np.inf)
     shown = colours[order]
     largest = int(radius.max())
+    # (3) One layer per pixel of the widest splat. Invariant: `nearest` and `picture` hold the
+    # nearest splat of the layers so far.
     for shift_y in range(-largest, largest + 1):
         for shift_x in range(-largest, largest + 1):
             wide = radius >= max(abs(shift_x), abs(shift_y))
@@ -231,6 +239,7 @@ def render_points(
             paint[pixel] = shown[wide][ok]
             picture[front] = paint[front]
             nearest[front] = layer[front]
+    # (4) Edges darkened by the depth around them.
     shade = _eye_dome(nearest.reshape(height, width))
     drawn = np.isfinite(nearest)
     picture[drawn] *= shade.reshape(-1, 1)[drawn]
@@ -341,11 +350,11 @@ def _interpolate(values: npt.NDArray[np.generic], faces: Int32, hits: Hits) -> F
     return mixed
 
 
-def _sunlit(rays: RayScene, places: Float32, flat: Float32, lift: float) -> Float32:
+def _sunlit(rays: RayScene, points: Float32, flat: Float32, lift: float) -> Float32:
     """1 where the sun reaches the place, 0 in a cast shadow; (R,)."""
-    lit = np.zeros(len(places), dtype=np.float32)
+    lit = np.zeros(len(points), dtype=np.float32)
     facing = np.flatnonzero(flat @ SUN > 0)
-    starts = places[facing] + flat[facing] * np.float32(lift)
+    starts = points[facing] + flat[facing] * np.float32(lift)
     blocked = rays.closest_hit(starts, np.broadcast_to(SUN, starts.shape))[1]
     lit[facing[blocked < 0]] = 1.0
     return lit
@@ -380,7 +389,7 @@ def _eye_dome(depth: Float64) -> Float64:
     return np.exp(-DOME_STRENGTH / 4 * response * 0.25)
 
 
-def _shrink(picture: npt.NDArray[np.floating], supersample: int) -> UInt8:
+def _shrink(picture: AnyFloat, supersample: int) -> UInt8:
     if supersample > 1:
         height, width = picture.shape[0] // supersample, picture.shape[1] // supersample
         blocks = picture.reshape(height, supersample, width, supersample, 3)

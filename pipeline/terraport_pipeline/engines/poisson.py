@@ -22,8 +22,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.errors import EngineError, ResourceError
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["Forecast", "depth_for", "forecast", "reconstruct"]
 
@@ -159,13 +159,13 @@ def reconstruct(
         More memory than allowed, or the disk is full.
     """
     source = directory / "poisson-in.ply"
-    made = [source]
+    files = [source]
     try:
         _write_ply(source, points, normals)
         jobs = []
-        for place, depth in enumerate(depths):
-            target = directory / f"poisson-{place}-depth{depth}.ply"
-            made += [target, target.with_suffix(".log"), target.with_suffix(".part.ply")]
+        for index, depth in enumerate(depths):
+            target = directory / f"poisson-{index}-depth{depth}.ply"
+            files += [target, target.with_suffix(".log"), target.with_suffix(".part.ply")]
             jobs.append(_Job(source, target, depth, point_weight))
         waiting = list(jobs)
         if side_by_side and len(jobs) > 1:
@@ -174,7 +174,7 @@ def reconstruct(
             _run_alone(job, max_memory_bytes, tick)
         return [_read_ply(job.target) for job in jobs]
     finally:
-        for path in made:
+        for path in files:
             path.unlink(missing_ok=True)
 
 
@@ -257,20 +257,20 @@ def _resident_bytes(pid: int) -> int:
 
 
 def _raise_failure(job: _Job, process: subprocess.Popen[bytes]) -> None:
-    said = job.target.with_suffix(".log").read_bytes()[-2000:].decode("utf-8", "replace").strip()
+    output = job.target.with_suffix(".log").read_bytes()[-2000:].decode("utf-8", "replace").strip()
     if process.returncode == -9:
         raise ResourceError(
             f"the system killed the reconstruction at depth {job.depth} (out of memory?); "
             "lower --detail-depth, or thin the survey with --max-points"
         )
-    if "No space left" in said or "File too large" in said:
+    if "No space left" in output or "File too large" in output:
         raise ResourceError(
             f"no space left in {job.target.parent} for the reconstruction; "
             "free some, or give --work another disk"
         )
     raise EngineError(
         f"Poisson reconstruction at depth {job.depth} ended with exit code {process.returncode}, "
-        f"{_ATTEMPTS} times; it printed: {said or 'nothing'}"
+        f"{_ATTEMPTS} times; it printed: {output or 'nothing'}"
     )
 
 
@@ -287,6 +287,7 @@ def _write_ply(path: Path, points: Float32, normals: Float32) -> None:
 def _read_ply(path: Path) -> tuple[Float32, Int32]:
     """Read what PoissonRecon writes: float positions first, then lists of three int indices."""
     with path.open("rb") as file:
+        # (1) The header, within bounds.
         header: list[str] = []
         while not header or header[-1] != "end_header":
             line = file.readline(256)
@@ -304,6 +305,8 @@ def _read_ply(path: Path) -> tuple[Float32, Int32]:
             "property list int int vertex_indices" not in header
         ):
             raise EngineError(f"{path.name}: unexpected PLY layout {header[1:]}")
+        # (2) Positions stand first in a vertex; each face is a count, always 3, and three
+        # indices.
         raw = np.fromfile(file, dtype=np.uint8, count=stride * count["vertex"])
         lists = np.fromfile(file, dtype="<i4", count=4 * count["face"])
     if len(raw) != stride * count["vertex"] or len(lists) != 4 * count["face"]:

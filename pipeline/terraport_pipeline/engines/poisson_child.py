@@ -44,11 +44,11 @@ def main(arguments: list[str]) -> int:
     options.trim = 0.0
     options.color = False
     # Under its name only when whole: what a stopped child leaves is not taken for a mesh.
-    part = Path(target).with_suffix(".part.ply")
-    pycolmap.poisson_meshing(source, str(part), options)
-    if not part.stat().st_size:
+    draft = Path(target).with_suffix(".part.ply")
+    pycolmap.poisson_meshing(source, str(draft), options)
+    if not draft.stat().st_size:
         return 1
-    part.replace(target)
+    draft.replace(target)
     return 0
 
 

@@ -10,15 +10,14 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64, UInt8
+from terraport_payload.types import AnyArray, Bool, Float64, Int64, UInt8
 
 __all__ = [
     "COLOUR_NAMES",
     "Advance",
     "RawSurvey",
-    "StreamPart",
+    "StreamChunk",
     "apply_depth",
     "check_precision",
     "choose_depth",
@@ -55,32 +54,32 @@ class RawSurvey:
     """(N, 3) in the file's unit and axis order east, north, up."""
     colours: UInt8 | None
     """(N, 3) sRGB."""
-    attributes: dict[str, npt.NDArray[Any]]
+    attributes: dict[str, AnyArray]
     """(N,) each, in the file's dtype."""
     crs: Any | None
     """pyproj.CRS as the file states it."""
     warnings: tuple[str, ...] = ()
-    """Whole sentences."""
+    """Whole sentences about what was assumed or left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StreamPart:
+class StreamChunk:
     """Some points of a survey that is read in parts."""
 
     points: Float64
     """(n, 3) in the file's unit and axis order east, north, up; n may be 0 where it is thinned."""
-    columns: dict[str, npt.NDArray[Any]]
+    columns: dict[str, AnyArray]
     """Everything else by name, colours too, (n,) or (n, k), in the file's dtype."""
     read: int
     """What this part adds to the progress: points of the file, or bytes of a text."""
 
     @property
     def kept(self) -> int:
-        """Points in the part."""
+        """Number of points in the chunk; fewer than were read where the survey is thinned."""
         return len(self.points)
 
 
-def thinning_rows(count: int, max_points: int | None) -> npt.NDArray[np.int64] | None:
+def thinning_rows(count: int, max_points: int | None) -> Int64 | None:
     """Choose which of `count` points to keep.
 
     The points are cut into `max_points` runs of (nearly) equal length, and one point of each run is
@@ -109,11 +108,11 @@ def thinning_rows(count: int, max_points: int | None) -> npt.NDArray[np.int64] |
         return None
     edges = np.arange(max_points + 1, dtype=np.int64) * count // max_points
     draw = np.random.default_rng(0).random(max_points)
-    rows: npt.NDArray[np.int64] = edges[:-1] + (draw * np.diff(edges)).astype(np.int64)
+    rows: Int64 = edges[:-1] + (draw * np.diff(edges)).astype(np.int64)
     return rows
 
 
-def to_eight_bits(colours: npt.NDArray[Any], *, where: str) -> tuple[UInt8 | None, tuple[str, ...]]:
+def to_eight_bits(colours: AnyArray, *, where: str) -> tuple[UInt8 | None, tuple[str, ...]]:
     """Bring colours to 0..255.
 
     The rules: floats within 0..1 are scaled by 255; whole numbers within 0..255 are taken as they
@@ -136,7 +135,7 @@ def to_eight_bits(colours: npt.NDArray[Any], *, where: str) -> tuple[UInt8 | Non
     if len(colours) == 0:
         return None, ()
     if colours.dtype.kind == "f":
-        finite = np.isfinite(colours).all(axis=1)
+        finite: Bool = np.all(np.isfinite(colours), axis=1)
         if not finite.all():
             # A point without a valid colour keeps its place and turns black.
             colours = np.where(finite[:, None], colours, colours.dtype.type(0))
@@ -158,8 +157,8 @@ def choose_depth(
     warnings : tuple of str
     """
     if low < 0.0 or high > np.iinfo(np.uint16).max:
-        told = f"The fields {where} hold values from {low:g} to {high:g}, which are no colours."
-        return None, (told,)
+        warning = f"The fields {where} hold values from {low:g} to {high:g}, which are no colours."
+        return None, (warning,)
     if high == 0.0:
         return None, (f"The fields {where} are 0 in every point.",)
     if dtype.kind == "f" and high <= 1.0:
@@ -167,7 +166,7 @@ def choose_depth(
     return ("eight" if high <= _MAX_EIGHT_BIT else "sixteen"), ()
 
 
-def apply_depth(colours: npt.NDArray[Any], rule: Depth) -> UInt8:
+def apply_depth(colours: AnyArray, rule: Depth) -> UInt8:
     """Bring finite colours to 0..255 by the rule that the whole survey asks for."""
     if rule == "unit":
         unit: UInt8 = np.rint(colours * _MAX_EIGHT_BIT).astype(np.uint8)
@@ -197,7 +196,7 @@ def check_precision(points: Float64) -> tuple[str, ...]:
     return tell_precision(single, np.abs(points).max(axis=0, initial=0.0))
 
 
-def tell_precision(single: npt.NDArray[np.bool_], top: Float64) -> tuple[str, ...]:
+def tell_precision(single: Bool, top: Float64) -> tuple[str, ...]:
     """Warn by what was found in parts: see :func:`check_precision`.
 
     Parameters
@@ -211,12 +210,12 @@ def tell_precision(single: npt.NDArray[np.bool_], top: Float64) -> tuple[str, ..
     axis = int(steps.argmax())
     if steps[axis] <= _WORST_STEP_M:
         return ()
-    told = (
+    warning = (
         f"Coordinates near {top[axis]:,.0f} m were stored as 32-bit floats: they move in steps of "
         f"{steps[axis]:g} m, and detail below that is lost. Export the survey with 64-bit "
         "coordinates or with a local offset."
     )
-    return (told,)
+    return (warning,)
 
 
 def find_colours(names: Sequence[str]) -> tuple[str, str, str] | None:

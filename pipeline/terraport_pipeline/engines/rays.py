@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Int32
+from terraport_payload.types import Float32, Int32
 
 __all__ = ["Hits", "RayScene"]
 
@@ -117,13 +117,13 @@ class RayScene:
             return hits
 
         def trace(first: int) -> None:
-            part = slice(first, min(first + CHUNK_RAYS, count))
-            found = run(starts[part], headings[part])
-            met = found["primID"] >= 0
-            hits.face[part] = found["primID"]
-            hits.t[part] = np.where(met, found["tfar"], np.float32(np.inf))
-            hits.u[part] = found["u"]
-            hits.v[part] = found["v"]
+            chunk = slice(first, min(first + CHUNK_RAYS, count))
+            result = run(starts[chunk], headings[chunk])
+            met = result["primID"] >= 0
+            hits.face[chunk] = result["primID"]
+            hits.t[chunk] = np.where(met, result["tfar"], np.float32(np.inf))
+            hits.u[chunk] = result["u"]
+            hits.v[chunk] = result["v"]
 
         chunks = range(0, count, CHUNK_RAYS)
         if self._threads == 1 or len(chunks) == 1:
@@ -188,8 +188,8 @@ def _build(vertices: Float32, faces: Int32) -> Callable[[Float32, Float32], dict
     def run(origins: Float32, directions: Float32) -> dict[str, Any]:
         # The mesh object is named so that it lives as long as the scene that refers to it.
         _ = mesh
-        found: dict[str, Any] = scene.run(origins, directions, query="INTERSECT", output=True)
-        return found
+        result: dict[str, Any] = scene.run(origins, directions, query="INTERSECT", output=True)
+        return result
 
     # The first query commits the scene, which must not happen in two threads at once.
     run(np.zeros((1, 3), np.float32), np.array([[0, -1, 0]], np.float32))

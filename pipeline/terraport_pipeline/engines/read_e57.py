@@ -14,21 +14,20 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 from pye57 import ScanHeader, libe57
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     tell_precision,
     thinning_rows,
     to_eight_bits,
 )
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.model import Float64
 
 __all__ = ["E57Stream", "open_e57", "read_e57"]
 
@@ -84,7 +83,7 @@ class E57Stream:
     late_warnings: Callable[[], tuple[str, ...]]
     """Known when all parts were read."""
     colours: tuple[str, ...]
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
 
@@ -116,6 +115,7 @@ def open_e57(path: Path, *, max_points: int | None = None) -> Iterator[E57Stream
 
 
 def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
+    # (1) What the scans hold; a field of any scan is a column, NaN in the others.
     root = image.root()
     headers, counts = _scans(path, root)
     total = sum(counts)
@@ -132,7 +132,9 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
     late: list[str] = []
     invalid = 0
 
-    def parts() -> Iterator[StreamPart]:
+    # (2) Scan after scan. Invariant: `start` is the number of points of the scans before, which
+    # the rows of a thinned survey count from.
+    def chunks() -> Iterator[StreamChunk]:
         nonlocal invalid
         start = 0
         for number, (header, count) in enumerate(zip(headers, counts, strict=True)):
@@ -152,8 +154,8 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
                 table["scan"] = np.full(len(points), number, dtype=np.float64)
                 nothing = np.full(len(points), np.nan)
                 columns = {name: table.get(name, nothing)[good] for name in names}
-                yield StreamPart(points[good], columns, got)
-            late[:] = late or precision.told()
+                yield StreamChunk(points[good], columns, got)
+            late[:] = late or precision.warnings()
             start += count
 
     def late_warnings() -> tuple[str, ...]:
@@ -161,6 +163,7 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
             return tuple(late)
         return (*late, f"{invalid:,} points that the scanner marked invalid were left out.")
 
+    # (3) What is worth saying before a point is read.
     has_colour = all(name in names for name in _COLOURS)
     warnings: tuple[str, ...] = ()
     if has_colour and any(name in partial for name in _COLOURS):
@@ -169,7 +172,7 @@ def _stream_image(path: Path, image: Any, max_points: int | None) -> E57Stream:
     if partial:
         warnings += (f"Not every scan has {', '.join(partial)}; it is NaN in the others.",)
     return E57Stream(
-        total, _find_crs(root), warnings, late_warnings, _COLOURS if has_colour else (), parts
+        total, _find_crs(root), warnings, late_warnings, _COLOURS if has_colour else (), chunks
     )
 
 
@@ -186,7 +189,7 @@ class _Precision:
             self._single &= np.array([(p.astype(np.float32) == p).all() for p in points.T])
             self._top = np.maximum(self._top, np.abs(points).max(axis=0))
 
-    def told(self) -> list[str]:
+    def warnings(self) -> list[str]:
         return list(tell_precision(self._single, self._top))
 
 
@@ -222,10 +225,11 @@ def _scan_parts(
     image: Any,
     header: Any,
     number: int,
-    rows: npt.NDArray[np.int64] | None,
+    rows: Int64 | None,
     precision: _Precision,
-) -> Iterator[tuple[Float64, dict[str, npt.NDArray[Any]], int]]:
+) -> Iterator[tuple[Float64, dict[str, AnyArray], int]]:
     """Yield (points with the pose applied, every other field, points read) of one scan."""
+    # (1) One buffer per field, filled again for each chunk.
     fields = list(header.point_fields)
     shape = _shape(path, header, number)
     count = int(header.point_count)
@@ -235,6 +239,8 @@ def _scan_parts(
     for name in fields:
         buffers.append(libe57.SourceDestBuffer(image, name, chunk[name], size, True, True))
     reader = header.points.reader(buffers)
+    # (2) Chunks. Invariant: `first` points of the scan are read; `rows` count from the scan's
+    # start.
     first = 0
     while first < count:
         got = int(reader.read())
@@ -250,6 +256,7 @@ def _scan_parts(
             low, high = np.searchsorted(rows, (first, first + got))
             wanted = rows[low:high] - first
         table = {name: chunk[name][wanted].copy() for name in fields}
+        # (3) Cartesian; precision is judged before the pose moves the scan among the others.
         points = np.stack([table.pop(name) for name in shape], axis=1)
         if shape is _SPHERICAL:
             points = _from_spherical(points)
@@ -272,11 +279,13 @@ def _read_image(path: Path, image: Any, advance: Advance, max_points: int | None
         if count == 0:
             continue
         own = None
+        # Rows of a thinned survey count over all scans.
         if rows is not None:
             low, high = np.searchsorted(rows, (start, start + count))
             own = rows[low:high] - start
         table, notes = _read_scan(path, image, header, number, own, lambda n: advance(n, total))
         coarse = coarse or notes
+        # Points that the scanner marked invalid.
         bad = next((table.pop(name) for name in _INVALID if name in table), None)
         for name in _INVALID:
             table.pop(name, None)
@@ -298,18 +307,21 @@ def _read_scan(
     image: Any,
     header: Any,
     number: int,
-    rows: npt.NDArray[np.int64] | None,
+    rows: Int64 | None,
     advance: Any,
-) -> tuple[dict[str, npt.NDArray[Any]], tuple[str, ...]]:
+) -> tuple[dict[str, AnyArray], tuple[str, ...]]:
     """Read one scan: x, y, z in the file's frame and every other field; and warnings."""
     precision = _Precision()
-    parts = []
+    tables = []
     for points, table, got in _scan_parts(path, image, header, number, rows, precision):
         table["x"], table["y"], table["z"] = points.T
-        parts.append(table)
+        tables.append(table)
         advance(got)
-    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return whole, tuple(precision.told())
+    whole = {
+        name: np.concatenate([table_of_chunk[name] for table_of_chunk in tables])
+        for name in tables[0]
+    }
+    return whole, tuple(precision.warnings())
 
 
 def _from_spherical(values: Float64) -> Float64:
@@ -333,15 +345,15 @@ def _find_crs(root: Any) -> Any | None:
 
 
 def _assemble(
-    tables: list[dict[str, npt.NDArray[Any]]], crs: Any | None, warnings: tuple[str, ...]
+    tables: list[dict[str, AnyArray]], crs: Any | None, warnings: tuple[str, ...]
 ) -> RawSurvey:
     names = list(dict.fromkeys(name for table in tables for name in table))
-    columns: dict[str, npt.NDArray[Any]] = {}
+    columns: dict[str, AnyArray] = {}
     for name in names:
-        parts = [
+        pieces = [
             table.get(name, np.full(len(table["x"]), np.nan, dtype=np.float64)) for table in tables
         ]
-        columns[name] = np.concatenate(parts)
+        columns[name] = np.concatenate(pieces)
     partial = [name for name in names if any(name not in table for table in tables)]
     points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
     colours = None
@@ -358,7 +370,7 @@ def _assemble(
     return RawSurvey(points, colours, attributes, crs, warnings)
 
 
-def _narrow(values: Float64) -> npt.NDArray[Any]:
+def _narrow(values: Float64) -> AnyArray:
     """Give whole numbers an integer type again; others stay float64 (timestamps need it)."""
     if len(values) and np.isfinite(values).all() and (values == np.rint(values)).all():
         low, high = values.min(), values.max()

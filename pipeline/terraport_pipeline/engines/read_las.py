@@ -17,13 +17,13 @@ from typing import Any, Final
 import laspy
 import lazrs
 import numpy as np
-import numpy.typing as npt
 from pyproj.exceptions import CRSError
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     thinning_rows,
     to_eight_bits,
 )
@@ -85,22 +85,22 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
         When header or points are damaged or cut off; names the point where reading ended.
     """
     points = np.zeros((0, 3))
-    columns: dict[str, npt.NDArray[Any]] = {}
+    columns: dict[str, AnyArray] = {}
     done = 0
     with open_las(path, max_points=max_points) as stream:
-        for part in stream.parts():
-            target = slice(done, done + part.kept)
+        for chunk in stream.chunks():
+            target = slice(done, done + chunk.kept)
             if not done:
                 points = np.empty((stream.kept, 3))
                 columns = {
                     name: np.empty((stream.kept, *values.shape[1:]), dtype=values.dtype)
-                    for name, values in part.columns.items()
+                    for name, values in chunk.columns.items()
                 }
-            points[target] = part.points
-            for name, values in part.columns.items():
+            points[target] = chunk.points
+            for name, values in chunk.columns.items():
                 columns[name][target] = values
             done = target.stop
-            advance(part.read, stream.count)
+            advance(chunk.read, stream.count)
     colours, notes = _take_colours(columns)
     attributes = _keep_attributes(columns, set(stream.standard))
     return RawSurvey(points, colours, attributes, stream.crs, (*stream.warnings, *notes))
@@ -108,7 +108,7 @@ def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LasStream:
-    """An open file; its points come in parts."""
+    """An open LAS, LAZ or COPC file that yields its points chunk by chunk."""
 
     count: int
     """Points in the file."""
@@ -118,7 +118,7 @@ class LasStream:
     warnings: tuple[str, ...]
     standard: frozenset[str]
     """Dimensions that the standard names; they are left out where they hold nothing."""
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
     sides: tuple[float, float, float]
     """Of the box that the header states, in the file's unit; may be nonsense."""
@@ -140,6 +140,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
     ReadError
         As :func:`read_las`; what is damaged in the points is found while the parts are read.
     """
+    # (1) The header; what laspy cannot read is damage, and so said.
     _check_records(path)
     try:
         reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs)
@@ -151,6 +152,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             f"the LAS header or the compressed table cannot be read ({_brief(error)})",
             "the file is cut off or damaged: copy or export it again",
         ) from error
+    # (2) Header and size agree; several threads only where the compressed table is whole.
     with contextlib.ExitStack() as stack:
         stack.enter_context(reader)
         header = reader.header
@@ -162,6 +164,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             reader = stack.enter_context(
                 laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel)
             )
+        # (3) Frame, thinning and columns.
         crs, warnings = _find_crs(header)
         rows = thinning_rows(count, max_points)
         names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
@@ -173,17 +176,18 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
                 "the header is damaged: copy or export the file again",
             )
 
-        def parts() -> Iterator[StreamPart]:
+        # (4) Chunks in file order; thinned rows count from the start of the file.
+        def chunks() -> Iterator[StreamChunk]:
             for first, chunk in _iterate(reader, path, count):
                 wanted: Any = slice(None)
                 if rows is not None:
                     low, high = np.searchsorted(rows, (first, first + len(chunk)))
                     wanted = rows[low:high] - first
-                part = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
+                ticks = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
                 with np.errstate(over="ignore", invalid="ignore"):  # a damaged scale; dropped later
-                    points = part * header.scales + header.offsets
+                    points = ticks * header.scales + header.offsets
                 columns = {name: np.asarray(chunk[name])[wanted] for name in names}
-                yield StreamPart(points, columns, len(chunk))
+                yield StreamChunk(points, columns, len(chunk))
 
         sides = header.maxs - header.mins
         yield LasStream(
@@ -192,7 +196,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             crs,
             warnings,
             frozenset(header.point_format.standard_dimension_names),
-            parts,
+            chunks,
             (float(sides[0]), float(sides[1]), float(sides[2])),
         )
 
@@ -342,14 +346,14 @@ def _find_crs(header: Any) -> tuple[Any | None, tuple[str, ...]]:
     try:
         return header.parse_crs(), ()
     except (CRSError, ValueError, KeyError, laspy.LaspyException) as error:
-        told = (
+        warning = (
             f"The file's coordinate reference system cannot be understood ({_brief(error)}); the "
             "survey is treated as one without."
         )
-        return None, (told,)
+        return None, (warning,)
 
 
-def _take_colours(columns: dict[str, npt.NDArray[Any]]) -> tuple[Any, tuple[str, ...]]:
+def _take_colours(columns: dict[str, AnyArray]) -> tuple[Any, tuple[str, ...]]:
     if not all(name in columns for name in _COLOURS):
         return None, ()
     wide = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
@@ -362,11 +366,9 @@ def _take_colours(columns: dict[str, npt.NDArray[Any]]) -> tuple[Any, tuple[str,
     return colours, warnings
 
 
-def _keep_attributes(
-    columns: dict[str, npt.NDArray[Any]], standard: set[str]
-) -> dict[str, npt.NDArray[Any]]:
+def _keep_attributes(columns: dict[str, AnyArray], standard: set[str]) -> dict[str, AnyArray]:
     """Leave out unset standard fields; give each part of a vector field its own name."""
-    kept: dict[str, npt.NDArray[Any]] = {}
+    kept: dict[str, AnyArray] = {}
     for name, values in columns.items():
         unset = name in standard and values.ndim == 1 and values[0] in UNSET.get(name, (0,))
         if unset and (values == values[0]).all():
@@ -374,8 +376,8 @@ def _keep_attributes(
         if values.ndim == 1:
             kept[name] = values
         else:
-            for part in range(values.shape[1]):
-                kept[f"{name}_{part}"] = np.ascontiguousarray(values[:, part])
+            for component in range(values.shape[1]):
+                kept[f"{name}_{component}"] = np.ascontiguousarray(values[:, component])
     return kept
 
 

@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.uv import split_wedges
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["MAX_OBJ_BYTES", "ObjPiece", "read_obj"]
 
@@ -64,14 +64,16 @@ def read_obj(path: Path) -> tuple[ObjPiece, ...]:
         raise ReadError(path, "there is no such file", _ADVICE)
     if size > MAX_OBJ_BYTES:
         raise ReadError(path, f"{size} bytes, more than {MAX_OBJ_BYTES}", "cut it into tiles")
+    # (1) Tables of the whole file; lines that end in a backslash go on.
     lines = path.read_bytes().replace(b"\\\n", b" ").splitlines()
-    places = _table(path, [line[2:] for line in lines if line.startswith(b"v ")], 3, "v")
+    positions = _table(path, [line[2:] for line in lines if line.startswith(b"v ")], 3, "v")
     texture = [line[3:] for line in lines if line.startswith(b"vt ")]
     wedge_table = _table(path, texture, 2, "vt") if texture else np.zeros((0, 2))
     images = _images(path, lines)
     pieces = []
+    # (2) One piece per material. OBJ counts v from the bottom, images from the top.
     for material, rows in _by_material(lines).items():
-        corners = _corners(path, rows, len(places), len(wedge_table))
+        corners = _corners(path, rows, len(positions), len(wedge_table))
         vertex, wedge = corners[:, :, 0], corners[:, :, 1]
         textured = bool((wedge >= 0).all())
         uvs = wedge_table[wedge] if textured else np.zeros((len(corners), 3, 2))
@@ -82,7 +84,7 @@ def read_obj(path: Path) -> tuple[ObjPiece, ...]:
             ObjPiece(
                 material,
                 images.get(material),
-                places[used[split.vertex]],
+                positions[used[split.vertex]],
                 split.faces,
                 split.uvs if textured else None,
             )
@@ -110,22 +112,22 @@ def _table(path: Path, rows: list[bytes], columns: int, label: str) -> Float64:
 
 def _by_material(lines: list[bytes]) -> dict[str, list[bytes]]:
     """Face lines by the material that is in force."""
-    found: dict[str, list[bytes]] = {}
-    rows = found.setdefault("", [])
+    lines_of_material: dict[str, list[bytes]] = {}
+    rows = lines_of_material.setdefault("", [])
     for line in lines:
         if line.startswith(b"f "):
             rows.append(line)
         elif line.startswith(b"usemtl "):
-            rows = found.setdefault(line[7:].strip().decode("utf-8", "replace"), [])
-    return {material: rows for material, rows in found.items() if rows}
+            rows = lines_of_material.setdefault(line[7:].strip().decode("utf-8", "replace"), [])
+    return {material: rows for material, rows in lines_of_material.items() if rows}
 
 
 def _corners(path: Path, rows: list[bytes], vertices: int, wedges: int) -> Int32:
     """Vertex and wedge (-1: none) of every triangle's corners, (F, 3, 2), from 0."""
     triangles: list[list[bytes]] = []
     for row in rows:
-        parts = row.split()[1:]
-        triangles += [[parts[0], b, c] for b, c in itertools.pairwise(parts[1:])]
+        words = row.split()[1:]
+        triangles += [[words[0], b, c] for b, c in itertools.pairwise(words[1:])]
     pairs = [(corner + b"//").split(b"/")[:2] for triangle in triangles for corner in triangle]
     try:
         numbers = np.array([(int(v), int(t or b"0")) for v, t in pairs], dtype=np.int64)
@@ -142,7 +144,7 @@ def _corners(path: Path, rows: list[bytes], vertices: int, wedges: int) -> Int32
 
 def _images(path: Path, lines: list[bytes]) -> dict[str, Path]:
     """Image of every material, from the libraries beside the OBJ."""
-    found: dict[str, Path] = {}
+    image_of_material: dict[str, Path] = {}
     for line in lines:
         if not line.startswith(b"mtllib "):
             continue
@@ -158,5 +160,5 @@ def _images(path: Path, lines: list[bytes]) -> dict[str, Path]:
                 # Only a name: a library never leads outside its folder. Options stand before it.
                 image = path.parent / Path(rest.split()[-1].replace("\\", "/")).name
                 if image.is_file():
-                    found[material] = image
-    return found
+                    image_of_material[material] = image
+    return image_of_material

@@ -15,20 +15,19 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import pydantic
 from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 
+from terraport_payload.types import AnyArray, UInt8
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     find_colours,
     thinning_rows,
     to_eight_bits,
 )
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.model import UInt8
 
 __all__ = ["PcdStream", "read_pcd", "stream_pcd"]
 
@@ -81,12 +80,12 @@ def read_pcd(path: Path, *, advance: Advance, max_points: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PcdStream:
-    """An open file; its points come in parts."""
+    """An open binary PCD file that yields its points chunk by chunk."""
 
     count: int
     colours: tuple[str, ...]
     """Names of red, green, blue; of one column of three values; or none."""
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
 
@@ -112,7 +111,7 @@ def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
     packed = next((n for n in names if n.lower() in _PACKED and dtype[n].itemsize == 4), None)
     colours = (packed,) if packed is not None else (find_colours(names) or ())
 
-    def parts() -> Iterator[StreamPart]:
+    def chunks() -> Iterator[StreamChunk]:
         for first in range(0, meta.points, _CHUNK_POINTS):
             want = min(_CHUNK_POINTS, meta.points - first)
             offset = start + first * dtype.itemsize
@@ -124,13 +123,13 @@ def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
             columns = {n: np.ascontiguousarray(table[n]) for n in names if n not in ("x", "y", "z")}
             if packed is not None:
                 columns[packed] = _unpacked(columns[packed])
-            yield StreamPart(points, columns, want)
+            yield StreamChunk(points, columns, want)
 
-    return PcdStream(meta.points, colours, parts)
+    return PcdStream(meta.points, colours, chunks)
 
 
-def _unpacked(values: npt.NDArray[Any]) -> UInt8:
-    """Red, green, blue (n, 3) of 0x00RRGGBB."""
+def _unpacked(values: AnyArray) -> UInt8:
+    """Unpack 0x00RRGGBB to red, green, blue (n, 3)."""
     bits = np.ascontiguousarray(values).view(np.uint32)
     return (np.stack([bits >> 16, bits >> 8, bits], axis=1) & 0xFF).astype(np.uint8)
 
@@ -184,6 +183,7 @@ def _read_header(path: Path) -> tuple[Any, int]:
 def _check_size(path: Path, meta: Any, start: int) -> None:
     size = path.stat().st_size
     length = sum(s * c for s, c in zip(meta.size, meta.count, strict=True))
+    # The least size of each kind of data; text has a digit and a blank a value.
     if meta.data == Encoding.ASCII:
         need = meta.points * 2 * sum(meta.count) - 1
         have = size - start
@@ -204,15 +204,15 @@ def _check_size(path: Path, meta: Any, start: int) -> None:
         need, have = 8 + packed, size - start
     if have < need:
         whole_points = have // length if meta.data == Encoding.BINARY else None
-        told = (
+        reason = (
             f"the file ends after {whole_points:,} of {meta.points:,} points"
             if whole_points is not None
             else f"{have:,} bytes of points, expected at least {need:,}"
         )
-        raise ReadError(path, told, _CUT, f"byte {size:,}")
+        raise ReadError(path, reason, _CUT, f"byte {size:,}")
 
 
-def _assemble(table: npt.NDArray[Any]) -> RawSurvey:
+def _assemble(table: AnyArray) -> RawSurvey:
     names = [name for name in table.dtype.names or () if not name.startswith(_PADDING)]
     points = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
     used = {"x", "y", "z"}
@@ -224,8 +224,8 @@ def _assemble(table: npt.NDArray[Any]) -> RawSurvey:
         colours, warnings = to_eight_bits(_unpacked(table[packed]), where=packed)
         used.add(packed)
     elif triple is not None:
-        parts = np.stack([table[name] for name in triple], axis=1)
-        colours, warnings = to_eight_bits(parts, where=", ".join(triple))
+        channels = np.stack([table[name] for name in triple], axis=1)
+        colours, warnings = to_eight_bits(channels, where=", ".join(triple))
         used |= set(triple)
     attributes = {name: np.ascontiguousarray(table[name]) for name in names if name not in used}
     return RawSurvey(points, colours, attributes, None, warnings)

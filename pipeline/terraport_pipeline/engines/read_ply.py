@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     find_colours,
     thinning_rows,
     to_eight_bits,
@@ -99,7 +99,7 @@ def read_ply(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     rows = thinning_rows(vertex.count, max_points)
     kept = vertex.count if rows is None else len(rows)
     tables = _ascii_tables if header.format == "ascii" else _binary_tables
-    whole: npt.NDArray[Any] | None = None
+    whole: AnyArray | None = None
     done = 0
     for table, read in tables(path, header, vertex, before, rows):
         if whole is None:
@@ -119,7 +119,7 @@ class PlyStream:
     warnings: tuple[str, ...]
     colours: tuple[str, ...]
     """Names of red, green, blue, or none."""
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
 
@@ -135,22 +135,22 @@ def stream_ply(path: Path, *, max_points: int | None = None) -> PlyStream:
     lower = {name.lower(): name for name in reversed(names)}
     axes = [lower[axis] for axis in "xyz"]
 
-    def parts() -> Iterator[StreamPart]:
+    def chunks() -> Iterator[StreamChunk]:
         for table, read in tables(path, header, vertex, before, rows):
             points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
             columns = {
                 name: np.ascontiguousarray(table[name]) for name in names if name not in axes
             }
-            yield StreamPart(points, columns, read)
+            yield StreamChunk(points, columns, read)
 
-    return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), parts)
+    return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), chunks)
 
 
 def _ignored(others: list[_Element]) -> tuple[str, ...]:
     if not others:
         return ()
-    told = " and ".join(f"{element.count:,} {element.name}" for element in others)
-    return (f"Only the vertices are read; the file's {told} elements are ignored.",)
+    counts = " and ".join(f"{element.count:,} {element.name}" for element in others)
+    return (f"Only the vertices are read; the file's {counts} elements are ignored.",)
 
 
 def _read_header(path: Path, file: BinaryIO) -> _Header:
@@ -236,8 +236,8 @@ def _binary_tables(
     header: _Header,
     vertex: _Element,
     before: list[_Element],
-    rows: npt.NDArray[np.int64] | None,
-) -> Iterator[tuple[npt.NDArray[Any], int]]:
+    rows: Int64 | None,
+) -> Iterator[tuple[AnyArray, int]]:
     """Yield (vertices that are kept, vertices read)."""
     dtype = _row_type(vertex, header.format)
     start = header.length
@@ -267,9 +267,11 @@ def _ascii_tables(
     header: _Header,
     vertex: _Element,
     before: list[_Element],
-    rows: npt.NDArray[np.int64] | None,
-) -> Iterator[tuple[npt.NDArray[Any], int]]:
+    rows: Int64 | None,
+) -> Iterator[tuple[AnyArray, int]]:
     """Yield (vertices that are kept, vertices read)."""
+    # (1) Refuse a header that promises more than the file can hold, before memory is taken for
+    # it.
     dtype = _row_type(vertex, "ascii")
     columns = len(vertex.properties)
     size = path.stat().st_size
@@ -280,6 +282,7 @@ def _ascii_tables(
             f"{size:,} bytes",
             "it is cut off: copy or export it again",
         )
+    # (2) Skip what stands before the vertices, then read them chunk by chunk.
     with path.open("rb") as file:
         file.seek(header.length)
         for _ in range(sum(element.count for element in before)):
@@ -303,9 +306,7 @@ def _ascii_tables(
             yield table, want
 
 
-def _parse_lines(
-    path: Path, lines: list[bytes], first: int, columns: int
-) -> npt.NDArray[np.float64]:
+def _parse_lines(path: Path, lines: list[bytes], first: int, columns: int) -> Float64:
     """Parse vertex lines; float64 holds every integer that PLY knows exactly."""
     tokens = b" ".join(lines).split()
     try:
@@ -336,7 +337,7 @@ def _bad_line(
     return cause
 
 
-def _assemble(table: npt.NDArray[Any], warnings: tuple[str, ...]) -> RawSurvey:
+def _assemble(table: AnyArray, warnings: tuple[str, ...]) -> RawSurvey:
     names = list(table.dtype.names or ())
     lower = {name.lower(): name for name in reversed(names)}
     axes = [lower[axis] for axis in "xyz"]

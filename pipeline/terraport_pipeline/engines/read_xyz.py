@@ -16,15 +16,15 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 from pyarrow import csv
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.clean_text import CleanText
 from terraport_pipeline.engines.raw_survey import (
     Advance,
     RawSurvey,
-    StreamPart,
+    StreamChunk,
     thinning_rows,
     to_eight_bits,
 )
@@ -84,7 +84,7 @@ def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> 
     if table.num_rows == 0:
         raise ReadError(path, "there is not one row of numbers", "export the survey again")
     rows = thinning_rows(table.num_rows, max_points)
-    columns: dict[str, npt.NDArray[Any]] = {}
+    columns: dict[str, AnyArray] = {}
     text: list[str] = []
     for name in layout.names:
         column = table[name]
@@ -100,13 +100,13 @@ def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class XyzStream:
-    """An open file; its points come in parts."""
+    """An open text of points that yields them chunk by chunk."""
 
     size: int
     """Bytes of the file."""
     warnings: tuple[str, ...]
     colours: tuple[str, ...]
-    parts: Callable[[], Iterator[StreamPart]]
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
 
@@ -132,7 +132,7 @@ def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
         warnings.append(_bare(layout))
     has_colour = all(name in names for name in _COLOURS)
 
-    def parts() -> Iterator[StreamPart]:
+    def chunks() -> Iterator[StreamChunk]:
         first = 0
         for batch, read in _batches(path, layout, types):
             wanted: Any = slice(None)
@@ -143,10 +143,10 @@ def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
                 name: batch.column(name).to_numpy(zero_copy_only=False)[wanted] for name in names
             }
             points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
-            yield StreamPart(points, columns, read)
+            yield StreamChunk(points, columns, read)
             first += batch.num_rows
 
-    return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), parts)
+    return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), chunks)
 
 
 def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], int]:
@@ -163,20 +163,20 @@ def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], in
                 count += batch.num_rows
         except pa.ArrowInvalid as error:
             # A later row does not fit what the first block looked like: wider, and again.
-            place = re.search(r"column #(\d+)", str(error))
-            name = layout.names[int(place[1])] if place else ""
-            if not place or "conversion error" not in str(error) or name in _AXES:
+            match = re.search(r"column #(\d+)", str(error))
+            name = layout.names[int(match[1])] if match else ""
+            if not match or "conversion error" not in str(error) or name in _AXES:
                 raise _no_table(path, layout, error) from error
-            known = types.get(name)
-            types[name] = pa.string() if known == pa.float64() else pa.float64()
+            former = types.get(name)
+            types[name] = pa.string() if former == pa.float64() else pa.float64()
             continue
-        for name, found in seen.items():
-            whole = pa.types.is_integer(found)
-            if whole or pa.types.is_floating(found):
+        for name, kind in seen.items():
+            whole = pa.types.is_integer(kind)
+            if whole or pa.types.is_floating(kind):
                 # A gap in whole numbers makes them floats, as in a whole table.
                 types[name] = pa.int64() if whole and name not in nulls else pa.float64()
             else:
-                types[name] = pa.null() if pa.types.is_null(found) else pa.string()
+                types[name] = pa.null() if pa.types.is_null(kind) else pa.string()
         return types, count
 
 
@@ -226,14 +226,14 @@ def _csv_options(layout: _Layout, types: dict[str, pa.DataType]) -> tuple[Any, A
 def _no_table(path: Path, layout: _Layout, error: pa.ArrowInvalid) -> ReadError:
     reason = " ".join(str(error).split())[:200]
     row = re.search(r"Row #(\d+)", reason)
-    place = None
+    location = None
     if row is not None:
-        place = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
+        location = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
     return ReadError(
         path,
         f"the text is no table of {len(layout.names)} columns ({reason})",
         "repair the line or export the survey again",
-        place,
+        location,
     )
 
 
@@ -246,6 +246,7 @@ def _bare(layout: _Layout) -> str:
 
 
 def _find_layout(path: Path) -> _Layout:
+    # (1) The first lines, as text.
     with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
     if b"\x00" in head:
@@ -258,6 +259,7 @@ def _find_layout(path: Path) -> _Layout:
     lines = head.decode("utf-8-sig", errors="replace").splitlines()
     if len(head) == _SAMPLE_BYTES:
         lines = lines[:-1]  # the last one may be cut
+    # (2) Rows, and the comment above them, which may name the columns.
     above = ""
     rows: list[str] = []
     for line in lines:
@@ -270,15 +272,18 @@ def _find_layout(path: Path) -> _Layout:
         rows.append(bare)
         if len(rows) > _SAMPLE_ROWS:
             break
+    # (3) PTS: the first row may be the number of points.
     skip = 0
     if len(rows) > 1 and re.fullmatch(r"[0-9]+", rows[0]):
         skip, rows = 1, rows[1:]
     if not rows:
         raise ReadError(path, "there is not one row of numbers", "export the survey again")
+    # (4) Delimiter by majority of the rows; a decimal comma only where it does not separate.
     delimiter, _ = Counter(map(_find_delimiter, rows)).most_common(1)[0]
     cells = [_split(row, delimiter) for row in rows]
     comma = delimiter != "," and any(re.search(r"\d,\d", cell) for cell in cells[-1])
     decimal = "," if comma else "."
+    # (5) A header, in the first row or in the comment.
     header: list[str] | None = None
     if not all(_is_number(cell, decimal) for cell in cells[0]):
         header, skip, cells = cells[0], skip + 1, cells[1:]
@@ -291,6 +296,7 @@ def _find_layout(path: Path) -> _Layout:
             f"{rows[0][:60]!r} is not followed by rows of numbers",
             "expected one point per line: x y z, then colours or other values",
         )
+    # (6) Names of the columns: the header's, or by what the numbers look like.
     if header is not None:
         _refuse_degrees(path, header)
         names = name_header_columns(header)
@@ -324,11 +330,11 @@ def _name_bare(path: Path, cells: list[list[str]], decimal: str) -> list[str]:
 
 def _refuse_degrees(path: Path, header: list[str]) -> None:
     labels = [name.strip().strip('"').lower() for name in header]
-    found = [name for name in labels if name in DEGREES]
-    if found and not {"x", "y"} <= set(name_header_columns(header)):
+    angles = [name for name in labels if name in DEGREES]
+    if angles and not {"x", "y"} <= set(name_header_columns(header)):
         raise ReadError(
             path,
-            f"the columns {', '.join(found)} are degrees, expected metres",
+            f"the columns {', '.join(angles)} are degrees, expected metres",
             "project the survey first, for example to its UTM zone",
             "line 1",
         )
@@ -374,15 +380,15 @@ def _parse(path: Path, layout: _Layout, advance: Advance) -> pa.Table:
             raise _no_table(path, layout, error) from error
 
 
-def _assemble(columns: dict[str, npt.NDArray[Any]], layout: _Layout, text: list[str]) -> RawSurvey:
+def _assemble(columns: dict[str, AnyArray], layout: _Layout, text: list[str]) -> RawSurvey:
     points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
     warnings: list[str] = []
     if text:
         warnings.append(_left_out(text))
     colours = None
     if all(name in columns for name in _COLOURS):
-        parts = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
-        colours, notes = to_eight_bits(parts, where="red, green, blue")
+        channels = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
+        colours, notes = to_eight_bits(channels, where="red, green, blue")
         warnings += notes
     if layout.bare:
         warnings.append(_bare(layout))

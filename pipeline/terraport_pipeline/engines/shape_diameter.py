@@ -25,11 +25,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.shape_index import cone_directions
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["shape_diameter"]
 
@@ -61,6 +60,7 @@ def shape_diameter(vertices: Float32, faces: Int32, *, threads: int = 1) -> Floa
     diameter = np.full(len(faces), np.nan)
     if len(faces) == 0:
         return diameter
+    # (1) Normals and middles of all faces.
     scene = RayScene(vertices, faces, threads=threads)
     corners = vertices[faces].astype(np.float64)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -68,20 +68,22 @@ def shape_diameter(vertices: Float32, faces: Int32, *, threads: int = 1) -> Floa
     normals /= np.where(size > 0.0, size, 1.0)[:, None]
     centres = corners.mean(axis=1)
     del corners
+    # (2) A cone of rays inwards from each.
     cone, weights = cone_directions(RAYS, OPENING_DEGREES)
     lift = _LIFT * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     for first in range(0, len(faces), CHUNK_FACES):
-        part = slice(first, first + CHUNK_FACES)
-        inward = -normals[part]
+        chunk = slice(first, first + CHUNK_FACES)
+        inward = -normals[chunk]
         directions = np.einsum("rk,fkc->frc", cone, _frames(inward))
-        origins = np.repeat((centres[part] + lift * inward)[:, None], RAYS, axis=1)
+        origins = np.repeat((centres[chunk] + lift * inward)[:, None], RAYS, axis=1)
         length, face = scene.closest_hit(origins.reshape(-1, 3), directions.reshape(-1, 3))
         met = face >= 0
+        # (3) Hits on faces that look the same way are its own side seen again: not a thickness.
         same_way = np.einsum(
-            "ij,ij->i", normals[np.where(met, face, 0)], np.repeat(normals[part], RAYS, axis=0)
+            "ij,ij->i", normals[np.where(met, face, 0)], np.repeat(normals[chunk], RAYS, axis=0)
         )
-        kept = (met & (same_way <= 0.0)).reshape(-1, RAYS) & (size[part] > 0.0)[:, None]
-        diameter[part] = _robust_mean(length.reshape(-1, RAYS).astype(np.float64), kept, weights)
+        kept = (met & (same_way <= 0.0)).reshape(-1, RAYS) & (size[chunk] > 0.0)[:, None]
+        diameter[chunk] = _robust_mean(length.reshape(-1, RAYS).astype(np.float64), kept, weights)
     return diameter
 
 
@@ -96,12 +98,12 @@ def _frames(axis: Float64) -> Float64:
     return np.stack([first, second, axis], axis=1)
 
 
-def _robust_mean(length: Float64, kept: npt.NDArray[np.bool_], weights: Float64) -> Float64:
+def _robust_mean(length: Float64, kept: Bool, weights: Float64) -> Float64:
     """Weighted mean per row of the lengths near the median; NaN for rows without any."""
     values = np.where(kept, length, np.nan)
-    found = kept.any(axis=1)
+    has_length = kept.any(axis=1)
     mean = np.full(len(values), np.nan)
-    values, kept = values[found], kept[found]
+    values, kept = values[has_length], kept[has_length]
     if len(values) == 0:
         return mean
     median = np.nanmedian(values, axis=1)[:, None]
@@ -109,5 +111,5 @@ def _robust_mean(length: Float64, kept: npt.NDArray[np.bool_], weights: Float64)
     # of two lengths exactly one deviation from their median rounding may drop both
     near |= kept & ~near.any(axis=1)[:, None]
     share = near * weights
-    mean[found] = (share * np.where(near, values, 0.0)).sum(axis=1) / share.sum(axis=1)
+    mean[has_length] = (share * np.where(near, values, 0.0)).sum(axis=1) / share.sum(axis=1)
     return mean

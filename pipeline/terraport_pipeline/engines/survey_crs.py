@@ -22,8 +22,9 @@ import numpy as np
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from terraport_payload.types import Float64
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.model import Crs, Float64
+from terraport_pipeline.model import Crs
 
 __all__ = ["metre_factors", "to_metres"]
 
@@ -62,8 +63,8 @@ def to_metres(
     ReadError
         By rule 1.
     """
-    factors, found, warnings = metre_factors(path, points.min(axis=0), points.max(axis=0), crs)
-    return (points if factors is None else points * factors), found, warnings
+    factors, metre_crs, warnings = metre_factors(path, points.min(axis=0), points.max(axis=0), crs)
+    return (points if factors is None else points * factors), metre_crs, warnings
 
 
 def metre_factors(
@@ -93,6 +94,8 @@ def metre_factors(
     ReadError
         By rule 1.
     """
+    # (1) Nothing stated, degrees, or Earth-centred: refused where the numbers agree, taken as
+    # metres with a warning where they do not.
     if crs is None:
         return None, None, _suspect_degrees(low, high)
     if crs.is_geographic:
@@ -111,12 +114,13 @@ def metre_factors(
                 _DEGREES_ADVICE,
             )
         return None, None, [_wrong_crs(crs, "Earth-centred", low, high)]
+    # (2) Projected: metres already, or to be scaled.
     factors = _unit_factors(crs)
     if factors == (1.0, 1.0, 1.0):
         return None, Crs(crs.name, crs.to_wkt(), crs.to_epsg()), []
-    told = f"horizontal unit {factors[0]:.9g} m, height unit {factors[2]:.9g} m"
+    units = f"horizontal unit {factors[0]:.9g} m, height unit {factors[2]:.9g} m"
     warning = (
-        f"The survey is not in metres ({crs.name}: {told}); its coordinates were converted to "
+        f"The survey is not in metres ({crs.name}: {units}); its coordinates were converted to "
         "metres."
     )
     return np.array(factors), _in_metres(crs), [warning]
@@ -135,9 +139,9 @@ def _in_metres(crs: CRS) -> Crs:
     """Return the same CRS with every axis in metres; only a name where PROJ cannot say it."""
     name = f"{crs.name} (in metres)"
     description = copy.deepcopy(crs.to_json_dict())
-    for part in [description, *description.get("components", [])]:
-        part.pop("id", None)
-        for axis in part.get("coordinate_system", {}).get("axis", []):
+    for component in [description, *description.get("components", [])]:
+        component.pop("id", None)
+        for axis in component.get("coordinate_system", {}).get("axis", []):
             axis["unit"] = "metre"
     description["name"] = name
     try:

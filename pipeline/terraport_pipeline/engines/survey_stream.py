@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from terraport_pipeline.engines.raw_survey import StreamPart
+from terraport_pipeline.engines.raw_survey import StreamChunk
 from terraport_pipeline.engines.read_e57 import open_e57
 from terraport_pipeline.engines.read_las import UNSET, open_las
 from terraport_pipeline.engines.read_pcd import stream_pcd
@@ -34,14 +34,14 @@ _BYTES_PER_POINT: Final = {"xyz": 40, "e57": 20, "pcd": 20, "ply": 27}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurveyStream:
-    """An open survey."""
+    """A survey of any format, open for reading chunk by chunk in bounded memory."""
 
     format: str
     total: int
     """What all parts' ``read`` add up to."""
     unit: str
-    """Of `total`: ``"points"`` or ``"bytes"``."""
-    parts: Callable[[], Iterator[StreamPart]]
+    """Unit of `total`: ``"points"`` or ``"bytes"``."""
+    chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once. Every part has the same columns with the same dtypes."""
     crs: Any | None = None
     """pyproj.CRS as the file states it."""
@@ -127,7 +127,7 @@ def _open_las(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
             "las",
             stream.count,
             "points",
-            stream.parts,
+            stream.chunks,
             stream.crs,
             stream.warnings,
             _LAS_COLOURS if stream.standard.issuperset(_LAS_COLOURS) else (),
@@ -140,21 +140,21 @@ def _open_las(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
 def _open_ply(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
     ply = stream_ply(path, max_points=max_points)
     yield SurveyStream(
-        "ply", ply.count, "points", ply.parts, warnings=ply.warnings, colours=ply.colours
+        "ply", ply.count, "points", ply.chunks, warnings=ply.warnings, colours=ply.colours
     )
 
 
 @contextlib.contextmanager
 def _open_pcd(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
     pcd = stream_pcd(path, max_points=max_points)
-    yield SurveyStream("pcd", pcd.count, "points", pcd.parts, colours=pcd.colours)
+    yield SurveyStream("pcd", pcd.count, "points", pcd.chunks, colours=pcd.colours)
 
 
 @contextlib.contextmanager
 def _open_xyz(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
     text = stream_xyz(path, max_points=max_points)
     yield SurveyStream(
-        "xyz", text.size, "bytes", text.parts, warnings=text.warnings, colours=text.colours
+        "xyz", text.size, "bytes", text.chunks, warnings=text.warnings, colours=text.colours
     )
 
 
@@ -165,7 +165,7 @@ def _open_e57(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
             "e57",
             stream.count,
             "points",
-            stream.parts,
+            stream.chunks,
             stream.crs,
             stream.warnings,
             stream.colours,

@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 
 __all__ = ["ALIASES", "DEGREES", "name_bare_columns", "name_header_columns"]
 
@@ -91,8 +91,10 @@ def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[str]:
     if colour >= 0:
         names[colour : colour + 3] = ["red", "green", "blue"]
     for start in range(3, count - 2):
-        part = sample[:, start : start + 3]
-        if all(name.startswith("column_") for name in names[start : start + 3]) and _are_unit(part):
+        triple = sample[:, start : start + 3]
+        if all(name.startswith("column_") for name in names[start : start + 3]) and _are_unit(
+            triple
+        ):
             names[start : start + 3] = ["nx", "ny", "nz"]
             break
     beside = 3 if colour != 3 else 6
@@ -101,14 +103,17 @@ def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[str]:
     return names
 
 
-def _are_colours(part: Float64) -> bool:
-    whole = np.isfinite(part).all() and (part == np.rint(part)).all()
+def _are_colours(triple: Float64) -> bool:
+    whole = np.isfinite(triple).all() and (triple == np.rint(triple)).all()
     return bool(
-        whole and part.min() >= 0 and part.max() <= np.iinfo(np.uint8).max and np.ptp(part) > 0
+        whole
+        and triple.min() >= 0
+        and triple.max() <= np.iinfo(np.uint8).max
+        and np.ptp(triple) > 0
     )
 
 
-def _are_unit(part: Float64) -> bool:
-    if not np.isfinite(part).all():
+def _are_unit(triple: Float64) -> bool:
+    if not np.isfinite(triple).all():
         return False
-    return bool((np.abs(np.linalg.norm(part, axis=1) - 1.0) < _UNIT_TOLERANCE).all())
+    return bool((np.abs(np.linalg.norm(triple, axis=1) - 1.0) < _UNIT_TOLERANCE).all())

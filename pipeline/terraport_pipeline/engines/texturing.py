@@ -15,12 +15,11 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 import PIL.Image
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.rays import Hits
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = [
     "ImageCache",
@@ -39,7 +38,7 @@ CACHE_BYTES: Final = 256 << 20
 
 
 class TextureImages(Protocol):
-    """Where the images of textures come from."""
+    """Source of decoded texture images by number; they may be decoded only when asked for."""
 
     def size(self, image: int) -> tuple[int, int]:
         """Return the width and height of an image at full size."""
@@ -89,10 +88,10 @@ class ImageCache:
         key = (image, halvings)
         # Held while decoding: two threads that want the same image must not both decode it.
         with self._lock:
-            found = self._kept.get(key)
-            if found is not None:
+            cached = self._kept.get(key)
+            if cached is not None:
                 self._kept.move_to_end(key)
-                return found
+                return cached
             pixels = decode_halved(self._read(image), halvings)
             self._kept[key] = pixels
             self._bytes += pixels.nbytes
@@ -103,7 +102,7 @@ class ImageCache:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Texturing:
-    """The textures of one mesh."""
+    """Texture coordinates of a mesh's corners, and the image that each face reads."""
 
     uvs: Float32
     """(V, 2) 0..1 from the image's upper left."""
@@ -144,7 +143,7 @@ def decode_halved(data: bytes, halvings: int) -> UInt8:
         raise EngineError(f"an image of {len(data)} bytes does not decode: {error}") from error
 
 
-def bilinear(image: UInt8, uvs: npt.NDArray[np.floating]) -> Float32:
+def bilinear(image: UInt8, uvs: AnyFloat) -> Float32:
     """Sample an image between its texels.
 
     Parameters
@@ -174,7 +173,7 @@ def textured_colours(
     vertices: Float32,
     faces: Int32,
     hits: Hits,
-    pixel_m: npt.NDArray[np.floating],
+    pixel_m: AnyFloat,
     colours: Float32,
 ) -> None:
     """Paint the textures' colours over those of the hits that have one, in place.

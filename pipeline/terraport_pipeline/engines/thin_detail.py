@@ -16,11 +16,11 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.errors import EngineError
 from terraport_pipeline.geometry.face_blocks import block_meshes, face_blocks, weld
 from terraport_pipeline.geometry.skirt import add_skirt, drop_skirt
 from terraport_pipeline.geometry.trim import compact
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["thin_block", "thin_detail"]
 
@@ -114,10 +114,10 @@ def _thin_blocks(
         return _in_child(*mesh, max(1, int(len(mesh[1]) * share)), _FIRST_AGGRESSION)
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        parts = list(pool.map(thin, block_meshes(vertices, faces, blocks)))
-    first = np.cumsum([0, *(len(points) for points, _ in parts)])
-    numbered = [part[1] + np.int32(base) for part, base in zip(parts, first[:-1], strict=True)]
-    return weld(np.concatenate([points for points, _ in parts]), np.concatenate(numbered))
+        pieces = list(pool.map(thin, block_meshes(vertices, faces, blocks)))
+    first = np.cumsum([0, *(len(points) for points, _ in pieces)])
+    numbered = [piece[1] + np.int32(base) for piece, base in zip(pieces, first[:-1], strict=True)]
+    return weld(np.concatenate([points for points, _ in pieces]), np.concatenate(numbered))
 
 
 def _in_child(
@@ -138,10 +138,10 @@ def _in_child(
         check=False,
     )
     if done.returncode:
-        said = done.stderr[-2000:].decode("utf-8", "replace").strip()
+        output = done.stderr[-2000:].decode("utf-8", "replace").strip()
         raise EngineError(
             f"decimation of {len(faces)} faces ended with exit code {done.returncode}; it printed: "
-            f"{said or 'nothing'}"
+            f"{output or 'nothing'}"
         )
     received = io.BytesIO(done.stdout)
     points = np.load(received, allow_pickle=False)

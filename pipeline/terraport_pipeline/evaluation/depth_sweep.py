@@ -34,7 +34,7 @@ datasets; of these Red Rocks is one of ours too."""
 
 @dataclass(frozen=True, slots=True)
 class DepthRow:
-    """One reconstruction."""
+    """Faces, CPU time and memory of one reconstruction at one octree depth."""
 
     depth: int
     faces: int
@@ -48,7 +48,7 @@ class DepthRow:
 
 @dataclass(frozen=True, slots=True)
 class DepthScene:
-    """One line of the figure."""
+    """One scene of Figure 5.8, reconstructed at every depth: one line of the chart."""
 
     key: str
     title: str
@@ -117,11 +117,13 @@ def sweep(
     SurveyError
         The scene is not there, or is no surface.
     """
+    # (1) The survey, real or made.
     title, path = find_scene(name, data)
     if path is None:
         survey = synthesise(QuarryOptions(points=points)).survey
     else:
         survey = read_survey(path, max_points=points)
+    # (2) Clean it once for all depths.
     cleaned = clean.run(survey, clean.Options(), Context(scratch, threads=threads))
     cloud = cleaned.cloud
     samples = Samples(
@@ -130,20 +132,22 @@ def sweep(
     extent_m = float(np.ptp(cloud.points, axis=0).max())
 
     def one(depth: int) -> DepthRow:
-        made = run("poisson", samples, scratch, depth=depth)
-        if made.surface is None:
-            return DepthRow(depth, 0, 0, made.cpu_s, made.added_bytes, made.error)
-        surface = made.surface
+        result = run("poisson", samples, scratch, depth=depth)
+        if result.surface is None:
+            return DepthRow(depth, 0, 0, result.cpu_s, result.added_bytes, result.error)
+        surface = result.surface
         return DepthRow(
-            depth, len(surface.faces), surface.solved_faces, made.cpu_s, made.added_bytes
+            depth, len(surface.faces), surface.solved_faces, result.cpu_s, result.added_bytes
         )
 
+    # (3) Every depth in a process of its own.
     rows = []
     with ThreadPoolExecutor(max(1, threads)) as pool:
         # The deepest first: they take longest, and a short one last leaves no core idle.
         for row in pool.map(one, sorted(depths, reverse=True)):
             rows.append(row)
             progress.advance(1)
+    # (4) In order of the depth, whatever was done first.
     return DepthScene(
         name if path is None or name in KNOWN_SCENES else path.stem,
         title,

@@ -23,7 +23,7 @@ _STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of a chart."""
+    """One polyline of a chart, with its title and an x to mark."""
 
     title: str
     points: tuple[tuple[float, float], ...]
@@ -62,33 +62,33 @@ def line_chart(
     def down(y: float) -> float:
         return round(HEIGHT - _BOTTOM - y / y_unit / top * (HEIGHT - _TOP - _BOTTOM), 1)
 
-    parts = [
+    elements = [
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(title, quote=True)}">'
     ]
     for step in range(6):
         value = top * step / 5
         y = down(value * y_unit)
-        parts.append(f'<line x1="{_LEFT}" y1="{y}" x2="{WIDTH - _RIGHT}" y2="{y}"/>')
-        parts.append(f'<text x="{_LEFT - 6}" y="{y + 4}" text-anchor="end">{value:,.3g}</text>')
+        elements.append(f'<line x1="{_LEFT}" y1="{y}" x2="{WIDTH - _RIGHT}" y2="{y}"/>')
+        elements.append(f'<text x="{_LEFT - 6}" y="{y + 4}" text-anchor="end">{value:,.3g}</text>')
     foot = HEIGHT - _BOTTOM + 16
-    parts += [f'<text x="{across(x)}" y="{foot}" text-anchor="middle">{x:g}</text>' for x in xs]
+    elements += [f'<text x="{across(x)}" y="{foot}" text-anchor="middle">{x:g}</text>' for x in xs]
     middle = (WIDTH + _LEFT - _RIGHT) / 2
-    parts.append(
+    elements.append(
         f'<text x="{middle}" y="{HEIGHT - 6}" text-anchor="middle">{escape(x_title)}</text>'
     )
-    parts.append(f'<text x="{_LEFT - 44}" y="{_TOP - 3}">{escape(y_title)}</text>')
+    elements.append(f'<text x="{_LEFT - 44}" y="{_TOP - 3}">{escape(y_title)}</text>')
     for number, line in enumerate(lines):
         path = " ".join(f"{across(x)},{down(y)}" for x, y in line.points)
-        parts.append(f'<polyline class="line{number}" points="{path}"/>')
+        elements.append(f'<polyline class="line{number}" points="{path}"/>')
         for x, y in line.points:
             marked = x == line.marked_x
-            parts.append(
+            elements.append(
                 f'<circle class="line{number}{" marked" if marked else ""}" cx="{across(x)}" '
                 f'cy="{down(y)}" r="{7 if marked else 3}"><title>{escape(line.title)}, {x:g}: '
                 f"{y:,.4g}</title></circle>"
             )
-    parts.append("</svg>")
-    return "".join(parts)
+    elements.append("</svg>")
+    return "".join(elements)
 
 
 def _nice_top(value: float) -> float:

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Int32, UInt8
 from terraport_pipeline.engines.cameras import Camera, oblique
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.evaluation.subjects import Subject
-from terraport_pipeline.model import Float32, Int32, UInt8
 
 __all__ = ["SIZE", "picture_of_mesh", "picture_of_samples"]
 
@@ -25,7 +25,7 @@ _FRAMED: Final = 4000
 
 
 def picture_of_samples(subject: Subject) -> bytes:
-    """Draw the cloud; JPEG."""
+    """Draw a subject's samples as splats and encode the picture as JPEG."""
     samples = subject.samples
     image = render_points(
         samples.points,
@@ -82,7 +82,7 @@ def _camera(subject: Subject) -> Camera:
 def _with_inside(
     image: UInt8, vertices: Float32, faces: Int32, camera: Camera, scene: RayScene
 ) -> UInt8:
-    """Tint what is seen from behind."""
+    """Tint the pixels that show a face from behind."""
     starts, headings = camera.rays(SIZE[0], SIZE[1])
     hits = scene.intersect(starts, headings)
     met = np.flatnonzero(hits.face >= 0)

@@ -15,7 +15,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 from terraport_pipeline.engines.reconstructors import RECONSTRUCTORS
 from terraport_pipeline.engines.reconstructors.greedy_projection import PROGRAM
@@ -32,6 +32,7 @@ from terraport_pipeline.evaluation.verdicts import (
     judge_colour,
     judge_shape,
 )
+from terraport_pipeline.option import COUNT, Notation, Option, check_options
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = ["MODELS", "Evaluation", "Options", "Result", "evaluate", "to_json"]
@@ -46,45 +47,79 @@ _MOST_POINTS: Final = 2_000_000
 _PACKAGES: Final = ("terraport", "numpy", "scipy", "numba", "pycolmap", "embreex")
 
 
+def _parse_names(text: str, what: str) -> tuple[str, ...]:  # noqa: ARG001  any words are names
+    names = tuple(word.strip() for word in text.split(",") if word.strip())
+    return () if names == ("none",) else names
+
+
+def _parse_depths(text: str, what: str) -> tuple[int, ...]:
+    try:
+        return tuple(sorted({int(word) for word in _parse_names(text, what)}))
+    except ValueError as error:
+        raise OptionError(f"{what} {text!r}; expected whole numbers, for example 8,9,10") from error
+
+
+_NAMES: Final = Notation("NAME,NAME", _parse_names, lambda names: ", ".join(names) or "none")
+_DEPTHS: Final = Notation(
+    "DEPTH,DEPTH", _parse_depths, lambda depths: ", ".join(map(str, depths)) or "none"
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What to compare."""
+    """Algorithms, models, sizes and limits of a comparison."""
 
-    algorithms: tuple[str, ...] = tuple(RECONSTRUCTORS)
-    models: tuple[str, ...] = MODELS
-    points: int = 20_000
-    """Samples of each model and of the quarry."""
-    depths: tuple[int, ...] = (8, 9, 10, 11, 12, 13)
-    """Octree depths of the figure; none leaves it out."""
-    depth_points: int = 60_000
-    """Points of each scene of the figure."""
-    scenes: tuple[str, ...] = ("quarry", "red_rocks", "apaxco_quarry")
-    data: Path | None = None
-    """Folder of real data."""
-    threads: int = 2
+    algorithms: Annotated[tuple[str, ...], Option(notation=_NAMES)] = tuple(RECONSTRUCTORS)
+    """Algorithms to compare, by commas; none: only the depths."""
+    models: Annotated[tuple[str, ...], Option(notation=_NAMES)] = MODELS
+    """Models with truth, by commas: bunny, armadillo, block, gear, stairs, torus, sphere."""
+    points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = 20_000
+    """Samples of each model and of the quarry: 20k."""
+    depths: Annotated[tuple[int, ...], Option(notation=_DEPTHS)] = (8, 9, 10, 11, 12, 13)
+    """Octree depths of Poisson in the figure, 4 to 16, by commas; none: only the algorithms."""
+    depth_points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = (
+        60_000
+    )
+    """Points of each scene that the depths are tried on."""
+    scenes: Annotated[tuple[str, ...], Option(notation=_NAMES)] = (
+        "quarry",
+        "red_rocks",
+        "apaxco_quarry",
+    )
+    """Scenes that the depths are tried on, by commas: these, or paths of surveys."""
+    data: Annotated[Path | None, Option(unset="none: models and scenes made here")] = None
+    """Folder with real data: stanford/bunny.ply, stanford/armadillo.obj, red_rocks/red_rocks.laz,
+    apaxco_quarry/apaxco_quarry_500k.laz. What is not there is left out, and said."""
+    threads: Annotated[int | None, Option(least=1, most=64, unset="all cores")] = None
     """Algorithms at once; each runs on one thread."""
-    time_limit_s: float = TIME_LIMIT_S
+    time_limit_s: Annotated[float, Option(flags=("--time-limit",), above=0, unit="s")] = (
+        TIME_LIMIT_S
+    )
+    """Stop an algorithm after this many seconds."""
     pictures: bool = True
 
     def __post_init__(self) -> None:
+        check_options(self)
         for name in self.algorithms:
             if name not in RECONSTRUCTORS:
                 raise OptionError(
                     f"algorithm {name!r}; expected one of {', '.join(RECONSTRUCTORS)}"
                 )
-        for name, count in (("points", self.points), ("depth points", self.depth_points)):
-            if not _LEAST_POINTS <= count <= _MOST_POINTS:
-                raise OptionError(f"{name} {count}; expected {_LEAST_POINTS:,} to {_MOST_POINTS:,}")
         for depth in self.depths:
             if not 4 <= depth <= 16:
                 raise OptionError(f"depth {depth}; expected 4 to 16")
         if self.data is not None and not self.data.is_dir():
             raise OptionError(f"--data {self.data}; expected an existing folder")
 
+    @property
+    def workers(self) -> int:
+        """Algorithms at once, counted."""
+        return self.threads or os.cpu_count() or 1
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """One algorithm on one cloud."""
+    """Run and scores of one algorithm on one cloud."""
 
     algorithm: str
     run: Run
@@ -94,7 +129,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compared:
-    """All algorithms on one cloud."""
+    """One cloud and the results of all algorithms on it."""
 
     key: str
     title: str
@@ -109,13 +144,13 @@ class Compared:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
-    """The whole comparison."""
+    """Results of a comparison: all algorithms on all clouds, verdicts, and what was left out."""
 
     options: Options
     ground: Compared | None
     """The quarry: Table 3.1."""
     models: tuple[Compared, ...]
-    """Table 3.2."""
+    """Subjects of Table 3.2, with the results of every algorithm."""
     colour: dict[str, ColourVerdict]
     shape: dict[str, ShapeVerdict]
     scenes: tuple[DepthScene, ...]
@@ -146,7 +181,9 @@ def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
         Before any work.
     """
     watcher = progress or NullProgress()
-    missing = {key: told for key in options.algorithms if (told := RECONSTRUCTORS[key].missing())}
+    missing = {
+        key: reason for key in options.algorithms if (reason := RECONSTRUCTORS[key].missing())
+    }
     skipped: list[str] = []
     compared: list[Compared] = []
     with tempfile.TemporaryDirectory(prefix="terraport-evaluate-") as folder:
@@ -192,7 +229,7 @@ def _compare(subject: Subject, options: Options, scratch: Path, watcher: Progres
         return run(key, subject.samples, scratch, time_limit_s=options.time_limit_s)
 
     results = []
-    with ThreadPoolExecutor(max(1, options.threads)) as pool:
+    with ThreadPoolExecutor(options.workers) as pool:
         started: list[tuple[str, Future[Run]]] = [
             (key, pool.submit(one, key)) for key in options.algorithms
         ]
@@ -219,13 +256,15 @@ def _compare(subject: Subject, options: Options, scratch: Path, watcher: Progres
     )
 
 
-def _measured(key: str, made: Run, subject: Subject, options: Options) -> Result:
-    if made.surface is None or made.colours is None:
-        return Result(key, made, None)
+def _measured(key: str, outcome: Run, subject: Subject, options: Options) -> Result:
+    if outcome.surface is None or outcome.colours is None:
+        return Result(key, outcome, None)
     picture = None
     if options.pictures:
-        picture = picture_of_mesh(subject, made.surface.vertices, made.surface.faces, made.colours)
-    return Result(key, made, score(made.surface, made.colours, subject), picture)
+        picture = picture_of_mesh(
+            subject, outcome.surface.vertices, outcome.surface.faces, outcome.colours
+        )
+    return Result(key, outcome, score(outcome.surface, outcome.colours, subject), picture)
 
 
 def _sweeps(
@@ -241,7 +280,7 @@ def _sweeps(
                 options.depths,
                 options.depth_points,
                 scratch,
-                threads=options.threads,
+                threads=options.workers,
                 progress=watcher,
             )
         except PipelineError as error:
@@ -267,25 +306,25 @@ def _shape_table(options: Options, models: tuple[Compared, ...]) -> dict[str, Sh
     table = {}
     for key in options.algorithms:
         scores = [one.scores for model in models for one in model.results if one.algorithm == key]
-        known = [one for one in scores if one is not None]
-        if known and len(known) == len(scores):
-            table[key] = judge_shape(key, known)
+        valid = [one for one in scores if one is not None]
+        if valid and len(valid) == len(scores):
+            table[key] = judge_shape(key, valid)
     return table
 
 
 def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version(), "cores": str(os.cpu_count())}
+    versions = {"python": platform.python_version(), "cores": str(os.cpu_count())}
     for name in _PACKAGES:
         try:
-            found[name] = importlib.metadata.version(name)
+            versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            found[name] = "not installed"
+            versions[name] = "not installed"
     if shutil.which(PROGRAM) and shutil.which("dpkg-query"):
         asked = ["dpkg-query", "-W", "-f", "${Version}", "pcl-tools"]
         done = subprocess.run(asked, capture_output=True, text=True, check=False)
         if done.returncode == 0:
-            found["pcl-tools"] = done.stdout
-    return found
+            versions["pcl-tools"] = done.stdout
+    return versions
 
 
 def to_json(evaluation: Evaluation) -> str:
@@ -302,7 +341,7 @@ def to_json(evaluation: Evaluation) -> str:
             "results": [
                 {
                     "algorithm": result.algorithm,
-                    "made_by": result.run.algorithm.made_by,
+                    "made_by": result.run.algorithm.implementation,
                     "note": result.run.surface.note if result.run.surface else "",
                     "error": result.run.error,
                     "cpu_s": round(result.run.cpu_s, 3),

@@ -13,6 +13,7 @@ import numpy as np
 import psutil
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import UInt8
 from terraport_pipeline.engines.reconstructors import (
     RECONSTRUCTORS,
     Reconstructor,
@@ -21,7 +22,6 @@ from terraport_pipeline.engines.reconstructors import (
 )
 from terraport_pipeline.engines.reconstructors.child import main as child_main
 from terraport_pipeline.geometry.carry import carry_values
-from terraport_pipeline.model import UInt8
 
 __all__ = ["TIME_LIMIT_S", "Run", "run"]
 
@@ -33,7 +33,7 @@ _SERVER.set_forkserver_preload(["terraport_pipeline.engines.reconstructors.child
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What one algorithm did with one cloud."""
+    """Surface, cost or error of one algorithm on one cloud."""
 
     algorithm: Reconstructor
     surface: Surface | None
@@ -77,14 +77,17 @@ def run(
     Run
         Never raises for what the algorithm does: a failure is a result.
     """
+    # (1) What is not installed is a result too.
     algorithm = RECONSTRUCTORS[key]
     missing = algorithm.missing()
     if missing is not None:
         return Run(algorithm, None, None, error=missing)
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
-        place = Path(folder)
+        # (2) The input goes through a file, the algorithm runs in a child: a crash, a leak or a
+        # hang stays there.
+        directory = Path(folder)
         np.savez(
-            place / "samples.npz",
+            directory / "samples.npz",
             points=samples.points,
             normals=samples.normals,
             colours=samples.colours,
@@ -92,7 +95,7 @@ def run(
             spacing_m=samples.spacing_m,
         )
         child = _SERVER.Process(
-            target=child_main, args=(key, str(place), threads, depth or 0), daemon=True
+            target=child_main, args=(key, str(directory), threads, depth or 0), daemon=True
         )
         child.start()
         child.join(time_limit_s)
@@ -100,12 +103,16 @@ def run(
             _kill(child.pid)
             child.join()
             return Run(algorithm, None, None, error=f"not done after {time_limit_s:g} s: stopped")
-        facts_path = place / "facts.json"
+        # (3) What came of it.
+        facts_path = directory / "facts.json"
         facts = json.loads(facts_path.read_text()) if facts_path.is_file() else {}
         if child.exitcode:
-            told = facts.get("error") or f"ended with exit code {child.exitcode}: {_said(place)}"
-            return Run(algorithm, None, None, error=told)
-        with np.load(place / "surface.npz") as stored:
+            reason = (
+                facts.get("error")
+                or f"ended with exit code {child.exitcode}: {_last_output(directory)}"
+            )
+            return Run(algorithm, None, None, error=reason)
+        with np.load(directory / "surface.npz") as stored:
             arrays = dict(stored)
     surface = Surface(
         arrays["vertices"],
@@ -126,11 +133,11 @@ def run(
     )
 
 
-def _said(place: Path) -> str:
-    """Return the end of what a child printed."""
-    path = place / "said.txt"
-    said = path.read_bytes() if path.is_file() else b""
-    return said[-400:].decode("utf-8", "replace").strip() or "it printed nothing"
+def _last_output(directory: Path) -> str:
+    """Return the last 400 bytes that a child printed to standard error."""
+    path = directory / "output.txt"
+    output = path.read_bytes() if path.is_file() else b""
+    return output[-400:].decode("utf-8", "replace").strip() or "it printed nothing"
 
 
 def _kill(pid: int | None) -> None:

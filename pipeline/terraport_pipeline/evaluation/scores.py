@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.reconstructors.contract import Surface
 from terraport_pipeline.evaluation.subjects import Subject
 from terraport_pipeline.geometry.closest_point import TriangleTree
 from terraport_pipeline.geometry.mesh_edges import edge_facts, open_loops
 from terraport_pipeline.geometry.uniform_samples import sample_mesh
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["LOST_SPACINGS", "Distances", "Scores", "score"]
 
@@ -32,7 +32,7 @@ _PLACES: Final = 40_000
 
 @dataclass(frozen=True, slots=True)
 class Distances:
-    """Distances in spacings of the samples."""
+    """Mean, percentiles and maximum of distances, in spacings of the samples."""
 
     mean: float
     p50: float
@@ -66,7 +66,7 @@ class Scores:
     holes: int
     """Groups of open edges away from the truth's own end."""
     hole_area: float
-    """Their area, as a share of the truth's."""
+    """Area of the holes, as a share of the truth's."""
     truth_lost: float
     """Share of the truth without surface within two spacings."""
     open_edges: int
@@ -102,9 +102,9 @@ def score(surface: Surface, colours: UInt8, subject: Subject) -> Scores:
     colour = np.percentile(apart, (50, 95, 100))
     # Distances, both ways
     rng = np.random.default_rng(len(surface.faces))
-    places, _ = sample_mesh(surface.vertices, surface.faces, _PLACES, rng)
+    surface_samples, _ = sample_mesh(surface.vertices, surface.faces, _PLACES, rng)
     true_tree = TriangleTree(subject.truth_vertices, subject.truth_faces)
-    to_truth = true_tree.nearest(places)
+    to_truth = true_tree.nearest(surface_samples)
     beyond = _beyond(to_truth.interpolate(subject.truth_faces, subject.truth_vertices), subject)
     away = to_truth.distance_m[~beyond] / spacing_m
     back = tree.nearest(subject.seen).distance_m / spacing_m

@@ -9,13 +9,14 @@ from typing import Final
 import numpy as np
 import trimesh
 
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.reconstructors import Samples
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.geometry.mesh_edges import edge_facts
 from terraport_pipeline.geometry.normals import estimate_normals
 from terraport_pipeline.geometry.spacing import estimate_spacing, nearest_neighbours
 from terraport_pipeline.geometry.uniform_samples import sample_mesh
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8, to_scene
+from terraport_pipeline.model import to_scene
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.synth.bodies import BODIES
@@ -124,24 +125,28 @@ def mesh_subject(
     The normals' directions are estimated from the noisy samples; their signs are the truth's, since
     a scanner knows the side that it saw.
     """
+    # (1) A body of standard size, faces turned outwards.
     rng = np.random.default_rng([len(faces), points])
     vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     vertices = vertices * (BODY_SIZE_M / float(np.ptp(vertices, axis=0).max()))
     faces = _turned_out(vertices, faces)
-    places, face = sample_mesh(vertices, faces, points, rng)
+    # (2) Even samples with noise; normals are estimated from them, as of a scan, and turned
+    # outwards.
+    samples, face = sample_mesh(vertices, faces, points, rng)
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = float(np.linalg.norm(normal, axis=1).sum() / 2)
     noise = NOISE_SPACINGS * np.sqrt(area / points)
-    measured = (places + rng.normal(size=places.shape) * noise).astype(np.float32)
+    measured = (samples + rng.normal(size=samples.shape) * noise).astype(np.float32)
     neighbours = nearest_neighbours(measured, NORMAL_NEIGHBOURS, workers=1)
     spacing = estimate_spacing(neighbours)
     normals, _ = estimate_normals(measured, neighbours, k=NORMAL_NEIGHBOURS)
     inward = np.einsum("ij,ij->i", normals, normal[face]) < 0
     normals = np.where(inward[:, None], -normals, normals)
+    # (3) Points of the truth to measure against.
     checks, _ = sample_mesh(vertices, faces, min(_CHECKS, 2 * points), rng)
     open_edges = edge_facts(faces).open_edges
-    colours = _painted(places, vertices)
+    colours = _painted(samples, vertices)
     return Subject(
         key,
         title,
@@ -168,16 +173,16 @@ def quarry(points: int, scratch: Path) -> Subject:
     Its colours are photographed ones; the truth is the generator's own surface.
     """
     options = QuarryOptions(points=max(points, 1000), holes=0)
-    made = synthesise(options)
+    synthetic = synthesise(options)
     # Threads change nothing but the time.
-    cleaned = clean.run(made.survey, clean.Options(), Context(scratch, threads=_CLEAN_THREADS))
+    cleaned = clean.run(synthetic.survey, clean.Options(), Context(scratch, threads=_CLEAN_THREADS))
     cloud = cleaned.cloud
     true = truth_mesh(options, _TRUTH_EDGE_SPACINGS * cloud.spacing_m)
     shift = to_scene(
         np.array([[options.easting_m, options.northing_m, options.elevation_m]]), cloud.origin
     )
     vertices = true.vertices + shift
-    seen = to_scene(made.truth[made.material != Material.OUTLIER], cloud.origin)
+    seen = to_scene(synthetic.truth[synthetic.material != Material.OUTLIER], cloud.origin)
     edges = edge_facts(true.faces).open_edges
     low, high = vertices[:, ::2].min(axis=0), vertices[:, ::2].max(axis=0)
     neighbours = nearest_neighbours(cloud.points, 1, workers=1)
@@ -219,16 +224,16 @@ def _along(vertices: Float64 | Float32, edges: Int32, step_m: float) -> Float32:
     start, end = (vertices[edges[:, k]].astype(np.float64) for k in (0, 1))
     count = np.maximum(1, np.ceil(np.linalg.norm(end - start, axis=1) / step_m)).astype(np.int64)
     edge = np.repeat(np.arange(len(edges)), count)
-    place = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
-    share = ((place + 0.5) / count[edge])[:, None]
+    slot = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    share = ((slot + 0.5) / count[edge])[:, None]
     along: Float32 = (start[edge] * (1 - share) + end[edge] * share).astype(np.float32)
     return along
 
 
-def _painted(places: Float64, vertices: Float64) -> UInt8:
+def _painted(points: Float64, vertices: Float64) -> UInt8:
     """Colours without sharp edges: three waves through the body, a few spacings long."""
     size = float(np.ptp(vertices, axis=0).max())
-    phase = places / size * np.array([6.0, 7.0, 9.0]) + np.array([0.0, 1.0, 2.0])
+    phase = points / size * np.array([6.0, 7.0, 9.0]) + np.array([0.0, 1.0, 2.0])
     wave = np.sin(phase + 0.5 * np.roll(phase, 1, axis=1))
     painted: UInt8 = np.rint(150 + 60 * wave).astype(np.uint8)
     return painted

@@ -62,7 +62,7 @@ THESIS_SHAPE: Final[dict[str, tuple[bool, bool]]] = {
 
 @dataclass(frozen=True, slots=True)
 class ColourVerdict:
-    """A row of Table 3.1."""
+    """Colour fidelity of an algorithm, measured and in the thesis: a row of Table 3.1."""
 
     difference_p95: float
     allowed_p95: float
@@ -73,7 +73,7 @@ class ColourVerdict:
 
 @dataclass(frozen=True, slots=True)
 class ShapeVerdict:
-    """A row of Table 3.2, over all models."""
+    """Holes and distances of an algorithm over all models: a row of Table 3.2."""
 
     holes: int
     worst_to_truth_p95: float
@@ -84,7 +84,7 @@ class ShapeVerdict:
 
     @property
     def proceed(self) -> bool:
-        """Whether the algorithm passes."""
+        """Whether the algorithm passes the table: no holes, and similar to the truth."""
         return self.similar and not self.has_holes
 
 

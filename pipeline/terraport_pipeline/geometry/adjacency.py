@@ -15,8 +15,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Int32, Int64
 from terraport_pipeline.geometry.chunks import CHUNK, in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
@@ -30,13 +30,8 @@ with the next 63 in face order. Keeps the pairs linear in the faces (a fan of 10
 _INSERTION: Final = 16
 """Entries that insertion sorts; longer rows are merged from such pieces."""
 
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
-
-def face_pairs(
-    faces: npt.NDArray[np.integer], n_vertices: int, *, threads: int = 1
-) -> tuple[_Int32, _Int32]:
+def face_pairs(faces: AnyInt, n_vertices: int, *, threads: int = 1) -> tuple[Int32, Int32]:
     """Find every pair of faces that share an edge.
 
     Parameters
@@ -92,7 +87,7 @@ def face_pairs(
     return pairs, edges
 
 
-def vertex_pairs(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int32:
+def vertex_pairs(faces: AnyInt, n_vertices: int) -> Int32:
     """Find every pair of faces that share at least one vertex.
 
     Parameters
@@ -123,11 +118,11 @@ def vertex_pairs(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int32:
 
 def components(
     n_items: int,
-    pairs: _Int32,
+    pairs: Int32,
     *,
-    labels: npt.NDArray[np.integer] | None = None,
-    also: npt.NDArray[np.integer] | None = None,
-) -> tuple[_Int32, int]:
+    labels: AnyInt | None = None,
+    also: AnyInt | None = None,
+) -> tuple[Int32, int]:
     """Find connected components of a graph, optionally only over pairs with equal labels.
 
     Parameters
@@ -162,7 +157,7 @@ def components(
     return component, int(count)
 
 
-def _validate_faces(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int32:
+def _validate_faces(faces: AnyInt, n_vertices: int) -> Int32:
     """Contiguous int32 copy (or view) of checked faces."""
     if faces.ndim != 2 or faces.shape[1] != 3:
         msg = f"faces have shape {faces.shape}, expected (F, 3)"
@@ -175,7 +170,7 @@ def _validate_faces(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int32:
 
 
 @numba.njit(cache=True, nogil=True)
-def _is_repeated(faces: _Int32, f: int, c: int) -> bool:
+def _is_repeated(faces: Int32, f: int, c: int) -> bool:
     """Whether the face's edge c is the same as one before it (faces with a repeated corner)."""
     if c == 1:
         return bool(faces[f, 2] == faces[f, 0])
@@ -183,7 +178,7 @@ def _is_repeated(faces: _Int32, f: int, c: int) -> bool:
 
 
 @numba.njit(cache=True, nogil=True)
-def _bucket_half_edges(faces: _Int32, n_vertices: int) -> tuple[_Int64, _Int32]:
+def _bucket_half_edges(faces: Int32, n_vertices: int) -> tuple[Int64, Int32]:
     """Half-edges (higher vertex, face) in rows by lower vertex, in face order within a row."""
     starts = np.zeros(n_vertices + 2, np.int64)
     for f in range(len(faces)):
@@ -207,11 +202,13 @@ def _bucket_half_edges(faces: _Int32, n_vertices: int) -> tuple[_Int64, _Int32]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _sort_row(rows: _Int32, start: int, end: int) -> None:
+def _sort_row(rows: Int32, start: int, end: int) -> None:
     """Sort one row by higher vertex, faces staying in order: insertion, and merging if it is long.
 
     Rows have about three entries; a fan of any size still takes n log n.
     """
+    # (1) Short runs by insertion. Only strictly higher entries move, so equal ones keep their
+    # order.
     for low in range(start, end, _INSERTION):
         for i in range(low + 1, min(low + _INSERTION, end)):
             high, face = rows[i, 0], rows[i, 1]
@@ -220,6 +217,8 @@ def _sort_row(rows: _Int32, start: int, end: int) -> None:
                 rows[j, 0], rows[j, 1] = rows[j - 1, 0], rows[j - 1, 1]
                 j -= 1
             rows[j, 0], rows[j, 1] = high, face
+    # (2) Merge runs of doubled width; of equal entries the left run's comes first: stable as
+    # well.
     width = _INSERTION
     while width < end - start:
         spare = rows[start:end].copy()
@@ -238,14 +237,14 @@ def _sort_row(rows: _Int32, start: int, end: int) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def _opposite(faces: _Int32, f: int, low: int, high: int) -> int:
+def _opposite(faces: Int32, f: int, low: int, high: int) -> int:
     """Third corner of a face across one of its edges; the face may have a repeated corner."""
     third: int = np.int64(faces[f, 0]) + faces[f, 1] + faces[f, 2] - low - high
     return third
 
 
 @numba.njit(cache=True, nogil=True)
-def _share_lower_edge(faces: _Int32, f: int, g: int, low: int, high: int) -> bool:
+def _share_lower_edge(faces: Int32, f: int, g: int, low: int, high: int) -> bool:
     """Whether faces f and g, which share the edge (low, high), share one that sorts before it too.
 
     Then they have three corners in common: the third is the same, and it makes a lower edge with
@@ -256,7 +255,7 @@ def _share_lower_edge(faces: _Int32, f: int, g: int, low: int, high: int) -> boo
 
 
 @numba.njit(cache=True, nogil=True)
-def _sort_and_count(faces: _Int32, starts: _Int64, rows: _Int32, begin: int, end: int) -> int:
+def _sort_and_count(faces: Int32, starts: Int64, rows: Int32, begin: int, end: int) -> int:
     """Sort the rows of some vertices and count their pairs."""
     count = 0
     for v in range(begin, end):
@@ -273,11 +272,11 @@ def _sort_and_count(faces: _Int32, starts: _Int64, rows: _Int32, begin: int, end
 
 @numba.njit(cache=True, nogil=True)
 def _emit_pairs(
-    faces: _Int32,
-    starts: _Int64,
-    rows: _Int32,
-    pairs: _Int32,
-    edges: _Int32,
+    faces: Int32,
+    starts: Int64,
+    rows: Int32,
+    pairs: Int32,
+    edges: Int32,
     first: int,
     begin: int,
     end: int,
@@ -297,7 +296,7 @@ def _emit_pairs(
 
 
 @numba.njit(cache=True, nogil=True)
-def _bucket_corners(faces: _Int32, n_vertices: int) -> tuple[_Int64, _Int32]:
+def _bucket_corners(faces: Int32, n_vertices: int) -> tuple[Int64, Int32]:
     """Faces around every vertex, ascending, each once."""
     starts = np.zeros(n_vertices + 1, np.int64)
     for f in range(len(faces)):
@@ -319,11 +318,13 @@ def _bucket_corners(faces: _Int32, n_vertices: int) -> tuple[_Int64, _Int32]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _emit_vertex_pairs(faces: _Int32, starts: _Int64, face: _Int32, pairs: _Int32) -> int:
+def _emit_vertex_pairs(faces: Int32, starts: Int64, face: Int32, pairs: Int32) -> int:
     """Count the pairs; write them too where ``pairs`` has room."""
     write = len(pairs) > 0
     count = 0
     for v in range(len(starts) - 1):
+        # Pairs of this vertex's faces, up to a bound: a fan of n faces would give n^2 / 2 of
+        # them.
         for x in range(starts[v], starts[v + 1]):
             for y in range(x + 1, min(starts[v + 1], x + MAX_FACES_PER_EDGE)):
                 f, g = face[x], face[y]
@@ -342,7 +343,7 @@ def _emit_vertex_pairs(faces: _Int32, starts: _Int64, face: _Int32, pairs: _Int3
 
 
 @numba.njit(cache=True, nogil=True)
-def _find(parent: _Int32, item: int) -> int:
+def _find(parent: Int32, item: int) -> int:
     while parent[item] != item:
         parent[item] = parent[parent[item]]
         item = parent[item]
@@ -350,8 +351,9 @@ def _find(parent: _Int32, item: int) -> int:
 
 
 @numba.njit(cache=True, nogil=True)
-def _components(n_items: int, pairs: _Int32, labels: _Int32, also: _Int32) -> tuple[_Int32, int]:
+def _components(n_items: int, pairs: Int32, labels: Int32, also: Int32) -> tuple[Int32, int]:
     """Union-find whose root is always the lowest item, so numbering follows the first item."""
+    # (1) Unite. Invariant: `parent[i] <= i`, so the root of a tree is its lowest item.
     parent = np.empty(n_items, np.int32)
     for i in range(n_items):
         parent[i] = i
@@ -367,6 +369,7 @@ def _components(n_items: int, pairs: _Int32, labels: _Int32, also: _Int32) -> tu
             parent[b] = a
         elif b < a:
             parent[a] = b
+    # (2) Number the roots ascending; a root is met before all others of its tree.
     component = np.empty(n_items, np.int32)
     count = 0
     for i in range(n_items):

@@ -19,9 +19,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import Bool, Float64, Int32, Int64
 
 __all__ = ["ALIGN", "GUTTER", "SMALLEST_CELL", "Atlas", "pack_charts"]
 
@@ -48,7 +47,7 @@ _LEAST_SCALE: Final = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Atlas:
-    """Places of C charts in one image."""
+    """Size of an image, and the cell of each of C charts in it."""
 
     width: int
     height: int
@@ -57,10 +56,10 @@ class Atlas:
     """Every chart was scaled by this, at most 1."""
     cells: Int32
     """(C, 4) x, y, width, height of each chart's cell, texels."""
-    turned: npt.NDArray[np.bool_]
+    turned: Bool
     """(C,) charts whose x and y are exchanged."""
 
-    def place(self, uvs: Float64, chart: Int32) -> Float64:
+    def to_texels(self, uvs: Float64, chart: Int32) -> Float64:
         """Turn coordinates within charts into texels of the image.
 
         Parameters
@@ -149,22 +148,24 @@ def _try(sizes: Float64, scale: float, width: int, height: int) -> Atlas | None:
         return None
     # High ones first: the skyline stays level. Ties by width, then by number.
     order = np.lexsort((np.arange(len(flat)), -flat[:, 0], -flat[:, 1]))
-    places = np.zeros((len(flat), 2), np.int64)
-    if not _skyline(flat, order, columns, rows, places):
+    corners = np.zeros((len(flat), 2), np.int64)
+    if not _skyline(flat, order, columns, rows, corners):
         return None
-    found = np.concatenate([places, flat], axis=1) * ALIGN
-    return Atlas(width, height, scale, found.astype(np.int32), turned)
+    placed = np.concatenate([corners, flat], axis=1) * ALIGN
+    return Atlas(width, height, scale, placed.astype(np.int32), turned)
 
 
 @numba.njit(cache=True, nogil=True)
 def _skyline(
-    cells: npt.NDArray[np.int64],
-    order: npt.NDArray[np.int64],
+    cells: Int64,
+    order: Int64,
     columns: int,
     rows: int,
-    places: npt.NDArray[np.int64],
+    corners: Int64,
 ) -> bool:
     """Put each rectangle where its upper rim is lowest, then leftmost; False when one is left."""
+    # Invariant: `height[c]` is the upper rim of what stands in column c; nothing lies above it,
+    # so a rectangle at or above the highest rim of its columns overlaps none.
     height = np.zeros(columns, np.int64)
     for number in order:
         wide, high = cells[number, 0], cells[number, 1]
@@ -182,6 +183,6 @@ def _skyline(
             x = highest + 1  # until it is passed the ground cannot be lower
         if best_top > rows:
             return False
-        places[number, 0], places[number, 1] = best_x, best_top - high
+        corners[number, 0], corners[number, 1] = best_x, best_top - high
         height[best_x : best_x + wide] = best_top
     return True

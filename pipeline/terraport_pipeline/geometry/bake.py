@@ -17,11 +17,10 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Float32, Float64, Int32, UInt8
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH, project_packed
 from terraport_pipeline.geometry.photo_samples import apply_gain, gain_at, sample
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["NO_PHOTO", "FaceColours", "bake_photo_faces", "bake_plain_faces"]
 
@@ -53,8 +52,8 @@ class FaceColours:
     colours: UInt8
     """(F, 3, 3) vertex colours of the corners."""
 
-    def rows(self, which: npt.NDArray[np.integer]) -> FaceColours:
-        """Take some faces."""
+    def rows(self, which: AnyInt) -> FaceColours:
+        """Select faces; (K, ...) of every field."""
         return FaceColours(
             self.view[which],
             self.blend_view[which],
@@ -138,9 +137,13 @@ def _bake_photo(
     margin: float,
     blends: bool,
 ) -> None:
+    """Draw faces of one photo; see :func:`bake_photo_faces`. `second` is the other photo."""
     scale_x, scale_y = photo.shape[1] / packed[WIDTH], photo.shape[0] / packed[HEIGHT]
     second_x = second.shape[1] / second_packed[WIDTH]
     second_y = second.shape[0] / second_packed[HEIGHT]
+    # (1) Corners of the face in the photos' own pixels, which may be finer or coarser than the
+    # lens's. Everything that varies over the face is set at its corners and interpolated linearly
+    # inside.
     # Per corner: x, y in the photo, vignetting; the same of the second photo; its weight.
     at = np.zeros((3, 7))
     for index in range(len(which)):
@@ -158,6 +161,9 @@ def _bake_photo(
                 at[c, 3], at[c, 4] = u * second_x, v * second_y
                 at[c, 5] = gain_at(second_gain, second_packed, u, v)
                 at[c, 6] = blend_weight[f, c]
+        # (2) Every texel whose middle lies in the face. Invariant: a texel within a face is
+        # overwritten, a texel of the margin only where nothing is drawn yet, so margins never
+        # hide a face.
         box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
         sides, least = _frame(texels[f], margin)
@@ -174,6 +180,8 @@ def _bake_photo(
                         image, covered, i, j, l0, l1, l2, at, correction[f],
                         photo, gain, second, second_gain, mixing,
                     )  # fmt: skip
+        # (3) A face that no texel's middle lies in still has a colour: in the texel under its
+        # middle, if free.
         if (
             not drawn and margin == 0.0
         ):  # smaller than a texel: its middle takes the texel that nobody has
@@ -203,6 +211,26 @@ def _write_photo(
     second_gain: Float32,
     mixing: bool,
 ) -> None:
+    """Colour texel (i, j) from photos at barycentric weights l0, l1, l2 of the face's corners.
+
+    Parameters
+    ----------
+    image, covered : ndarray of shape (H, W, 3), (H, W)
+        Written.
+    i, j : int
+        Column and row of the texel.
+    l0, l1, l2 : float
+        Weights; they sum to 1.
+    at : ndarray of shape (3, 7), float64
+        Per corner: x, y in the photo and vignetting; the same of the second photo; its weight.
+    correction : ndarray of shape (3, 3), float32
+        Levels to add, by corner and channel.
+    photo, gain, second, second_gain : ndarray
+        The two photos, and their gains by channel.
+    mixing : bool
+        Whether the second photo counts.
+    """
+    # (1) Corner values, weighted by the texel's barycentric coordinates.
     x = l0 * at[0, 0] + l1 * at[1, 0] + l2 * at[2, 0]
     y = l0 * at[0, 1] + l1 * at[1, 1] + l2 * at[2, 1]
     h = l0 * at[0, 2] + l1 * at[1, 2] + l2 * at[2, 2]
@@ -212,6 +240,8 @@ def _write_photo(
         x2 = l0 * at[0, 3] + l1 * at[1, 3] + l2 * at[2, 3]
         y2 = l0 * at[0, 4] + l1 * at[1, 4] + l2 * at[2, 4]
         h2 = l0 * at[0, 5] + l1 * at[1, 5] + l2 * at[2, 5]
+    # (2) Exposure first, then the blend, then the correction, which is in levels of the exposed
+    # picture. The weight of the second photo is 0 where the face does not blend.
     for k in range(3):
         level = apply_gain(sample(photo, x, y, k), h * gain[k])
         if weight > 0.0:
@@ -259,10 +289,12 @@ def _bake_plain(
     level = np.zeros((3, 3))
     for index in range(len(which)):
         f = which[index]
+        # (1) Levels at the corners, with exposure and correction; inside they are interpolated.
         for c in range(3):
             for k in range(3):
                 level[c, k] = apply_gain(np.float64(colours[f, c, k]), gain[k])
                 level[c, k] += correction[f, c, k]
+        # (2) Every texel whose middle lies in the face; of the margin only those that nobody has.
         box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
         sides, least = _frame(texels[f], margin)
@@ -276,6 +308,7 @@ def _bake_plain(
                         continue
                     drawn = True
                     _write_plain(image, covered, i, j, l0, l1, l2, level)
+        # (3) Smaller than a texel: its middle takes the texel that nobody has.
         if not drawn and margin == 0.0:
             third = 1.0 / 3.0
             i, j = _middle(texels[f], sides)

@@ -9,34 +9,32 @@ from typing import Final, NamedTuple
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64, Int64
 
 __all__ = ["PointGrid", "agrees", "grid_points", "is_empty", "points_around", "rest_ball"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _TOUCH: Final = 1e-6
 """Share of the squared radius within which a sample counts as on the ball, not in it."""
 
 
 class PointGrid(NamedTuple):
-    """Points by cells."""
+    """Points sorted by the cells of a regular grid: those of a cell are one run of `order`."""
 
-    cells: _Int64
+    cells: Int64
     """Keys of the cells that hold any, ascending."""
-    starts: _Int64
+    starts: Int64
     """Where each one's points begin in `order`."""
-    order: _Int64
-    shape: _Int64
+    order: Int64
+    shape: Int64
     """Cells along each axis."""
     low: Float64
     """The first cell's corner."""
 
 
 def grid_points(points: Float64, cell_m: float) -> PointGrid:
-    """Put points in cells."""
+    """Sort points into the cells of a grid over their bounding box."""
     low = points.min(axis=0, initial=np.inf) - cell_m
     cell = ((points - low) / cell_m).astype(np.int64)
     shape = cell.max(axis=0, initial=0) + 2
@@ -48,38 +46,40 @@ def grid_points(points: Float64, cell_m: float) -> PointGrid:
 
 @numba.njit(cache=True)
 def points_around(
-    x: float, y: float, z: float, reach: float, points: Float64, grid: PointGrid, out: _Int64
+    x: float, y: float, z: float, reach: float, points: Float64, grid: PointGrid, out: Int64
 ) -> int:  # pragma: no cover - compiled
     """Collect the points within `reach` (at most a cell) of a place; returns how many."""
+    # Cells are as wide as `reach`, so all points within it lie in the 27 cells around the place.
     cx, cy, cz = (
         int((x - grid.low[0]) / reach),
         int((y - grid.low[1]) / reach),
         int((z - grid.low[2]) / reach),
     )
-    found = 0
+    count = 0
     for ix in range(max(cx - 1, 0), min(cx + 2, grid.shape[0])):
         for iy in range(max(cy - 1, 0), min(cy + 2, grid.shape[1])):
+            # Cells along z have consecutive keys: three of them are one search and one run.
             first = (ix * grid.shape[1] + iy) * grid.shape[2] + max(cz - 1, 0)
             last = (ix * grid.shape[1] + iy) * grid.shape[2] + min(cz + 1, grid.shape[2] - 1)
-            place = np.searchsorted(grid.cells, first)
-            while place < len(grid.cells) and grid.cells[place] <= last:
-                for row in range(grid.starts[place], grid.starts[place + 1]):
+            slot = np.searchsorted(grid.cells, first)
+            while slot < len(grid.cells) and grid.cells[slot] <= last:
+                for row in range(grid.starts[slot], grid.starts[slot + 1]):
                     point = grid.order[row]
                     dx, dy, dz = (
                         points[point, 0] - x, points[point, 1] - y, points[point, 2] - z,
                     )  # fmt: skip
-                    if dx * dx + dy * dy + dz * dz <= reach * reach and found < len(out):
-                        out[found] = point
-                        found += 1
-                place += 1
-    return found
+                    if dx * dx + dy * dy + dz * dz <= reach * reach and count < len(out):
+                        out[count] = point
+                        count += 1
+                slot += 1
+    return count
 
 
 @numba.njit(cache=True, inline="always")
 def _sides(
     points: Float64, a: int, b: int, c: int
 ) -> tuple[float, float, float, float, float, float]:  # pragma: no cover - compiled
-    """From a to b and from a to c."""
+    """Edge vectors from a to b and from a to c, as six scalars."""
     return (
         points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2],
         points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2],
@@ -129,7 +129,7 @@ def is_empty(
     points: Float64,
     centre: Float64,
     radius: float,
-    near: _Int64,
+    near: Int64,
     count: int,
     a: int,
     b: int,
@@ -137,8 +137,8 @@ def is_empty(
 ) -> bool:  # pragma: no cover - compiled
     """Whether no sample of `near` but the three lies in the ball."""
     limit = radius * radius * (1.0 - _TOUCH)
-    for place in range(count):
-        point = near[place]
+    for slot in range(count):
+        point = near[slot]
         if point in (a, b, c):
             continue
         dx = points[point, 0] - centre[0]

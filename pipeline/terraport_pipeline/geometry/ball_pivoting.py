@@ -18,8 +18,8 @@ from typing import Final, NamedTuple
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.ball_kernels import (
     PointGrid,
     agrees,
@@ -28,12 +28,9 @@ from terraport_pipeline.geometry.ball_kernels import (
     points_around,
     rest_ball,
 )
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["pivot_balls"]
 
-_Int64 = npt.NDArray[np.int64]
-_Int8 = npt.NDArray[np.int8]
 
 _FRONT: Final = 0
 _BORDER: Final = 1
@@ -50,14 +47,14 @@ class _Surface(NamedTuple):
     """What has grown; rows beyond the counts are unused."""
 
     faces: Int32
-    edges: _Int64
+    edges: Int64
     """From, to, opposite, state, next at the lower end."""
     centres: Float64
     """The ball's centre at each edge's face."""
-    heads: _Int64
+    heads: Int64
     """Each sample's first edge, -1 for none."""
-    counts: _Int64
-    """Faces, edges."""
+    counts: Int64
+    """(2,) faces and edges so far."""
 
 
 def pivot_balls(points: Float32, normals: Float32, radii_m: Sequence[float]) -> Int32:
@@ -86,19 +83,19 @@ def pivot_balls(points: Float32, normals: Float32, radii_m: Sequence[float]) -> 
     """
     if not all(radius > 0 for radius in radii_m):
         raise ValueError(f"received radii {list(radii_m)} m, expected positive ones")
-    places = np.ascontiguousarray(points, np.float64)
-    places = places - places.mean(axis=0)
+    centred = np.ascontiguousarray(points, np.float64)
+    centred = centred - centred.mean(axis=0)
     sides = np.ascontiguousarray(normals, np.float64)
-    room = _FACES_PER_SAMPLE * len(places) + 16
+    room = _FACES_PER_SAMPLE * len(centred) + 16
     mesh = _Surface(
         np.empty((room, 3), np.int32),
         np.empty((3 * room, 5), np.int64),
         np.empty((3 * room, 3)),
-        np.full(len(places), -1, np.int64),
+        np.full(len(centred), -1, np.int64),
         np.zeros(2, np.int64),
     )
     for radius_m in sorted(radii_m):
-        _roll(places, sides, radius_m, grid_points(places, 2 * radius_m), mesh)
+        _roll(centred, sides, radius_m, grid_points(centred, 2 * radius_m), mesh)
     return mesh.faces[: mesh.counts[0]].copy()
 
 
@@ -133,6 +130,8 @@ def _add_face(
         c,
     )
     mesh.counts[0] += 1
+    # Each side either closes an edge that waits for it or opens a new one at the ball's centre.
+    # Invariant: an edge is listed once, under its lower end, with the face on its left.
     for start, end, across in ((a, b, c), (b, c, a), (c, a, b)):
         edge = _find_edge(mesh, start, end)
         if edge >= 0:
@@ -158,14 +157,16 @@ def _pivot(
     radius: float,
     mesh: _Surface,
     edge: int | np.int64,
-    near: _Int64,
+    near: Int64,
     count: int,
-    found: Float64,
+    new_centre: Float64,
 ) -> int:  # pragma: no cover - compiled
     """Roll the ball over an open edge to the first sample it meets; -1 where it meets none.
 
-    Writes the ball's new centre to `found`.
+    Writes the ball's new centre to `new_centre`.
     """
+    # (1) The axis of rotation: the edge's direction through its middle; the arm to the old
+    # centre.
     a, b, opposite = mesh.edges[edge, 0], mesh.edges[edge, 1], mesh.edges[edge, 2]
     mx, my, mz = (
         (points[a, 0] + points[b, 0]) / 2,
@@ -181,10 +182,13 @@ def _pivot(
     # The ball leaves its face on the left of the edge: it turns about the edge's direction from
     # the old centre through the outside to the right.
     sx, sy, sz = ay * oz - az * oy, az * ox - ax * oz, ax * oy - ay * ox
+    # (2) Of the samples that the ball can rest on together with the edge, the first that it
+    # meets. Invariant: `chosen` is the one of least angle so far whose ball holds no other
+    # sample; of equal angles the lower sample, so that the order of `near` does not matter.
     best, chosen = np.inf, -1
     centre = np.empty(3)
-    for place in range(count):
-        point = near[place]
+    for slot in range(count):
+        point = near[slot]
         if point in (a, b, opposite):
             continue
         if not rest_ball(points, b, a, point, radius, centre):
@@ -197,7 +201,8 @@ def _pivot(
             points, centre, radius, near, count, a, b, point
         ):
             best, chosen = angle, point
-            found[0], found[1], found[2] = centre[0], centre[1], centre[2]
+            new_centre[0], new_centre[1], new_centre[2] = centre[0], centre[1], centre[2]
+    # (3) A face whose sides contradict the samples' normals ends the surface here.
     if chosen >= 0 and not agrees(points, normals, b, a, chosen):
         return -1
     return chosen
@@ -213,6 +218,7 @@ def _roll(
     reach = 2 * radius
     queue = [np.int64(0)]
     queue.pop()
+    # (1) Borders that a smaller ball left: those that this ball rests on too become front again.
     for old in range(mesh.counts[1]):
         if mesh.edges[old, 3] != _BORDER:
             continue
@@ -228,6 +234,9 @@ def _roll(
                 centre[2],
             )
             queue.append(np.int64(old))
+    # (2) Roll over the front, edge by edge. Invariant: every edge of the front stands in `queue`
+    # at or after `head`; an edge that another face closed meanwhile is no longer front and is
+    # passed over.
     seed = 0
     while True:
         head = 0
@@ -254,6 +263,8 @@ def _roll(
                 continue
             _add_face(mesh, queue, centre, b, a, point)
         queue.clear()
+        # (3) The front is closed: start another piece of surface at the next free sample. `seed`
+        # only ever grows, so all seeds together cost one pass.
         # A sample that no edge starts or ends at: every edge hangs on its lower end only, so a
         # sample may look free and not be; such seeds only fail.
         while seed < len(points) and len(queue) == 0:
@@ -274,19 +285,22 @@ def _sow(
     grid: PointGrid,
     mesh: _Surface,
     queue: list[np.int64],
-    near: _Int64,
+    near: Int64,
     a: int,
 ) -> None:  # pragma: no cover - compiled
     """Look for a first triangle at a free sample: with the nearest two that hold a ball."""
+    # (1) The samples nearest to the seed.
     count = points_around(
         points[a, 0], points[a, 1], points[a, 2], 2 * radius, points, grid, near,
     )  # fmt: skip
     away = np.empty(count)
-    for place in range(count):
-        away[place] = 0.0
+    for slot in range(count):
+        away[slot] = 0.0
         for axis in range(3):
-            away[place] += (points[near[place], axis] - points[a, axis]) ** 2
+            away[slot] += (points[near[slot], axis] - points[a, axis]) ** 2
     nearest = np.argsort(away)[: _SEED_NEIGHBOURS + 1]
+    # (2) Pairs of them, nearer ones first; wound as the normals say, on sides that are still
+    # free.
     centre = np.empty(3)
     for first in range(1, len(nearest)):
         for second in range(1, first):
@@ -301,6 +315,7 @@ def _sow(
                 continue
             if mesh.counts[0] >= len(mesh.faces) or not rest_ball(points, a, b, c, radius, centre):
                 continue
+            # (3) The ball that rests on all three must hold no other sample.
             around = np.empty(4096, np.int64)
             held = points_around(
                 centre[0], centre[1], centre[2], 2 * radius, points, grid, around,

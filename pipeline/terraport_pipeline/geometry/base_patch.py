@@ -15,9 +15,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.geometry.trim import compact
 from terraport_pipeline.geometry.uncovered import uncovered_faces
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["append_surface", "base_patch"]
 

@@ -11,16 +11,14 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.footprint import Footprint
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.vertex_normals import face_normals
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["BorderFacts", "area_outside_m2", "border_edges", "measure_border"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _CHUNK: Final = 1_000_000
 """Faces per step of the area sum; bounds its scratch to about 200 MB."""
@@ -28,7 +26,7 @@ _CHUNK: Final = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class BorderFacts:
-    """How clean a surface ends."""
+    """How far a surface reaches beyond its outline, and how ragged its border is."""
 
     outside_m2: float
     """Area of the surface outside the footprint."""
@@ -139,7 +137,7 @@ def measure_border(
     )
 
 
-def _teeth_m(vertices: Float32, edges: Int32) -> npt.NDArray[np.float64]:
+def _teeth_m(vertices: Float32, edges: Int32) -> Float64:
     """Distance of border vertices from the line through their two neighbours along the border."""
     starts = np.bincount(edges[:, 0], minlength=len(vertices))
     ends = np.bincount(edges[:, 1], minlength=len(vertices))
@@ -151,25 +149,25 @@ def _teeth_m(vertices: Float32, edges: Int32) -> npt.NDArray[np.float64]:
     rows = np.flatnonzero(simple)
     if not len(rows):
         return np.zeros(1)
-    place = vertices[rows].astype(np.float64)
+    position = vertices[rows].astype(np.float64)
     first = vertices[before[rows]].astype(np.float64)
     chord = vertices[after[rows]] - first
     length = np.linalg.norm(chord, axis=1)
-    away: npt.NDArray[np.float64] = np.linalg.norm(np.cross(place - first, chord), axis=1)
-    teeth: npt.NDArray[np.float64] = away / np.maximum(length, np.finfo(np.float64).tiny)
+    away: Float64 = np.linalg.norm(np.cross(position - first, chord), axis=1)
+    teeth: Float64 = away / np.maximum(length, np.finfo(np.float64).tiny)
     return teeth
 
 
-def _is_in_sorted(values: _Int64, among: _Int64) -> npt.NDArray[np.bool_]:
+def _is_in_sorted(values: Int64, among: Int64) -> Bool:
     if not len(among):
         return np.zeros(len(values), dtype=bool)
-    place = np.minimum(np.searchsorted(among, values), len(among) - 1)
-    found: npt.NDArray[np.bool_] = among[place] == values
-    return found
+    index = np.minimum(np.searchsorted(among, values), len(among) - 1)
+    present: Bool = among[index] == values
+    return present
 
 
 @numba.njit(cache=True, nogil=True)
-def _unbalanced(faces: Int32, n_vertices: int) -> npt.NDArray[np.bool_]:
+def _unbalanced(faces: Int32, n_vertices: int) -> Bool:
     balance = np.zeros(n_vertices, np.uint64)
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -177,7 +175,7 @@ def _unbalanced(faces: Int32, n_vertices: int) -> npt.NDArray[np.bool_]:
         balance[a] += hash_b - hash_c
         balance[b] += hash_c - hash_a
         balance[c] += hash_a - hash_b
-    unbalanced: npt.NDArray[np.bool_] = balance != 0
+    unbalanced: Bool = balance != 0
     return unbalanced
 
 

@@ -15,15 +15,12 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Float32, Int32, Int64
 from terraport_pipeline.geometry.face_graph import LAB_STEPS, UnitFacts
 
 __all__ = ["EdgeWeights", "border_weights"]
 
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _LEAST_WEIGHT: Final = 1e-3
 """No border weighs less than this share of its length: a perimeter of zero would make a piece that
@@ -65,8 +62,8 @@ class EdgeWeights:
 
 
 def border_weights(
-    pairs: _Int32, length: _Int64, facts: UnitFacts, weights: EdgeWeights
-) -> tuple[_Int64, float]:
+    pairs: Int32, length: Int64, facts: UnitFacts, weights: EdgeWeights
+) -> tuple[Int64, float]:
     """Weigh borders: ``length * f(concavity) * g(CIELAB difference)``.
 
     Parameters
@@ -108,40 +105,40 @@ def border_weights(
 
 
 @numba.njit(cache=True)
-def _lab_differences(
-    pairs: _Int32, lab: npt.NDArray[np.integer], faces: _Int32, lightness: float
-) -> _Float32:
+def _lab_differences(pairs: Int32, lab: AnyInt, faces: Int32, lightness: float) -> Float32:
     difference = np.empty(len(pairs), np.float32)
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]
         square = 0.0
         for axis in range(3):
-            part = (lab[u, axis] / faces[u] - lab[v, axis] / faces[v]) / LAB_STEPS
+            step = (lab[u, axis] / faces[u] - lab[v, axis] / faces[v]) / LAB_STEPS
             if axis == 0:
-                part *= lightness
-            square += part * part
+                step *= lightness
+            square += step * step
         difference[i] = np.sqrt(square)
     return difference
 
 
 @numba.njit(cache=True)
 def _weigh(
-    pairs: _Int32,
-    length: _Int64,
-    normal: npt.NDArray[np.integer],
-    centre: npt.NDArray[np.integer],
-    faces: _Int32,
-    difference: _Float32,
+    pairs: Int32,
+    length: Int64,
+    normal: AnyInt,
+    centre: AnyInt,
+    faces: Int32,
+    difference: Float32,
     scale: float,
     exponent: float,
-) -> _Int64:
+) -> Int64:
     border = np.empty(len(pairs), np.int64)
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]
+        # (1) Unlike colours weigh less: a Gaussian of their difference.
         weight = 1.0
         if scale > 0.0:
             ratio = difference[i] / scale
             weight *= np.exp(-ratio * ratio)
+        # (2) Folds weigh less by their angle; only concave ones, where the normals lean together.
         if exponent > 0.0:
             dot, size_u, size_v = 0.0, 0.0, 0.0
             for axis in range(3):
@@ -158,6 +155,7 @@ def _weigh(
                 if towards < 0.0:
                     angle = np.arccos(min(1.0, max(-1.0, dot / (root_u * root_v))))
                     weight *= (1.0 - angle / np.pi) ** exponent
+        # (3) Whole steps, never 0: a border stays a border.
         steps = np.rint(length[i] * max(weight, _LEAST_WEIGHT))
         border[i] = np.int64(max(steps, 1.0))
     return border

@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from terraport_pipeline.model import Float32, UInt8
+from terraport_payload.types import AnyFloat, Float32, Float64, UInt8
 
 __all__ = ["carry_values"]
 
@@ -26,7 +25,7 @@ def carry_values(
     tree: cKDTree,
     colours: UInt8,
     attributes: Mapping[str, Float32],
-    targets: npt.NDArray[np.floating],
+    targets: AnyFloat,
     *,
     k: int = 4,
     codes: Collection[str] = (),
@@ -82,14 +81,14 @@ def carry_values(
     return out_colours, out
 
 
-def _weighted_mean(values: Float32, weight: npt.NDArray[np.float64]) -> Float32:
+def _weighted_mean(values: Float32, weight: Float64) -> Float32:
     """Mean over axis 1 of what is not NaN, within the extremes of what was averaged."""
-    known = ~np.isnan(values)
-    weight = np.where(known, weight, 0.0)
+    valid = ~np.isnan(values)
+    weight = np.where(valid, weight, 0.0)
     total = weight.sum(axis=1)
-    summed = np.where(known, values, 0.0) * weight
+    summed = np.where(valid, values, 0.0) * weight
     with np.errstate(invalid="ignore"):
         mean = summed.sum(axis=1) / np.where(total > 0, total, np.nan)
-    low = np.where(known, values, np.inf).min(axis=1)
-    high = np.where(known, values, -np.inf).max(axis=1)
+    low = np.where(valid, values, np.inf).min(axis=1)
+    high = np.where(valid, values, -np.inf).max(axis=1)
     return np.where(total > 0, np.clip(mean, low, high), np.nan).astype(np.float32)

@@ -19,9 +19,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float64, Int32, UInt8
 from terraport_pipeline.geometry.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.geometry.charts import Charts, make_charts
-from terraport_pipeline.model import Float64, Int32, UInt8
 
 __all__ = ["MOST_FLAT", "FlatColours", "RoomyCharts", "charts_with_room", "flat_colours"]
 
@@ -48,14 +48,14 @@ class RoomyCharts:
     charts: Charts | None
     """Of the faces `rows`; None where there are none."""
     rows: npt.NDArray[np.intp]
-    """Ascending."""
-    crowded: npt.NDArray[np.bool_]
+    """(R,) faces that are in charts, ascending."""
+    crowded: Bool
     """(F,) faces that have no chart for want of room."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlatColours:
-    """Shared colours of K faces."""
+    """A few colours that K faces without a photo share, and which is whose."""
 
     of_face: Int32
     """(K,) row of each face's colour."""
@@ -141,8 +141,8 @@ def flat_colours(colours: UInt8) -> FlatColours:
     ([0, 1, 0], [[11, 10, 10], [200, 0, 0]])
     """
     for bits in _BITS:
-        parts = (colours >> (8 - bits)).astype(np.int32)
-        keys = (parts[:, 0] << 2 * bits) | (parts[:, 1] << bits) | parts[:, 2]
+        channels = (colours >> (8 - bits)).astype(np.int32)
+        keys = (channels[:, 0] << 2 * bits) | (channels[:, 1] << bits) | channels[:, 2]
         unique, rows = np.unique(keys, return_inverse=True)
         if len(unique) <= MOST_FLAT:
             break

@@ -23,11 +23,10 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int32
 from terraport_pipeline.geometry.adjacency import components, face_pairs
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH, project_packed
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Charts", "make_charts"]
 
@@ -60,7 +59,7 @@ _CUTS: Final = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Charts:
-    """Charts of a mesh of F faces."""
+    """Charts of F faces with a photo each: connected faces of one view, laid out flat."""
 
     view: Int32
     """(F,) photo that colours each face; -1: none asked for, or not wholly in its picture."""
@@ -78,19 +77,19 @@ class Charts:
     """(F,) area of each face in the chart, texels at full density."""
     gsd_m: Float64
     """(F,) length of a photo's pixel on the face; NaN without a photo."""
-    rim: npt.NDArray[np.bool_]
+    rim: Bool
     """(F,) faces with an edge where the chart ends."""
 
     @property
     def count(self) -> int:
-        """Number of charts, C."""
+        """Number of charts C; `chart` numbers them from 0."""
         return len(self.sizes)
 
 
 def make_charts(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    view: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
+    view: AnyInt,
     packed: Float64,
     *,
     texel_m: float | None = None,
@@ -235,9 +234,12 @@ def _laid_flat(
     across = np.cross(other, mean)
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
     up = np.cross(mean, across)
-    place = points[corners]
+    position = points[corners]
     flat: Float64 = np.stack(
-        [(place * across[chart][:, None]).sum(axis=2), (place * up[chart][:, None]).sum(axis=2)],
+        [
+            (position * across[chart][:, None]).sum(axis=2),
+            (position * up[chart][:, None]).sum(axis=2),
+        ],
         axis=2,
     )
     return flat

@@ -13,14 +13,12 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["Clip", "clip_by_field", "clip_with_sources"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _NEAR: Final = 0.2
 """A cut this near to an end of an edge (share of its length) goes through the end instead: no
@@ -66,10 +64,10 @@ class Clip:
     """(V', 3)"""
     faces: Int32
     """(F', 3)"""
-    ends: _Int64
+    ends: Int64
     """(V', 2) vertices before: twice the same for one that stayed, the ends of its edge for a cut,
     in the order of their coordinates."""
-    share: npt.NDArray[np.float64]
+    share: Float64
     """(V',) how far from the first end to the second; 0 for one that stayed."""
 
 
@@ -88,18 +86,18 @@ def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
     keys, first = np.unique(crossed, return_index=True)
     rank = np.empty(len(keys), dtype=np.int64)
     rank[np.argsort(first, kind="stable")] = np.arange(len(keys))
-    made, replaced, ends, share = _cut_points(points, values, keys, rank, len(points))
+    cuts, replaced, ends, share = _cut_points(points, values, keys, rank, len(points))
     pieces = _cut_faces(triangles, values, keys, replaced, len(crossed))
     return _used(
-        np.concatenate([points, made]),
+        np.concatenate([points, cuts]),
         pieces,
         np.concatenate([stayed, ends]),
         np.concatenate([np.zeros(len(points)), share]),
     )
 
 
-def _used(vertices: Float32, faces: Int32, ends: _Int64, share: npt.NDArray[np.float64]) -> Clip:
-    """Drop vertices that no face uses."""
+def _used(vertices: Float32, faces: Int32, ends: Int64, share: Float64) -> Clip:
+    """Drop vertices that no face uses, and renumber the others in their order."""
     used = np.zeros(len(vertices), dtype=bool)
     used[faces.ravel()] = True
     number = np.cumsum(used, dtype=np.int64) - 1
@@ -109,7 +107,7 @@ def _used(vertices: Float32, faces: Int32, ends: _Int64, share: npt.NDArray[np.f
 
 
 @numba.njit(cache=True, nogil=True)
-def _crossed_edges(faces: Int32, field: Float32) -> _Int64:
+def _crossed_edges(faces: Int32, field: Float32) -> Int64:
     """Keys (lower vertex * 2^32 + higher) of edges with ends on both sides, once per face."""
     count = 0
     for f in range(len(faces)):
@@ -129,31 +127,34 @@ def _crossed_edges(faces: Int32, field: Float32) -> _Int64:
 
 @numba.njit(cache=True, nogil=True)
 def _cut_points(
-    vertices: Float32, field: Float32, keys: _Int64, rank: _Int64, first_number: int
-) -> tuple[Float32, _Int64, _Int64, npt.NDArray[np.float64]]:
+    vertices: Float32, field: Float32, keys: Int64, rank: Int64, first_number: int
+) -> tuple[Float32, Int64, Int64, Float64]:
     """Place the cut of every edge.
 
     Returns new vertices by rank, each key's vertex number, and by rank the ends and the share.
     """
-    made = np.zeros((len(keys), 3), np.float32)
+    cuts = np.zeros((len(keys), 3), np.float32)
     ends = np.empty((len(keys), 2), np.int64)
     shares = np.empty(len(keys))
     number = np.empty(len(keys), np.int64)
     for k in range(len(keys)):
         a, b = keys[k] >> 32, keys[k] & 0xFFFFFFFF
+        # The cut depends on the ends' positions alone: two tiles that share the edge compute the
+        # same.
         if _comes_after(vertices, a, b):
             a, b = b, a
         share = np.float64(field[a]) / (np.float64(field[a]) - np.float64(field[b]))
         ends[rank[k], 0], ends[rank[k], 1], shares[rank[k]] = a, b, share
         for axis in range(3):
             start, end = np.float64(vertices[a, axis]), np.float64(vertices[b, axis])
-            made[rank[k], axis] = start + share * (end - start)
+            cuts[rank[k], axis] = start + share * (end - start)
+        # Close to a kept end that end is taken instead, lest slivers arise.
         number[k] = first_number + rank[k]
         if field[a] >= 0.0 and share < _NEAR:
             number[k] = a
         elif field[b] >= 0.0 and 1.0 - share < _NEAR:
             number[k] = b
-    return made, number, ends, shares
+    return cuts, number, ends, shares
 
 
 @numba.njit(cache=True, nogil=True)
@@ -165,11 +166,14 @@ def _comes_after(vertices: Float32, a: int, b: int) -> bool:
 
 
 @numba.njit(cache=True, nogil=True)
-def _cut_faces(faces: Int32, field: Float32, keys: _Int64, number: _Int64, crossings: int) -> Int32:
+def _cut_faces(faces: Int32, field: Float32, keys: Int64, number: Int64, crossings: int) -> Int32:
     """Keep, drop or cut each face; corners that met at one vertex make no face."""
     out = np.empty((len(faces) + crossings, 3), np.int32)
     corners = np.empty(4, np.int64)
     count = 0
+    # Walk around the face: corners on the kept side, and the cut of every edge that changes
+    # sides. Invariant: corners[:n] is the kept polygon so far, without repeats; it has four at
+    # most.
     for f in range(len(faces)):
         n = 0
         for corner in range(3):
@@ -183,6 +187,7 @@ def _cut_faces(faces: Int32, field: Float32, keys: _Int64, number: _Int64, cross
                 if n == 0 or corners[n - 1] != cut:
                     corners[n] = cut
                     n += 1
+        # Two triangles at most; a sliver whose corners met is no face.
         if n > 1 and corners[n - 1] == corners[0]:
             n -= 1
         if n >= 3:

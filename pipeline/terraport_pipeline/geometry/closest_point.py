@@ -18,8 +18,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32
 from terraport_pipeline.geometry.curve import morton_order
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Closest", "TriangleTree"]
 
@@ -71,7 +71,7 @@ class TriangleTree:
     [2.0, 5.0]
     """
 
-    def __init__(self, vertices: npt.NDArray[np.floating], faces: Int32) -> None:
+    def __init__(self, vertices: AnyFloat, faces: Int32) -> None:
         if len(faces) == 0:
             raise ValueError("received a mesh without faces; there is no nearest place on it")
         corners = np.ascontiguousarray(vertices, dtype=np.float64)[faces]
@@ -80,7 +80,7 @@ class TriangleTree:
         self._corners = np.ascontiguousarray(corners[order])
         self._low, self._high = _boxes(self._corners)
 
-    def nearest(self, points: npt.NDArray[np.floating]) -> Closest:
+    def nearest(self, points: AnyFloat) -> Closest:
         """Find the nearest place on the mesh.
 
         Parameters
@@ -129,22 +129,24 @@ def _to_box(
 
 @numba.njit(cache=True)
 def _on_triangle(
-    point: Float64, corners: Float64, place: int
+    point: Float64, corners: Float64, triangle: int
 ) -> tuple[float, float, float]:  # pragma: no cover - compiled
     """Squared distance to a triangle, and the weights of its second and third corner there.
 
     C. Ericson, "Real-Time Collision Detection", 2005, section 5.1.5; scalars, because small arrays
     cost an allocation each.
     """
-    ab_x = corners[place, 1, 0] - corners[place, 0, 0]
-    ab_y = corners[place, 1, 1] - corners[place, 0, 1]
-    ab_z = corners[place, 1, 2] - corners[place, 0, 2]
-    ac_x = corners[place, 2, 0] - corners[place, 0, 0]
-    ac_y = corners[place, 2, 1] - corners[place, 0, 1]
-    ac_z = corners[place, 2, 2] - corners[place, 0, 2]
-    ap_x = point[0] - corners[place, 0, 0]
-    ap_y = point[1] - corners[place, 0, 1]
-    ap_z = point[2] - corners[place, 0, 2]
+    # (1) Edges from the first corner, the point seen from there, and their products: d1..d6 are
+    # the projections of the point on both edges from each of the three corners.
+    ab_x = corners[triangle, 1, 0] - corners[triangle, 0, 0]
+    ab_y = corners[triangle, 1, 1] - corners[triangle, 0, 1]
+    ab_z = corners[triangle, 1, 2] - corners[triangle, 0, 2]
+    ac_x = corners[triangle, 2, 0] - corners[triangle, 0, 0]
+    ac_y = corners[triangle, 2, 1] - corners[triangle, 0, 1]
+    ac_z = corners[triangle, 2, 2] - corners[triangle, 0, 2]
+    ap_x = point[0] - corners[triangle, 0, 0]
+    ap_y = point[1] - corners[triangle, 0, 1]
+    ap_z = point[2] - corners[triangle, 0, 2]
     bb = ab_x * ab_x + ab_y * ab_y + ab_z * ab_z
     bc = ab_x * ac_x + ab_y * ac_y + ab_z * ac_z
     cc = ac_x * ac_x + ac_y * ac_y + ac_z * ac_z
@@ -152,6 +154,9 @@ def _on_triangle(
     d2 = ac_x * ap_x + ac_y * ap_y + ac_z * ap_z
     d3, d4, d5, d6 = d1 - bb, d2 - bc, d1 - bc, d2 - cc
     vc, vb, va = d1 * d4 - d3 * d2, d5 * d2 - d1 * d6, d3 * d6 - d5 * d4
+    # (2) Which of seven regions of the plane holds the projection: corners a, b, c, edges ab, ac,
+    # bc, the inside. Exactly one branch is taken; `v`, `w` stay within the triangle in each, even
+    # where it has no area.
     v, w = 0.0, 0.0
     if d1 <= 0.0 and d2 <= 0.0:
         pass
@@ -171,6 +176,7 @@ def _on_triangle(
         whole = va + vb + vc
         if whole > 0.0:
             v, w = vb / whole, vc / whole
+    # (3) Distance to that point.
     x = ap_x - v * ab_x - w * ac_x
     y = ap_y - v * ab_y - w * ac_y
     z = ap_z - v * ab_z - w * ac_z
@@ -187,6 +193,8 @@ def _search(
     face: Int32,
     weights: Float32,
 ) -> None:  # pragma: no cover - compiled
+    # The boxes are a complete binary tree in an array: node n has children 2 n + 1 and 2 n + 2,
+    # the last `leaves` nodes hold _LEAF triangles each.
     leaves = (len(low) + 1) // 2
     for row in numba.prange(len(points)):
         point = points[row]
@@ -197,18 +205,22 @@ def _search(
         reach = np.empty(_STACK)
         stack[0], reach[0] = 0, 0.0
         waiting = 1
+        # Depth first, nearer child first. Invariant: any triangle nearer than `best` lies under a
+        # node on the stack; a node whose box is no nearer can be dropped.
         while waiting > 0:
             waiting -= 1
             node = stack[waiting]
             if reach[waiting] >= best:
                 continue
+            # (1) A leaf: every triangle in it.
             if node >= leaves - 1:
                 start = (node - leaves + 1) * _LEAF
-                for place in range(start, min(start + _LEAF, len(corners))):
-                    squared, v, w = _on_triangle(point, corners, place)
+                for triangle in range(start, min(start + _LEAF, len(corners))):
+                    squared, v, w = _on_triangle(point, corners, triangle)
                     if squared < best:
-                        best, chosen, second, third = squared, place, v, w
+                        best, chosen, second, third = squared, triangle, v, w
                 continue
+            # (2) An inner node: the farther child goes on the stack first and so waits longer.
             left, right = 2 * node + 1, 2 * node + 2
             to_left = _to_box(point, low, high, left)
             to_right = _to_box(point, low, high, right)

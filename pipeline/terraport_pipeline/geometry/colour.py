@@ -27,6 +27,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Float64, Int16, Int32, UInt8, UInt16
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
@@ -39,8 +40,6 @@ __all__ = [
     "white_index",
 ]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
 
 # IEC 61966-2-1 linear RGB -> XYZ, each row divided by its own sum: white is then exactly (1, 1, 1),
 # so a* = b* = 0 for every grey to the last bit. (With the rounded D65 white of the tables, grey
@@ -56,7 +55,7 @@ _TO_WHITE_XYZ: Final = _TO_XYZ / _TO_XYZ.sum(axis=1, keepdims=True)
 _POW25_7: Final = 25.0**7
 
 
-def srgb_to_lab(colours: npt.NDArray[np.uint8] | npt.NDArray[np.floating]) -> _Float64:
+def srgb_to_lab(colours: UInt8 | AnyFloat) -> Float64:
     """Convert sRGB to CIELAB (D65).
 
     Parameters
@@ -84,7 +83,7 @@ def srgb_to_lab(colours: npt.NDArray[np.uint8] | npt.NDArray[np.floating]) -> _F
     return _lab(_linear(encoded).reshape(-1, 3))
 
 
-def white_distance(colours: npt.NDArray[np.uint8] | npt.NDArray[np.floating]) -> _Float32:
+def white_distance(colours: UInt8 | AnyFloat) -> Float32:
     """CIEDE2000 difference of every colour to white.
 
     Parameters
@@ -113,9 +112,7 @@ def white_distance(colours: npt.NDArray[np.uint8] | npt.NDArray[np.floating]) ->
     return _white_distance(srgb_to_lab(colours))
 
 
-def face_colour_sums(
-    colours: npt.NDArray[np.uint8], faces: npt.NDArray[np.integer]
-) -> npt.NDArray[np.uint16]:
+def face_colour_sums(colours: UInt8, faces: AnyInt) -> UInt16:
     """Sum of the three vertex colours of every face.
 
     The sum keeps the mean exact (in thirds) and does not depend on the corners' order, as a float
@@ -133,15 +130,13 @@ def face_colour_sums(
     ndarray of shape (F, 3), uint16
         0..765; divide by 3 for the face colour.
     """
-    sums: npt.NDArray[np.uint16] = colours[faces[:, 0]].astype(np.uint16)
+    sums: UInt16 = colours[faces[:, 0]].astype(np.uint16)
     sums += colours[faces[:, 1]]
     sums += colours[faces[:, 2]]
     return sums
 
 
-def face_lab(
-    colours: npt.NDArray[np.uint8], faces: npt.NDArray[np.integer], steps: float
-) -> npt.NDArray[np.int16]:
+def face_lab(colours: UInt8, faces: AnyInt, steps: float) -> Int16:
     """CIELAB colour of every face's mean vertex colour, in whole steps.
 
     Parameters
@@ -160,14 +155,14 @@ def face_lab(
     return _lab_of_sums(face_colour_sums(colours, faces), _table(3), _TO_WHITE_XYZ, steps)
 
 
-def white_distance_of_sums(sums: npt.NDArray[np.uint16], parts: int) -> _Float32:
-    """CIEDE2000 difference to white of colours given as sums of ``parts`` 8-bit colours.
+def white_distance_of_sums(sums: UInt16, summands: int) -> Float32:
+    """CIEDE2000 difference to white of colours given as sums of ``summands`` 8-bit colours.
 
     Parameters
     ----------
     sums : ndarray of shape (N, 3), uint16
         Sums of sRGB values, 0..255 * parts.
-    parts : int
+    summands : int
         Number of colours in each sum (3 for :func:`face_colour_sums`), 1..257.
 
     Returns
@@ -180,12 +175,10 @@ def white_distance_of_sums(sums: npt.NDArray[np.uint16], parts: int) -> _Float32
     The sRGB curve becomes a table of ``255 * parts + 1`` entries, so a face costs three cube roots
     and no power.
     """
-    return _white_distance_of_sums(np.ascontiguousarray(sums), _table(parts), _TO_WHITE_XYZ)
+    return _white_distance_of_sums(np.ascontiguousarray(sums), _table(summands), _TO_WHITE_XYZ)
 
 
-def white_index(
-    colours: npt.NDArray[np.uint8], faces: npt.NDArray[np.integer], *, threads: int = 1
-) -> _Float32:
+def white_index(colours: UInt8, faces: AnyInt, *, threads: int = 1) -> Float32:
     """CIEDE2000 difference to white of every face's mean vertex colour (3.1).
 
     Parameters
@@ -219,16 +212,16 @@ def _validate_colours(colours: npt.NDArray[np.generic]) -> None:
         raise ValueError(msg)
 
 
-def _table(parts: int) -> _Float64:
-    """Linear light of every possible sum of ``parts`` 8-bit values."""
-    return _linear(np.arange(255 * parts + 1, dtype=np.float64) / (255.0 * parts))
+def _table(summands: int) -> Float64:
+    """Linear light of every possible sum of ``summands`` 8-bit values."""
+    return _linear(np.arange(255 * summands + 1, dtype=np.float64) / (255.0 * summands))
 
 
-def _linear(encoded: _Float64) -> _Float64:
+def _linear(encoded: Float64) -> Float64:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def _lab(linear: _Float64) -> _Float64:
+def _lab(linear: Float64) -> Float64:
     xyz = linear @ _TO_WHITE_XYZ.T
     f = np.where(xyz > 216.0 / 24389.0, np.cbrt(xyz), (24389.0 / 27.0 * xyz + 16.0) / 116.0)
     return np.stack(
@@ -254,7 +247,7 @@ def _to_white(lightness: float, a: float, b: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _white_distance(lab: _Float64) -> _Float32:
+def _white_distance(lab: Float64) -> Float32:
     distance = np.empty(len(lab), np.float32)
     for i in range(len(lab)):
         distance[i] = _to_white(lab[i, 0], lab[i, 1], lab[i, 2])
@@ -270,7 +263,7 @@ def _curve(t: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _of_linear(r: float, g: float, b: float, matrix: _Float64) -> float:
+def _of_linear(r: float, g: float, b: float, matrix: Float64) -> float:
     x = _curve(matrix[0, 0] * r + matrix[0, 1] * g + matrix[0, 2] * b)
     y = _curve(matrix[1, 0] * r + matrix[1, 1] * g + matrix[1, 2] * b)
     z = _curve(matrix[2, 0] * r + matrix[2, 1] * g + matrix[2, 2] * b)
@@ -278,9 +271,7 @@ def _of_linear(r: float, g: float, b: float, matrix: _Float64) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _white_distance_of_sums(
-    sums: npt.NDArray[np.uint16], table: _Float64, matrix: _Float64
-) -> _Float32:
+def _white_distance_of_sums(sums: UInt16, table: Float64, matrix: Float64) -> Float32:
     distance = np.empty(len(sums), np.float32)
     for i in range(len(sums)):
         distance[i] = _of_linear(table[sums[i, 0]], table[sums[i, 1]], table[sums[i, 2]], matrix)
@@ -289,11 +280,11 @@ def _white_distance_of_sums(
 
 @numba.njit(cache=True, nogil=True)
 def _white_index(
-    colours: npt.NDArray[np.uint8],
-    faces: npt.NDArray[np.int32],
-    table: _Float64,
-    matrix: _Float64,
-    index: _Float32,
+    colours: UInt8,
+    faces: Int32,
+    table: Float64,
+    matrix: Float64,
+    index: Float32,
     begin: int,
     end: int,
 ) -> None:
@@ -306,9 +297,7 @@ def _white_index(
 
 
 @numba.njit(cache=True, nogil=True)
-def _lab_of_sums(
-    sums: npt.NDArray[np.uint16], table: _Float64, matrix: _Float64, steps: float
-) -> npt.NDArray[np.int16]:
+def _lab_of_sums(sums: UInt16, table: Float64, matrix: Float64, steps: float) -> Int16:
     lab = np.empty((len(sums), 3), np.int16)
     for i in range(len(sums)):
         r, g, b = table[sums[i, 0]], table[sums[i, 1]], table[sums[i, 2]]

@@ -14,14 +14,11 @@ from typing import Final, NamedTuple
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import Float32, Float64, Int32, Int64
 
 __all__ = ["Grid", "Runs", "cell_span", "fit_grid", "meets_square", "rasterise", "segment_runs"]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _MAX_CELLS: Final = 2**24
 """Cells of a grid at most (128 MiB of offsets); beyond it cells grow."""
@@ -47,18 +44,18 @@ class Grid(NamedTuple):
 class Runs(NamedTuple):
     """Per column one run for each segment in it, as CSR over cells."""
 
-    offsets: _Int64
+    offsets: Int64
     """(cells + 1,) row starts."""
-    segment: _Int32
+    segment: Int32
     """(R,) segment numbers, each once per column."""
-    low: _Float32
+    low: Float32
     """(R,) least height of the segment's faces that meet the column (of the whole faces),
     metres."""
-    high: _Float32
+    high: Float32
     """(R,) greatest height likewise."""
 
 
-def fit_grid(meshes: list[tuple[_Float64, _Int32]], cell_m: float, margin_m: float) -> Grid:
+def fit_grid(meshes: list[tuple[Float64, Int32]], cell_m: float, margin_m: float) -> Grid:
     """Lay a grid over the faces of all meshes.
 
     Parameters
@@ -87,7 +84,7 @@ def fit_grid(meshes: list[tuple[_Float64, _Int32]], cell_m: float, margin_m: flo
 
 
 @numba.njit(cache=True, nogil=True)
-def _plan_box(vertices: _Float64, faces: _Int32) -> _Float64:
+def _plan_box(vertices: Float64, faces: Int32) -> Float64:
     """Least x and z and greatest x and z of all corners."""
     box = np.array([np.inf, np.inf, -np.inf, -np.inf])
     for f in range(len(faces)):
@@ -109,7 +106,7 @@ def cell_span(
 
 
 @numba.njit(cache=True, nogil=True)
-def meets_square(a: _Float64, b: _Float64, c: _Float64, x: float, z: float, half: float) -> bool:
+def meets_square(a: Float64, b: Float64, c: Float64, x: float, z: float, half: float) -> bool:
     """Whether the projection of triangle abc meets the square about (x, z) with this half side.
 
     The caller has found already that their boxes meet; this tests the triangle's three edges.
@@ -126,7 +123,7 @@ def meets_square(a: _Float64, b: _Float64, c: _Float64, x: float, z: float, half
 
 
 @numba.njit(cache=True, nogil=True)
-def rasterise(vertices: _Float64, faces: _Int32, grid: Grid, grow: float) -> tuple[_Int64, _Int32]:
+def rasterise(vertices: Float64, faces: Int32, grid: Grid, grow: float) -> tuple[Int64, Int32]:
     """Faces in every column.
 
     Parameters
@@ -147,6 +144,8 @@ def rasterise(vertices: _Float64, faces: _Int32, grid: Grid, grow: float) -> tup
     entries : ndarray of shape (N,), int32
         Face numbers, descending within a column.
     """
+    # Invariant of the second pass: entries from starts[cell] to the row's end are written; at
+    # last `starts` has moved down to where each row begins, and rows run from high to low faces.
     starts = np.zeros(grid.nx * grid.nz + 1, np.int64)
     entries = np.empty(0, np.int32)
     half = (0.5 * grid.cell_m + grow) * (1.0 + _SLACK)
@@ -176,7 +175,7 @@ def rasterise(vertices: _Float64, faces: _Int32, grid: Grid, grow: float) -> tup
 
 
 def segment_runs(
-    starts: _Int64, entries: _Int32, vertices: _Float64, faces: _Int32, segment_of_face: _Int32
+    starts: Int64, entries: Int32, vertices: Float64, faces: Int32, segment_of_face: Int32
 ) -> Runs:
     """Reduce the faces of every column to one run per segment.
 
@@ -198,8 +197,10 @@ def segment_runs(
 
 @numba.njit(cache=True, nogil=True)
 def _runs(
-    starts: _Int64, entries: _Int32, vertices: _Float64, faces: _Int32, segment_of_face: _Int32
-) -> tuple[_Int64, _Int32, _Float32, _Float32]:
+    starts: Int64, entries: Int32, vertices: Float64, faces: Int32, segment_of_face: Int32
+) -> tuple[Int64, Int32, Float32, Float32]:
+    # Invariant: `last[s] >= begin` exactly if segment s has a run in the column at hand, so
+    # nothing is cleared between columns.
     offsets = np.zeros(len(starts), np.int64)
     last = np.full(segment_of_face.max() + 1, -1, np.int64)  # the segment's latest run
     segment = np.empty(0, np.int32)

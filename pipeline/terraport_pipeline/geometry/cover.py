@@ -60,8 +60,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32, Int64, UInt8, UInt32
 from terraport_pipeline.geometry.chunks import in_chunks, side_by_side
 from terraport_pipeline.geometry.columns import (
     Grid,
@@ -77,11 +77,6 @@ from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["BaseCover", "build_cover"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_UInt8 = npt.NDArray[np.uint8]
-_UInt32 = npt.NDArray[np.uint32]
 
 _COVERED, _BARE, _PARTLY = 0, 1, 2
 _BASE_CHUNK: Final = 2**16
@@ -94,9 +89,9 @@ _INSERTION: Final = 64
 class BaseCover:
     """Segments over every base face as CSR, and what was met on the way."""
 
-    offsets: _UInt32
+    offsets: UInt32
     """(B+1,) row starts."""
-    segments: _UInt32
+    segments: UInt32
     """(N,) segment numbers, ascending within a row."""
     cell_m: float
     """Cell side used, metres."""
@@ -114,11 +109,11 @@ class BaseCover:
 
 
 def build_cover(
-    base_vertices: npt.NDArray[np.floating],
-    base_faces: npt.NDArray[np.integer],
-    detail_vertices: npt.NDArray[np.floating],
-    detail_faces: npt.NDArray[np.integer],
-    segment_of_face: npt.NDArray[np.integer],
+    base_vertices: AnyFloat,
+    base_faces: AnyInt,
+    detail_vertices: AnyFloat,
+    detail_faces: AnyInt,
+    segment_of_face: AnyInt,
     *,
     tolerance_m: float,
     reach_m: float | None = None,
@@ -169,6 +164,7 @@ def build_cover(
     _validate_inputs(
         base_vertices, base_faces, detail_vertices, detail_faces, segment_of_face, tolerance_m
     )
+    # (0) Nothing to cover or to cover with: every list is empty, nothing is ever hidden.
     n_base, n_detail = len(base_faces), len(detail_faces)
     if n_base == 0 or n_detail == 0:
         return BaseCover(
@@ -196,16 +192,16 @@ def build_cover(
     # (3) union per base face
     largest_gap_m = np.inf if max_gap_m is None else max_gap_m
     n_segments = int(segment.max()) + 1
-    parts = in_chunks(
+    chunks = in_chunks(
         lambda begin, end: _unite(
             *base, grid, reach, runs, largest_gap_m, far.offsets, far.segment, n_segments,
             hide_partly_covered, begin, end,
         ),
         n_base, threads=threads, chunk=_BASE_CHUNK,
     )  # fmt: skip
-    rows = np.concatenate([[0], np.cumsum(np.concatenate([part[0] for part in parts]))])
-    members = np.concatenate([part[1] for part in parts])
-    status = np.concatenate([part[2] for part in parts])
+    rows = np.concatenate([[0], np.cumsum(np.concatenate([chunk[0] for chunk in chunks]))])
+    members = np.concatenate([chunk[1] for chunk in chunks])
+    status = np.concatenate([chunk[2] for chunk in chunks])
     return BaseCover(
         rows.astype(np.uint32), members.astype(np.uint32), grid.cell_m, reach,
         int(np.count_nonzero(status == _BARE)), int(np.count_nonzero(status == _PARTLY)),
@@ -214,13 +210,14 @@ def build_cover(
 
 
 def _validate_inputs(
-    base_vertices: npt.NDArray[np.floating],
-    base_faces: npt.NDArray[np.integer],
-    detail_vertices: npt.NDArray[np.floating],
-    detail_faces: npt.NDArray[np.integer],
-    segment_of_face: npt.NDArray[np.integer],
+    base_vertices: AnyFloat,
+    base_faces: AnyInt,
+    detail_vertices: AnyFloat,
+    detail_faces: AnyInt,
+    segment_of_face: AnyInt,
     tolerance_m: float,
 ) -> None:
+    # (1) Both meshes: shapes, indices, finite coordinates.
     for name, vertices, faces in (
         ("base", base_vertices, base_faces),
         ("detail", detail_vertices, detail_faces),
@@ -237,6 +234,7 @@ def _validate_inputs(
         if not np.isfinite(vertices).all():
             msg = f"{name}: some vertices are not finite, expected finite coordinates"
             raise ValueError(msg)
+    # (2) Segments and tolerance.
     if segment_of_face.shape != (len(detail_faces),):
         msg = f"segment_of_face has shape {segment_of_face.shape}, expected ({len(detail_faces)},)"
         raise ValueError(msg)
@@ -248,9 +246,7 @@ def _validate_inputs(
         raise ValueError(msg)
 
 
-def _contiguous(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer]
-) -> tuple[_Float64, _Int32]:
+def _contiguous(vertices: AnyFloat, faces: AnyInt) -> tuple[Float64, Int32]:
     return as_kernel_input(vertices, np.float64), as_kernel_input(faces, np.int32)
 
 
@@ -266,38 +262,61 @@ def _is_bare(runs: Runs, i: int, j: int, grid: Grid) -> bool:
 
 @numba.njit(cache=True, nogil=True)
 def _unite(
-    vertices: _Float64,
-    faces: _Int32,
+    vertices: Float64,
+    faces: Int32,
     grid: Grid,
     grow: float,
     runs: Runs,
     max_gap: float,
-    extra_offsets: _Int64,
-    extra_segment: _Int32,
+    extra_offsets: Int64,
+    extra_segment: Int32,
     n_segments: int,
     hide_partly_covered: bool,
     first: int,
     last: int,
-) -> tuple[_Int64, _Int32, _UInt8]:
+) -> tuple[Int64, Int32, UInt8]:
     """Unite the runs of some base faces' columns; returns their lists and each face's status.
 
     Lists come one after the other, ascending, with their lengths.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        The base, metres.
+    grid : Grid
+    grow : float
+        How far a base face is grown, metres.
+    runs : Runs
+        Detail segments in every column.
+    max_gap : float
+        Rule 1; infinite without one.
+    extra_offsets, extra_segment : ndarray
+        Rule 2: further segments of every base face, as CSR.
+    n_segments : int
+    hide_partly_covered : bool
+        True leaves rule 3 out.
+    first, last : int
+        Base faces.
     """
+    # Invariant: `members[:begin]` are the lists of faces first..f-1; `seen[s] == f` exactly where
+    # segment s stands in the list of face f, which spares clearing it for every face.
     lengths = np.zeros(last - first, np.int64)
     members = np.empty(4 * (last - first) + 16, np.int32)
     status = np.full(last - first, _COVERED, np.uint8)
     seen = np.full(n_segments, -1, np.int64)
-    found = np.empty(n_segments, np.int32)
+    listed = np.empty(n_segments, np.int32)
     cell = grid.cell_m
     half = (0.5 * cell + grow) * (1.0 + 1e-6)
     begin = 0
     for f in range(first, last):
+        # (1) Rule 3 at the face's middle: narrow faces may hold no cell's centre.
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         least, most = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
         middle_x, middle_z = (a[0] + b[0] + c[0]) / 3.0, (a[2] + b[2] + c[2]) / 3.0
         partly = _is_bare(
             runs, int((middle_x - grid.x) / cell), int((middle_z - grid.z) / cell), grid
         )
+        # (2) Rule 1: segments of every column that the grown face touches.
         i0, i1 = cell_span(a[0], b[0], c[0], grid.x, cell, grow)
         j0, j1 = cell_span(a[2], b[2], c[2], grid.z, cell, grow)
         count = 0
@@ -311,6 +330,8 @@ def _unite(
                     if not partly and _holds(a, b, c, x, z):
                         partly = _is_bare(runs, i, j, grid)
                     continue
+                # With a largest gap, the nearest surface of the column still counts, however far
+                # it is: a column with detail never goes unlisted.
                 nearest = np.inf
                 for e in range(start, end):
                     nearest = min(nearest, max(runs.low[e] - most, least - runs.high[e], 0.0))
@@ -319,19 +340,24 @@ def _unite(
                     gap = max(runs.low[e] - most, least - runs.high[e], 0.0)
                     if seen[s] != f and (gap <= max_gap or gap <= nearest):
                         seen[s] = f
-                        found[count] = s
+                        listed[count] = s
                         count += 1
+        # (3) Rule 2: segments of far detail that this face stands in for.
         for e in range(extra_offsets[f], extra_offsets[f + 1]):
             s = extra_segment[e]
             if seen[s] != f:
                 seen[s] = f
-                found[count] = s
+                listed[count] = s
                 count += 1
+        # (4) An empty list means "never hidden": for faces without detail and, by rule 3, at
+        # rims.
         if count == 0:
             status[f - first] = _BARE
         elif partly and not hide_partly_covered:
             status[f - first] = _PARTLY
             count = 0
+        # (5) Append the list in ascending order; the array doubles, so all appends cost linear
+        # time.
         if begin + count > len(members):
             larger = np.empty(2 * len(members) + count, np.int32)
             larger[:begin] = members[:begin]
@@ -345,17 +371,17 @@ def _unite(
         else:
             for i in range(count):
                 j = begin + i
-                while j > begin and members[j - 1] > found[i]:
+                while j > begin and members[j - 1] > listed[i]:
                     members[j] = members[j - 1]
                     j -= 1
-                members[j] = found[i]
+                members[j] = listed[i]
         begin += count
         lengths[f - first] = count
     return lengths, members[:begin].copy(), status
 
 
 @numba.njit(cache=True, nogil=True)
-def _holds(a: _Float64, b: _Float64, c: _Float64, x: float, z: float) -> bool:
+def _holds(a: Float64, b: Float64, c: Float64, x: float, z: float) -> bool:
     """Whether (x, z) lies in the projection of triangle abc: a square of no size meets it."""
     return (
         min(a[0], b[0], c[0]) <= x <= max(a[0], b[0], c[0])

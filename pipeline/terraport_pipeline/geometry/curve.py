@@ -19,17 +19,16 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import AnyFloat, Int64, UInt64
 
 __all__ = ["CURVE_BITS", "hilbert_codes", "hilbert_order", "morton_codes", "morton_order"]
 
 CURVE_BITS: Final = 21
 """Bits per axis: 3 x 21 = 63 fit one uint64, and 2^21 cells over 2 km are 1 mm each."""
 
-_UInt64 = npt.NDArray[np.uint64]
 
-
-def morton_codes(positions: npt.NDArray[np.floating]) -> _UInt64:
+def morton_codes(positions: AnyFloat) -> UInt64:
     """Morton (Z-order) code of every position.
 
     Parameters
@@ -54,7 +53,7 @@ def morton_codes(positions: npt.NDArray[np.floating]) -> _UInt64:
     [0, 1, 2]
     """
     cells = _quantise(positions)
-    codes: _UInt64 = (
+    codes: UInt64 = (
         _spread(cells[:, 0])
         | _spread(cells[:, 1]) << np.uint64(1)
         | (_spread(cells[:, 2]) << np.uint64(2))
@@ -62,7 +61,7 @@ def morton_codes(positions: npt.NDArray[np.floating]) -> _UInt64:
     return codes
 
 
-def morton_order(positions: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:
+def morton_order(positions: AnyFloat) -> Int64:
     """Permutation that sorts positions along the Morton curve; ties keep the given order.
 
     Parameters
@@ -77,7 +76,7 @@ def morton_order(positions: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:
     return np.argsort(morton_codes(positions), kind="stable").astype(np.int64, copy=False)
 
 
-def hilbert_codes(positions: npt.NDArray[np.floating]) -> _UInt64:
+def hilbert_codes(positions: AnyFloat) -> UInt64:
     """Hilbert code of every position: like Morton, without its long jumps, at ten times the price.
 
     Parameters
@@ -119,7 +118,7 @@ def hilbert_codes(positions: npt.NDArray[np.floating]) -> _UInt64:
     return (_spread(axes[0]) << np.uint64(2)) | (_spread(axes[1]) << one) | _spread(axes[2])
 
 
-def hilbert_order(positions: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:
+def hilbert_order(positions: AnyFloat) -> Int64:
     """Permutation that sorts positions along the Hilbert curve; ties keep the given order.
 
     Parameters
@@ -134,7 +133,7 @@ def hilbert_order(positions: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:
     return np.argsort(hilbert_codes(positions), kind="stable").astype(np.int64, copy=False)
 
 
-def _quantise(positions: npt.NDArray[np.floating]) -> _UInt64:
+def _quantise(positions: AnyFloat) -> UInt64:
     if positions.ndim != 2 or positions.shape[1] != 3:
         msg = f"positions have shape {positions.shape}, expected (N, 3)"
         raise ValueError(msg)
@@ -152,7 +151,7 @@ def _quantise(positions: npt.NDArray[np.floating]) -> _UInt64:
     return local.astype(np.uint64)
 
 
-def _spread(values: _UInt64) -> _UInt64:
+def _spread(values: UInt64) -> UInt64:
     """Put two zero bits before every bit of a 21-bit value (the well-known magic masks)."""
     spread = values & np.uint64(0x1FFFFF)
     for shift, mask in (

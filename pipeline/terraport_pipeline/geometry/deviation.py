@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["distances_to_mesh", "point_triangle_distances"]
 
@@ -47,13 +46,13 @@ def distances_to_mesh(
     centres = vertices[faces].mean(axis=1)
     tree = cKDTree(centres, balanced_tree=False)
     count = min(candidates, len(faces))
-    places = as_kernel_input(points, np.float32)
+    samples = as_kernel_input(points, np.float32)
     corners, triangles = as_kernel_input(vertices, np.float32), as_kernel_input(faces, np.int32)
     out = np.empty(len(points), dtype=np.float32)
 
     def measure(begin: int, end: int) -> None:
         _, near = tree.query(points[begin:end], k=[*range(1, count + 1)])
-        _least_distances(places[begin:end], corners, triangles, near, out[begin:end])
+        _least_distances(samples[begin:end], corners, triangles, near, out[begin:end])
 
     in_chunks(measure, len(points), threads=workers, chunk=_CHUNK)
     return out
@@ -87,17 +86,17 @@ def point_triangle_distances(points: Float64, triangles: Float64) -> Float64:
 
 @numba.njit(cache=True, nogil=True)
 def _least_distances(
-    points: Float32, vertices: Float32, faces: Int32, near: npt.NDArray[np.int64], out: Float32
+    points: Float32, vertices: Float32, faces: Int32, near: Int64, out: Float32
 ) -> None:
     corners, point = np.empty((3, 3)), np.empty(3)
     for p in range(len(points)):
         for axis in range(3):
             point[axis] = points[p, axis]
         least = np.inf
-        for place in range(near.shape[1]):
+        for rank in range(near.shape[1]):
             for corner in range(3):
                 for axis in range(3):
-                    corners[corner, axis] = vertices[faces[near[p, place], corner], axis]
+                    corners[corner, axis] = vertices[faces[near[p, rank], corner], axis]
             least = min(least, _distance(point, corners))
         out[p] = least
 
@@ -135,7 +134,7 @@ def _distance(point: Float64, corners: Float64) -> float:
 def _cross(
     from_1: Float64, to_1: Float64, from_2: Float64, to_2: Float64
 ) -> tuple[float, float, float]:
-    """Cross product of two differences."""
+    """Cross product of two edge vectors, given by their ends; scalars for the kernel."""
     x1, y1, z1 = to_1[0] - from_1[0], to_1[1] - from_1[1], to_1[2] - from_1[2]
     x2, y2, z2 = to_2[0] - from_2[0], to_2[1] - from_2[1], to_2[2] - from_2[2]
     return y1 * z2 - z1 * y2, z1 * x2 - x1 * z2, x1 * y2 - y1 * x2

@@ -30,9 +30,9 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.geometry.clip import clip_by_field
 from terraport_pipeline.geometry.footprint import Footprint
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["EdgeRule", "edge_field", "trim_edges"]
 

@@ -11,9 +11,9 @@ from typing import Final
 import numba
 import numpy as np
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.trim import compact
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["block_meshes", "face_blocks", "weld"]
 

@@ -10,17 +10,14 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32, Int64
 
 __all__ = ["CellGrid", "cells_around", "face_cells"]
 
 _MAX_SIDE: Final = 2**21 - 4
 """Cells along one axis at most: three axes fit a 63-bit key, with room for one beyond at each
 end."""
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +32,7 @@ class CellGrid:
 
 def face_cells(
     vertices: Float32, faces: Int32, edges: float, grid: CellGrid | None = None
-) -> tuple[Int32, _Int64]:
+) -> tuple[Int32, Int64]:
     """Sort faces into cells by their first corner.
 
     Parameters
@@ -75,7 +72,7 @@ def cells_around(
     vertices: Float32,
     faces: Int32,
     order: Int32,
-    starts: _Int64,
+    starts: Int64,
     edges: float,
     grid: CellGrid | None = None,
 ) -> Int32:
@@ -117,7 +114,7 @@ def _cell_size(
 
 
 @numba.njit(cache=True, nogil=True)
-def _rows_around(keys: _Int64) -> Int32:
+def _rows_around(keys: Int64) -> Int32:
     """Rows of the 27 cells around every cell, of keys that ascend."""
     rows = np.empty((len(keys), 27), np.int32)
     for c in range(len(keys)):
@@ -150,7 +147,7 @@ def _extent(vertices: Float32, faces: Int32) -> tuple[Float64, float, float]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _keys(vertices: Float32, faces: Int32, low: Float64, size: float) -> _Int64:
+def _keys(vertices: Float32, faces: Int32, low: Float64, size: float) -> Int64:
     """Key of the cell of every face's first corner."""
     keys = np.empty(len(faces), np.int64)
     for f in range(len(faces)):

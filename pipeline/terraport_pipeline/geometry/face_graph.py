@@ -15,8 +15,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Float64, Int16, Int32, Int64, UInt8
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
@@ -31,10 +31,6 @@ __all__ = [
     "sum_facts",
 ]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _STEPS: Final = 2.0**30
 """Steps in the longest edge and in the largest face: 2^33 of either fit an int64 sum."""
@@ -50,13 +46,13 @@ LAB_STEPS: Final = 64.0
 class UnitFacts:
     """What borders are weighed by; row u belongs to unit u, sums over its faces."""
 
-    faces: _Int32
+    faces: Int32
     """(U,) number of faces."""
-    normal: npt.NDArray[np.integer]
+    normal: AnyInt
     """(U, 3) unit normals in steps."""
-    centre: npt.NDArray[np.integer]
+    centre: AnyInt
     """(U, 3) centres in steps from the box's least corner."""
-    lab: npt.NDArray[np.integer] | None
+    lab: AnyInt | None
     """(U, 3) CIELAB colours in steps; None without colour."""
 
 
@@ -64,11 +60,11 @@ class UnitFacts:
 class FaceGraph:
     """Faces as units, and which of them share edges."""
 
-    pairs: _Int32
+    pairs: Int32
     """(P, 2) neighbouring faces, each pair once, lower first."""
-    length: _Int64
+    length: Int64
     """(P,) summed length of the edges that a pair shares, in steps, >= 1."""
-    area: _Int64
+    area: Int64
     """(F,) area in steps, >= 1."""
     facts: UnitFacts
     """(F,) rows."""
@@ -77,12 +73,12 @@ class FaceGraph:
 
 
 def face_graph(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     *,
-    colours: npt.NDArray[np.uint8] | None = None,
-    scalar: npt.NDArray[np.floating] | None = None,
-    pairs: _Int32 | None = None,
+    colours: UInt8 | None = None,
+    scalar: AnyFloat | None = None,
+    pairs: Int32 | None = None,
 ) -> FaceGraph:
     """Measure faces and their borders.
 
@@ -109,6 +105,7 @@ def face_graph(
     ValueError
         Vertices that are not finite, indices outside them.
     """
+    # (1) Refuse what has no geometry; an empty mesh is a graph without nodes.
     if not np.isfinite(vertices).all():
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
         msg = f"vertex {bad} is {vertices[bad].tolist()}, expected finite coordinates"
@@ -120,6 +117,7 @@ def face_graph(
         empty = np.zeros((0, 3), np.int32)
         facts = UnitFacts(np.zeros(0, np.int32), empty, empty, None if colours is None else empty)
         return FaceGraph(pairs, none, none, facts, 1.0)
+    # (2) Areas, normals and centres of faces, lengths of borders; float64 sums of float32 input.
     corners = as_kernel_input(vertices, np.float32)
     triangles = as_kernel_input(faces, np.int32)
     low = corners.min(axis=0).astype(np.float64)
@@ -128,8 +126,10 @@ def face_graph(
     length = _measure_borders(corners, triangles, as_kernel_input(pairs, np.int32))
     largest = float(area.max())
     longest = float(length.max()) if len(length) else 0.0
+    # (3) Whole steps of the largest, at least 1: integers add up alike in any order of merging,
+    # which the same tree on every machine needs.
     area_steps = _in_steps(area, largest)
-    lab: npt.NDArray[np.int16] | None = None
+    lab: Int16 | None = None
     if scalar is not None:
         lab = _scalar_as_hue(scalar)
     elif colours is not None:
@@ -160,7 +160,7 @@ def smooth_colours(graph: FaceGraph, rounds: int) -> FaceGraph:
     return replace(graph, facts=replace(graph.facts, lab=lab))
 
 
-def sum_facts(facts: UnitFacts, nodes: _Int32, count: int) -> UnitFacts:
+def sum_facts(facts: UnitFacts, nodes: Int32, count: int) -> UnitFacts:
     """Facts of unions: ``nodes[u]`` is the union of unit u."""
     lab = facts.lab
     return UnitFacts(
@@ -171,7 +171,7 @@ def sum_facts(facts: UnitFacts, nodes: _Int32, count: int) -> UnitFacts:
     )
 
 
-def _scalar_as_hue(scalar: npt.NDArray[np.floating]) -> npt.NDArray[np.int16]:
+def _scalar_as_hue(scalar: AnyFloat) -> Int16:
     """CIELAB rows that differ in a* alone, by 100 between the least and the greatest value."""
     if not np.isfinite(scalar).all():
         bad = int(np.flatnonzero(~np.isfinite(scalar))[0])
@@ -185,8 +185,8 @@ def _scalar_as_hue(scalar: npt.NDArray[np.floating]) -> npt.NDArray[np.int16]:
     return lab
 
 
-def _in_steps(values: _Float64, largest: float) -> _Int64:
-    """Whole steps, at least 1."""
+def _in_steps(values: Float64, largest: float) -> Int64:
+    """Quantise lengths or areas to whole steps of the largest, at least 1."""
     if largest <= 0.0:
         return np.ones(len(values), np.int64)
     return np.maximum(np.rint(values * (_STEPS / largest)), 1.0).astype(np.int64)
@@ -194,8 +194,8 @@ def _in_steps(values: _Float64, largest: float) -> _Int64:
 
 @numba.njit(cache=True)
 def _measure_faces(
-    vertices: _Float32, faces: _Int32, low: _Float64, side: float
-) -> tuple[_Float64, npt.NDArray[np.int16], _Int32]:
+    vertices: Float32, faces: Int32, low: Float64, side: float
+) -> tuple[Float64, Int16, Int32]:
     """Area, unit normal and centre of every face; a face without area has the normal 0."""
     area = np.empty(len(faces), np.float64)
     normal = np.empty((len(faces), 3), np.int16)
@@ -206,6 +206,8 @@ def _measure_faces(
         for c in range(3):
             for axis in range(3):
                 p[c, axis] = vertices[faces[f, c], axis]
+        # Products of differences in float64; rounded to whole steps at last, so that merging adds
+        # up integers.
         for axis in range(3):
             u, v = (axis + 1) % 3, (axis + 2) % 3
             n[axis] = (p[1, u] - p[0, u]) * (p[2, v] - p[0, v]) - (p[1, v] - p[0, v]) * (
@@ -222,7 +224,7 @@ def _measure_faces(
 
 
 @numba.njit(cache=True)
-def _measure_borders(vertices: _Float32, faces: _Int32, pairs: _Int32) -> _Float64:
+def _measure_borders(vertices: Float32, faces: Int32, pairs: Int32) -> Float64:
     """Sum the lengths of all edges that the faces of a pair share."""
     length = np.empty(len(pairs), np.float64)
     for i in range(len(pairs)):
@@ -230,6 +232,7 @@ def _measure_borders(vertices: _Float32, faces: _Int32, pairs: _Int32) -> _Float
         total = 0.0
         for c in range(3):
             a, b = faces[f, c], faces[f, (c + 1) % 3]
+            # Faces with repeated corners walk an edge twice; it counts once.
             repeated = (c == 1 and faces[f, 2] == faces[f, 0]) or (
                 c == 2 and (faces[f, 2] == faces[f, 1] or faces[f, 0] == faces[f, 1])
             )
@@ -249,25 +252,25 @@ def _measure_borders(vertices: _Float32, faces: _Int32, pairs: _Int32) -> _Float
 
 
 @numba.njit(cache=True)
-def _smooth(lab: npt.NDArray[np.int16], pairs: _Int32) -> npt.NDArray[np.int16]:
+def _smooth(lab: Int16, pairs: Int32) -> Int16:
     total = lab.astype(np.int32)
-    parts = np.ones(len(lab), np.int32)
+    count = np.ones(len(lab), np.int32)
     for i in range(len(pairs)):
         u, v = pairs[i, 0], pairs[i, 1]
-        parts[u] += 1
-        parts[v] += 1
+        count[u] += 1
+        count[v] += 1
         for axis in range(3):
             total[u, axis] += lab[v, axis]
             total[v, axis] += lab[u, axis]
     smooth = np.empty_like(lab)
     for u in range(len(lab)):
         for axis in range(3):
-            smooth[u, axis] = np.int16((2 * total[u, axis] + parts[u]) // (2 * parts[u]))
+            smooth[u, axis] = np.int16((2 * total[u, axis] + count[u]) // (2 * count[u]))
     return smooth
 
 
 @numba.njit(cache=True)
-def sum_areas(area: _Int64, nodes: _Int32, count: int) -> _Int64:
+def sum_areas(area: Int64, nodes: Int32, count: int) -> Int64:
     """Areas of unions: ``nodes[u]`` is the union of unit u."""
     total = np.zeros(count, np.int64)
     for u in range(len(nodes)):
@@ -276,7 +279,7 @@ def sum_areas(area: _Int64, nodes: _Int32, count: int) -> _Int64:
 
 
 @numba.njit(cache=True)
-def _sum_counts(values: _Int32, nodes: _Int32, count: int) -> _Int32:
+def _sum_counts(values: Int32, nodes: Int32, count: int) -> Int32:
     total = np.zeros(count, np.int32)
     for u in range(len(nodes)):
         total[nodes[u]] += values[u]
@@ -284,7 +287,7 @@ def _sum_counts(values: _Int32, nodes: _Int32, count: int) -> _Int32:
 
 
 @numba.njit(cache=True)
-def _sum_rows(values: npt.NDArray[np.integer], nodes: _Int32, count: int) -> _Int64:
+def _sum_rows(values: AnyInt, nodes: Int32, count: int) -> Int64:
     total = np.zeros((count, 3), np.int64)
     for u in range(len(nodes)):
         for axis in range(3):

@@ -5,12 +5,12 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, AnyFloat, AnyInt, Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
@@ -32,10 +32,6 @@ __all__ = [
     "surface_area",
 ]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _AUTO_EXTENT: Final = 1.2
 """Automatic extent: this many sides of the square that ``max_faces`` faces of mean area would
@@ -45,9 +41,7 @@ _LENGTH_STEPS: Final = 2**20
 """Steps in the longest edge: finer than float32 rounding, and 2^43 edges fit an int64 sum."""
 
 
-def face_centres(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
-) -> _Float64:
+def face_centres(vertices: AnyFloat, faces: AnyInt, *, threads: int = 1) -> Float64:
     """Mean of each face's three corners, (F, 3) float64, in the vertices' unit and frame."""
     points, corners = mesh_input(vertices, faces)
     centres = np.empty((len(corners), 3))
@@ -58,9 +52,7 @@ def face_centres(
     return centres
 
 
-def face_boxes(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
-) -> tuple[_Float32, _Float32]:
+def face_boxes(vertices: AnyFloat, faces: AnyInt, *, threads: int = 1) -> tuple[Float32, Float32]:
     """Least and greatest corner of every face, two (F, 3) float32, in the vertices' unit."""
     positions = as_kernel_input(vertices, np.float32)
     corners = as_kernel_input(faces, np.int32)
@@ -73,26 +65,24 @@ def face_boxes(
     return low, high
 
 
-def label_boxes(
-    labels: _Int32, size: _Int64, low: _Float32, high: _Float32
-) -> tuple[_Float32, _Float32]:
+def label_boxes(labels: Int32, size: Int64, low: Float32, high: Float32) -> tuple[Float32, Float32]:
     """Box of the faces of every label, two (L, 3) float32; ``size`` are faces per label, >= 1."""
     return _label_boxes(as_kernel_input(labels, np.int32), len(size), low, high)
 
 
-def label_sums(labels: _Int32, count: int, values: _Float32) -> tuple[_Int64, _Float64]:
+def label_sums(labels: Int32, count: int, values: Float32) -> tuple[Int64, Float64]:
     """Faces of every label 0..count-1 and the sum of their values, in face order, in float64."""
     return _label_sums(
         as_kernel_input(labels, np.int32), count, as_kernel_input(values, np.float32)
     )
 
 
-def first_faces(labels: _Int32, count: int) -> _Int64:
+def first_faces(labels: Int32, count: int) -> Int64:
     """Lowest face of every label 0..count-1, (count,) int64; 0 for labels that do not occur."""
     return _first_faces(as_kernel_input(labels, np.int32), count)
 
 
-def main_labels(labels: _Int32, count: int, kinds: _Int32) -> tuple[_Int32, _Int32]:
+def main_labels(labels: Int32, count: int, kinds: Int32) -> tuple[Int32, Int32]:
     """Say which kind most faces of every label have, and how many kinds it has.
 
     Parameters
@@ -112,13 +102,13 @@ def main_labels(labels: _Int32, count: int, kinds: _Int32) -> tuple[_Int32, _Int
     """
     given = as_kernel_input(kinds, np.int32)
     limit = int(given.max()) + 1 if len(given) else 0
-    found: tuple[_Int32, _Int32] = _main_labels(
+    labels_and_counts: tuple[Int32, Int32] = _main_labels(
         as_kernel_input(labels, np.int32), count, given, limit
     )
-    return found
+    return labels_and_counts
 
 
-def dense_labels(labels: npt.NDArray[np.integer]) -> _Int32:
+def dense_labels(labels: AnyInt) -> Int32:
     """Labels as 0.. without gaps, in their own order."""
     if len(labels) == 0:
         return np.zeros(0, np.int32)
@@ -126,17 +116,17 @@ def dense_labels(labels: npt.NDArray[np.integer]) -> _Int32:
     used[labels] = True
     numbers = np.cumsum(used, dtype=np.int32)
     numbers -= 1
-    dense: _Int32 = np.take(numbers, labels)
+    dense: Int32 = np.take(numbers, labels)
     return dense
 
 
 def edge_steps(
-    vertices: npt.NDArray[np.floating],
-    edges: _Int32,
+    vertices: AnyFloat,
+    edges: Int32,
     *,
     longest: float | None = None,
     threads: int = 1,
-) -> _Int64:
+) -> Int64:
     """Edge lengths as whole steps, at least 1, (P,) int64; see ``unit_graph.py``.
 
     Steps are shares of the longest edge: of these, or as given where they are part of more.
@@ -155,13 +145,13 @@ def edge_steps(
     return steps
 
 
-def steps_of_lengths(length: _Float64, longest: float) -> _Int64:
+def steps_of_lengths(length: Float64, longest: float) -> Int64:
     """Lengths as whole steps of the longest edge, at least 1; see :func:`edge_steps`."""
     scale = _LENGTH_STEPS / longest if longest > 0.0 else 0.0
     return np.maximum(np.rint(length * scale), 1.0).astype(np.int64)
 
 
-def longest_edge(vertices: npt.NDArray[np.floating], edges: _Int32, *, threads: int = 1) -> float:
+def longest_edge(vertices: AnyFloat, edges: Int32, *, threads: int = 1) -> float:
     """Length of the longest of some edges (P, 2), in the vertices' unit; 0 where there is none."""
     points, ends = mesh_input(vertices, edges)
     longest = in_chunks(
@@ -170,9 +160,7 @@ def longest_edge(vertices: npt.NDArray[np.floating], edges: _Int32, *, threads: 
     return max(longest, default=0.0)
 
 
-def face_areas(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
-) -> _Float64:
+def face_areas(vertices: AnyFloat, faces: AnyInt, *, threads: int = 1) -> Float64:
     """Area of every face, (F,) float64, in the square of the vertices' unit."""
     points, corners = mesh_input(vertices, faces)
     area = np.empty(len(corners))
@@ -182,17 +170,15 @@ def face_areas(
     return area
 
 
-def surface_area(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], *, threads: int = 1
-) -> float:
+def surface_area(vertices: AnyFloat, faces: AnyInt, *, threads: int = 1) -> float:
     """Area of all faces, in the square of the vertices' unit."""
     area = face_areas(vertices, faces, threads=threads)
     return float(area.sum())
 
 
 def automatic_extent(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     max_faces: int,
     *,
     threads: int = 1,
@@ -209,18 +195,14 @@ def extent_of_area(area: float, n_faces: int, widest: float, max_faces: int) -> 
     return side if side > 0.0 else max(widest, 1.0)
 
 
-def mesh_input(
-    vertices: npt.NDArray[np.floating], indices: npt.NDArray[np.integer]
-) -> tuple[npt.NDArray[Any], _Int32]:
+def mesh_input(vertices: AnyFloat, indices: AnyInt) -> tuple[AnyArray, Int32]:
     """Vertices (float32 stays, everything else becomes float64) and indices for the kernels."""
     dtype = np.float32 if vertices.dtype == np.float32 else np.float64
     return as_kernel_input(vertices, dtype), as_kernel_input(indices, np.int32)
 
 
 @numba.njit(cache=True, nogil=True)
-def _centres(
-    vertices: npt.NDArray[Any], faces: _Int32, centres: _Float64, begin: int, end: int
-) -> None:
+def _centres(vertices: AnyArray, faces: Int32, centres: Float64, begin: int, end: int) -> None:
     for f in range(begin, end):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         for axis in range(3):
@@ -230,7 +212,7 @@ def _centres(
 
 @numba.njit(cache=True, nogil=True)
 def _boxes(
-    vertices: _Float32, faces: _Int32, low: _Float32, high: _Float32, begin: int, end: int
+    vertices: Float32, faces: Int32, low: Float32, high: Float32, begin: int, end: int
 ) -> None:
     for f in range(begin, end):
         for axis in range(3):
@@ -242,9 +224,7 @@ def _boxes(
 
 
 @numba.njit(cache=True, nogil=True)
-def _label_boxes(
-    labels: _Int32, count: int, low: _Float32, high: _Float32
-) -> tuple[_Float32, _Float32]:
+def _label_boxes(labels: Int32, count: int, low: Float32, high: Float32) -> tuple[Float32, Float32]:
     least = np.full((count, 3), np.float32(np.inf), np.float32)
     most = np.full((count, 3), np.float32(-np.inf), np.float32)
     for f in range(len(labels)):
@@ -256,7 +236,7 @@ def _label_boxes(
 
 
 @numba.njit(cache=True, nogil=True)
-def _label_sums(labels: _Int32, count: int, values: _Float32) -> tuple[_Int64, _Float64]:
+def _label_sums(labels: Int32, count: int, values: Float32) -> tuple[Int64, Float64]:
     size = np.zeros(count, np.int64)
     total = np.zeros(count, np.float64)
     for f in range(len(labels)):
@@ -266,7 +246,8 @@ def _label_sums(labels: _Int32, count: int, values: _Float32) -> tuple[_Int64, _
 
 
 @numba.njit(cache=True, nogil=True)
-def _main_labels(labels: _Int32, count: int, kinds: _Int32, limit: int) -> tuple[_Int32, _Int32]:
+def _main_labels(labels: Int32, count: int, kinds: Int32, limit: int) -> tuple[Int32, Int32]:
+    # (1) Sort faces by label, as CSR.
     starts = np.zeros(count + 1, np.int64)
     for f in range(len(labels)):
         starts[labels[f] + 1] += 1
@@ -277,6 +258,8 @@ def _main_labels(labels: _Int32, count: int, kinds: _Int32, limit: int) -> tuple
     for f in range(len(labels)):
         by_label[cursor[labels[f]]] = kinds[f]
         cursor[labels[f]] += 1
+    # (2) Count kinds label by label. Invariant: `seen` is 0 everywhere between labels; only what
+    # was counted is cleared. Of kinds with as many faces the lower wins.
     main = np.full(count, -1, np.int32)
     n_kinds = np.zeros(count, np.int32)
     seen = np.zeros(limit, np.int64)
@@ -296,7 +279,7 @@ def _main_labels(labels: _Int32, count: int, kinds: _Int32, limit: int) -> tuple
 
 
 @numba.njit(cache=True, nogil=True)
-def _first_faces(labels: _Int32, count: int) -> _Int64:
+def _first_faces(labels: Int32, count: int) -> Int64:
     first = np.zeros(count, np.int64)
     for f in range(len(labels) - 1, -1, -1):
         first[labels[f]] = f
@@ -304,7 +287,7 @@ def _first_faces(labels: _Int32, count: int) -> _Int64:
 
 
 @numba.njit(cache=True, nogil=True)
-def _length(vertices: npt.NDArray[Any], a: int, b: int) -> float:
+def _length(vertices: AnyArray, a: int, b: int) -> float:
     x = np.float64(vertices[a, 0]) - np.float64(vertices[b, 0])
     y = np.float64(vertices[a, 1]) - np.float64(vertices[b, 1])
     z = np.float64(vertices[a, 2]) - np.float64(vertices[b, 2])
@@ -313,7 +296,7 @@ def _length(vertices: npt.NDArray[Any], a: int, b: int) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _longest_edge(vertices: npt.NDArray[Any], edges: _Int32, begin: int, end: int) -> float:
+def _longest_edge(vertices: AnyArray, edges: Int32, begin: int, end: int) -> float:
     longest = 0.0
     for i in range(begin, end):
         longest = max(longest, _length(vertices, edges[i, 0], edges[i, 1]))
@@ -322,7 +305,7 @@ def _longest_edge(vertices: npt.NDArray[Any], edges: _Int32, begin: int, end: in
 
 @numba.njit(cache=True, nogil=True)
 def _edge_steps(
-    vertices: npt.NDArray[Any], edges: _Int32, scale: float, steps: _Int64, begin: int, end: int
+    vertices: AnyArray, edges: Int32, scale: float, steps: Int64, begin: int, end: int
 ) -> None:
     for i in range(begin, end):
         length = np.rint(_length(vertices, edges[i, 0], edges[i, 1]) * scale)
@@ -330,7 +313,7 @@ def _edge_steps(
 
 
 @numba.njit(cache=True, nogil=True)
-def _areas(vertices: npt.NDArray[Any], faces: _Int32, area: _Float64, begin: int, end: int) -> None:
+def _areas(vertices: AnyArray, faces: Int32, area: Float64, begin: int, end: int) -> None:
     for f in range(begin, end):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         ux = np.float64(vertices[b, 0]) - np.float64(vertices[a, 0])

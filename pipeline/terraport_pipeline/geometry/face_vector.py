@@ -8,7 +8,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from terraport_pipeline.model import Float32, Int32
+from terraport_payload.types import Float32, Int32
 
 __all__ = ["face_vector"]
 

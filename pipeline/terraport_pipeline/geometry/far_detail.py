@@ -10,18 +10,15 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.columns import Grid, rasterise
 from terraport_pipeline.geometry.face_measures import face_centres
 
 __all__ = ["FAR_BASE_EDGES", "FAR_TOLERANCES", "FarDetail", "far_detail", "median_edge"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _NEAREST_VERTICES: Final = 4
 """Base vertices whose faces stand in for a far detail face; more would only hide the base later."""
@@ -35,9 +32,9 @@ _CLOSE, _ALONE, _BASELESS = 0, 1, 2
 class FarDetail:
     """Pairs (base face, segment) as CSR over base faces, and the two counts."""
 
-    offsets: _Int64
+    offsets: Int64
     """(B+1,) row starts."""
-    segment: _Int32
+    segment: Int32
     """(N,) segment numbers, each once per base face, ascending."""
     far_faces: int
     """Detail faces with no base face close by."""
@@ -46,9 +43,9 @@ class FarDetail:
 
 
 def far_detail(
-    base: tuple[_Float64, _Int32],
-    detail: tuple[_Float64, _Int32],
-    segment_of_face: _Int32,
+    base: tuple[Float64, Int32],
+    detail: tuple[Float64, Int32],
+    segment_of_face: Int32,
     grid: Grid,
     *,
     reach_m: float,
@@ -78,6 +75,7 @@ def far_detail(
         For every far detail face its segment is entered at all base faces around the four nearest
         base vertices. Of base vertices equally near the tree's first ones are taken.
     """
+    # (1) Which detail faces have no base face near them in their column.
     base_vertices, base_faces = base
     vertices, faces = detail
     starts, entries = rasterise(base_vertices, base_faces, grid, reach_m)
@@ -94,6 +92,7 @@ def far_detail(
     far = np.flatnonzero(state != _CLOSE)
     if len(far) == 0:
         return FarDetail(np.zeros(len(base_faces) + 1, np.int64), np.zeros(0, np.int32), 0, 0)
+    # (2) The base vertices nearest to those, within a limit: beyond it the detail floats free.
     vertex_ids = np.unique(base_faces)
     limit = max(
         FAR_TOLERANCES * tolerance_m, FAR_BASE_EDGES * median_edge(base_vertices, base_faces)
@@ -102,10 +101,11 @@ def far_detail(
     distance, nearest = cKDTree(base_vertices[vertex_ids]).query(
         face_centres(vertices, faces[far]), k=k, distance_upper_bound=limit, workers=threads
     )
-    found = np.isfinite(distance).reshape(len(far), k)
-    vertex = vertex_ids[nearest.reshape(len(far), k)[found]]
-    segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[found]
+    in_reach = np.isfinite(distance).reshape(len(far), k)
+    vertex = vertex_ids[nearest.reshape(len(far), k)[in_reach]]
+    segment = np.repeat(segment_of_face[far], k).reshape(len(far), k)[in_reach]
     wanted = np.unique(np.stack([vertex, segment], axis=1).astype(np.int64), axis=0)
+    # (3) From vertices to the faces around them, each (face, segment) once and ascending.
     # every wanted (vertex, segment) becomes (face, segment) for all faces around the vertex
     corner = base_faces.ravel()
     by_vertex = np.argsort(corner, kind="stable")
@@ -118,7 +118,7 @@ def far_detail(
     return FarDetail(offsets, pairs[:, 1].astype(np.int32), len(far), baseless)
 
 
-def median_edge(vertices: _Float64, faces: _Int32) -> float:
+def median_edge(vertices: Float64, faces: Int32) -> float:
     """Median length of the faces' first edges, metres."""
     squared = np.empty(len(faces))
     in_chunks(lambda begin, end: _first_edges(vertices, faces, squared, begin, end), len(faces))
@@ -126,9 +126,7 @@ def median_edge(vertices: _Float64, faces: _Int32) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _first_edges(
-    vertices: _Float64, faces: _Int32, squared: _Float64, begin: int, end: int
-) -> None:
+def _first_edges(vertices: Float64, faces: Int32, squared: Float64, begin: int, end: int) -> None:
     for f in range(begin, end):
         squared[f] = 0.0
         for axis in range(3):
@@ -137,7 +135,7 @@ def _first_edges(
 
 
 @numba.njit(cache=True, nogil=True)
-def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> float:
+def _distance_squared(p: Float64, a: Float64, b: Float64, c: Float64) -> float:
     """Squared distance of point p to triangle abc (Ericson, Real-Time Collision Detection, 5.1).
 
     The nearest point is a + v (b - a) + w (c - a). Scalars only: arrays of three would be
@@ -152,6 +150,8 @@ def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> flo
         d4 += ac * (p[k] - b[k])
         d5 += ab * (p[k] - c[k])
         d6 += ac * (p[k] - c[k])
+    # Weights of corners b and c at the nearest point of the triangle: which of its seven regions
+    # holds the projection.
     v = w = 0.0
     va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
     if d1 <= 0.0 and d2 <= 0.0:  # corner a
@@ -179,16 +179,16 @@ def _distance_squared(p: _Float64, a: _Float64, b: _Float64, c: _Float64) -> flo
 
 @numba.njit(cache=True, nogil=True)
 def _match(
-    vertices: _Float64,
-    faces: _Int32,
-    base_vertices: _Float64,
-    base_faces: _Int32,
-    starts: _Int64,
-    entries: _Int32,
+    vertices: Float64,
+    faces: Int32,
+    base_vertices: Float64,
+    base_faces: Int32,
+    starts: Int64,
+    entries: Int32,
     grid: Grid,
     limit: float,
     hint_counts: bool,
-    state: npt.NDArray[np.uint8],
+    state: UInt8,
     begin: int,
     end: int,
 ) -> None:
@@ -197,13 +197,33 @@ def _match(
     Neighbours in the file mostly lie over one base face, so the one that was close last is tried
     first. That changes no answer: where the limit is within reach (``hint_counts``), a base face
     within the limit of a centre is entered in the centre's column.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        The detail, metres.
+    base_vertices, base_faces : ndarray
+        The base.
+    starts, entries : ndarray
+        Base faces in every column of `grid`, as CSR.
+    grid : Grid
+    limit : float
+        Largest distance of a close face, metres.
+    hint_counts : bool
+        See above.
+    state : ndarray of shape (F,), uint8
+        Written: ``_CLOSE``, ``_ALONE`` or ``_BASELESS``.
+    begin, end : int
+        Detail faces.
     """
     p = np.empty(3)
     hint = -1
     for f in range(begin, end):
+        # (1) The face's centre.
         for axis in range(3):
             total = vertices[faces[f, 0], axis] + vertices[faces[f, 1], axis]
             p[axis] = (total + vertices[faces[f, 2], axis]) / 3.0
+        # (2) The base face that was close last.
         if hint >= 0 and hint_counts:
             a, b, c = (
                 base_vertices[base_faces[hint, 0]],
@@ -213,6 +233,8 @@ def _match(
             if _distance_squared(p, a, b, c) <= limit * limit:
                 state[f] = _CLOSE
                 continue
+        # (3) All base faces entered in the centre's column. Invariant: the state only rises from
+        # baseless (column empty) over alone (something there, none close) to close.
         q = int((p[0] - grid.x) / grid.cell_m) * grid.nz + int((p[2] - grid.z) / grid.cell_m)
         state[f] = _BASELESS
         for e in range(starts[q], starts[q + 1]):

@@ -23,18 +23,13 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int32, Int64
 from terraport_pipeline.geometry.colour import face_colour_sums, srgb_to_lab, white_distance_of_sums
 from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.geometry.segmenter import Segmentation, SegmenterMesh
 
 __all__ = ["FelzenszwalbSegmenter", "felzenszwalb", "neighbour_differences"]
-
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_Bool = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +55,7 @@ class FelzenszwalbSegmenter:
 
     @property
     def name(self) -> str:
-        """``"felzenszwalb"``."""
+        """Name of the engine in options and manifests: ``"felzenszwalb"``."""
         return "felzenszwalb"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
@@ -68,6 +63,7 @@ class FelzenszwalbSegmenter:
 
         Regions that touch nothing and are too small join the region of the nearest face.
         """
+        # (1) Differences over edges, sorted once for both runs.
         n_faces = len(mesh.faces)
         pairs, _ = mesh.edge_pairs()
         difference, similarity = neighbour_differences(mesh, pairs)
@@ -76,11 +72,13 @@ class FelzenszwalbSegmenter:
         regions, count = felzenszwalb(
             n_faces, pairs, difference, self.region_scale, least, order=order
         )
+        # (2) Regions too small that touch nothing larger join the nearest.
         size = np.bincount(regions, minlength=1)
         lost = (size < least)[regions] if n_faces else np.zeros(0, np.bool_)
         if lost.any() and not lost.all():
             joined = join_nearest(mesh.vertices, mesh.faces, regions, size < least)
             regions, count = number_by_first(joined)
+        # (3) Fine pools: the same with a finer scale.
         fine, _ = felzenszwalb(
             n_faces, pairs, difference, self.fine_scale, self.fine_faces, order=order
         )
@@ -93,7 +91,7 @@ class FelzenszwalbSegmenter:
         )
 
 
-def neighbour_differences(mesh: SegmenterMesh, pairs: _Int32) -> tuple[_Float32, _Float32]:
+def neighbour_differences(mesh: SegmenterMesh, pairs: Int32) -> tuple[Float32, Float32]:
     """Difference of every pair of neighbours, and an index of every face to compare pools by.
 
     Parameters
@@ -124,13 +122,13 @@ def neighbour_differences(mesh: SegmenterMesh, pairs: _Int32) -> tuple[_Float32,
 
 def felzenszwalb(
     n_faces: int,
-    pairs: _Int32,
-    difference: _Float32,
+    pairs: Int32,
+    difference: Float32,
     scale: float,
     least_faces: int,
     *,
-    order: _Int64 | None = None,
-) -> tuple[_Int32, int]:
+    order: Int64 | None = None,
+) -> tuple[Int32, int]:
     """Join neighbours in the order of their difference.
 
     Parameters
@@ -177,7 +175,7 @@ def felzenszwalb(
 
 
 @numba.njit(cache=True)
-def _root(parent: _Int32, item: int) -> int:
+def _root(parent: Int32, item: int) -> int:
     while parent[item] != item:
         parent[item] = parent[parent[item]]
         item = parent[item]
@@ -187,12 +185,12 @@ def _root(parent: _Int32, item: int) -> int:
 @numba.njit(cache=True)
 def _join(
     n_faces: int,
-    pairs: _Int32,
-    difference: _Float32,
-    order: _Int64,
+    pairs: Int32,
+    difference: Float32,
+    order: Int64,
     scale: float,
     least_faces: int,
-) -> _Int32:
+) -> Int32:
     parent = np.arange(n_faces).astype(np.int32)
     size = np.ones(n_faces, np.int64)
     # Largest difference inside each part plus its slack: the paper's Int(C) + tau(C). The pairs

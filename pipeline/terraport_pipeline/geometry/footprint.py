@@ -18,11 +18,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
+from terraport_payload.types import AnyFloat, Float32, Float64
 from terraport_pipeline.geometry.support import DENSITY_SPAN
-from terraport_pipeline.model import Float32, Float64
 
 __all__ = [
     "CLOSING_SPACINGS",
@@ -60,7 +59,7 @@ class Occupancy:
     spacing_m: Float32
     """(nx, nz) largest local spacing of the cell's samples; 0 where there is none."""
 
-    def add(self, points: npt.NDArray[np.floating], local_spacing_m: Float32) -> None:
+    def add(self, points: AnyFloat, local_spacing_m: Float32) -> None:
         """Count samples in; in any order, the result is the same.
 
         Parameters
@@ -81,7 +80,7 @@ class Occupancy:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footprint:
-    """Metres inside the outline, on a raster."""
+    """Signed distance to a survey's outline seen from above, on a raster: metres inside."""
 
     low: tuple[float, float]
     """x and z of the *middle* of cell (0, 0)."""
@@ -89,7 +88,7 @@ class Footprint:
     field_m: Float32
     """(nx, nz) margin at the cells' middles."""
 
-    def margin_m(self, points: npt.NDArray[np.floating]) -> Float32:
+    def margin_m(self, points: AnyFloat) -> Float32:
         """Metres inside the outline, negative outside.
 
         Parameters
@@ -120,7 +119,7 @@ class Footprint:
 
 
 def footprint_of(
-    points: npt.NDArray[np.floating],
+    points: AnyFloat,
     local_spacing_m: Float32,
     spacing_m: float,
     *,

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Int32
 from terraport_pipeline.geometry.border_weights import EdgeWeights, border_weights
 from terraport_pipeline.geometry.face_graph import (
     FaceGraph,
@@ -42,9 +42,6 @@ from terraport_pipeline.geometry.unit_rows import (
 
 __all__ = ["MergedGraph", "join_small", "merge_faces"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _WORTHWHILE: Final = 32
 """Rounds end when one unites fewer than one unit in this many: what is left is the heap's."""
@@ -86,6 +83,9 @@ def merge_faces(
     area, name, facts = graph.area, np.arange(n_faces, dtype=np.int32), graph.facts
     node = np.arange(n_faces, dtype=np.int32)  # the tree's node of every unit
     pairs, length = graph.pairs, graph.length
+    # Invariant of all steps: the first `done` rows of `children` and `cost` are merges in their
+    # order; every unit is one node of the tree, and pairs, length, area, facts and name describe
+    # exactly the units that are left.
     # (1) rounds, level by level
     for most_faces in seed_faces:
         border, _ = border_weights(pairs, length, facts, weights)
@@ -109,6 +109,8 @@ def merge_faces(
             if united * _WORTHWHILE < len(nodes):
                 break
         facts = sum_facts(level[1], unit, len(area))
+        # Colours and normals count anew at every level: within one, borders keep the weights of
+        # its start.
         # lengths between the new units
         lengths = contract_rows(*rows_of_pairs(level[0], pairs, length), unit, len(area))
         pairs, length = pairs_of_rows(*lengths)
@@ -129,8 +131,8 @@ def merge_faces(
 
 
 def join_small(
-    graph: FaceGraph, weights: EdgeWeights, labels: _Int32, count: int, small_share: float
-) -> tuple[_Int32, int]:
+    graph: FaceGraph, weights: EdgeWeights, labels: Int32, count: int, small_share: float
+) -> tuple[Int32, int]:
     """Let regions below a share of the whole area join a neighbour.
 
     Merges between regions in the usual order, only those in which one is small, until no small

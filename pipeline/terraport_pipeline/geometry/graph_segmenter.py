@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.geometry.border_weights import EdgeWeights
 from terraport_pipeline.geometry.face_graph import (
     FaceGraph,
@@ -42,7 +42,6 @@ __all__ = [
     "seed_levels",
 ]
 
-_Int32 = npt.NDArray[np.int32]
 
 _SEED_FACES: Final = 32
 """Seeds of meshes up to 147,000 faces have at most this many: the mean colour of 32 faces has a
@@ -121,7 +120,7 @@ class GraphSegmenter:
 
     @property
     def name(self) -> str:
-        """``"graph"``."""
+        """Name of the engine in options and manifests: ``"graph"``."""
         return "graph"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
@@ -191,8 +190,8 @@ def automatic_seeds(n_faces: int, *, by_colour: bool) -> int:
 
 
 def _join_islands(
-    mesh: SegmenterMesh, graph: FaceGraph, regions: _Int32, count: int, small_share: float
-) -> tuple[_Int32, int, int]:
+    mesh: SegmenterMesh, graph: FaceGraph, regions: Int32, count: int, small_share: float
+) -> tuple[Int32, int, int]:
     """Give small regions, which touch nothing by now, the region of the nearest face."""
     area = sum_areas(graph.area, regions, count)
     small = area < small_share * float(area.sum())
@@ -203,7 +202,7 @@ def _join_islands(
     return labels, left, islands
 
 
-def _similarity(mesh: SegmenterMesh) -> npt.NDArray[np.float32]:
+def _similarity(mesh: SegmenterMesh) -> Float32:
     """Index by which pools become segments: the Triangle Pool Algorithm's s."""
     colours, scalar = mesh.colours, mesh.scalar
     if scalar is not None:

@@ -12,15 +12,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Int32
 from terraport_pipeline.geometry.adjacency import components
 from terraport_pipeline.geometry.face_measures import face_centres
 from terraport_pipeline.geometry.segmenter import Segmentation, SegmenterMesh
 
 __all__ = ["GridSegmenter", "grid_cells"]
 
-_Int32 = npt.NDArray[np.int32]
 
 _AUTO_REGION_SHARE: Final = 0.05
 """Automatic region cells hold this share of all faces of level ground."""
@@ -48,7 +47,7 @@ class GridSegmenter:
 
     @property
     def name(self) -> str:
-        """``"grid"``."""
+        """Name of the engine in options and manifests: ``"grid"``."""
         return "grid"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
@@ -75,9 +74,7 @@ class GridSegmenter:
         )
 
 
-def grid_cells(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], cell_m: float
-) -> _Int32:
+def grid_cells(vertices: AnyFloat, faces: AnyInt, cell_m: float) -> Int32:
     """Give every face the number of the cell in plan that its middle lies in.
 
     Parameters
@@ -108,5 +105,5 @@ def grid_cells(
         msg = f"cells of {cell_m:g} m would be {cells:.3g}, expected fewer than 2^31; take more"
         raise ValueError(msg)
     wide = int(cell[:, 0].max()) + 1
-    numbered: _Int32 = (cell[:, 1] * wide + cell[:, 0]).astype(np.int32)
+    numbered: Int32 = (cell[:, 1] * wide + cell[:, 0]).astype(np.int32)
     return numbered

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from terraport_pipeline.model import Int32, UInt8
+from terraport_payload.types import Int32, UInt8
 
 __all__ = ["fill_cells"]
 
@@ -43,6 +43,7 @@ def fill_cells(image: UInt8, covered: UInt8, cells: Int32) -> None:
 def _fill_cell(
     image: UInt8, covered: UInt8, left: int, upper: int, width: int, height: int
 ) -> None:
+    # (1) How often the cell can be halved until one texel is left.
     levels = 1
     side = max(width, height)
     while side > 1:
@@ -59,7 +60,9 @@ def _fill_cell(
         starts[level + 1] = starts[level] + (w * h if level else 0)
         w, h = (w + 1) // 2, (h + 1) // 2
     value = np.zeros((starts[levels], 3), np.float32)
-    known = np.zeros(starts[levels], np.uint8)
+    filled = np.zeros(starts[levels], np.uint8)
+    # (2) Upwards: each texel is the mean of the covered ones of its four children. Invariant: a
+    # texel is filled exactly where something below it is covered.
     for level in range(1, levels):
         fine_w, fine_h = sides[level - 1]
         for j in range(sides[level, 1]):
@@ -76,25 +79,28 @@ def _fill_cell(
                                 n += np.float32(1.0)
                         else:
                             fine = starts[level - 1] + jj * fine_w + ii
-                            if known[fine]:
+                            if filled[fine]:
                                 r += value[fine, 0]
                                 g += value[fine, 1]
                                 b += value[fine, 2]
                                 n += np.float32(1.0)
                 if n > 0:
-                    place = starts[level] + j * sides[level, 0] + i
-                    value[place, 0], value[place, 1], value[place, 2] = r / n, g / n, b / n
-                    known[place] = 1
-    if not known[starts[levels - 1]]:
+                    texel = starts[level] + j * sides[level, 0] + i
+                    value[texel, 0], value[texel, 1], value[texel, 2] = r / n, g / n, b / n
+                    filled[texel] = 1
+    # (3) Downwards: unfilled texels take their parent's colour, so every level is full before the
+    # next.
+    if not filled[starts[levels - 1]]:
         return  # nothing at all in this cell
     for level in range(levels - 2, 0, -1):
         for j in range(sides[level, 1]):
             for i in range(sides[level, 0]):
-                place = starts[level] + j * sides[level, 0] + i
-                if not known[place]:
+                texel = starts[level] + j * sides[level, 0] + i
+                if not filled[texel]:
                     parent = starts[level + 1] + (j // 2) * sides[level + 1, 0] + i // 2
                     for k in range(3):
-                        value[place, k] = value[parent, k]
+                        value[texel, k] = value[parent, k]
+    # (4) The image: only texels that no chart drew.
     for j in range(height):
         for i in range(width):
             if not covered[upper + j, left + i]:

@@ -17,9 +17,8 @@ from enum import IntEnum
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64, UInt8
 
 __all__ = [
     "RayKind",
@@ -45,11 +44,9 @@ CLEARANCE_M: Final = 5.0
 OBLIQUE_DEG: Final = (15.0, 80.0)
 """Below the horizon, for rays from above."""
 
-Bool = npt.NDArray[np.bool_]
-
 
 class RayKind(IntEnum):
-    """From where a ray looks."""
+    """Vantage point of a ray: straight above, obliquely above, or at eye height."""
 
     DOWN = 0
     """Straight down from over the scene."""
@@ -67,7 +64,7 @@ class Rays:
     """(R, 3) metres."""
     directions: Float32
     """(R, 3) unit."""
-    kind: npt.NDArray[np.uint8]
+    kind: UInt8
     """(R,) :class:`RayKind`."""
 
 
@@ -117,9 +114,7 @@ def random_subsets(centres: Float64, count: int, rng: np.random.Generator) -> Bo
     return loaded
 
 
-def hidden_base_faces(
-    offsets: npt.NDArray[np.integer], segments: npt.NDArray[np.integer], loaded: Bool
-) -> Bool:
+def hidden_base_faces(offsets: AnyInt, segments: AnyInt, loaded: Bool) -> Bool:
     """Apply the cover rule: a base face hides iff it is covered and all segments over it loaded.
 
     Parameters
@@ -147,9 +142,7 @@ def hidden_base_faces(
     return hidden
 
 
-def rim_base_faces(
-    offsets: npt.NDArray[np.integer], segments: npt.NDArray[np.integer], loaded: Bool
-) -> npt.NDArray[np.int64]:
+def rim_base_faces(offsets: AnyInt, segments: AnyInt, loaded: Bool) -> Int64:
     """Find the base faces at the rim: those over which some, but not all, segments are loaded.
 
     Parameters
@@ -200,12 +193,12 @@ def random_places(
     corner = vertices[faces[face]].astype(np.float64)
     # Uniform over a triangle: square root of the first number (Turk 1990).
     first, second = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    places: Float64 = (
+    points: Float64 = (
         corner[:, 0] * (1 - first)
         + corner[:, 1] * first * (1 - second)
         + corner[:, 2] * first * second
     )
-    return places
+    return points
 
 
 def cumulative_face_area(vertices: Float32, faces: Int32) -> Float64:
@@ -233,7 +226,7 @@ def cumulative_face_area(vertices: Float32, faces: Int32) -> Float64:
 
 
 def aim_rays(
-    places: Float64,
+    targets: Float64,
     top_m: float,
     rng: np.random.Generator,
     *,
@@ -243,7 +236,7 @@ def aim_rays(
 
     Parameters
     ----------
-    places : ndarray of shape (R, 3), float64
+    targets : ndarray of shape (R, 3), float64
         What is looked at, metres. Something nearer may stand in the way; that is meant.
     top_m : float
         Height of the highest point.
@@ -258,7 +251,7 @@ def aim_rays(
     Rays
         One per place, in the order given; kinds alternate.
     """
-    count = len(places)
+    count = len(targets)
     kind = (np.arange(count) % 3).astype(np.uint8)
     bearing = rng.uniform(0, 2 * np.pi, count)
     dip = np.radians(rng.uniform(*OBLIQUE_DEG, count))
@@ -267,13 +260,13 @@ def aim_rays(
         [np.cos(dip) * np.sin(bearing), -np.sin(dip), -np.cos(dip) * np.cos(bearing)], axis=1
     )
     heading[kind == RayKind.DOWN] = (0.0, -1.0, 0.0)
-    rise = top_m + CLEARANCE_M - places[:, 1]
-    origins = places - heading * (rise / -heading[:, 1])[:, None]
+    rise = top_m + CLEARANCE_M - targets[:, 1]
+    origins = targets - heading * (rise / -heading[:, 1])[:, None]
     # The eye stands near the place; where the ground rises between them the ray meets that ground
     # instead.
     eye = kind == RayKind.EYE
     away = rng.uniform(*EYE_REACH_M, int(eye.sum()))
-    stand = places[eye].copy()
+    stand = targets[eye].copy()
     stand[:, 0] -= np.sin(bearing[eye]) * away
     stand[:, 2] += np.cos(bearing[eye]) * away
     if ground_m is not None:
@@ -281,7 +274,7 @@ def aim_rays(
         stand[:, 1] = np.where(np.isnan(ground), stand[:, 1], ground)
     stand[:, 1] += EYE_HEIGHT_M
     origins[eye] = stand
-    sight = places[eye] - stand
+    sight = targets[eye] - stand
     heading[eye] = sight / np.linalg.norm(sight, axis=1, keepdims=True)
     return Rays(origins.astype(np.float32), heading.astype(np.float32), kind)
 
@@ -316,9 +309,7 @@ def strict_misses(detail_t: Float32, base_t: Float32, mixed_t: Float32, toleranc
     return met & ~(mixed_t <= np.maximum(detail_t, base) + tolerance_m)
 
 
-def _cover_counts(
-    offsets: npt.NDArray[np.integer], segments: npt.NDArray[np.integer], loaded: Bool
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def _cover_counts(offsets: AnyInt, segments: AnyInt, loaded: Bool) -> tuple[Int64, Int64]:
     """Count, per base face, the segments over it and those of them that are loaded."""
     edges = offsets.astype(np.int64)
     running = np.concatenate([[0], np.cumsum(loaded[segments], dtype=np.int64)])

@@ -23,8 +23,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
@@ -44,21 +44,17 @@ _TIE: Final = 1e-12
 """A split must beat another by this share of the total sum of squares, else the leftmost wins:
 rounding decides no tie."""
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int64 = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Clusters1D:
     """Result of :func:`kmeans_1d`: upper borders and means of the clusters, ascending."""
 
-    upper: _Float32
+    upper: Float32
     """(k,) float32: largest value of each cluster."""
-    means: _Float64
+    means: Float64
     """(k,) float64: mean value of each cluster."""
 
-    def assign(self, values: _Float32, *, threads: int = 1) -> npt.NDArray[np.int32]:
+    def assign(self, values: Float32, *, threads: int = 1) -> Int32:
         """Cluster number of every value: the first cluster whose largest value is not below it."""
         labels = np.empty(len(values), np.int32)
         given, upper = as_kernel_input(values, np.float32), as_kernel_input(self.upper, np.float32)
@@ -69,7 +65,7 @@ class Clusters1D:
         return labels
 
 
-def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
+def kmeans_1d(ordered: Float32, k: int) -> Clusters1D:
     """Partition sorted values into k clusters of least squared distance to their means.
 
     Parameters
@@ -98,6 +94,7 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
     >>> clusters.means.tolist(), clusters.assign(np.array([9, 0], dtype=np.float32)).tolist()
     ([0.5, 10.0], [1, 0])
     """
+    # (1) Equal values stay together, so there are no more clusters than distinct values.
     if len(ordered) == 0 or k < 1:
         msg = f"received {len(ordered)} values and k = {k}, expected at least one of each"
         raise ValueError(msg)
@@ -107,6 +104,8 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
         msg = f"value {bad} is {ordered[bad]} after {ordered[bad - 1]}, expected ascending"
         raise ValueError(msg)
     k = min(k, distinct)
+    # (2) Exact where that is affordable; else exact on a histogram, or an even start, and polished
+    # from there.
     if distinct <= EXACT_VALUES and k <= MAX_EXACT_CLUSTERS:
         firsts = _firsts(values)
         starts = firsts[_optimal_starts(*_grouped(values, firsts), k)]
@@ -121,25 +120,26 @@ def kmeans_1d(ordered: _Float32, k: int) -> Clusters1D:
             k_bins = min(k, len(bins))
             starts = bins[_optimal_starts(*_grouped(values, bins), k_bins)]
         starts = _polish(values, starts)
+    # (3) Borders and means of the runs.
     ends = np.append(starts[1:], len(values))
     _, sums, _ = _grouped_sums(values, starts, 0.0)
     return Clusters1D(ordered[ends - 1].copy(), sums / (ends - starts))
 
 
-def _firsts(ordered: _Float32) -> _Int64:
+def _firsts(ordered: Float32) -> Int64:
     """Positions where a value differs from the one before."""
     steps = ordered[1:] > ordered[:-1]
     return np.concatenate([[0], np.flatnonzero(steps) + 1]).astype(np.int64)
 
 
-def _grouped(ordered: _Float32, starts: _Int64) -> tuple[_Float64, _Float64, _Float64]:
+def _grouped(ordered: Float32, starts: Int64) -> tuple[Float64, Float64, Float64]:
     """Count, sum and sum of squares per group, about the overall mean for accuracy."""
     mean = float(ordered.mean(dtype=np.float64))
     return _grouped_sums(ordered, starts, mean)
 
 
 @numba.njit(cache=True, nogil=True)
-def _count_distinct(ordered: _Float32) -> tuple[int, int]:
+def _count_distinct(ordered: Float32) -> tuple[int, int]:
     """Count the distinct values; and the first value below the one before it (or nan), or -1."""
     count = 1
     for i in range(1, len(ordered)):
@@ -152,8 +152,8 @@ def _count_distinct(ordered: _Float32) -> tuple[int, int]:
 
 @numba.njit(cache=True, nogil=True)
 def _grouped_sums(
-    ordered: _Float32, starts: _Int64, about: float
-) -> tuple[_Float64, _Float64, _Float64]:
+    ordered: Float32, starts: Int64, about: float
+) -> tuple[Float64, Float64, Float64]:
     n = len(starts)
     counts, sums, squares = np.zeros(n), np.zeros(n), np.zeros(n)
     for g in range(n):
@@ -167,9 +167,7 @@ def _grouped_sums(
 
 
 @numba.njit(cache=True, nogil=True)
-def _assign(
-    values: _Float32, upper: _Float32, labels: npt.NDArray[np.int32], begin: int, end: int
-) -> None:
+def _assign(values: Float32, upper: Float32, labels: Int32, begin: int, end: int) -> None:
     for i in range(begin, end):
         low, high = 0, len(upper) - 1
         while low < high:
@@ -182,15 +180,16 @@ def _assign(
 
 
 @numba.njit(cache=True, nogil=True)
-def _cost(n: _Float64, s: _Float64, q: _Float64, i: int, j: int) -> float:
+def _cost(n: Float64, s: Float64, q: Float64, i: int, j: int) -> float:
     """Sum of squares of groups i..j-1 about their mean, from prefix sums."""
     total = s[j] - s[i]
     return float(max(q[j] - q[i] - total * total / (n[j] - n[i]), 0.0))
 
 
 @numba.njit(cache=True, nogil=True)
-def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int) -> _Int64:
+def _optimal_starts(counts: Float64, sums: Float64, squares: Float64, k: int) -> Int64:
     """First group of each cluster in the optimal partition of m groups into k <= m clusters."""
+    # (1) Prefix sums: the cost of any run of groups in O(1).
     m = len(counts)
     n = np.zeros(m + 1)
     s = np.zeros(m + 1)
@@ -200,12 +199,15 @@ def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int)
         s[i + 1] = s[i] + sums[i]
         q[i + 1] = q[i] + squares[i]
     margin = _TIE * _cost(n, s, q, 0, m)
+    # (2) One cluster: the cost of the first j groups together.
     best = np.empty(m + 1)
     best[0] = 0.0
     for j in range(1, m + 1):
         best[j] = _cost(n, s, q, 0, j)
     split = np.zeros((k, m + 1), np.int32)
     stack = np.empty((4 * 64, 4), np.int64)
+    # (3) One cluster more at a time. Invariant: `best[j]` is the least cost of the first j groups
+    # in c clusters, `split[c, j]` the first group of the last of c + 1 clusters among them.
     for c in range(1, k):
         row = np.full(m + 1, np.inf)
         # Divide and conquer over j: the leftmost best split never moves left as j grows.
@@ -234,6 +236,7 @@ def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int)
             stack[depth, 2], stack[depth, 3] = chosen, split_hi
             depth += 1
         best = row
+    # (4) Back from the end: the split of all groups, then that of the groups before it.
     starts = np.zeros(k, np.int64)
     j = m
     for c in range(k - 1, 0, -1):
@@ -242,7 +245,7 @@ def _optimal_starts(counts: _Float64, sums: _Float64, squares: _Float64, k: int)
     return starts
 
 
-def _polish(ordered: _Float32, starts: _Int64) -> _Int64:
+def _polish(ordered: Float32, starts: Int64) -> Int64:
     """Lloyd steps on sorted values until the borders rest; a cluster never becomes empty."""
     prefix = np.zeros(len(ordered) + 1)
     np.cumsum(ordered, dtype=np.float64, out=prefix[1:])

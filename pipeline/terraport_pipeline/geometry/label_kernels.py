@@ -9,12 +9,11 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int8, Int16, Int32, Int64, UInt16
 from terraport_pipeline.geometry.face_vector import face_vector
 from terraport_pipeline.geometry.view_candidates import QUALITY_STEPS, SLOTS
-from terraport_pipeline.geometry.view_kernels import place_of_view
-from terraport_pipeline.model import Float32, Int32
+from terraport_pipeline.geometry.view_kernels import index_of_view
 
 __all__ = ["best_slots", "common_slots", "costs", "energy", "neighbour_rows", "solve_piece"]
 
@@ -23,10 +22,6 @@ _MAX_CELL_VIEWS: Final = 64
 
 _UNIT: Final = 65535.0
 """Costs are kept as 16-bit parts of this."""
-
-_UInt16 = npt.NDArray[np.uint16]
-_Int8 = npt.NDArray[np.int8]
-_Int16 = npt.NDArray[np.int16]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -39,6 +34,8 @@ def neighbour_rows(
     length = np.zeros((n_faces, 3), np.float32)
     area = np.empty(n_faces, np.float32)
     total = 0.0
+    # (1) Rows of at most three neighbours. Invariant: g stands in the row of f if and only if f
+    # stands in the row of g, also where more than two faces share an edge.
     for p in range(len(pairs)):
         a, b = edges[p, 0], edges[p, 1]
         square = 0.0
@@ -57,6 +54,7 @@ def neighbour_rows(
             if rows[g, s] < 0:
                 rows[g, s], length[g, s] = f, edge
                 break
+    # (2) Lengths and areas relative to their means: the weights do not depend on the mesh's unit.
     scale = len(pairs) / total if total > 0.0 else 1.0
     whole = 0.0
     for f in range(n_faces):
@@ -72,7 +70,7 @@ def neighbour_rows(
 
 
 @numba.njit(cache=True, nogil=True)
-def costs(views: _Int16, values: _UInt16, begin: int, end: int) -> None:
+def costs(views: Int16, values: UInt16, begin: int, end: int) -> None:
     """Turn qualities of faces begin..end into costs, in place."""
     for f in range(begin, end):
         best = 0
@@ -88,7 +86,7 @@ def costs(views: _Int16, values: _UInt16, begin: int, end: int) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def best_slots(views: _Int16, costs: _UInt16, slot: _Int8, begin: int, end: int) -> None:
+def best_slots(views: Int16, costs: UInt16, slot: Int8, begin: int, end: int) -> None:
     """Give every face the place of least cost, the first of equal ones."""
     for f in range(begin, end):
         best = -1
@@ -100,12 +98,12 @@ def best_slots(views: _Int16, costs: _UInt16, slot: _Int8, begin: int, end: int)
 
 @numba.njit(cache=True, nogil=True)
 def common_slots(
-    views: _Int16,
-    costs: _UInt16,
+    views: Int16,
+    costs: UInt16,
     area: Float32,
     order: Int32,
-    starts: npt.NDArray[np.int64],
-    slot: _Int8,
+    starts: Int64,
+    slot: Int8,
     begin: int,
     end: int,
 ) -> None:
@@ -114,20 +112,23 @@ def common_slots(
     saved = np.empty(_MAX_CELL_VIEWS)
     for cell in range(begin, end):
         n = 0
+        # (1) What each view would save in the cell: area times what its cost is below the
+        # highest.
         for i in range(starts[cell], starts[cell + 1]):
             f = order[i]
             for s in range(SLOTS):
                 if views[f, s] < 0:
                     break
-                place = place_of_view(seen, n, views[f, s])
-                if place == n:
+                index = index_of_view(seen, n, views[f, s])
+                if index == n:
                     if n == _MAX_CELL_VIEWS:
                         continue
                     seen[n], saved[n] = views[f, s], 0.0
                     n += 1
-                saved[place] += area[f] * (1.0 - costs[f, s] / _UNIT)
+                saved[index] += area[f] * (1.0 - costs[f, s] / _UNIT)
         if n == 0:
             continue
+        # (2) The best view, where a face has it; the others keep their own.
         best = np.argmax(saved[:n])
         for i in range(starts[cell], starts[cell + 1]):
             f = order[i]
@@ -138,22 +139,38 @@ def common_slots(
 
 @numba.njit(cache=True, nogil=True)
 def energy(
-    views: _Int16,
-    costs: _UInt16,
+    views: Int16,
+    costs: UInt16,
     neighbour: Int32,
     length: Float32,
     area: Float32,
-    slot: _Int8,
+    slot: Int8,
     smoothness: float,
     begin: int,
     end: int,
 ) -> float:
-    """Sum costs and seams of faces begin..end; an edge counts at its lower face."""
+    """Sum costs and seams of faces begin..end; an edge counts at its lower face.
+
+    Parameters
+    ----------
+    views, costs : ndarray of shape (F, SLOTS)
+        Candidates of every face and their costs, in units of 1 / ``_UNIT``.
+    neighbour, length, area
+        As :func:`neighbour_rows` returns them.
+    slot : ndarray of shape (F,), int8
+        Chosen slot, -1 none.
+    smoothness : float
+        Cost of a seam as long as the mean edge.
+    begin, end : int
+        Faces.
+    """
     total = 0.0
     for f in range(begin, end):
         if slot[f] < 0:
             continue
+        # (1) What the face's own view costs.
         total += area[f] * (costs[f, slot[f]] / _UNIT)
+        # (2) Seams to neighbours of another view; the lower face pays for both, so chunks add up.
         mine = views[f, slot[f]]
         for s in range(3):
             g = neighbour[f, s]
@@ -164,13 +181,15 @@ def energy(
 
 @numba.njit(cache=True, nogil=True)
 def _grow_forest(
-    slot: _Int8, neighbour: Int32, round_number: int, first: int, last: int
+    slot: Int8, neighbour: Int32, round_number: int, first: int, last: int
 ) -> tuple[Int32, Int32]:
     """Pick faces of a piece that form a forest: parents before children, and each one's parent.
 
     A face is taken when exactly one of its neighbours is (its parent), or none and it begins a
     tree; a face that meets two would close a ring, and rests.
     """
+    # (1) Faces without a view rest, and so do those with a neighbour outside the piece that has
+    # one: pieces solved at the same time must not both change at a border.
     count = last - first
     state = np.zeros(count, np.uint8)  # 0 not seen, 1 taken, 2 rests
     for i in range(count):
@@ -185,6 +204,8 @@ def _grow_forest(
     parent = np.empty(count, np.int32)
     queue = np.empty(3 * count + 1, np.int32)
     n = 0
+    # (2) Trees, breadth first. Invariant: the taken faces form a forest, and a face's parent
+    # stands before it in `order`.
     # each round begins elsewhere and turns the other way, so that other faces rest
     begin = (round_number * 7919) % count
     for k in range(count):
@@ -230,19 +251,36 @@ def _edge_between(neighbour: Int32, length: Float32, f: int, g: int) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def solve_piece(
-    views: _Int16,
-    costs: _UInt16,
+    views: Int16,
+    costs: UInt16,
     neighbour: Int32,
     length: Float32,
     area: Float32,
-    old: _Int8,
-    slot: _Int8,
+    old: Int8,
+    slot: Int8,
     smoothness: float,
     round_number: int,
     first: int,
     last: int,
 ) -> None:
-    """Best labels of a forest in faces first..last, the labels of all other faces given."""
+    """Best labels of a forest in faces first..last, the labels of all other faces given.
+
+    Parameters
+    ----------
+    views, costs, neighbour, length, area, smoothness
+        As for :func:`energy`.
+    old : ndarray of shape (F,), int8
+        Slots before the round; all that is read of other pieces.
+    slot : ndarray of shape (F,), int8
+        Slots after it; written in first..last only.
+    round_number : int
+        Chooses the forest.
+    first, last : int
+        Faces of the piece.
+    """
+    # Exact on the forest by dynamic programming: no labels of these faces, all others given, have
+    # less energy. Invariant of (1): when face i is reached, total[i] holds the messages of all
+    # its children, because children stand after their parents in `order`.
     order, parent = _grow_forest(old, neighbour, round_number, first, last)
     taken = np.zeros(last - first, np.bool_)
     for n in range(len(order)):

@@ -33,11 +33,10 @@ from functools import lru_cache
 from typing import Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float64
 from terraport_pipeline.geometry import lens_kernels as kernels
 from terraport_pipeline.geometry.lens_kernels import PACKED, project_packed, ray_packed
-from terraport_pipeline.model import Float64
 
 __all__ = ["PACKED", "Lens", "View", "project_packed", "ray_packed", "valid_radius"]
 
@@ -86,7 +85,7 @@ class Lens:
     """k4, k5, k6 of OpenCV's rational model."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no lens."""
+        """Refuse sizes, focal lengths and coefficients that project nothing."""
         numbers = [self.fx, self.fy, self.cx, self.cy, self.skew]
         numbers += [*self.radial, *self.tangential, *self.denominator]
         if not np.isfinite(numbers).all():
@@ -106,7 +105,7 @@ class Lens:
         if len(self.tangential) != 2:
             raise ValueError(f"two tangential coefficients expected, got {self.tangential!r}")
 
-    def project(self, points: npt.NDArray[np.floating]) -> Float64:
+    def project(self, points: AnyFloat) -> Float64:
         """Project points of the camera frame.
 
         Parameters
@@ -121,7 +120,7 @@ class Lens:
         """
         return kernels.project_rows(_pack_lens(self), _rows(points, 3))[:, :2]
 
-    def unproject(self, pixels: npt.NDArray[np.floating]) -> Float64:
+    def unproject(self, pixels: AnyFloat) -> Float64:
         """Find the direction that a pixel looks along; the inverse of :meth:`project`.
 
         Parameters
@@ -187,7 +186,7 @@ class View:
         object.__setattr__(self, "rotation", rotation)
         object.__setattr__(self, "position", position)
 
-    def project(self, points: npt.NDArray[np.floating]) -> tuple[Float64, Float64]:
+    def project(self, points: AnyFloat) -> tuple[Float64, Float64]:
         """Project points of the scene.
 
         Parameters
@@ -205,7 +204,7 @@ class View:
         rows = kernels.project_rows(self.packed(), _rows(points, 3))
         return rows[:, :2], rows[:, 2]
 
-    def rays(self, pixels: npt.NDArray[np.floating]) -> Float64:
+    def rays(self, pixels: AnyFloat) -> Float64:
         """Find the directions that pixels look along.
 
         Parameters
@@ -297,7 +296,7 @@ def _pack(lens: Lens, limit: float) -> Float64:
     return row
 
 
-def _rows(values: npt.NDArray[np.floating], width: int) -> Float64:
+def _rows(values: AnyFloat, width: int) -> Float64:
     array = np.ascontiguousarray(values, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != width:
         raise ValueError(f"an array of shape (N, {width}) expected, got {array.shape}")

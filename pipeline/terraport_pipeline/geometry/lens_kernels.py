@@ -13,7 +13,7 @@ from typing import Final
 import numba
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 
 __all__ = [
     "CX", "CY", "DENOMINATOR", "FX", "FY", "HEIGHT", "KIND", "LIMIT", "MAX_DENOMINATOR",
@@ -57,6 +57,7 @@ def project_packed(packed: Float64, x: float, y: float, z: float) -> tuple[float
     u, v, depth_m : float
         Pixels (NaN where the photo cannot see the point) and depth along the axis.
     """
+    # (1) Into the camera's axes; behind it there is no picture.
     dx = x - packed[POSITION]
     dy = y - packed[POSITION + 1]
     dz = z - packed[POSITION + 2]
@@ -67,6 +68,7 @@ def project_packed(packed: Float64, x: float, y: float, z: float) -> tuple[float
     if not depth > 0.0:
         return np.nan, np.nan, depth
     radius = np.hypot(a, b)
+    # (2) Onto the plane at distance 1, or a fisheye's angle.
     if packed[KIND] == 0.0:
         a /= depth
         b /= depth
@@ -77,6 +79,7 @@ def project_packed(packed: Float64, x: float, y: float, z: float) -> tuple[float
         a *= scale
         b *= scale
         radius = angle
+    # (3) Beyond the valid radius the distortion folds back: no pixel there can be trusted.
     if not radius <= packed[LIMIT]:
         return np.nan, np.nan, depth
     a, b, _, _, _, _ = _distort(packed, a, b)
@@ -106,10 +109,14 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
     without tangential terms (kept in a bracket), then in the plane, each step halved until it leads
     nearer the goal.
     """
+    # (1) From pixels to the distorted point of the unit picture plane; the start along the
+    # radius.
     goal_b = (v - packed[CY]) / packed[FY]
     goal_a = (u - packed[CX] - packed[SKEW] * goal_b) / packed[FX]
     a, b = _along_radius(packed, goal_a, goal_b)
-    found = False
+    converged = False
+    # (2) Newton with halved steps. Invariant: a, b lies within the valid radius, and `miss` is
+    # how far its image is from the goal; it only falls.
     da, db, aa, ab, ba, bb = _distort(packed, a, b)
     miss = np.hypot(da - goal_a, db - goal_b)
     for _ in range(_NEWTON_STEPS):
@@ -119,7 +126,7 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
         step_a = (bb * (da - goal_a) - ab * (db - goal_b)) / det
         step_b = (aa * (db - goal_b) - ba * (da - goal_a)) / det
         if max(abs(step_a), abs(step_b)) <= _NEWTON_TOLERANCE * max(1.0, abs(a), abs(b)):
-            found = True
+            converged = True
             break
         share = 1.0
         for _ in range(_HALVINGS):
@@ -130,11 +137,13 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
                 break
             share *= 0.5
         if not new_miss < miss:  # as near as numbers go, or stuck at the limit
-            found = miss <= _NEAR * max(1.0, abs(goal_a), abs(goal_b))
+            converged = miss <= _NEAR * max(1.0, abs(goal_a), abs(goal_b))
             break
         a, b, miss = try_a, try_b, new_miss
-    if not found:
+    if not converged:
         return np.nan, np.nan, np.nan
+    # (3) From the undistorted point to a direction: the plane at distance 1, or a fisheye's
+    # angle.
     radius = np.hypot(a, b)
     if packed[KIND] == 0.0:
         size = np.sqrt(radius * radius + 1.0)
@@ -142,6 +151,7 @@ def ray_packed(packed: Float64, u: float, v: float) -> tuple[float, float, float
     else:
         scale = np.sin(radius) / radius if radius > 0.0 else 1.0
         a, b, c = a * scale, b * scale, np.cos(radius)
+    # (4) To the scene frame, by the rotation's transpose.
     r = ROTATION
     return (
         packed[r] * a + packed[r + 3] * b + packed[r + 6] * c,
@@ -156,6 +166,8 @@ def _along_radius(packed: Float64, goal_a: float, goal_b: float) -> tuple[float,
     goal = np.hypot(goal_a, goal_b)
     if not goal > 0.0:
         return goal_a, goal_b
+    # Newton's method. Invariant: the root lies in low..high; a step that leaves the bracket is
+    # replaced by halving it.
     low, high = 0.0, packed[LIMIT]
     radius = min(goal, 0.5 * high)
     for _ in range(_NEWTON_STEPS):
@@ -178,7 +190,7 @@ def _along_radius(packed: Float64, goal_a: float, goal_b: float) -> tuple[float,
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _within(a: float, b: float, limit: float) -> tuple[float, float]:
-    """Shorten (a, b) to the limit."""
+    """Shorten (a, b) to the valid radius, in its own direction."""
     radius = np.hypot(a, b)
     scale = limit / radius if radius > limit else 1.0
     return a * scale, b * scale
@@ -248,7 +260,7 @@ def project_rows(packed: Float64, points: Float64) -> Float64:
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def unproject_rows(packed: Float64, pixels: Float64) -> Float64:
-    """Find the rays (N, 3) of pixels (N, 2)."""
+    """Find the unit rays (N, 3), scene frame, of pixels (N, 2)."""
     rays = np.empty((len(pixels), 3))
     for i in range(len(pixels)):
         x, y, z = ray_packed(packed, pixels[i, 0], pixels[i, 1])

@@ -14,10 +14,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import Float64, Int32, Int64
 
 __all__ = ["LevelSums", "joined_sums", "shorter_sums", "solve_levels"]
 
@@ -29,16 +28,14 @@ _TOLERANCE: Final = 1e-4
 _MAX_STEPS: Final = 500
 """Conjugate gradients stop at this part of the right side, or here; usual are 50 to 100."""
 
-_Int64 = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LevelSums:
     """What C cells want of each other: of a whole surface, or of a piece of one."""
 
-    keys: _Int64
+    keys: Int64
     """(C,) place and view of every cell, ascending."""
-    nodes: _Int64
+    nodes: Int64
     """(C,) nodes in every cell."""
     link: Int32
     """(L, 2) cells that edges of the mesh run between."""
@@ -72,23 +69,23 @@ def shorter_sums(sums: LevelSums) -> LevelSums:
     )
 
 
-def joined_sums(parts: Sequence[LevelSums]) -> LevelSums:
+def joined_sums(pieces: Sequence[LevelSums]) -> LevelSums:
     """Put the sums of pieces of one surface together; cells of one key become one."""
-    keys = np.unique(np.concatenate([np.zeros(0, np.int64), *(part.keys for part in parts)]))
-    places = [np.searchsorted(keys, part.keys).astype(np.int32) for part in parts]
+    keys = np.unique(np.concatenate([np.zeros(0, np.int64), *(piece.keys for piece in pieces)]))
+    cells_of_pieces = [np.searchsorted(keys, piece.keys).astype(np.int32) for piece in pieces]
     nodes = np.zeros(len(keys), np.int64)
-    for place, part in zip(places, parts, strict=True):
-        nodes[place] += part.nodes
+    for cells, piece in zip(cells_of_pieces, pieces, strict=True):
+        nodes[cells] += piece.nodes
     none = np.zeros((0, 2), np.int32)
-    numbered = list(zip(places, parts, strict=True))
+    numbered = list(zip(cells_of_pieces, pieces, strict=True))
     return LevelSums(
         keys,
         nodes,
-        np.concatenate([none, *(place[part.link] for place, part in numbered)]),
-        np.concatenate([np.zeros(0), *(part.link_weight for part in parts)]),
-        np.concatenate([none, *(place[part.seam] for place, part in numbered)]),
-        np.concatenate([np.zeros(0), *(part.seam_weight for part in parts)]),
-        np.concatenate([np.zeros((0, 3)), *(part.seam_pull for part in parts)]),
+        np.concatenate([none, *(cells[piece.link] for cells, piece in numbered)]),
+        np.concatenate([np.zeros(0), *(piece.link_weight for piece in pieces)]),
+        np.concatenate([none, *(cells[piece.seam] for cells, piece in numbered)]),
+        np.concatenate([np.zeros(0), *(piece.seam_weight for piece in pieces)]),
+        np.concatenate([np.zeros((0, 3)), *(piece.seam_pull for piece in pieces)]),
     )
 
 
@@ -127,14 +124,14 @@ def _added(pairs: Int32, values: Float64, n_cells: int) -> tuple[Int32, Float64]
     key = pairs[:, 0].astype(np.int64) * n_cells + pairs[:, 1]
     kept, inverse = np.unique(key, return_inverse=True)
     columns = [np.bincount(inverse, column, len(kept)) for column in values.T]
-    found = np.stack([kept // max(n_cells, 1), kept % max(n_cells, 1)], axis=1)
-    return found.astype(np.int32), np.stack(columns, axis=1)
+    cell_pairs = np.stack([kept // max(n_cells, 1), kept % max(n_cells, 1)], axis=1)
+    return cell_pairs.astype(np.int32), np.stack(columns, axis=1)
 
 
 @numba.njit(cache=True, nogil=True)
 def _conjugate_gradients(
     diagonal: Float64,
-    starts: _Int64,
+    starts: Int64,
     columns: Int32,
     values: Float64,
     right: Float64,
@@ -150,6 +147,8 @@ def _conjugate_gradients(
     product = np.empty(n)
     most = 0
     for k in range(3):
+        # (1) Start at zero: the residual is the right side, the first direction the residual over
+        # the diagonal.
         residual = right[:, k].copy()
         goal = 0.0
         rz = 0.0
@@ -161,6 +160,9 @@ def _conjugate_gradients(
         goal *= tolerance * tolerance
         if goal == 0.0:
             continue
+        # (2) Steps along conjugate directions. Invariant: residual = right - (diagonal - values)
+        # x, and rz is the residual's square in the norm of the preconditioner. Sums run in order
+        # of the unknowns: the same on every machine and for every number of threads.
         for number in range(max_steps):
             curvature = 0.0
             for i in range(n):

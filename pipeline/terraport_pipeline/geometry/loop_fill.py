@@ -11,13 +11,10 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64, Int64
 
 __all__ = ["directed_loops", "fill_loop"]
-
-Int64 = npt.NDArray[np.int64]
 
 
 def directed_loops(edges: Int64) -> tuple[list[Int64], int]:
@@ -40,29 +37,32 @@ def directed_loops(edges: Int64) -> tuple[list[Int64], int]:
     >>> directed_loops(np.array([[0, 1], [1, 2], [2, 0], [2, 5]]))
     ([array([0, 1, 2])], 1)
     """
+    # (1) Edges by their start, highest end first, so that the lowest is taken first.
     following: dict[int, list[int]] = {}
     for u, v in sorted(map(tuple, edges.tolist()), reverse=True):
         following.setdefault(u, []).append(v)
+    # (2) Walk on until a vertex comes again; what lies between is a loop. Invariant: `path` is
+    # simple, `index_on_path` its inverse, and every edge is walked once.
     loops, lost = [], 0
     for start in sorted(following):
         while following[start]:
-            path, place = [start], {start: 0}
+            path, index_on_path = [start], {start: 0}
             while path:
                 ahead = following.get(path[-1])
                 if not ahead:  # a dead end: this edge bounds nothing
                     dead = path.pop()
-                    del place[dead]
+                    del index_on_path[dead]
                     lost += bool(path)
                     continue
                 reached = ahead.pop()
-                if reached not in place:
-                    place[reached] = len(path)
+                if reached not in index_on_path:
+                    index_on_path[reached] = len(path)
                     path.append(reached)
                     continue
-                loop = path[place[reached] :]
+                loop = path[index_on_path[reached] :]
                 for vertex in loop[1:]:
-                    del place[vertex]
-                del path[place[reached] + 1 :]
+                    del index_on_path[vertex]
+                del path[index_on_path[reached] + 1 :]
                 loops.append(np.array(loop, dtype=np.int64))
                 if len(path) == 1 and not following.get(path[0]):
                     break
@@ -111,21 +111,21 @@ def _least_area(loop: Float64) -> Int64:
                 size = np.sqrt(x * x + y * y + z * z) + 1e-3 * np.sqrt(
                     (u * u).sum() + (w * w).sum()
                 )
-                found = cost[i, j] + cost[j, k] + size
-                if found < best:
-                    best = found
+                total = cost[i, j] + cost[j, k] + size
+                if total < best:
+                    best = total
                     split[i, k] = j
             cost[i, k] = best
     faces = np.empty((n - 2, 3), dtype=np.int64)
     stack = [(0, n - 1)]
-    made = 0
+    count = 0
     while len(stack) > 0:
         i, k = stack.pop()
         if k - i < 2:
             continue
         j = split[i, k]
-        faces[made, 0], faces[made, 1], faces[made, 2] = i, j, k
-        made += 1
+        faces[count, 0], faces[count, 1], faces[count, 2] = i, j, k
+        count += 1
         stack.append((i, j))
         stack.append((j, k))
     return faces

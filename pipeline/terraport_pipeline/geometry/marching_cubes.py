@@ -14,13 +14,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32, Int64
 
 __all__ = ["CORNERS", "case_table", "march"]
 
-_Int64 = npt.NDArray[np.int64]
 
 CORNERS: Final = np.array([[c & 1, c >> 1 & 1, c >> 2 & 1] for c in range(8)], np.int64)
 """(8, 3) offsets of a cell's corners; corner c has the bits of x, y, z."""
@@ -86,7 +84,7 @@ _TABLE, _COUNTS = case_table()
 
 
 def march(
-    cells: _Int64, values: Float64, node_keys: _Int64, shape: tuple[int, int, int]
+    cells: Int64, values: Float64, node_keys: Int64, shape: tuple[int, int, int]
 ) -> tuple[Float32, Int32]:
     """Extract the zero surface of a field that is known in some cells.
 
@@ -112,15 +110,15 @@ def march(
     strides = np.array([shape[1] * shape[2], shape[2], 1], np.int64)
     corner = np.searchsorted(node_keys, (cells @ strides)[:, None] + CORNERS @ strides)
     field = values[corner]
-    known = ~np.isnan(field).any(axis=1)
-    corner, field = corner[known], field[known]
+    valid = ~np.isnan(field).any(axis=1)
+    corner, field = corner[valid], field[valid]
     case = ((field < 0) << np.arange(8)).sum(axis=1)
     mixed = _COUNTS[case] > 0
     corner, case = corner[mixed], case[mixed]
     count = _COUNTS[case]
     owner = np.repeat(np.arange(len(case)), count)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    edge = _TABLE[case[owner], place]  # (F, 3)
+    slot = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    edge = _TABLE[case[owner], slot]  # (F, 3)
     ends = np.array(_EDGES, np.int64)[edge]  # (F, 3, 2)
     nodes = corner[owner[:, None, None], ends]
     keys = nodes[..., 0] * len(node_keys) + nodes[..., 1]  # the lower corner has the lower key
@@ -135,7 +133,7 @@ def march(
     return vertices.astype(np.float32), faces.reshape(-1, 3).astype(np.int32)
 
 
-def _positions(keys: _Int64, shape: tuple[int, int, int]) -> Float64:
+def _positions(keys: Int64, shape: tuple[int, int, int]) -> Float64:
     x, rest = np.divmod(keys, shape[1] * shape[2])
     y, z = np.divmod(rest, shape[2])
     return np.stack([x, y, z], axis=1).astype(np.float64)

@@ -35,8 +35,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.face_measures import edge_steps
 from terraport_pipeline.geometry.mean_scale import ColourTotals, axis_index
@@ -54,10 +54,6 @@ __all__ = [
     "MeanColourSegmenter",
 ]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 LAB_STEPS: Final = 64.0
 """Steps in one unit of CIELAB, far below the width of an 8-bit grey level (0.4)."""
@@ -78,7 +74,7 @@ _SCALAR_RANGE: Final = 100.0
 
 @dataclass(frozen=True, slots=True)
 class MeanColourSegmenter:
-    """Unite neighbours of like mean colour."""
+    """Region growing: unites neighbouring units of like mean colour in rounds."""
 
     spread: float = 0.95
     """Limit of the difference over the root of the summed variances of the faces' weighed colours.
@@ -112,10 +108,10 @@ class MeanColourSegmenter:
 
     @property
     def name(self) -> str:
-        """``"means"``."""
+        """Name of the engine in options and manifests: ``"means"``."""
         return "means"
 
-    def limit(self, totals: ColourTotals, weight: _Float64) -> float:
+    def limit(self, totals: ColourTotals, weight: Float64) -> float:
         """Choose the final limit of the difference, CIELAB units, by the whole scene's colours."""
         automatic = self.spread * totals.spread(weight)
         return self.difference or min(max(automatic, LEAST_LIMIT), MOST_LIMIT)
@@ -124,8 +120,8 @@ class MeanColourSegmenter:
         """Choose the faces below which a region is small."""
         return max(int(np.ceil(self.small_share * n_faces)), 1)
 
-    def weights(self) -> _Float64:
-        """Weights of L*, a*, b* per step, (3,)."""
+    def weights(self) -> Float64:
+        """Weights of L*, a* and b* in the distance of two means, (3,), per quantisation step."""
         return np.array([self.lightness, 1.0, 1.0]) / LAB_STEPS
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
@@ -174,7 +170,7 @@ class MeanColourSegmenter:
         )
 
 
-def _compared(mesh: SegmenterMesh, weight: _Float64) -> tuple[_Int32, _Float64, _Float32]:
+def _compared(mesh: SegmenterMesh, weight: Float64) -> tuple[Int32, Float64, Float32]:
     """Choose what is compared: steps (F, C), weights (C,) per step, one index per face."""
     n_faces = len(mesh.faces)
     if mesh.scalar is not None:

@@ -10,14 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import Float32, Float64, Int32, Int64
 
 __all__ = ["ColourTotals", "axis_index"]
-
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,24 +21,24 @@ class ColourTotals:
     """Sums over the colours of faces, in steps."""
 
     faces: int
-    whole: _Int64
+    whole: Int64
     """(C,) sum of every channel."""
-    products: _Int64
+    products: Int64
     """(C, C) sums of the products of two channels; 10^8 faces of 6400 steps are 4e15."""
 
     @classmethod
-    def of(cls, colour: _Int32) -> ColourTotals:
-        """Add up colours (F, C)."""
+    def of(cls, colour: Int32) -> ColourTotals:
+        """Sum up the colours (F, C) of one mesh's faces, and their products."""
         whole = colour.astype(np.int64)
         return cls(len(colour), whole.sum(axis=0), whole.T @ whole)
 
     def plus(self, other: ColourTotals) -> ColourTotals:
-        """Add another part's sums."""
+        """Add the sums of another piece of the surface; exact, so the order does not matter."""
         return ColourTotals(
             self.faces + other.faces, self.whole + other.whole, self.products + other.products
         )
 
-    def spread(self, weight: _Float64) -> float:
+    def spread(self, weight: Float64) -> float:
         """Root of the summed variances of the weighed channels (C,); 0 without faces."""
         n = self.faces
         if n == 0:
@@ -54,7 +50,7 @@ class ColourTotals:
         return float(np.sqrt(total))
 
 
-def axis_index(colour: _Int32, totals: ColourTotals, weight: _Float64) -> _Float32:
+def axis_index(colour: Int32, totals: ColourTotals, weight: Float64) -> Float32:
     """Place of every colour on the scene's main axis of colour, in hundreds of units.
 
     Parameters
@@ -81,5 +77,5 @@ def axis_index(colour: _Int32, totals: ColourTotals, weight: _Float64) -> _Float
     index = centred[:, 0] * axis[0]
     for channel in range(1, len(axis)):
         index = index + centred[:, channel] * axis[channel]
-    hundreds: _Float32 = (index / 100.0).astype(np.float32)
+    hundreds: Float32 = (index / 100.0).astype(np.float32)
     return hundreds

@@ -14,19 +14,15 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.merge_order import scramble
 from terraport_pipeline.geometry.unit_rows import contract_rows, row_sums
 
 __all__ = ["MeanUnits", "unite"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_Bool = npt.NDArray[np.bool_]
-_Rows = tuple[_Int64, _Int32, _Int64]
+_Rows = tuple[Int64, Int32, Int64]
 
 _THIN_EDGES: Final = 2
 """A unit is thin when it has fewer faces than this many times its perimeter in mean edges: a strip
@@ -36,25 +32,25 @@ two squares has two."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanUnits:
-    """What the surface has been united to."""
+    """Units of a surface: labels of the faces, and sums, sizes and neighbours of the units."""
 
-    labels: _Int32
+    labels: Int32
     """(F,) unit of every face."""
     rows: _Rows
     """Neighbours of every unit, and the length of the border, in steps."""
-    sums: _Int64
+    sums: Int64
     """(U, C) summed colours, in steps."""
-    faces: _Int64
+    faces: Int64
     """(U,) number of faces."""
-    name: _Int32
+    name: Int32
     """(U,) lowest face."""
-    outer: _Int64 | None = None
+    outer: Int64 | None = None
     """(U,) border with what is not among the units (faces of other tiles), in steps; None: none."""
 
 
 def unite(
     units: MeanUnits,
-    weight: _Float64,
+    weight: Float64,
     limit: float,
     least: int,
     leak: float,
@@ -111,15 +107,15 @@ def unite(
 
 def _round(
     units: MeanUnits,
-    perimeter: _Int64,
-    small: _Bool,
-    weight: _Float64,
+    perimeter: Int64,
+    small: Bool,
+    weight: Float64,
     limit: float,
     least: int,
     leak: float,
     small_only: bool,
     threads: int,
-) -> tuple[_Int32, int]:
+) -> tuple[Int32, int]:
     """Union of every unit after one round, numbered by lowest unit, and their count."""
     choice = np.full(len(perimeter), -1, np.int32)
     in_chunks(
@@ -135,34 +131,64 @@ def _round(
 
 @numba.njit(cache=True, nogil=True)
 def _choose(
-    offsets: _Int64,
-    neighbours: _Int32,
-    border: _Int64,
-    perimeter: _Int64,
-    sums: _Int64,
-    faces: _Int64,
-    name: _Int32,
-    small: _Bool,
-    weight: _Float64,
+    offsets: Int64,
+    neighbours: Int32,
+    border: Int64,
+    perimeter: Int64,
+    sums: Int64,
+    faces: Int64,
+    name: Int32,
+    small: Bool,
+    weight: Float64,
     limit: float,
     least: int,
     leak: float,
     small_only: bool,
-    choice: _Int32,
+    choice: Int32,
     begin: int,
     end: int,
 ) -> None:
-    """Choose a neighbour for some units; -1 stays where none is near enough."""
+    """Choose a neighbour for some units; -1 stays where none is near enough.
+
+    Parameters
+    ----------
+    offsets, neighbours, border : ndarray
+        Neighbours of every unit as CSR, with the length of the border in steps.
+    perimeter, sums, faces, name : ndarray of shape (U,), (U, C), (U,), (U,)
+        Of every unit: border in all, summed colours, number of faces, lowest face.
+    small : ndarray of shape (U,), bool
+        Units that are too small to stay.
+    weight : ndarray of shape (C,), float64
+        Weights of the colour's components.
+    limit : float
+        Largest distance of two means.
+    least : int
+        Faces below which a unit is brought nearer.
+    leak : float
+        Exponent against short borders; 0 leaves it out.
+    small_only : bool
+        Whether only small units unite, by colour alone.
+    choice : ndarray of shape (U,), int32
+        Written in begin..end.
+    begin, end : int
+        Units.
+    """
     for u in range(begin, end):
+        # Invariant: `choice[u]` is the neighbour of least squared distance so far, or -1. Ties
+        # fall to the scrambled names, not to the order of neighbours, so that flat areas do not
+        # grow as stripes.
         best = limit * limit
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
+            # (1) At the end only pairs of which one is too small.
             if small_only and not small[u] and not small[v]:
                 continue
+            # (2) Weighted squared distance of the mean colours.
             d = 0.0
             for c in range(sums.shape[1]):
                 step = (sums[u, c] / faces[u] - sums[v, c] / faces[v]) * weight[c]
                 d += step * step
+            # (3) Small units are brought nearer, long thin contacts pushed apart.
             if not small_only:
                 smaller = min(faces[u], faces[v])
                 if smaller < least:
@@ -182,35 +208,39 @@ def _choose(
 
 
 @numba.njit(cache=True, nogil=True)
-def _join(choice: _Int32, faces: _Int64) -> tuple[_Int32, int]:
+def _join(choice: Int32, faces: Int64) -> tuple[Int32, int]:
     """Unite units that chose each other, and stars with their middles."""
     count = len(choice)
+    # (1) A unit whose choice is at least four times as large, and chose another, may join it all
+    # the same: else large ones would grow by one neighbour a round.
     star = np.zeros(count, np.bool_)
     for u in range(count):
         v = choice[u]
         star[u] = v >= 0 and choice[v] != u and faces[v] >= 4 * faces[u]
+    # (2) Who joins whom. Invariant: a mutual pair hangs on its lower unit, a star on a unit that is
+    # none, so a root is two steps away at most.
     parent = np.arange(count).astype(np.int32)
     for u in range(count):
         v = choice[u]
         if v >= 0 and ((choice[v] == u and v < u) or (star[u] and not star[v])):
             parent[u] = v
     nodes = np.full(count, -1, np.int32)
-    found = 0
+    n_unions = 0
     for u in range(count):
         root = u
         while parent[root] != root:
             root = parent[root]
         if nodes[root] < 0:
-            nodes[root] = found
-            found += 1
+            nodes[root] = n_unions
+            n_unions += 1
         nodes[u] = nodes[root]
-    return nodes, found
+    return nodes, n_unions
 
 
 @numba.njit(cache=True, nogil=True)
 def _united(
-    nodes: _Int32, count: int, sums: _Int64, faces: _Int64, name: _Int32
-) -> tuple[_Int64, _Int64, _Int32]:
+    nodes: Int32, count: int, sums: Int64, faces: Int64, name: Int32
+) -> tuple[Int64, Int64, Int32]:
     """Sum colours and faces over every union, and find its lowest face."""
     new_sums = np.zeros((count, sums.shape[1]), np.int64)
     new_faces = np.zeros(count, np.int64)

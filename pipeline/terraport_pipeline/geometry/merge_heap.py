@@ -9,16 +9,12 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float64, Int32, Int64, UInt64
 from terraport_pipeline.geometry.merge_order import merge_cost, scramble
 
 __all__ = ["merge_by_heap", "record_merges", "unite_units"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_UInt64 = npt.NDArray[np.uint64]
 
 _ARITY: Final = 4
 """Children of a heap entry: four share a cache line, and the heap is half as deep as with two."""
@@ -26,13 +22,13 @@ _ARITY: Final = 4
 
 @numba.njit(cache=True)
 def merge_by_heap(
-    ends: _Int32,
-    border: _Int64,
-    perimeter: _Int64,
-    area: _Int64,
-    name: _Int32,
+    ends: Int32,
+    border: Int64,
+    perimeter: Int64,
+    area: Int64,
+    name: Int32,
     small_area: int,
-) -> tuple[_Int32, _Float64]:
+) -> tuple[Int32, Float64]:
     """Merge units one pair after the other, always the first in the order, until none is left.
 
     Parameters
@@ -61,6 +57,7 @@ def merge_by_heap(
     neighbour and gives every edge of the union its new cost: O(degree of the union * log E). The
     heap holds each edge once and knows its place, so nothing in it is ever stale.
     """
+    # (1) The list of half-edges of every unit.
     n_units, n_edges = len(area), len(border)
     following = np.full(2 * n_edges, -1, np.int32)
     head = np.full(n_units, -1, np.int32)
@@ -72,11 +69,12 @@ def merge_by_heap(
         else:
             following[tail[u]] = h
         tail[u] = h
+    # (2) The heap of all edges that count, ordered by cost, then by the scrambled names.
     dead = np.zeros(n_edges, np.bool_)
     cost = np.empty(n_edges, np.float64)
     tie = np.empty(n_edges, np.uint64)
     heap = np.empty(n_edges, np.int32)
-    place = np.full(n_edges, -1, np.int32)
+    slot_of = np.full(n_edges, -1, np.int32)
     size = 0
     for e in range(n_edges):
         a, b = ends[2 * e], ends[2 * e + 1]
@@ -84,10 +82,13 @@ def merge_by_heap(
         tie[e] = scramble(name[a], name[b])
         if min(area[a], area[b]) < small_area:
             heap[size] = e
-            place[e] = size
+            slot_of[e] = size
             size += 1
     for at in range((size - 2) // _ARITY, -1, -1):
-        _sift_down(heap, place, size, at, cost, tie)
+        _sift_down(heap, slot_of, size, at, cost, tie)
+    # (3) Merge the first pair until the heap is empty. Invariant at the loop's head: of every
+    # edge of two living units exactly one is alive; `slot_of[e]` is its index in the heap or -1;
+    # `cost` and `tie` are those of its units as they are now; `seen` is -1 everywhere.
     merged = np.empty((max(n_units - 1, 0), 2), np.int32)
     paid = np.empty(max(n_units - 1, 0), np.float64)
     seen = np.full(n_units, -1, np.int32)  # half-edge of the union that leads to this unit
@@ -104,8 +105,9 @@ def merge_by_heap(
         perimeter[keep] += perimeter[gone] - 2 * border[best]
         area[keep] += area[gone]
         name[keep] = min(name[keep], name[gone])
-        size = _remove(heap, place, size, best, cost, tie)
+        size = _remove(heap, slot_of, size, best, cost, tie)
         dead[best] = True
+        # Then, for the union:
         # (1) one list, without dead edges, each neighbour once
         following[tail[keep]] = head[gone]
         h, last = head[keep], -1
@@ -120,8 +122,8 @@ def merge_by_heap(
                 if twice >= 0:
                     border[twice >> 1] += border[e]
                     dead[e] = True
-                    if place[e] >= 0:
-                        size = _remove(heap, place, size, e, cost, tie)
+                    if slot_of[e] >= 0:
+                        size = _remove(heap, slot_of, size, e, cost, tie)
                 else:
                     seen[other] = h
                     if last < 0:
@@ -142,21 +144,21 @@ def merge_by_heap(
             # One key changes at a time, and its edge finds its place before the next changes: keys
             # that changed together would leave the heap out of order.
             if min(area[keep], area[other]) >= small_area:
-                if place[e] >= 0:
-                    size = _remove(heap, place, size, e, cost, tie)
+                if slot_of[e] >= 0:
+                    size = _remove(heap, slot_of, size, e, cost, tie)
             else:
                 cost[e] = merge_cost(
                     perimeter[keep], area[keep], perimeter[other], area[other], border[e]
                 )
                 tie[e] = scramble(name[keep], name[other])
-                _sift_up(heap, place, place[e], cost, tie)
-                _sift_down(heap, place, size, place[e], cost, tie)
+                _sift_up(heap, slot_of, slot_of[e], cost, tie)
+                _sift_down(heap, slot_of, size, slot_of[e], cost, tie)
             h = following[h]
     return merged[:count].copy(), paid[:count].copy()
 
 
 @numba.njit(cache=True)
-def unite_units(merged: _Int32, union: _Int32) -> None:
+def unite_units(merged: Int32, union: Int32) -> None:
     """Write to ``union``, at first every unit itself, the lowest unit of each one's union."""
     for m in range(len(merged)):
         union[merged[m, 1]] = merged[m, 0]
@@ -165,7 +167,7 @@ def unite_units(merged: _Int32, union: _Int32) -> None:
 
 
 @numba.njit(cache=True)
-def record_merges(merged: _Int32, node: _Int32, children: _Int32, first: int) -> None:
+def record_merges(merged: Int32, node: Int32, children: Int32, first: int) -> None:
     """Write merges of units as nodes ``first``, ``first`` + 1, ... of the tree.
 
     ``node`` holds the node of every unit and is changed.
@@ -178,29 +180,27 @@ def record_merges(merged: _Int32, node: _Int32, children: _Int32, first: int) ->
 
 
 @numba.njit(cache=True, inline="always")
-def _before(e: int, f: int, cost: _Float64, tie: _UInt64) -> bool:
+def _before(e: int, f: int, cost: Float64, tie: UInt64) -> bool:
     """Whether edge e comes before edge f in the order of merges."""
     return bool(cost[e] < cost[f] or (cost[e] == cost[f] and tie[e] < tie[f]))
 
 
 @numba.njit(cache=True)
-def _sift_up(heap: _Int32, place: _Int32, at: int, cost: _Float64, tie: _UInt64) -> None:
+def _sift_up(heap: Int32, slot_of: Int32, at: int, cost: Float64, tie: UInt64) -> None:
     e = heap[at]
     while at > 0:
         above = (at - 1) // _ARITY
         if not _before(e, heap[above], cost, tie):
             break
         heap[at] = heap[above]
-        place[heap[at]] = at
+        slot_of[heap[at]] = at
         at = above
     heap[at] = e
-    place[e] = at
+    slot_of[e] = at
 
 
 @numba.njit(cache=True)
-def _sift_down(
-    heap: _Int32, place: _Int32, size: int, at: int, cost: _Float64, tie: _UInt64
-) -> None:
+def _sift_down(heap: Int32, slot_of: Int32, size: int, at: int, cost: Float64, tie: UInt64) -> None:
     e = heap[at]
     while True:
         first = at * _ARITY + 1
@@ -213,21 +213,21 @@ def _sift_down(
         if not _before(heap[best], e, cost, tie):
             break
         heap[at] = heap[best]
-        place[heap[at]] = at
+        slot_of[heap[at]] = at
         at = best
     heap[at] = e
-    place[e] = at
+    slot_of[e] = at
 
 
 @numba.njit(cache=True)
-def _remove(heap: _Int32, place: _Int32, size: int, e: int, cost: _Float64, tie: _UInt64) -> int:
+def _remove(heap: Int32, slot_of: Int32, size: int, e: int, cost: Float64, tie: UInt64) -> int:
     """Take edge e out of the heap; returns the new size."""
-    at = place[e]
-    place[e] = -1
+    at = slot_of[e]
+    slot_of[e] = -1
     size -= 1
     if at < size:
         heap[at] = heap[size]
-        place[heap[at]] = at
-        _sift_down(heap, place, size, at, cost, tie)
-        _sift_up(heap, place, place[heap[at]], cost, tie)
+        slot_of[heap[at]] = at
+        _sift_down(heap, slot_of, size, at, cost, tie)
+        _sift_up(heap, slot_of, slot_of[heap[at]], cost, tie)
     return size

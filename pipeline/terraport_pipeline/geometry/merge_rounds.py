@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float64, Int32, Int64
 from terraport_pipeline.geometry.merge_order import merge_cost, scramble
 
 __all__ = [
@@ -19,27 +19,24 @@ __all__ = [
     "unite_partners",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-
 
 @numba.njit(cache=True)
 def mutual_partners(
-    offsets: _Int64,
-    neighbours: _Int32,
-    border: _Int64,
-    perimeter: _Int64,
-    area: _Int64,
-    faces: _Int32,
-    name: _Int32,
+    offsets: Int64,
+    neighbours: Int32,
+    border: Int64,
+    perimeter: Int64,
+    area: Int64,
+    faces: Int32,
+    name: Int32,
     most_faces: int,
-) -> tuple[_Int32, _Float64]:
+) -> tuple[Int32, Float64]:
     """First choice of every unit where it is mutual, else -1; and the cost of that merge.
 
     Only unions of at most ``most_faces`` faces are considered.
     """
     count = len(offsets) - 1
+    # (1) Every unit's cheapest merge; of equal ones that with the lower scrambled name.
     choice = np.full(count, -1, np.int32)
     cost = np.full(count, np.inf)
     for u in range(count):
@@ -53,6 +50,8 @@ def mutual_partners(
             ):
                 choice[u] = v
                 cost[u] = d
+    # (2) Mutual choices. Any order of merging them gives the same result: they are disjoint
+    # pairs.
     partner = np.full(count, -1, np.int32)
     for u in range(count):
         if choice[u] >= 0 and choice[choice[u]] == u:
@@ -62,22 +61,39 @@ def mutual_partners(
 
 @numba.njit(cache=True)
 def unite_partners(
-    partner: _Int32,
-    cost: _Float64,
-    node: _Int32,
-    area: _Int64,
-    faces: _Int32,
-    name: _Int32,
-    children: _Int32,
-    paid: _Float64,
+    partner: Int32,
+    cost: Float64,
+    node: Int32,
+    area: Int64,
+    faces: Int32,
+    name: Int32,
+    children: Int32,
+    paid: Float64,
     n_faces: int,
     done: int,
-) -> tuple[_Int32, _Int32, _Int64, _Int32, _Int32]:
+) -> tuple[Int32, Int32, Int64, Int32, Int32]:
     """Unite mutual partners; merge ``done`` and the next are written to ``children`` and ``paid``.
 
-    Returns the union of every unit, numbered by lowest unit, and every union's node, area, faces
-    and name. Merges of one round are numbered by their lower unit.
+    Parameters
+    ----------
+    partner, cost : ndarray of shape (U,)
+        As :func:`mutual_partners` returns them.
+    node, area, faces, name : ndarray of shape (U,)
+        Node of the tree, area, number of faces and lowest face of every unit.
+    children, paid : ndarray of shape (M, 2), (M,)
+        The tree's merges and their costs; written from ``done`` on.
+    n_faces : int
+        Leaves of the tree: merge m is node ``n_faces + m``.
+    done : int
+        Merges before this round.
+
+    Returns
+    -------
+    tuple
+        The union of every unit, numbered by lowest unit, and every union's node, area, faces and
+        name. Merges of one round are numbered by their lower unit.
     """
+    # (1) How many units are left: a pair counts at its lower unit.
     count = 0
     for u in range(len(partner)):
         if partner[u] < 0 or partner[u] > u:
@@ -87,6 +103,9 @@ def unite_partners(
     new_area = np.empty(count, np.int64)
     new_faces = np.empty(count, np.int32)
     new_name = np.empty(count, np.int32)
+    # (2) Write them in order of their lower unit. Invariant: the unions of units 0..u-1 are
+    # numbered 0..n-1, and merges before `done` are written. A partner is always read after the
+    # unit it joined, since that one has the lower number.
     n = 0
     for u in range(len(partner)):
         v = partner[u]

@@ -17,16 +17,11 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float64, Int32, Int64
 from terraport_pipeline.geometry.pool_refine import number_by_first
 
 __all__ = ["MergeTree", "merge_tree"]
-
-_Bool = npt.NDArray[np.bool_]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,19 +32,19 @@ class MergeTree:
     """
 
     leaf_count: int
-    """F."""
-    children: _Int32
+    """Number of leaves, F: the faces."""
+    children: Int32
     """(M, 2) nodes united by every merge, the one with the lowest face first; M <= F - 1. Both are
     below F + m: a merge unites what is there."""
-    parents: _Int32
+    parents: Int32
     """(F + M,) union that every node is part of; -1 for roots."""
-    cost: _Float64
+    cost: Float64
     """(M,) what every merge cost."""
-    height: _Float64
+    height: Float64
     """(M,) largest cost in the subtree; never above the parent's."""
-    faces: _Int32
+    faces: Int32
     """(F + M,) faces under every node."""
-    area: _Int64
+    area: Int64
     """(F + M,) area under every node, in the steps of ``face_graph.py``."""
 
     @property
@@ -57,7 +52,7 @@ class MergeTree:
         """Number of edge-connected pieces."""
         return self.leaf_count - len(self.children)
 
-    def cut_by_cost(self, most: float) -> tuple[_Int32, int]:
+    def cut_by_cost(self, most: float) -> tuple[Int32, int]:
         """Keep unions of height at most ``most``.
 
         Returns
@@ -69,7 +64,7 @@ class MergeTree:
         """
         return self.cut(self.height <= most)
 
-    def cut_by_count(self, count: int) -> tuple[_Int32, int]:
+    def cut_by_count(self, count: int) -> tuple[Int32, int]:
         """Keep the cheapest unions, so many that ``count`` regions are left.
 
         Unions are taken by height, of equal heights the earlier merge first. Pieces that touch
@@ -87,7 +82,7 @@ class MergeTree:
         kept[np.argsort(self.height, kind="stable")[: max(self.leaf_count - count, 0)]] = True
         return self.cut(kept)
 
-    def cut_by_size(self, most_faces: int, most: float = np.inf) -> tuple[_Int32, int]:
+    def cut_by_size(self, most_faces: int, most: float = np.inf) -> tuple[Int32, int]:
         """Keep unions of at most ``most_faces`` faces and of height at most ``most``.
 
         Returns
@@ -98,7 +93,7 @@ class MergeTree:
         kept = (self.faces[self.leaf_count :] <= most_faces) & (self.height <= most)
         return self.cut(kept)
 
-    def cut(self, kept: _Bool) -> tuple[_Int32, int]:
+    def cut(self, kept: Bool) -> tuple[Int32, int]:
         """Cut where ``kept`` says so.
 
         Parameters
@@ -118,7 +113,7 @@ class MergeTree:
         return labels, int(count)
 
 
-def merge_tree(leaf_count: int, children: _Int32, cost: _Float64, area: _Int64) -> MergeTree:
+def merge_tree(leaf_count: int, children: Int32, cost: Float64, area: Int64) -> MergeTree:
     """Complete a tree from its merges.
 
     Parameters
@@ -141,14 +136,16 @@ def merge_tree(leaf_count: int, children: _Int32, cost: _Float64, area: _Int64) 
 
 @numba.njit(cache=True)
 def _complete(
-    leaf_count: int, children: _Int32, cost: _Float64, area: _Int64
-) -> tuple[_Int32, _Float64, _Int32, _Int64]:
+    leaf_count: int, children: Int32, cost: Float64, area: Int64
+) -> tuple[Int32, Float64, Int32, Int64]:
     n_nodes = leaf_count + len(children)
     parents = np.full(n_nodes, -1, np.int32)
     height = cost.copy()
     faces = np.ones(n_nodes, np.int32)
     whole = np.empty(n_nodes, np.int64)
     whole[:leaf_count] = area
+    # Children come before parents. Invariant: height[m] is at least that of everything below it,
+    # so cutting the tree at a height gives whole subtrees.
     for m in range(len(children)):
         node = leaf_count + m
         a, b = children[m, 0], children[m, 1]
@@ -164,7 +161,7 @@ def _complete(
 
 
 @numba.njit(cache=True)
-def _tops(leaf_count: int, parents: _Int32, kept: _Bool) -> _Int32:
+def _tops(leaf_count: int, parents: Int32, kept: Bool) -> Int32:
     """Highest kept union over every face, itself where there is none."""
     top = np.arange(len(parents)).astype(np.int32)
     for node in range(len(parents) - 1, -1, -1):

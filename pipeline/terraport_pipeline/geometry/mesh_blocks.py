@@ -14,10 +14,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["MeshBlocks", "mesh_blocks"]
 
@@ -28,12 +27,10 @@ testing a block costs nothing beside projecting it."""
 _MAX_SIDE: Final = 256
 """Columns along one side at most: 65,536 blocks are tested in under a millisecond."""
 
-_Int64 = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeshBlocks:
-    """A mesh sorted into blocks; B blocks."""
+    """A mesh sorted into B compact blocks of faces, each with a bounding sphere."""
 
     vertices: Float32
     """(V, 3) metres, in the new order."""
@@ -43,9 +40,9 @@ class MeshBlocks:
     """(V,) old vertex of each new one."""
     face_order: Int32
     """(F,) old face of each new one."""
-    vertex_starts: _Int64
+    vertex_starts: Int64
     """(B + 1,) first vertex of each block."""
-    face_starts: _Int64
+    face_starts: Int64
     """(B + 1,) first face of each block."""
     spheres: Float64
     """(B, 4) centre and radius, metres, around the vertices of each block and the corners of its
@@ -87,12 +84,12 @@ def mesh_blocks(vertices: Float32, faces: Int32) -> MeshBlocks:
         side *= 2
     block = _block_of_vertices(points, side)
     vertex_order, vertex_starts = _counting_sort(block, side * side)
-    place = np.empty(len(points), np.int32)
-    place[vertex_order] = np.arange(len(points), dtype=np.int32)
+    new_row = np.empty(len(points), np.int32)
+    new_row[vertex_order] = np.arange(len(points), dtype=np.int32)
     first = corners[:, 0] if len(corners) else np.zeros(0, np.int32)
     face_order, face_starts = _counting_sort(block[first], side * side)
     new_vertices = points[vertex_order]
-    new_faces = place[corners[face_order]] if len(corners) else np.zeros((0, 3), np.int32)
+    new_faces = new_row[corners[face_order]] if len(corners) else np.zeros((0, 3), np.int32)
     spheres = _spheres(new_vertices, new_faces, vertex_starts, face_starts)
     return MeshBlocks(
         new_vertices, new_faces, vertex_order, face_order, vertex_starts, face_starts, spheres
@@ -121,7 +118,7 @@ def _block_of_vertices(points: Float32, side: int) -> Int32:
 
 
 @numba.njit(cache=True, nogil=True)
-def _counting_sort(keys: Int32, n_keys: int) -> tuple[Int32, _Int64]:
+def _counting_sort(keys: Int32, n_keys: int) -> tuple[Int32, Int64]:
     """Stable order of the keys, and where each begins."""
     starts = np.zeros(n_keys + 1, np.int64)
     for key in keys:
@@ -137,12 +134,14 @@ def _counting_sort(keys: Int32, n_keys: int) -> tuple[Int32, _Int64]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _spheres(points: Float32, faces: Int32, vertex_starts: _Int64, face_starts: _Int64) -> Float64:
+def _spheres(points: Float32, faces: Int32, vertex_starts: Int64, face_starts: Int64) -> Float64:
     n_blocks = len(vertex_starts) - 1
     spheres = np.empty((n_blocks, 4))
     low, high = np.empty(3), np.empty(3)
     for b in range(n_blocks):
         low[:], high[:] = np.inf, -np.inf
+        # The box of the block's own vertices, and of those that its faces borrow from other
+        # blocks.
         for v in range(vertex_starts[b], vertex_starts[b + 1]):
             for k in range(3):
                 low[k], high[k] = min(low[k], points[v, k]), max(high[k], points[v, k])
@@ -156,6 +155,7 @@ def _spheres(points: Float32, faces: Int32, vertex_starts: _Int64, face_starts: 
             spheres[b, k] = 0.5 * (low[k] + high[k])
             square += (0.5 * (high[k] - low[k])) ** 2
         spheres[b, 3] = np.sqrt(square)
+        # An empty block has radius -1: no test of visibility passes it.
         if low[0] > high[0]:
             spheres[b] = 0.0
             spheres[b, 3] = -1.0

@@ -8,23 +8,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import AnyFloat, Float64, Int32
 
 __all__ = ["EdgeFacts", "OpenLoops", "edge_facts", "open_loops"]
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeFacts:
-    """What the edges of a mesh say about it."""
+    """Counts of open, non-manifold and inconsistently wound edges of a mesh."""
 
     edges: int
-    """Different edges."""
+    """Number of distinct edges."""
     open_edges: Int32
     """(E, 2) edges with one face, in that face's direction."""
     non_manifold: int
@@ -94,7 +91,7 @@ def edge_facts(faces: Int32) -> EdgeFacts:
     )
 
 
-def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoops:
+def open_loops(vertices: AnyFloat, open_edges: Int32) -> OpenLoops:
     """Put open edges that share vertices together.
 
     Parameters
@@ -111,6 +108,7 @@ def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoo
     if len(open_edges) == 0:
         nothing = np.zeros(0)
         return OpenLoops(np.zeros(0, np.int32), nothing, nothing, nothing)
+    # (1) Components of the open edges, numbered by their first edge.
     used, dense = np.unique(open_edges, return_inverse=True)
     dense = dense.reshape(-1, 2)
     links = coo_matrix(
@@ -120,8 +118,9 @@ def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoo
     _, first, group = np.unique(label[dense[:, 0]], return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
     group = rank[group]
-    places = np.asarray(vertices, np.float64)[used]
-    start, end = places[dense[:, 0]], places[dense[:, 1]]
+    # (2) Length, middle, and area: the sum of the triangles from the middle to every edge.
+    positions = np.asarray(vertices, np.float64)[used]
+    start, end = positions[dense[:, 0]], positions[dense[:, 1]]
     count = len(first)
     edges = np.bincount(group, minlength=count)
     centre = np.stack(
@@ -129,9 +128,9 @@ def open_loops(vertices: npt.NDArray[np.floating], open_edges: Int32) -> OpenLoo
     )
     cone = np.cross(start - centre[group], end - centre[group])
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    for place in (start, end):
-        np.minimum.at(low, group, place)
-        np.maximum.at(high, group, place)
+    for ends in (start, end):
+        np.minimum.at(low, group, ends)
+        np.maximum.at(high, group, ends)
     return OpenLoops(
         group.astype(np.int32),
         np.bincount(group, np.linalg.norm(end - start, axis=1), count).astype(np.float64),

@@ -13,16 +13,13 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Bool, Float64, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["may_be_near"]
 
-_Bool = npt.NDArray[np.bool_]
-_Float64 = npt.NDArray[np.float64]
-_UInt8 = npt.NDArray[np.uint8]
 
 _MAX_CELLS: Final = 2**22
 """Cells of the grid at most (4 MiB)."""
@@ -32,9 +29,7 @@ _SLACK: Final = 1e-6
 """Share by which radii are enlarged against rounding."""
 
 
-def may_be_near(
-    points: npt.NDArray[np.floating], queries: _Float64, radius_m: _Float64, *, threads: int = 1
-) -> _Bool:
+def may_be_near(points: AnyFloat, queries: Float64, radius_m: Float64, *, threads: int = 1) -> Bool:
     """Points that may be within a query's radius.
 
     Parameters
@@ -77,7 +72,7 @@ def may_be_near(
 
 
 @numba.njit(cache=True, nogil=True)
-def _mark(queries: _Float64, reach: _Float64, low: _Float64, cell: float, marked: _UInt8) -> None:
+def _mark(queries: Float64, reach: Float64, low: Float64, cell: float, marked: UInt8) -> None:
     first = np.empty(3, np.int64)
     last = np.empty(3, np.int64)
     for q in range(len(queries)):
@@ -94,11 +89,11 @@ def _mark(queries: _Float64, reach: _Float64, low: _Float64, cell: float, marked
 
 @numba.njit(cache=True, nogil=True)
 def _sieve(
-    points: npt.NDArray[np.floating],
-    low: _Float64,
+    points: AnyFloat,
+    low: Float64,
     cell: float,
-    marked: _UInt8,
-    near: _Bool,
+    marked: UInt8,
+    near: Bool,
     begin: int,
     end: int,
 ) -> None:

@@ -25,14 +25,12 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Int32, Int64
 from terraport_pipeline.geometry.spacing import Neighbours
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["certain_mask", "estimate_normals", "orient_normals"]
 
-Mask = npt.NDArray[np.bool_]
 _Heap = list[tuple[np.float32, np.int32]]
 
 _SWEEPS = 12
@@ -84,7 +82,7 @@ def certain_mask(
     spacing_m: float,
     steepest: float = 0.5,
     grid_origin_m: tuple[float, float] | None = None,
-) -> Mask:
+) -> Bool:
     """Mark the points that must face up: not steep, and open to the sky.
 
     Parameters
@@ -116,14 +114,14 @@ def certain_mask(
     cells, cell = np.unique(key, return_inverse=True)
     roof = _highest_of_cell(points[:, 1], cell, len(cells))
     upright = np.abs(normals[:, 1])
-    certain: Mask = upright >= steepest
+    certain: Bool = upright >= steepest
     # Rise of the tangent plane per metre along x and z.
     rise = -normals[:, ::2] / np.where(upright > 1e-3, normals[:, 1], 1e-3)[:, None]
     tolerance_m = _ROOF_SPACINGS * spacing_m
     for step in (-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1):
-        place = np.minimum(np.searchsorted(cells, cells + step), len(cells) - 1)
-        there = (cells[place] == cells + step)[cell]
-        offset = points[roof[place]][cell] - points
+        index = np.minimum(np.searchsorted(cells, cells + step), len(cells) - 1)
+        there = (cells[index] == cells + step)[cell]
+        offset = points[roof[index]][cell] - points
         above = offset[:, 1] - (offset[:, ::2] * rise).sum(axis=1)
         certain &= ~there | (above <= tolerance_m)
     return certain
@@ -172,9 +170,7 @@ def orient_normals(
     return oriented, int(len(points) - certain.sum() - guessed), guessed
 
 
-def _highest_of_cell(
-    height_m: Float32, cell: npt.NDArray[np.int64], count: int
-) -> npt.NDArray[np.int64]:
+def _highest_of_cell(height_m: Float32, cell: Int64, count: int) -> Int64:
     """Find the highest point of every cell; the last in order where several are equal."""
     order = np.lexsort((height_m, cell))
     last = np.searchsorted(cell[order], np.arange(count), side="right") - 1
@@ -188,13 +184,14 @@ def _fit_planes(
     """Covariance of each neighbourhood and its smallest eigenvector by Jacobi rotations."""
     count, k = indices.shape
     for point in numba.prange(count):
+        # (1) Covariance, up to a factor.
         # Offsets from the point itself: it adds nothing to the sums, only to the count.
         mean = np.zeros(3)
         matrix = np.zeros((3, 3))
         offset = np.empty(3)
-        for place in range(k):
+        for rank in range(k):
             for axis in range(3):
-                offset[axis] = points[indices[point, place], axis] - points[point, axis]
+                offset[axis] = points[indices[point, rank], axis] - points[point, axis]
                 mean[axis] += offset[axis] / (k + 1)
             for row in range(3):
                 for col in range(row, 3):
@@ -203,6 +200,8 @@ def _fit_planes(
             for col in range(row, 3):
                 matrix[row, col] -= (k + 1) * mean[row] * mean[col]
         matrix[1, 0], matrix[2, 0], matrix[2, 1] = matrix[0, 1], matrix[0, 2], matrix[1, 2]
+        # (2) Jacobi rotations until nothing is left beside the diagonal. Invariant: vectors *
+        # matrix * vectors^T is the covariance, and the columns of `vectors` are orthonormal.
         vectors = np.eye(3)
         for _ in range(_SWEEPS):
             off = matrix[0, 1] ** 2 + matrix[0, 2] ** 2 + matrix[1, 2] ** 2
@@ -231,6 +230,8 @@ def _fit_planes(
                             c * left - s * right,
                             s * left + c * right,
                         )
+        # (3) The normal is the vector of the smallest eigenvalue; its share of the sum is the
+        # curvature.
         small = 0
         for axis in range(1, 3):
             if matrix[axis, axis] < matrix[small, small]:
@@ -243,20 +244,20 @@ def _fit_planes(
 
 
 @numba.njit(cache=True)
-def _reverse_graph(graph: Int32) -> tuple[npt.NDArray[np.int64], Int32]:  # pragma: no cover
+def _reverse_graph(graph: Int32) -> tuple[Int64, Int32]:  # pragma: no cover
     """Who has me as neighbour, as CSR: signs must spread against the direction of kNN edges too."""
     count, k = graph.shape
     starts = np.zeros(count + 1, dtype=np.int64)
     for point in range(count):
-        for place in range(k):
-            starts[graph[point, place] + 1] += 1
+        for rank in range(k):
+            starts[graph[point, rank] + 1] += 1
     for point in range(count):
         starts[point + 1] += starts[point]
     fill = starts[:-1].copy()
     links = np.empty(count * k, dtype=np.int32)
     for point in range(count):
-        for place in range(k):
-            other = graph[point, place]
+        for rank in range(k):
+            other = graph[point, rank]
             links[fill[other]] = point
             fill[other] += 1
     return starts, links
@@ -266,11 +267,11 @@ def _reverse_graph(graph: Int32) -> tuple[npt.NDArray[np.int64], Int32]:  # prag
 def _spread_signs(
     points: Float32,
     normals: Float32,
-    certain: Mask,
+    certain: Bool,
     graph: Int32,
-    starts: npt.NDArray[np.int64],
+    starts: Int64,
     links: Int32,
-) -> Mask:  # pragma: no cover - compiled
+) -> Bool:  # pragma: no cover - compiled
     """Best-first spreading; turns `normals` in place and returns which points have a sign."""
     count = len(points)
     settled = certain.copy()
@@ -278,9 +279,13 @@ def _spread_signs(
     parent = np.full(count, -1, dtype=np.int32)
     heap = [(np.float32(0.0), np.int32(-1))]
     heap.pop()
+    # (1) Points whose sign is certain begin.
     for point in range(count):
         if certain[point]:
             _offer(point, points, normals, settled, graph, starts, links, best, parent, heap)
+    # (2) The cheapest link first, as in Prim's minimum spanning tree. Invariant: settled points
+    # have their final sign; `best[p]` is the cheapest link from a settled point to p, and entries
+    # of another cost are stale.
     while len(heap) > 0:
         cost, nearest = _pop(heap)
         point = int(nearest)
@@ -302,21 +307,40 @@ def _offer(
     point: int,
     points: Float32,
     normals: Float32,
-    settled: Mask,
+    settled: Bool,
     graph: Int32,
-    starts: npt.NDArray[np.int64],
+    starts: Int64,
     links: Int32,
     best: Float32,
     parent: Int32,
     heap: _Heap,
 ) -> None:  # pragma: no cover - compiled
-    """Offer a settled point's sign to the neighbours that still lack one."""
+    """Offer a settled point's sign to the neighbours that still lack one.
+
+    Parameters
+    ----------
+    point : int
+        Settled.
+    points, normals : ndarray of shape (N, 3), float32
+    settled : ndarray of shape (N,), bool
+    graph : ndarray of shape (N, k), int32
+        Neighbours of every point.
+    starts, links : ndarray of shape (N + 1,), (N k,)
+        The reverse graph as CSR: points that have a point as neighbour.
+    best, parent : ndarray of shape (N,)
+        Cheapest link to every point so far, and where it comes from; written.
+    heap : list
+        Links by cost; written.
+    """
+    # (1) Neighbours of the point, and the points it is a neighbour of: the graph is used both
+    # ways.
     k = graph.shape[1]
     incoming = starts[point + 1] - starts[point]
-    for place in range(k + incoming):
-        other = graph[point, place] if place < k else links[starts[point] + place - k]
+    for link in range(k + incoming):
+        other = graph[point, link] if link < k else links[starts[point] + link - k]
         if settled[other]:
             continue
+        # (2) Cost of the link: normals that differ, and a step that leaves either's plane.
         dot = 0.0
         along = 0.0
         across = 0.0
@@ -329,6 +353,8 @@ def _offer(
             length += step * step
         lift = 0.5 * (abs(along) + abs(across)) / np.sqrt(length) if length > 0.0 else 0.0
         cost = np.float32(1.0 - abs(dot) + lift)
+        # (3) The cheapest link counts, of equal ones the lower point. An offer that was bettered
+        # stays in the heap and is passed over when it comes up.
         if cost < best[other] or (cost == best[other] and point < parent[other]):
             best[other] = cost
             parent[other] = point
@@ -350,7 +376,7 @@ def _push(heap: _Heap, cost: np.float32, point: np.int32) -> None:  # pragma: no
 
 @numba.njit(cache=True)
 def _pop(heap: _Heap) -> tuple[np.float32, np.int32]:  # pragma: no cover - compiled
-    """Take the smallest entry."""
+    """Remove the entry of least cost and return it; the heap must not be empty."""
     first = heap[0]
     last = heap.pop()
     size = len(heap)
@@ -358,6 +384,7 @@ def _pop(heap: _Heap) -> tuple[np.float32, np.int32]:  # pragma: no cover - comp
         return first
     heap[0] = last
     node = 0
+    # Invariant: every entry is at most its children but for `node`, which sinks.
     while True:
         child = 2 * node + 1
         if child >= size:

@@ -18,16 +18,15 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.lens import View, ray_packed
 from terraport_pipeline.geometry.lens_kernels import FX, HEIGHT, POSITION, WIDTH, project_packed
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks
 from terraport_pipeline.geometry.view_candidates import Rated
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Occluder", "visible_faces"]
 
-_Bools = npt.NDArray[np.bool_]
 
 _FACES_PER_RAY: Final = 4
 """Faces per ray of the depth grid. A rod thinner than the grid's spacing, two faces' width, can
@@ -76,7 +75,7 @@ def visible_faces(
     *,
     offset_m: float = 0.0,
     threads: int = 1,
-) -> tuple[_Bools, int]:
+) -> tuple[Bool, int]:
     """Find which faces nothing hides from a photo.
 
     Parameters
@@ -116,12 +115,12 @@ def visible_faces(
     visible = ~unsure
     ask = np.flatnonzero(unsure).astype(np.int32)
     for first in range(0, len(ask), _CHUNK_FACES):
-        part = ask[first : first + _CHUNK_FACES]
+        rows = ask[first : first + _CHUNK_FACES]
         origins, owner = _face_rays(
-            packed, blocks.vertices, blocks.faces, rated.face, rated.area, offset_m, part
+            packed, blocks.vertices, blocks.faces, rated.face, rated.area, offset_m, rows
         )
         distance, _ = occluder.closest_hit(origins, view.position.astype(np.float32) - origins)
-        visible[part] = True
+        visible[rows] = True
         visible[owner[distance < 1.0]] = False
         cast += len(origins)
     return visible, cast
@@ -186,11 +185,30 @@ def _find_unsure(
     depth: Float32,
     rays: Float32,
     offset_m: float,
-    unsure: _Bools,
+    unsure: Bool,
     begin: int,
     end: int,
 ) -> None:
-    """Mark the faces that the depth grid does not show to be clear."""
+    """Mark the faces that the depth grid does not show to be clear.
+
+    Parameters
+    ----------
+    packed : ndarray of shape (PACKED,), float64
+        The view.
+    vertices, faces : ndarray
+        The mesh, metres.
+    face, area : ndarray of shape (C,)
+        Columns of :class:`~.view_candidates.Rated`.
+    depth, rays : ndarray of shape (rows, columns), (rows, columns, 3)
+        Distance at which the rays of a coarse grid over the picture end, and their directions.
+    offset_m : float
+        Height above the surface that hides nothing.
+    unsure : ndarray of shape (C,), bool
+        Written: cleared where the face is seen for certain.
+    begin, end : int
+        Rows of the columns.
+    """
+    # (1) Width of a grid cell in pixels; where the camera stands.
     rows, columns = depth.shape
     step_u, step_v = packed[WIDTH] / (columns - 1), packed[HEIGHT] / (rows - 1)
     step = max(step_u, step_v)
@@ -198,12 +216,16 @@ def _find_unsure(
     for c in range(begin, end):
         if area[c] > step * step:
             continue  # larger than a cell: the grid says too little
+        # (2) The face's centre, and the grid cell that it is seen in.
         x, y, z, nx, ny, nz, _ = _face_frame(vertices, faces, face[c])
         u, v, along = project_packed(packed, x, y, z)
         column, row = int(u / step_u), int(v / step_v)
         if not (0 <= column < columns - 1 and 0 <= row < rows - 1):
             continue
         tx, ty, tz = x - px, y - py, z - pz
+        # (3) Clear only if all four grid rays around it ended at or below the face's plane,
+        # within what a rough surface does inside one cell. Invariant: a face is cleared on proof
+        # alone; whatever fails (NaN too) leaves it for a ray of its own.
         slack = _ROUGHNESS_CELLS * step * along / packed[FX] + offset_m
         plane = nx * tx + ny * ty + nz * tz  # negative: the face looks at the camera
         clear = True
@@ -238,6 +260,7 @@ def _face_rays(
 ) -> tuple[Float32, Int32]:
     """Where the exact rays of some faces begin, and which face each belongs to."""
     px, py, pz = packed[POSITION], packed[POSITION + 1], packed[POSITION + 2]
+    # (1) One ray for a small face, four for a large one, which may be hidden in part.
     count = 0
     for c in ask:
         count += 4 if area[c] > _LARGE_PX else 1
@@ -245,6 +268,8 @@ def _face_rays(
     owner = np.empty(count, np.int32)
     n = 0
     for c in ask:
+        # (2) From just above the face, by its own size, the distance (float32) and the surface's
+        # noise.
         f = face[c]
         x, y, z, nx, ny, nz, width = _face_frame(vertices, faces, f)
         distance = np.sqrt((x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2)

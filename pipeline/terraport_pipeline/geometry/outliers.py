@@ -6,14 +6,12 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64
 from terraport_pipeline.geometry.spacing import Neighbours
-from terraport_pipeline.model import Float32, Float64
 
 __all__ = ["duplicate_mask", "mean_distances", "outlier_mask", "usual_distance"]
 
-Mask = npt.NDArray[np.bool_]
 
 _MIXERS = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)
 """Odd 64-bit multipliers, one per axis (the primes of xxHash): they spread equal low bits."""
@@ -26,7 +24,7 @@ _MAD_TO_SIGMA = 1.4826
 """Median absolute deviation of a normal distribution, as its standard deviation."""
 
 
-def duplicate_mask(points: Float64) -> Mask:
+def duplicate_mask(points: Float64) -> Bool:
     """Mark every point that repeats an earlier one exactly.
 
     Parameters
@@ -66,8 +64,8 @@ def duplicate_mask(points: Float64) -> Mask:
 def mean_distances(neighbours: Neighbours, *, k: int = 8) -> Float32:
     """Mean distance of every point to its k nearest neighbours, metres, (N,) float32, above 0."""
     k = min(k, neighbours.indices.shape[1])
-    found: Float32 = np.maximum(neighbours.distances[:, :k].mean(axis=1), np.float32(1e-12))
-    return found
+    means_m: Float32 = np.maximum(neighbours.distances[:, :k].mean(axis=1), np.float32(1e-12))
+    return means_m
 
 
 def usual_distance(mean_m: Float32) -> tuple[float, float]:
@@ -84,7 +82,7 @@ def outlier_mask(
     deviations: float = 3.0,
     k: int = 8,
     usual: tuple[float, float] | None = None,
-) -> Mask:
+) -> Bool:
     """Mark points that stand alone beside a denser surface.
 
     A point is an outlier when the mean distance to its k neighbours is
@@ -121,7 +119,7 @@ def outlier_mask(
     around_m = np.median(mean_m[neighbours.indices[:, :k]], axis=1)
     logs = np.log(mean_m)
     middle, sigma = usual or usual_distance(mean_m)
-    alone: Mask = mean_m > ratio * around_m
+    alone: Bool = mean_m > ratio * around_m
     alone &= logs > middle + deviations * sigma
     alone |= logs > middle + np.log(HOPELESS_RATIO)
     return alone

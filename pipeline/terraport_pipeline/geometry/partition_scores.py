@@ -24,8 +24,9 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
+
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float64, Int32, Int64
 
 __all__ = [
     "BoundaryScore",
@@ -36,11 +37,6 @@ __all__ = [
     "rand_error",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_Bool = npt.NDArray[np.bool_]
-_Labels = npt.NDArray[np.integer]
 
 _PIECES: Final = 8
 """Border edges are cut into pieces no longer than the distance over this; distances are taken
@@ -59,7 +55,7 @@ class ConsistencyErrors(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class BoundaryScore:
-    """Agreement of borders, by length."""
+    """Recall and precision of region borders, weighted by edge length."""
 
     recall: float
     """Share of the true border's length with a found border within the distance; 1 where there is
@@ -69,11 +65,11 @@ class BoundaryScore:
     no found border."""
     true_length: float
     """Length of the true border, the vertices' unit."""
-    found_length: float
+    predicted_length: float
     """Length of the found border, the vertices' unit."""
 
 
-def rand_error(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None = None) -> float:
+def rand_error(labels_a: AnyInt, labels_b: AnyInt, weights: Float64 | None = None) -> float:
     """One minus the Rand index: the share of face pairs on which two partitions disagree.
 
     A pair disagrees when its two faces lie in one part of one partition and in two parts of the
@@ -107,8 +103,8 @@ def rand_error(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None = 
     """
     table = _common(labels_a, labels_b, weights)
     if weights is None:
-        counts = [part.astype(np.int64) for part in (table.common, table.size_a, table.size_b)]
-        both, in_a, in_b = (int(np.dot(part, part)) for part in counts)
+        counts = [sizes.astype(np.int64) for sizes in (table.common, table.size_a, table.size_b)]
+        both, in_a, in_b = (int(np.dot(sizes, sizes)) for sizes in counts)
         n = len(labels_a)
         return (in_a + in_b - 2 * both) / (n * (n - 1)) if n > 1 else 0.0
     pairs = float(weights.sum()) ** 2 - float(np.dot(weights, weights))
@@ -119,7 +115,7 @@ def rand_error(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None = 
 
 
 def consistency_errors(
-    labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None = None
+    labels_a: AnyInt, labels_b: AnyInt, weights: Float64 | None = None
 ) -> ConsistencyErrors:
     """Global and local consistency error of two partitions.
 
@@ -155,9 +151,7 @@ def consistency_errors(
     return ConsistencyErrors(min(mean), local)
 
 
-def border_edges(
-    labels: _Labels, pairs: _Int32, edges: _Int32, scored: _Bool | None = None
-) -> _Int32:
+def border_edges(labels: AnyInt, pairs: Int32, edges: Int32, scored: Bool | None = None) -> Int32:
     """Mesh edges between faces of different labels.
 
     Parameters
@@ -177,21 +171,21 @@ def border_edges(
     differs = labels[pairs[:, 0]] != labels[pairs[:, 1]]
     if scored is not None:
         differs &= scored[pairs[:, 0]] & scored[pairs[:, 1]]
-    found: _Int32 = np.unique(edges[differs], axis=0).reshape(-1, 2)
-    return found
+    borders: Int32 = np.unique(edges[differs], axis=0).reshape(-1, 2)
+    return borders
 
 
 def boundary_score(
-    vertices: npt.NDArray[np.floating],
-    pairs: _Int32,
-    edges: _Int32,
-    true_labels: _Labels,
-    found_labels: _Labels,
+    vertices: AnyFloat,
+    pairs: Int32,
+    edges: Int32,
+    true_labels: AnyInt,
+    predicted_labels: AnyInt,
     distance: float,
     *,
-    scored: _Bool | None = None,
+    scored: Bool | None = None,
 ) -> BoundaryScore:
-    """How much of the true border was found, and how much of the found border is true.
+    """Recall and precision of borders: how much of the true, of the predicted border is matched.
 
     Parameters
     ----------
@@ -199,14 +193,14 @@ def boundary_score(
         Positions.
     pairs, edges : ndarray of shape (P, 2), int32
         Result of :func:`~.adjacency.face_pairs`.
-    true_labels, found_labels : ndarray of shape (F,), integer
+    true_labels, predicted_labels : ndarray of shape (F,), integer
         The two partitions.
     distance : float
         How far a border may lie from its counterpart, straight through space, in the vertices'
         unit. > 0. Two mean edge lengths forgive the steps of a border that follows triangles.
     scored : ndarray of shape (F,), bool, optional
         Faces whose true label is known. Borders to other faces are neither asked for nor held
-        against the found ones. None: all.
+        against the predicted ones. None: all.
 
     Returns
     -------
@@ -221,23 +215,24 @@ def boundary_score(
     if not 0.0 < distance < np.inf:
         msg = f"distance is {distance}, expected a finite length above 0"
         raise ValueError(msg)
-    if true_labels.shape != found_labels.shape or true_labels.ndim != 1:
-        msg = f"labels have shapes {true_labels.shape} and {found_labels.shape}, expected two (F,)"
+    if true_labels.shape != predicted_labels.shape or true_labels.ndim != 1:
+        shapes = f"{true_labels.shape} and {predicted_labels.shape}"
+        msg = f"labels have shapes {shapes}, expected two (F,)"
         raise ValueError(msg)
     longest = distance / _PIECES
     true_at, true_length = _middles(
         vertices, border_edges(true_labels, pairs, edges, scored), longest
     )
-    found_at, found_length = _middles(
-        vertices, border_edges(found_labels, pairs, edges, scored), longest
+    predicted_at, predicted_length = _middles(
+        vertices, border_edges(predicted_labels, pairs, edges, scored), longest
     )
-    # What is found beside a face without truth may still follow a true border nearby.
-    every_at, _ = _middles(vertices, border_edges(found_labels, pairs, edges), longest)
+    # What is predicted beside a face without truth may still follow a true border nearby.
+    every_at, _ = _middles(vertices, border_edges(predicted_labels, pairs, edges), longest)
     return BoundaryScore(
         _share_near(true_at, true_length, every_at, distance),
-        _share_near(found_at, found_length, true_at, distance),
+        _share_near(predicted_at, predicted_length, true_at, distance),
         float(true_length.sum()),
-        float(found_length.sum()),
+        float(predicted_length.sum()),
     )
 
 
@@ -245,19 +240,19 @@ def boundary_score(
 class _Common:
     """Non-empty cells of the table of two partitions."""
 
-    row: _Int64
+    row: Int64
     """(C,) part of the first partition."""
-    column: _Int64
+    column: Int64
     """(C,) part of the second."""
-    common: _Float64
+    common: Float64
     """(C,) weight of the faces in both."""
-    size_a: _Float64
+    size_a: Float64
     """Weight of every part of the first partition."""
-    size_b: _Float64
+    size_b: Float64
     """Weight of every part of the second."""
 
 
-def _common(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None) -> _Common:
+def _common(labels_a: AnyInt, labels_b: AnyInt, weights: Float64 | None) -> _Common:
     if labels_a.shape != labels_b.shape or labels_a.ndim != 1:
         msg = f"labels have shapes {labels_a.shape} and {labels_b.shape}, expected two (F,)"
         raise ValueError(msg)
@@ -280,9 +275,7 @@ def _common(labels_a: _Labels, labels_b: _Labels, weights: _Float64 | None) -> _
     return _Common(row, column, common, size_a, size_b)
 
 
-def _middles(
-    vertices: npt.NDArray[np.floating], edges: _Int32, longest: float
-) -> tuple[_Float64, _Float64]:
+def _middles(vertices: AnyFloat, edges: Int32, longest: float) -> tuple[Float64, Float64]:
     """Middles (M, 3) and lengths (M,) of equal pieces of the edges, none above ``longest``."""
     start = vertices[edges[:, 0]].astype(np.float64)
     along = vertices[edges[:, 1]].astype(np.float64) - start
@@ -294,7 +287,7 @@ def _middles(
     return at, (length / pieces)[edge]
 
 
-def _share_near(at: _Float64, length: _Float64, others: _Float64, distance: float) -> float:
+def _share_near(at: Float64, length: Float64, others: Float64, distance: float) -> float:
     """Share of the length whose pieces have another one within the distance."""
     total = float(length.sum())
     if total <= 0.0:

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32
 
 __all__ = ["correlation", "moved_correlations"]
 
 
-def correlation(one: npt.NDArray[np.floating], other: npt.NDArray[np.floating]) -> float:
+def correlation(one: AnyFloat, other: AnyFloat) -> float:
     """Correlate two rows of numbers; 0 where one of them does not change.
 
     Examples
@@ -57,7 +56,7 @@ def moved_correlations(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _moved(picture: Float32, column: Int32, row: Int32, centred: Float64, reach: int) -> Float64:
-    found = np.zeros((2 * reach + 1, 2 * reach + 1))
+    correlations = np.zeros((2 * reach + 1, 2 * reach + 1))
     square = 0.0
     for n in range(len(centred)):
         square += centred[n] * centred[n]
@@ -71,5 +70,5 @@ def _moved(picture: Float32, column: Int32, row: Int32, centred: Float64, reach:
                 products += level * centred[n]
             size = np.sqrt(max(squares - total * total / len(centred), 0.0) * square)
             if size > 1e-9:
-                found[reach + dy, reach + dx] = products / size
-    return found
+                correlations[reach + dy, reach + dx] = products / size
+    return correlations

@@ -24,10 +24,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int16, Int32, UInt8
 from terraport_pipeline.geometry.photo_samples import GAIN_COLUMNS, SRGB_OFFSET
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = ["MAX_VIEWS", "Exposures", "Sightings", "solve_gains"]
 
@@ -68,14 +67,12 @@ follows them."""
 _MAX_VIGNETTING: Final = 0.5
 """Largest vignetting believed, as a logarithm in the corners."""
 
-_Int16 = npt.NDArray[np.int16]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sightings:
     """Colours of I places in up to O photos each."""
 
-    view: _Int16
+    view: Int16
     """(I, O) photo; -1: none; ``n_views`` stands for the cloud's own colours."""
     level: UInt8
     """(I, O, 3) sRGB."""
@@ -85,7 +82,7 @@ class Sightings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exposures:
-    """Gains and how well they fit."""
+    """Gains of every view and the cloud, and the spread of what they leave."""
 
     gains: Float32
     """(n_views + 1, GAIN_COLUMNS); the last row is the cloud's."""
@@ -127,6 +124,8 @@ def solve_gains(
         raise ValueError(f"{n_views} views, expected at most {MAX_VIEWS}")
     gains = np.zeros((n_views + 1, GAIN_COLUMNS), np.float32)
     gains[:, :3] = 1.0
+    # (1) Sightings that compare something: neither black nor burnt, and two at least of one
+    # place.
     valid = (sightings.view >= 0) & (
         (sightings.level >= _LOW) & (sightings.level <= _HIGH)
     ).all(axis=2)  # fmt: skip
@@ -134,6 +133,7 @@ def solve_gains(
     view = np.where(valid, sightings.view, -1).astype(np.int32)
     if not valid.any():
         return Exposures(gains, 0, 0.0, 0.0)
+    # (2) Unknowns: the logarithm of each view's gain, the cloud's, two vignetting terms a lens.
     value = np.log(sightings.level.astype(np.float32) + np.float32(SRGB_OFFSET))
     n_lenses = int(lens_of_view.max()) + 1 if n_views else 0
     lens = np.append(lens_of_view, -1).astype(np.int32)  # the cloud has none
@@ -143,6 +143,7 @@ def solve_gains(
     weight = valid.astype(np.float32)
     start = _residuals(view, value, sightings.radius, weight, lens, n_views, np.zeros_like(x))
     spread_before = float(np.median(start[valid]))
+    # (3) Reweighted least squares: what does not fit counts less, by a limit that narrows.
     width = _FIRST_WIDTH
     for _ in range(_ROUNDS):
         residual = _residuals(view, value, sightings.radius, weight, lens, n_views, x)
@@ -159,6 +160,7 @@ def solve_gains(
         # one vignetting for all channels: a lens darkens them alike
         x[n_views + 1 :] = x[n_views + 1 :].mean(axis=1)[:, None]
         width = max(width * _NARROWING, _LAST_WIDTH)
+    # (4) Gains relative to the reference; views without a sighting keep 1.
     residual = _residuals(view, value, sightings.radius, weight, lens, n_views, x)
     shift = _reference(x[: n_views + 1], view, n_views)
     gains[:, :3] = np.exp(x[: n_views + 1] - shift)
@@ -178,14 +180,14 @@ def _start(view: Int32, value: Float32, n_views: int) -> Float64:
     """Most frequent log ratio of the cloud to each photo, (n_views, 3); 0 without a cloud."""
     start = np.zeros((n_views, 3))
     cloud = (view == n_views).argmax(axis=1)
-    place = np.arange(len(view))
-    known = view[place, cloud] == n_views
+    rows = np.arange(len(view))
+    has_cloud = view[rows, cloud] == n_views
     kernel = np.exp(-((np.arange(-30, 31) * 4.0 / _MODE_BINS / _MODE_WIDTH) ** 2))
     order = np.argsort(view, axis=None, kind="stable")
     first = np.searchsorted(view.ravel()[order], np.arange(n_views + 1))
     for number in range(n_views):
         row, column = np.divmod(order[first[number] : first[number + 1]], view.shape[1])
-        row, column = row[known[row]], column[known[row]]
+        row, column = row[has_cloud[row]], column[has_cloud[row]]
         if not len(row):
             continue
         ratio = value[row, cloud[row]] - value[row, column]
@@ -237,6 +239,8 @@ def _residuals(
 ) -> Float32:
     """Mean over the channels of |difference to the place's mean|; 0 where there is no sighting."""
     residual = np.zeros(view.shape, np.float32)
+    # The place's own level is the weighted mean of its sightings, each with its view's offset
+    # taken in.
     for i in range(view.shape[0]):
         for k in range(3):
             total, mass = 0.0, 0.0
@@ -267,6 +271,8 @@ def _normal_equations(
     n_unknowns: int,
 ) -> tuple[Float64, Float64]:
     """Matrix and right sides with the places' own values eliminated."""
+    # Per place the unknown is also its own value; as the weighted mean of its sightings it is
+    # eliminated at once (Schur complement), so the system has only the gains.
     matrix = np.zeros((n_unknowns, n_unknowns))
     right = np.zeros((n_unknowns, 3))
     most = 3 * view.shape[1]
@@ -275,6 +281,8 @@ def _normal_equations(
     owner = np.empty(most, np.int64)
     vignetting = n_unknowns > n_views + 1
     for i in range(view.shape[0]):
+        # (1) The place's entries: column, factor and sighting of every unknown that it depends
+        # on.
         n, mass = 0, 0.0
         mean = np.zeros(3)
         for o in range(view.shape[1]):
@@ -293,6 +301,8 @@ def _normal_equations(
                 column[n], factor[n], owner[n] = at, square, o
                 column[n + 1], factor[n + 1], owner[n + 1] = at + 1, square * square, o
                 n += 2
+        # (2) Their products, less those of the mean. Invariant: the matrix stays symmetric, and a
+        # factor that all sightings of a place have in common stays free (the ridge settles it).
         if mass <= 0.0:
             continue
         for p in range(n):

@@ -21,9 +21,9 @@ from typing import Final
 import numba
 import numpy as np
 
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = [
     "GAIN_COLUMNS",
@@ -150,6 +150,7 @@ def _block_gradients(photo: UInt8, step: int) -> Float32:
     rows, columns = -(-photo.shape[0] // step), -(-photo.shape[1] // step)
     total = np.zeros((rows, columns), np.float64)
     count = np.zeros((rows, columns), np.float64)
+    # (1) Gradient of the green channel, summed by block.
     for y in range(photo.shape[0] - 1):
         for x in range(photo.shape[1] - 1):
             here = np.int32(photo[y, x, 1])
@@ -157,15 +158,16 @@ def _block_gradients(photo: UInt8, step: int) -> Float32:
             dy = np.int32(photo[y + 1, x, 1]) - here
             total[y // step, x // step] += np.sqrt(np.float64(dx * dx + dy * dy))
             count[y // step, x // step] += 1.0
+    # (2) Mean over the nine blocks around, so that one sharp edge does not make a block sharp.
     result = np.empty((rows, columns), np.float32)
     for r in range(rows):
         for c in range(columns):
-            part, n = 0.0, 0.0
+            total_step, n = 0.0, 0.0
             for i in range(max(r - 1, 0), min(r + 2, rows)):
                 for j in range(max(c - 1, 0), min(c + 2, columns)):
-                    part += total[i, j]
+                    total_step += total[i, j]
                     n += count[i, j]
-            result[r, c] = part / n if n > 0.0 else 0.0
+            result[r, c] = total_step / n if n > 0.0 else 0.0
     return result
 
 
@@ -181,13 +183,31 @@ def _sample_faces(
     begin: int,
     end: int,
 ) -> None:
+    """Sample one photo on faces ``which[begin:end]``, into `colours`.
+
+    Parameters
+    ----------
+    photo : ndarray of shape (H, W, 3), uint8
+    packed, gain : ndarray of shape (PACKED,), (GAIN_COLUMNS,)
+        The view and its exposure.
+    faces, uv : ndarray of shape (F, 3), (V, 2)
+        The mesh, and the pixels of its vertices.
+    which : ndarray of shape (C,), int32
+        Faces to sample.
+    colours : ndarray of shape (C, 3), uint8
+        Written.
+    begin, end : int
+        Rows of `which`.
+    """
     scale_x, scale_y = photo.shape[1] / packed[WIDTH], photo.shape[0] / packed[HEIGHT]
     for c in range(begin, end):
+        # (1) The face's middle, in pixels of the lens.
         f = which[c]
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         u = (np.float64(uv[i, 0]) + uv[j, 0] + uv[k, 0]) / 3.0
         v = (np.float64(uv[i, 1]) + uv[j, 1] + uv[k, 1]) / 3.0
         h = gain_at(gain, packed, u, v)
+        # (2) Mean of four samples, at the middle and halfway to each corner; then the exposure.
         for channel in range(3):
             level = sample(photo, u * scale_x, v * scale_y, channel)
             for corner in range(3):

@@ -12,20 +12,15 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.face_measures import face_centres, label_sums
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.near_filter import may_be_near
 
 __all__ = ["join_nearest", "number_by_first", "refine_pools"]
 
-_Bool = npt.NDArray[np.bool_]
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _TIE: Final = 1.0 + 1e-9
 """Distances within this ratio are compared again, exactly."""
@@ -34,8 +29,8 @@ _SAMPLE: Final = 2**16
 
 
 def refine_pools(
-    labels: _Int32, count: int, pairs: _Int32, similarity: _Float32, smallest: float
-) -> tuple[_Int32, _Bool]:
+    labels: Int32, count: int, pairs: Int32, similarity: Float32, smallest: float
+) -> tuple[Int32, Bool]:
     """Merge small level 3 pools.
 
     Parameters
@@ -89,13 +84,13 @@ def refine_pools(
 
 
 def join_nearest(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    groups: _Int32,
-    unreached: _Bool,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    groups: Int32,
+    unreached: Bool,
     *,
     threads: int = 1,
-) -> _Int32:
+) -> Int32:
     """Give each unreached group the group of the nearest face that was reached, centre to centre.
 
     Parameters
@@ -141,14 +136,14 @@ def join_nearest(
     around = tree.query_ball_point(
         centres[lost_faces[tied]], distance[tied, 0] * _TIE, workers=threads
     )
-    for face, found in zip(lost_faces[tied], around, strict=True):
-        candidates = kept_faces[np.sort(found)]
+    for face, nearby in zip(lost_faces[tied], around, strict=True):
+        candidates = kept_faces[np.sort(nearby)]
         gap = centres[candidates] - centres[face]
         mapping[groups[face]] = groups[candidates[np.argmin((gap * gap).sum(axis=1))]]
     return np.take(mapping, groups)
 
 
-def _tree(points: _Float64) -> cKDTree:
+def _tree(points: Float64) -> cKDTree:
     """Search tree by sliding midpoints.
 
     Medians take ten times as long on positions that share coordinates (grids).
@@ -156,15 +151,16 @@ def _tree(points: _Float64) -> cKDTree:
     return cKDTree(points, balanced_tree=False, compact_nodes=False)
 
 
-def number_by_first(labels: _Int32) -> tuple[_Int32, int]:
+def number_by_first(labels: Int32) -> tuple[Int32, int]:
     """Renumber labels to 0.. in order of first appearance; returns them and their count."""
     numbered, count = _renumber(labels, int(labels.max()) + 1 if len(labels) else 0)
     return numbered, int(count)
 
 
 @numba.njit(cache=True, nogil=True)
-def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int32]:
+def _pool_graph(labels: Int32, pairs: Int32, count: int) -> tuple[Int64, Int32]:
     """Neighbouring pools as CSR; a neighbour appears once per shared edge."""
+    # (1) Count neighbours; then, as running sums, where each row begins.
     offsets = np.zeros(count + 1, np.int64)
     for i in range(len(pairs)):
         a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]
@@ -173,6 +169,7 @@ def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int
             offsets[b + 1] += 1
     for i in range(count):
         offsets[i + 1] += offsets[i]
+    # (2) Fill the rows in order of the pairs.
     neighbours = np.empty(offsets[count], np.int32)
     cursor = offsets[:-1].copy()
     for i in range(len(pairs)):
@@ -186,9 +183,7 @@ def _pool_graph(labels: _Int32, pairs: _Int32, count: int) -> tuple[_Int64, _Int
 
 
 @numba.njit(cache=True, nogil=True)
-def _contract(
-    offsets: _Int64, neighbours: _Int32, nodes: _Int32, n_nodes: int
-) -> tuple[_Int64, _Int32]:
+def _contract(offsets: Int64, neighbours: Int32, nodes: Int32, n_nodes: int) -> tuple[Int64, Int32]:
     """Build the same graph between groups of nodes."""
     new = np.zeros(n_nodes + 1, np.int64)
     for i in range(len(offsets) - 1):
@@ -221,17 +216,18 @@ def _better(
 
 @numba.njit(cache=True, nogil=True)
 def _flood(
-    offsets: _Int64,
-    neighbours: _Int32,
-    mean: _Float64,
-    size: _Int64,
-    large: _Bool,
-) -> _Int32:
+    offsets: Int64,
+    neighbours: Int32,
+    mean: Float64,
+    size: Int64,
+    large: Bool,
+) -> Int32:
     """Large pool that each pool joins (itself for large ones), -1 where none can be reached.
 
     Rounds are breadth-first levels: a pool joins in the first round in which it touches a settled
     pool, so every contact is looked at twice and no more.
     """
+    # (1) The first front: everything that touches a large pool.
     count = len(mean)
     target = np.full(count, -1, np.int32)
     queued = large.copy()
@@ -247,6 +243,9 @@ def _flood(
                     queued[q] = True
                     front[end] = q
                     end += 1
+    # (2) Rounds. Invariant: front[begin:end] are the pools of this round, each queued once;
+    # targets of earlier rounds are final. All choose before any joins, so the order within a
+    # round changes nothing.
     while begin < end:
         for i in range(begin, end):
             p = front[i]
@@ -275,12 +274,12 @@ def _flood(
 
 @numba.njit(cache=True, nogil=True)
 def _join_most_similar(
-    offsets: _Int64,
-    neighbours: _Int32,
-    mean: _Float64,
-    size: _Int64,
-    loose: _Bool,
-) -> tuple[_Int32, bool]:
+    offsets: Int64,
+    neighbours: Int32,
+    mean: Float64,
+    size: Int64,
+    loose: Bool,
+) -> tuple[Int32, bool]:
     """Unite every loose pool with its most similar loose neighbour, named by the lowest number."""
     count = len(mean)
     parent = np.arange(count).astype(np.int32)
@@ -288,6 +287,7 @@ def _join_most_similar(
     for p in range(count):
         if not loose[p]:
             continue
+        # (1) The most similar loose neighbour, by means as they were at the start of the round.
         best, best_difference, best_size = -1, np.inf, 0
         for e in range(offsets[p], offsets[p + 1]):
             q = neighbours[e]
@@ -296,6 +296,7 @@ def _join_most_similar(
             difference = abs(mean[q] - mean[p])
             if _better(difference, size[q], q, best_difference, best_size, best):
                 best, best_difference, best_size = q, difference, size[q]
+        # (2) Unite. Invariant: a root is the lowest pool of its tree.
         if best >= 0:
             moved = True
             a, b = p, best
@@ -312,7 +313,7 @@ def _join_most_similar(
 
 
 @numba.njit(cache=True, nogil=True)
-def _renumber(labels: _Int32, limit: int) -> tuple[_Int32, int]:
+def _renumber(labels: Int32, limit: int) -> tuple[Int32, int]:
     number = np.full(limit, -1, np.int32)
     numbered = np.empty(len(labels), np.int32)
     count = 0

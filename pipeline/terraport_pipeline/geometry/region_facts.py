@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32, UInt8
 from terraport_pipeline.geometry.adjacency import as_kernel_input, face_pairs
 from terraport_pipeline.geometry.region_kernels import (
     attribute_sums,
@@ -38,19 +38,17 @@ __all__ = [
     "rows_of_borders",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
 _Neighbours = dict[int, list[dict[str, Any]]]
 
 
 def region_facts(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    colours: npt.NDArray[np.uint8],
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    colours: UInt8,
+    regions: Int32,
     *,
-    attributes: Mapping[str, npt.NDArray[np.floating]] | None = None,
-    pairs: tuple[_Int32, _Int32] | None = None,
+    attributes: Mapping[str, AnyFloat] | None = None,
+    pairs: tuple[Int32, Int32] | None = None,
     roughness_scale_m: float | None = None,
 ) -> dict[str, Any]:
     """Summarise every region in plain values ready for JSON.
@@ -96,6 +94,7 @@ def region_facts(
     number of regions: compiled passes over all faces (``region_kernels.py``), no loop per region
     but for writing the answer.
     """
+    # (0) Inputs: region numbers without gaps, so that every array below has one row per region.
     attributes = attributes or {}
     _validate_inputs(vertices, faces, colours, regions, attributes)
     if len(faces) == 0:
@@ -119,7 +118,9 @@ def region_facts(
     order, run = order_by_slope(labels, step, count)
     steep = slope_percentile(order, run, weight, slope, 0.9)
     del order, step, slope
-    told = [_attribute(values, corners, labels, weight, count) for values in attributes.values()]
+    statistics = [
+        _attribute(values, corners, labels, weight, count) for values in attributes.values()
+    ]
     # (3) roughness, borders
     extent = float((boxes[:, 3:].max(axis=0) - boxes[:, :3].min(axis=0)).max())
     scale_m = roughness_scale_m or automatic_roughness_scale(float(area.sum()), len(faces), extent)
@@ -127,7 +128,7 @@ def region_facts(
     borders = _borders(vertices, faces, regions, pairs)
     return facts_document(
         RegionNumbers(sizes, area, plan, means, boxes, steep, rough),
-        dict(zip(attributes, told, strict=True)),
+        dict(zip(attributes, statistics, strict=True)),
         borders,
         scale_m,
     )
@@ -137,19 +138,19 @@ def region_facts(
 class RegionNumbers:
     """What is told of every region, row r of region r; not rounded."""
 
-    sizes: npt.NDArray[np.integer]
+    sizes: AnyInt
     """(R,) faces."""
-    area: _Float64
+    area: Float64
     """(R,) square metres."""
-    plan: _Float64
+    plan: Float64
     """(R,) square metres seen from above."""
-    means: _Float64
+    means: Float64
     """(R, 7) mean x, y, z, red, green, blue, slope."""
-    boxes: _Float64
+    boxes: Float64
     """(R, 6) metres."""
-    steep: _Float64
+    steep: Float64
     """(R,) 90th percentile of the slope, degrees."""
-    rough: _Float64
+    rough: Float64
     """(R,) metres."""
 
 
@@ -205,11 +206,11 @@ def facts_document(
 
 
 def _validate_inputs(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    colours: npt.NDArray[np.uint8],
-    regions: _Int32,
-    attributes: Mapping[str, npt.NDArray[np.floating]],
+    vertices: AnyFloat,
+    faces: AnyInt,
+    colours: UInt8,
+    regions: Int32,
+    attributes: Mapping[str, AnyFloat],
 ) -> None:
     if regions.shape != (len(faces),):
         msg = f"regions have shape {regions.shape}, expected ({len(faces)},)"
@@ -224,35 +225,35 @@ def _validate_inputs(
 
 
 def _attribute(
-    values: npt.NDArray[np.floating],
-    corners: _Int32,
-    labels: _Int32,
-    weight: _Float64,
+    values: AnyFloat,
+    corners: Int32,
+    labels: Int32,
+    weight: Float64,
     count: int,
 ) -> dict[int, dict[str, float]]:
     """Statistics of one attribute by region; regions without any value are left out."""
     column = as_kernel_input(values, np.float32 if values.dtype == np.float32 else np.float64)
     sums = attribute_sums(column, corners, labels, weight, count)
-    known, total = sums[:, 0] > 0, sums[:, 1]
+    has_value, total = sums[:, 0] > 0, sums[:, 1]
     # Values on faces without area only: every corner counts alike.
-    alike = known & (total == 0.0)
-    divisor = np.where(alike | ~known, np.maximum(sums[:, 0], 1.0), total)
+    alike = has_value & (total == 0.0)
+    divisor = np.where(alike | ~has_value, np.maximum(sums[:, 0], 1.0), total)
     mean = np.where(alike, sums[:, 3], sums[:, 2]) / divisor
     squares = squared_deviations(column, corners, labels, weight, mean)
     deviation = np.sqrt(np.where(alike, squares[:, 1], squares[:, 0]) / divisor)
-    rows = np.column_stack([sums[:, 4], mean, sums[:, 5], deviation])[known].tolist()
+    rows = np.column_stack([sums[:, 4], mean, sums[:, 5], deviation])[has_value].tolist()
     names = ("min", "mean", "max", "deviation")
     return {
         region: dict(zip(names, row, strict=True))
-        for region, row in zip(np.flatnonzero(known).tolist(), rows, strict=True)
+        for region, row in zip(np.flatnonzero(has_value).tolist(), rows, strict=True)
     }
 
 
 def _borders(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    regions: _Int32,
-    pairs: tuple[_Int32, _Int32] | None,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    regions: Int32,
+    pairs: tuple[Int32, Int32] | None,
 ) -> _Neighbours:
     """Per region its neighbours and the length of the common border, longest first."""
     keys, length = border_lengths(vertices, faces, regions, pairs)
@@ -260,11 +261,11 @@ def _borders(
 
 
 def border_lengths(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    regions: _Int32,
-    pairs: tuple[_Int32, _Int32] | None = None,
-) -> tuple[_Int32, _Float64]:
+    vertices: AnyFloat,
+    faces: AnyInt,
+    regions: Int32,
+    pairs: tuple[Int32, Int32] | None = None,
+) -> tuple[Int32, Float64]:
     """Pairs of regions that touch, lower first, ascending (B, 2), and their border, metres (B,)."""
     neighbours, edges = face_pairs(faces, len(vertices)) if pairs is None else pairs
     left, right = regions[neighbours[:, 0]], regions[neighbours[:, 1]]
@@ -274,7 +275,7 @@ def border_lengths(
     return add_borders(np.stack([left[crossing], right[crossing]], axis=1), length)
 
 
-def add_borders(pairs: _Int32, length: _Float64) -> tuple[_Int32, _Float64]:
+def add_borders(pairs: Int32, length: Float64) -> tuple[Int32, Float64]:
     """Add the lengths of equal pairs, whichever way round: (B, 2) ascending, (B,)."""
     if not len(pairs):
         return np.zeros((0, 2), np.int32), np.zeros(0)
@@ -283,20 +284,20 @@ def add_borders(pairs: _Int32, length: _Float64) -> tuple[_Int32, _Float64]:
         pairs.min(axis=1).astype(np.int64) * span + pairs.max(axis=1), return_inverse=True
     )
     both = np.stack(np.divmod(keys, span), axis=1).astype(np.int32)
-    added: _Float64 = np.bincount(index, weights=length).astype(np.float64)
+    added: Float64 = np.bincount(index, weights=length).astype(np.float64)
     return both, added
 
 
-def rows_of_borders(pairs: _Int32, length: _Float64) -> _Neighbours:
+def rows_of_borders(pairs: Int32, length: Float64) -> _Neighbours:
     """Per region its neighbours and the length of the common border, longest first."""
     metres = np.round(length, 3)
     one, other = pairs[:, 0], pairs[:, 1]
     region, near = np.concatenate([one, other]), np.concatenate([other, one])
     border = np.concatenate([metres, metres])
     order = np.lexsort((near, -border, region))
-    found: _Neighbours = {}
+    neighbours: _Neighbours = {}
     for r, n, m in zip(
         region[order].tolist(), near[order].tolist(), border[order].tolist(), strict=True
     ):
-        found.setdefault(r, []).append({"region": n, "border_m": m})
-    return found
+        neighbours.setdefault(r, []).append({"region": n, "border_m": m})
+    return neighbours

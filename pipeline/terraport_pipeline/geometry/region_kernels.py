@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import AnyFloat, Float64, Int32, Int64, UInt8, UInt16
 
 __all__ = [
     "attribute_sums",
@@ -22,18 +23,11 @@ __all__ = [
     "squared_deviations",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Floats = npt.NDArray[np.floating]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_UInt8 = npt.NDArray[np.uint8]
-_UInt16 = npt.NDArray[np.uint16]
-
 
 @numba.njit(cache=True, nogil=True)
 def face_areas(
-    vertices: _Floats, faces: _Int32, regions: _Int32, count: int
-) -> tuple[_Float64, _Float64, _Float64, _UInt16, _Float64]:
+    vertices: AnyFloat, faces: Int32, regions: Int32, count: int
+) -> tuple[Float64, Float64, Float64, UInt16, Float64]:
     """Area and slope of every face, area and plan area of every region.
 
     Returns ``(area (F,), area (R,), plan area (R,), slope step (F,), slope (F,))``; slopes are
@@ -47,6 +41,8 @@ def face_areas(
     plan = np.zeros(count, np.float64)
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        # (1) The normal with the face's area as its length; y is up, so its share is the plan
+        # area.
         ux = np.float64(vertices[b, 0]) - vertices[a, 0]
         uy = np.float64(vertices[b, 1]) - vertices[a, 1]
         uz = np.float64(vertices[b, 2]) - vertices[a, 2]
@@ -57,6 +53,7 @@ def face_areas(
         ny = 0.5 * (uz * wx - ux * wz)
         nz = 0.5 * (ux * wy - uy * wx)
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
+        # (2) 0 level, 90 vertical or overhanging; quantised for sorting.
         steepness = 0.0
         if size > 0.0:
             steepness = np.degrees(np.arccos(min(max(ny / size, 0.0), 1.0)))
@@ -70,14 +67,14 @@ def face_areas(
 
 @numba.njit(cache=True, nogil=True)
 def region_sums(
-    vertices: _Floats,
-    faces: _Int32,
-    colours: _UInt8,
-    regions: _Int32,
-    weight: _Float64,
-    slope: _Float64,
+    vertices: AnyFloat,
+    faces: Int32,
+    colours: UInt8,
+    regions: Int32,
+    weight: Float64,
+    slope: Float64,
     count: int,
-) -> tuple[_Float64, _Float64]:
+) -> tuple[Float64, Float64]:
     """Weighted sums and boxes of every region.
 
     Returns ``(sums (R, 8), boxes (R, 6))``; columns of the sums: weight, weight times x, y, z of
@@ -91,6 +88,7 @@ def region_sums(
     for f in range(len(faces)):
         r, w = regions[f], weight[f]
         sums[r, 0] += w
+        # Each face counts at its middle: the mean of its corners' positions and colours.
         for axis in range(3):
             centre = 0.0
             colour = 0.0
@@ -110,11 +108,12 @@ def region_sums(
 
 
 @numba.njit(cache=True, nogil=True)
-def order_by_slope(regions: _Int32, step: _UInt16, count: int) -> tuple[_Int32, _Int64]:
+def order_by_slope(regions: Int32, step: UInt16, count: int) -> tuple[Int32, Int64]:
     """Faces by region, then slope, then number; with the start of every region's run (R + 1).
 
     Two stable counting sorts, the less important key first: linear.
     """
+    # (1) Counting sort by slope.
     starts = np.zeros(65537, np.int64)
     for f in range(len(step)):
         starts[np.int64(step[f]) + 1] += 1
@@ -124,6 +123,7 @@ def order_by_slope(regions: _Int32, step: _UInt16, count: int) -> tuple[_Int32, 
     for f in range(len(step)):
         by_slope[starts[step[f]]] = f
         starts[step[f]] += 1
+    # (2) Counting sort by region. It is stable, so faces of a region stay in order of slope.
     run = np.zeros(count + 1, np.int64)
     for f in range(len(regions)):
         run[regions[f] + 1] += 1
@@ -140,10 +140,10 @@ def order_by_slope(regions: _Int32, step: _UInt16, count: int) -> tuple[_Int32, 
 
 @numba.njit(cache=True, nogil=True)
 def slope_percentile(
-    order: _Int32, run: _Int64, weight: _Float64, slope: _Float64, share: float
-) -> _Float64:
+    order: Int32, run: Int64, weight: Float64, slope: Float64, share: float
+) -> Float64:
     """Slope that this share of each region's weight does not exceed, (R,) degrees."""
-    found = np.zeros(len(run) - 1, np.float64)
+    percentile = np.zeros(len(run) - 1, np.float64)
     for r in range(len(run) - 1):
         total = 0.0
         for i in range(run[r], run[r + 1]):
@@ -151,27 +151,27 @@ def slope_percentile(
         passed = 0.0
         for i in range(run[r], run[r + 1]):
             passed += weight[order[i]]
-            found[r] = slope[order[i]]
+            percentile[r] = slope[order[i]]
             if passed >= share * total:
                 break
-    return found
+    return percentile
 
 
 @numba.njit(cache=True, nogil=True)
 def slope_histogram(
-    regions: _Int32, weight: _Float64, slope: _Float64, count: int, bins: int
-) -> _Float64:
+    regions: Int32, weight: Float64, slope: Float64, count: int, bins: int
+) -> Float64:
     """Weight of every region's faces by slope, (R, bins); bins cut 0..90 degrees evenly."""
-    found = np.zeros((count, bins), np.float64)
+    histogram = np.zeros((count, bins), np.float64)
     for f in range(len(regions)):
-        found[regions[f], min(int(slope[f] * (bins / 90.0)), bins - 1)] += weight[f]
-    return found
+        histogram[regions[f], min(int(slope[f] * (bins / 90.0)), bins - 1)] += weight[f]
+    return histogram
 
 
 @numba.njit(cache=True, nogil=True)
 def attribute_sums(
-    values: _Floats, faces: _Int32, regions: _Int32, weight: _Float64, count: int
-) -> _Float64:
+    values: AnyFloat, faces: Int32, regions: Int32, weight: Float64, count: int
+) -> Float64:
     """Sum one attribute over the corners of every region's faces, NaN and infinity left out.
 
     Returns (R, 6): known corners, their weight, weighted sum, plain sum, least, greatest.
@@ -196,8 +196,8 @@ def attribute_sums(
 
 @numba.njit(cache=True, nogil=True)
 def squared_deviations(
-    values: _Floats, faces: _Int32, regions: _Int32, weight: _Float64, mean: _Float64
-) -> _Float64:
+    values: AnyFloat, faces: Int32, regions: Int32, weight: Float64, mean: Float64
+) -> Float64:
     """Weighted and plain sum of squared distances from the region's mean, (R, 2)."""
     sums = np.zeros((len(mean), 2), np.float64)
     for f in range(len(faces)):

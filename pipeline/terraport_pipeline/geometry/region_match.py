@@ -20,16 +20,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyInt, Float64, Int32, Int64
 from terraport_pipeline.geometry.surface_samples import SurfaceSamples
 
 __all__ = ["MIN_SIMILARITY", "Overlaps", "carry_ids", "match_regions", "region_overlaps"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 MIN_SIMILARITY: Final = 0.3
 """Intersection over union from which two regions may be the same. Two regions of one size that have
@@ -45,13 +42,13 @@ surface lies within 0.7 spacings of a sample; the rest is for uneven faces and n
 class Overlaps:
     """Pairs of regions that share area; one row per pair, by new then old region."""
 
-    new: _Int32
+    new: Int32
     """(K,) region of the new surface."""
-    old: _Int32
+    old: Int32
     """(K,) region of the old surface."""
-    area: _Float64
+    area: Float64
     """(K,) square metres in common, > 0."""
-    similarity: _Float64
+    similarity: Float64
     """(K,) area in common over area of both together, 0..1."""
 
 
@@ -107,7 +104,7 @@ def region_overlaps(
 
 def match_regions(
     overlaps: Overlaps, *, min_similarity: float = MIN_SIMILARITY
-) -> tuple[_Int32, _Int32]:
+) -> tuple[Int32, Int32]:
     """Choose which regions are the same, one to one.
 
     Parameters
@@ -149,10 +146,10 @@ def match_regions(
 
 def carry_ids(
     region_count: int,
-    matched: tuple[_Int32, _Int32],
-    old_ids: npt.NDArray[np.integer],
+    matched: tuple[Int32, Int32],
+    old_ids: AnyInt,
     first_free: int,
-) -> tuple[_Int64, int]:
+) -> tuple[Int64, int]:
     """Give matched regions their old numbers and all others numbers never used before.
 
     Parameters
@@ -179,7 +176,7 @@ def carry_ids(
     >>> ids.tolist(), free
     ([9, 10, 7], 11)
     """
-    ids: _Int64 = np.full(region_count, -1, np.int64)
+    ids: Int64 = np.full(region_count, -1, np.int64)
     ids[matched[0]] = old_ids[matched[1]]
     fresh = np.flatnonzero(ids < 0)
     ids[fresh] = first_free + np.arange(len(fresh))

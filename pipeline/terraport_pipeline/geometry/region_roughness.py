@@ -20,8 +20,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32, Int64
 from terraport_pipeline.geometry.adjacency import as_kernel_input
 
 __all__ = [
@@ -31,9 +31,6 @@ __all__ = [
     "roughness_of",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _EDGES_PER_CUBE: Final = 8.0
 """Automatic scale: at least this many mean edges wide, about a hundred faces to a plane. Fewer, and
@@ -76,11 +73,11 @@ def automatic_roughness_scale(area_m2: float, faces: int, extent_m: float) -> fl
 
 
 def region_roughness(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    regions: Int32,
     scale_m: float,
-) -> _Float64:
+) -> Float64:
     """Root mean square distance of each region's surface from its planes.
 
     Parameters
@@ -114,11 +111,11 @@ def region_roughness(
 
 
 def roughness_moments(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    regions: Int32,
     scale_m: float,
-) -> tuple[_Int64, _Int32, _Float64]:
+) -> tuple[Int64, Int32, Float64]:
     """Sum up what each region has in each cube; sums of several tiles may be added.
 
     Parameters
@@ -142,27 +139,27 @@ def roughness_moments(
     return cell, region, _moments(points, corners, piece, cell, scale_m)
 
 
-def roughness_of(region: _Int32, moments: _Float64, count: int) -> _Float64:
+def roughness_of(region: Int32, moments: Float64, count: int) -> Float64:
     """Roughness of every region 0..count-1 from the sums of its pieces, (count,) metres."""
     area = moments[:, 0]
-    known = area > 0.0
-    mean = moments[known, 1:4] / area[known, None]
-    second = moments[known, 4:] / area[known, None]
+    has_area = area > 0.0
+    mean = moments[has_area, 1:4] / area[has_area, None]
+    second = moments[has_area, 4:] / area[has_area, None]
     covariance = np.empty((len(mean), 3, 3))
     for column, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
         covariance[:, i, j] = covariance[:, j, i] = second[:, column] - mean[:, i] * mean[:, j]
     # Rounding can leave a flat piece with a tiny negative eigenvalue.
     square = np.maximum(np.linalg.eigvalsh(covariance)[:, 0], 0.0)
     total = np.bincount(region, weights=area, minlength=count)
-    deviation = np.bincount(region[known], weights=area[known] * square, minlength=count)
-    roughness: _Float64 = np.sqrt(
+    deviation = np.bincount(region[has_area], weights=area[has_area] * square, minlength=count)
+    roughness: Float64 = np.sqrt(
         np.divide(deviation, total, out=np.zeros(count), where=total > 0.0)
     )
     return roughness
 
 
 @numba.njit(cache=True, nogil=True)
-def _slot(keys: _Int64, owner: _Int32, number: _Int32, key: int, region: int) -> int:
+def _slot(keys: Int64, owner: Int32, number: Int32, key: int, region: int) -> int:
     """Slot of (cell, region) in an open-addressing table: its own, or the first free one."""
     mask = len(number) - 1
     # Fibonacci hashing; the constants are odd numbers near 2^63 over the golden ratio.
@@ -175,12 +172,14 @@ def _slot(keys: _Int64, owner: _Int32, number: _Int32, key: int, region: int) ->
 
 @numba.njit(cache=True, nogil=True)
 def _pieces(
-    vertices: npt.NDArray[np.floating], faces: _Int32, regions: _Int32, scale_m: float, low: _Int64
-) -> tuple[_Int32, _Int64, _Int32]:
+    vertices: AnyFloat, faces: Int32, regions: Int32, scale_m: float, low: Int64
+) -> tuple[Int32, Int64, Int32]:
     """Give a number to what each region has in each cube, in order of the first face.
 
     Returns ``(piece of every face (F,), cube of every piece (K, 3), region of every piece (K,))``.
     """
+    # An open-addressing hash table of (cube, region). Invariant: it is at most half full, and
+    # piece i was first met at a face before the first face of piece i + 1.
     slots = _FIRST_SLOTS
     keys = np.zeros(slots, np.int64)
     owner = np.zeros(slots, np.int32)
@@ -191,6 +190,7 @@ def _pieces(
     count = 0
     cell = np.empty(3, np.int64)
     for f in range(len(faces)):
+        # (1) The cube of the face's centre, 21 bits an axis.
         key = np.int64(0)
         for axis in range(3):
             centre = (
@@ -200,6 +200,7 @@ def _pieces(
             ) / 3.0
             cell[axis] = np.int64(np.floor(centre / scale_m))
             key = (key << 21) | (cell[axis] - low[axis])
+        # (2) Its piece; a new one takes the next number.
         r = regions[f]
         slot = _slot(keys, owner, number, int(key), int(r))
         if number[slot] < 0:
@@ -233,12 +234,12 @@ def _pieces(
 
 @numba.njit(cache=True, nogil=True)
 def _moments(
-    vertices: npt.NDArray[np.floating],
-    faces: _Int32,
-    piece: _Int32,
-    cells: _Int64,
+    vertices: AnyFloat,
+    faces: Int32,
+    piece: Int32,
+    cells: Int64,
     scale_m: float,
-) -> _Float64:
+) -> Float64:
     """Area, first and second moments of every piece about its cube's corner, (K, 10).
 
     Columns: area; x, y, z; xx, yy, zz, xy, xz, yz.
@@ -248,12 +249,14 @@ def _moments(
     s = np.empty(3, np.float64)
     for f in range(len(faces)):
         k = piece[f]
+        # (1) Corners relative to the cube: moments about a far origin would lose their digits.
         for axis in range(3):
             corner = cells[k, axis] * scale_m
             s[axis] = 0.0
             for i in range(3):
                 p[i, axis] = np.float64(vertices[faces[f, i], axis]) - corner
                 s[axis] += p[i, axis]
+        # (2) Area and first moments.
         ux, uy, uz = p[1, 0] - p[0, 0], p[1, 1] - p[0, 1], p[1, 2] - p[0, 2]
         wx, wy, wz = p[2, 0] - p[0, 0], p[2, 1] - p[0, 1], p[2, 2] - p[0, 2]
         nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
@@ -262,6 +265,8 @@ def _moments(
         column = 4
         for axis in range(3):
             moments[k, 1 + axis] += area * s[axis] / 3.0
+            # (3) Second moments of a triangle, exactly: area / 12 times (s s^T + sum of p p^T),
+            # with s the sum of the corners; the diagonal here, the other three below.
             square = s[axis] * s[axis]
             for i in range(3):
                 square += p[i, axis] * p[i, axis]

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, AnyFloat, AnyInt, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.adjacency import as_kernel_input
 from terraport_pipeline.geometry.region_facts import (
     RegionNumbers,
@@ -46,9 +46,6 @@ __all__ = [
     "totals_document",
 ]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _SLOPE_BINS: Final = 1800
 _MOST_BINS: Final = 2**24
@@ -62,42 +59,42 @@ _KNOWN, _WEIGHT, _WEIGHED, _PLAIN, _LEAST, _MOST, _SQUARES, _PLAIN_SQUARES = ran
 class RegionTotals:
     """Sums over the faces of regions; row r belongs to region r."""
 
-    sizes: _Int64
+    sizes: Int64
     """(R,) faces."""
-    areas: _Float64
+    areas: Float64
     """(R, 2) area, area seen from above."""
-    sums: _Float64
+    sums: Float64
     """(R, 8) as ``region_sums`` gives them, weighted by area."""
-    plain: _Float64
+    plain: Float64
     """(R, 8) the same with every face alike, where a tile's part of a region has no area."""
-    boxes: _Float64
+    boxes: Float64
     """(R, 6)."""
-    slopes: _Float64
+    slopes: Float64
     """(R, bins) area by slope."""
-    attributes: _Float64
+    attributes: Float64
     """(A, R, 8) known corners, weight, weighted sum, plain sum, least, greatest, weighted and plain
     squared deviations from the mean."""
-    cubes: _Int64
+    cubes: Int64
     """(K, 3) cubes of roughness."""
-    cube_region: _Int32
+    cube_region: Int32
     """(K,)"""
-    moments: _Float64
+    moments: Float64
     """(K, 10)"""
-    touching: _Int32
+    touching: Int32
     """(B, 2) regions that touch, lower first."""
-    border_m: _Float64
+    border_m: Float64
     """(B,)"""
 
 
 def tile_totals(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    colours: npt.NDArray[np.uint8],
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    colours: UInt8,
+    regions: Int32,
     count: int,
     *,
-    attributes: Mapping[str, npt.NDArray[np.floating]],
-    pairs: tuple[_Int32, _Int32],
+    attributes: Mapping[str, AnyFloat],
+    pairs: tuple[Int32, Int32],
     roughness_scale_m: float,
     bins: int,
 ) -> RegionTotals:
@@ -131,14 +128,14 @@ def tile_totals(
     if flat.any():
         alike = flat[labels].astype(np.float64)
         plain = region_sums(points, corners, rgb, labels, alike, slope, count)[0]
-    told = [
+    statistics = [
         _tile_attribute(values, corners, labels, weight, count) for values in attributes.values()
     ]
     cubes, cube_region, moments = roughness_moments(points, corners, labels, roughness_scale_m)
     return RegionTotals(
         sizes.astype(np.int64), np.stack([area, plan], axis=1), sums, plain, boxes,
         slope_histogram(labels, weight, slope, count, bins),
-        np.stack(told) if told else np.zeros((0, count, 8)),
+        np.stack(statistics) if statistics else np.zeros((0, count, 8)),
         cubes, cube_region, moments, *border_lengths(vertices, faces, regions, pairs),
     )  # fmt: skip
 
@@ -148,7 +145,7 @@ def slope_bins(count: int) -> int:
     return max(min(_SLOPE_BINS, _MOST_BINS // max(count, 1)), 90)
 
 
-def spread_totals(totals: RegionTotals, regions: _Int32, count: int) -> RegionTotals:
+def spread_totals(totals: RegionTotals, regions: Int32, count: int) -> RegionTotals:
     """Take a tile's own numbers of regions to the scene's.
 
     Parameters
@@ -166,7 +163,7 @@ def spread_totals(totals: RegionTotals, regions: _Int32, count: int) -> RegionTo
     attributes[..., _LEAST], attributes[..., _MOST] = np.inf, -np.inf
     attributes[:, regions] = totals.attributes
 
-    def spread(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    def spread(rows: AnyArray) -> AnyArray:
         all_rows = np.zeros((count, *rows.shape[1:]), rows.dtype)
         all_rows[regions] = rows
         return all_rows
@@ -225,31 +222,31 @@ def totals_document(
         totals.sizes, area, totals.areas[:, 1], sums[:, 1:] / sums[:, :1], totals.boxes,
         _steep(totals.slopes), roughness_of(totals.cube_region, totals.moments, count),
     )  # fmt: skip
-    told = {
+    statistics = {
         name: _statistics(sums) for name, sums in zip(attributes, totals.attributes, strict=True)
     }
     borders = rows_of_borders(totals.touching, totals.border_m)
-    return facts_document(numbers, told, borders, roughness_scale_m)
+    return facts_document(numbers, statistics, borders, roughness_scale_m)
 
 
 def _tile_attribute(
-    values: npt.NDArray[np.floating], corners: _Int32, labels: _Int32, weight: _Float64, count: int
-) -> _Float64:
+    values: AnyFloat, corners: Int32, labels: Int32, weight: Float64, count: int
+) -> Float64:
     column = as_kernel_input(values, np.float32 if values.dtype == np.float32 else np.float64)
     sums = attribute_sums(column, corners, labels, weight, count)
     mean = _mean(sums)
     return np.concatenate([sums, squared_deviations(column, corners, labels, weight, mean)], axis=1)
 
 
-def _mean(sums: _Float64) -> _Float64:
+def _mean(sums: Float64) -> Float64:
     """Mean by weight, or of all known corners alike where they have no weight; (R,)."""
     alike = sums[:, _WEIGHT] == 0.0
     divisor = np.where(alike, np.maximum(sums[:, _KNOWN], 1.0), sums[:, _WEIGHT])
-    mean: _Float64 = np.where(alike, sums[:, _PLAIN], sums[:, _WEIGHED]) / divisor
+    mean: Float64 = np.where(alike, sums[:, _PLAIN], sums[:, _WEIGHED]) / divisor
     return mean
 
 
-def _add_attributes(one: _Float64, other: _Float64) -> _Float64:
+def _add_attributes(one: Float64, other: Float64) -> Float64:
     both = one + other
     both[..., _LEAST] = np.minimum(one[..., _LEAST], other[..., _LEAST])
     both[..., _MOST] = np.maximum(one[..., _MOST], other[..., _MOST])
@@ -261,23 +258,21 @@ def _add_attributes(one: _Float64, other: _Float64) -> _Float64:
     return both
 
 
-def _statistics(sums: _Float64) -> dict[int, dict[str, float]]:
-    known = sums[:, _KNOWN] > 0
+def _statistics(sums: Float64) -> dict[int, dict[str, float]]:
+    has_value = sums[:, _KNOWN] > 0
     alike = sums[:, _WEIGHT] == 0.0
     divisor = np.where(alike, np.maximum(sums[:, _KNOWN], 1.0), sums[:, _WEIGHT])
     squares = np.where(alike, sums[:, _PLAIN_SQUARES], sums[:, _SQUARES])
     deviation = np.sqrt(squares / divisor)
-    rows = np.column_stack([sums[:, _LEAST], _mean(sums), sums[:, _MOST], deviation])[known]
+    rows = np.column_stack([sums[:, _LEAST], _mean(sums), sums[:, _MOST], deviation])[has_value]
     names = ("min", "mean", "max", "deviation")
     return {
         region: dict(zip(names, row, strict=True))
-        for region, row in zip(np.flatnonzero(known).tolist(), rows.tolist(), strict=True)
+        for region, row in zip(np.flatnonzero(has_value).tolist(), rows.tolist(), strict=True)
     }
 
 
-def _add_moments(
-    cubes: _Int64, region: _Int32, moments: _Float64
-) -> tuple[_Int64, _Int32, _Float64]:
+def _add_moments(cubes: Int64, region: Int32, moments: Float64) -> tuple[Int64, Int32, Float64]:
     """Unite pieces of one region in one cube; sorted by region and cube."""
     if not len(region):
         return cubes, region, moments
@@ -288,11 +283,11 @@ def _add_moments(
     return cubes[first], region[first], np.add.reduceat(moments, first, axis=0)
 
 
-def _steep(slopes: _Float64) -> _Float64:
+def _steep(slopes: Float64) -> Float64:
     """Middle of the bin in which the area passes nine tenths, (R,) degrees."""
     passed = np.cumsum(slopes, axis=1)
     total = passed[:, -1:]
     at = np.argmax(passed >= _STEEP * total, axis=1)
     width = 90.0 / slopes.shape[1]
-    found: _Float64 = np.where(total[:, 0] > 0.0, (at + 0.5) * width, 0.0)
-    return found
+    steep: Float64 = np.where(total[:, 0] > 0.0, (at + 0.5) * width, 0.0)
+    return steep

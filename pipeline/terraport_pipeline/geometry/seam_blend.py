@@ -28,12 +28,11 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Bool, Float16, Float32, Int16, Int32, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.seams import Nodes, Seams
 from terraport_pipeline.geometry.view_candidates import SLOTS, Candidates
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["Blend", "blend_seams", "no_blend", "seam_steps", "step_sizes"]
 
@@ -49,19 +48,16 @@ _MAX_CORRECTION: Final = 64.0
 _NONE: Final = -3
 """Partner of a node that has none, or several."""
 
-_Bools = npt.NDArray[np.bool_]
-_Float16 = npt.NDArray[np.float16]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blend:
-    """How every face is finished."""
+    """Second view, its weight and the correction of every face and node."""
 
     view: Int32
     """(F,) second view, -1 none."""
     weight: Float32
     """(F, 3) its weight at the corners, 0..0.5."""
-    correction: _Float16
+    correction: Float16
     """(F, 3, 3) levels to add at corner, channel."""
     node_weight: Float32
     """(N,) the weight at every node."""
@@ -99,11 +95,14 @@ def blend_seams(
     """
     if not 1 <= rings <= 16:
         raise ValueError(f"{rings} rings, expected 1 to 16")
+    # (1) What is left at the seams themselves.
     n_faces, n_nodes = len(nodes.corner), len(nodes.vertex)
     left, partner, twin = _left_at_seams(
         seams.node, seams.step, seams.weight, seams.trust, levels, nodes.view, n_nodes
     )
+    # (2) The band: faces within so many rings of a seam, and the seam node nearest to each.
     distance, source = _rings_around(nodes.corner, np.unique(seams.node), n_nodes, rings)
+    # (3) A second view for each, where it sees the face, with a weight that falls off.
     second = np.full(n_faces, -1, np.int32)
     in_chunks(
         lambda begin, end: _second_views(
@@ -111,6 +110,7 @@ def blend_seams(
         ),
         n_faces, threads=threads,
     )  # fmt: skip
+    # (4) Smooth correction, rest and blend of every node; then in rows by face.
     blends = _blends(nodes.corner, second, source, partner)
     weight, level = _finish_nodes(levels, left, distance, source, twin, blends, rings)
     np.clip(level, -_MAX_CORRECTION, _MAX_CORRECTION, out=level)
@@ -137,7 +137,7 @@ def no_blend(n_faces: int) -> Blend:
     )
 
 
-def step_sizes(seams: Seams, levels: Float32, blend: Blend) -> dict[str, npt.NDArray[np.floating]]:
+def step_sizes(seams: Seams, levels: Float32, blend: Blend) -> dict[str, AnyFloat]:
     """Measure the step across every seam, sRGB levels, mean of the channels; (S,) each.
 
     Between the photos as they are (``photos``), after their gains (``gains``), after the smooth
@@ -180,6 +180,8 @@ def _left_at_seams(
     n_nodes: int,
 ) -> tuple[Float32, Int32, Int32]:
     """Find what each seam node should add, the view beyond the seam, and the node of that view."""
+    # (1) Half of what is left at each seam edge, with trust and length as weights, summed at the
+    # nodes of both sides with opposite signs: both sides move to the middle.
     left = np.zeros((n_nodes, 3), np.float32)
     mass = np.zeros(n_nodes, np.float32)
     partner = np.full(n_nodes, _NONE, np.int32)
@@ -199,12 +201,16 @@ def _left_at_seams(
                     twin[mine], partner[mine] = other, view[other]
                 elif twin[mine] != other:
                     several[mine] = True
+    # (2) Sums to means; a node where several seams meet has no one partner to blend with.
     for n in range(n_nodes):
         if mass[n] > 0.0:
             for k in range(3):
                 left[n, k] /= mass[n]
         if several[n] or partner[n] < 0:
             partner[n] = _NONE
+    # (3) Smooth along the seam, since one edge's measurement is noisy. Invariant: each round
+    # replaces a node's value by the mean of itself and its neighbours on its own side of the
+    # seam.
     count = np.zeros(n_nodes, np.float32)
     for _ in range(_SMOOTHING):
         total = left.copy()
@@ -224,9 +230,7 @@ def _left_at_seams(
 
 
 @numba.njit(cache=True, nogil=True)
-def _rings_around(
-    corner: Int32, sources: Int32, n_nodes: int, rings: int
-) -> tuple[npt.NDArray[np.uint8], Int32]:
+def _rings_around(corner: Int32, sources: Int32, n_nodes: int, rings: int) -> tuple[UInt8, Int32]:
     distance = np.full(n_nodes, rings, np.uint8)
     source = np.full(n_nodes, -1, np.int32)
     for n in sources:
@@ -247,10 +251,10 @@ def _rings_around(
 @numba.njit(cache=True, nogil=True)
 def _second_views(
     corner: Int32,
-    distance: npt.NDArray[np.uint8],
+    distance: UInt8,
     source: Int32,
     partner: Int32,
-    views: npt.NDArray[np.int16],
+    views: Int16,
     second: Int32,
     begin: int,
     end: int,
@@ -274,7 +278,7 @@ def _second_views(
 
 
 @numba.njit(cache=True, nogil=True)
-def _blends(corner: Int32, second: Int32, source: Int32, partner: Int32) -> _Bools:
+def _blends(corner: Int32, second: Int32, source: Int32, partner: Int32) -> Bool:
     """Whether all faces around a node blend with the view that it would."""
     blends = source >= 0
     for f in range(len(corner)):
@@ -289,10 +293,10 @@ def _blends(corner: Int32, second: Int32, source: Int32, partner: Int32) -> _Boo
 def _finish_nodes(
     levels: Float32,
     left: Float32,
-    distance: npt.NDArray[np.uint8],
+    distance: UInt8,
     source: Int32,
     twin: Int32,
-    blends: _Bools,
+    blends: Bool,
     rings: int,
 ) -> tuple[Float32, Float32]:
     """Weight of the second view and the correction at every node."""

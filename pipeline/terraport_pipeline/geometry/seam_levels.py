@@ -29,12 +29,11 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.level_sums import LevelSums, solve_levels
 from terraport_pipeline.geometry.seams import Nodes, Seams
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = [
     "LevelField",
@@ -58,8 +57,6 @@ Across a boundary of eight edges run 32 (each counts for both its faces, and a d
 (Waechter's is 10)."""
 
 _ALL: Final = slice(None)
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +159,7 @@ def level_sums(
 
 
 def field_of_piece(
-    vertices: Float32, nodes: Nodes, grid: LevelGrid, keys: _Int64, level: Float64
+    vertices: Float32, nodes: Nodes, grid: LevelGrid, keys: Int64, level: Float64
 ) -> tuple[LevelField, Int32]:
     """Take the corrections of all cells for a piece of the surface.
 
@@ -220,7 +217,7 @@ def _mean_edge(vertices: Float32, corner: Int32, vertex: Int32) -> float:
 @numba.njit(cache=True, nogil=True)
 def _cell_keys(
     vertices: Float32, vertex: Int32, view: Int32, origin: Float64, size: float
-) -> _Int64:
+) -> Int64:
     keys = np.empty(len(vertex), np.int64)
     for n in range(len(vertex)):
         key = 0
@@ -239,19 +236,19 @@ def _crossing_edges(corner: Int32, cell: Int32) -> Int32:
         for c in range(3):
             if cell[corner[f, c]] != cell[corner[f, (c + 1) % 3]]:
                 count += 1
-    found = np.empty((count, 2), np.int32)
+    crossings = np.empty((count, 2), np.int32)
     n = 0
     for f in range(len(corner)):
         for c in range(3):
             a, b = cell[corner[f, c]], cell[corner[f, (c + 1) % 3]]
             if a != b:
-                found[n, 0], found[n, 1] = a, b
+                crossings[n, 0], crossings[n, 1] = a, b
                 n += 1
-    return found
+    return crossings
 
 
 @numba.njit(cache=True, nogil=True)
-def _near_cells(here: _Int64, keys: _Int64) -> Int32:
+def _near_cells(here: Int64, keys: Int64) -> Int32:
     """Rows in `keys` of the 27 cells around every cell `here`."""
     near = np.empty((len(here), 27), np.int32)
     for c in range(len(here)):
@@ -276,14 +273,38 @@ def _interpolate(
     begin: int,
     end: int,
 ) -> None:
-    part = np.empty(3)
+    """Interpolate the field at nodes begin..end, into `levels`.
+
+    Parameters
+    ----------
+    level : ndarray of shape (C', 3), float64
+        Correction of every solved cell.
+    near : ndarray of shape (C, 27), int32
+        Cells of the same view around every cell, -1 none.
+    origin, size : ndarray of shape (3,), float
+        The grid, metres.
+    vertices, vertex : ndarray of shape (V, 3), (N,)
+        Positions, and the vertex of every node.
+    cell : ndarray of shape (N,), int32
+        Cell of every node.
+    levels : ndarray of shape (N, 3), float32
+        Written.
+    begin, end : int
+        Nodes.
+    """
+    fraction = np.empty(3)
     side = np.empty(3, np.int64)
     for n in range(begin, end):
+        # (1) Where the vertex lies between the centres of eight cells: its own and those on the
+        # side it leans to.
         for k in range(3):
-            place = (vertices[vertex[n], k] - origin[k]) / size
-            inside = place - np.floor(place) - 0.5
+            coordinate = (vertices[vertex[n], k] - origin[k]) / size
+            inside = coordinate - np.floor(coordinate) - 0.5
             side[k] = 1 if inside >= 0.0 else -1
-            part[k] = abs(inside)
+            fraction[k] = abs(inside)
+        # (2) Trilinear weights over those of the eight that the view has; (1, 1, 1) of the 3 x 3
+        # x 3 neighbours, number 13, is the cell itself. Invariant: `mass` is the sum of the
+        # weights used, so that missing neighbours do not pull towards zero.
         mass = 0.0
         total0, total1, total2 = 0.0, 0.0, 0.0
         for corner in range(8):
@@ -292,10 +313,10 @@ def _interpolate(
             stride = 9
             for k in range(3):
                 if (corner >> k) & 1:
-                    weight *= part[k]
+                    weight *= fraction[k]
                     at += stride * side[k]
                 else:
-                    weight *= 1.0 - part[k]
+                    weight *= 1.0 - fraction[k]
                 stride //= 3
             other = near[cell[n], at]
             if other < 0 or weight == 0.0:

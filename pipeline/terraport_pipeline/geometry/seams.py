@@ -21,11 +21,10 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int16, Int32, UInt8
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET
 from terraport_pipeline.geometry.view_candidates import SLOTS, Candidates
-from terraport_pipeline.model import Float32, Int32, UInt8
 
 __all__ = ["Nodes", "Seams", "find_seams", "label_nodes"]
 
@@ -43,7 +42,7 @@ things."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nodes:
-    """Vertices as photos see them; N nodes."""
+    """N nodes: vertices, once for every view that colours a face around them."""
 
     corner: Int32
     """(F, 3) node of every corner."""
@@ -145,6 +144,9 @@ def find_seams(
 
 @numba.njit(cache=True, nogil=True)
 def _label_nodes(faces: Int32, view: Int32, n_vertices: int) -> tuple[Int32, Int32, Int32]:
+    # Invariant: node v < n_vertices is vertex v in the view that came first; further views of a
+    # vertex are a linked list from following[v]. Usually there is none, so memory is that of the
+    # vertices.
     first = np.full(n_vertices, -2, np.int32)
     following = np.full(n_vertices, -1, np.int32)  # next node of the same vertex
     corner = np.empty((len(faces), 3), np.int32)
@@ -188,7 +190,7 @@ def _grown(array: Int32, room: int) -> Int32:
 
 
 @numba.njit(cache=True, nogil=True)
-def _slot_of(views: npt.NDArray[np.int16], f: int, view: int) -> int:
+def _slot_of(views: Int16, f: int, view: int) -> int:
     """Place of a view among a face's candidates; SLOTS for the vertex colours, -1: not there."""
     if view < 0:
         return SLOTS
@@ -208,7 +210,7 @@ def _measure_seams(
     corner: Int32,
     faces: Int32,
     view: Int32,
-    views: npt.NDArray[np.int16],
+    views: Int16,
     colour: UInt8,
     own: UInt8,
     gains: Float32,
@@ -217,15 +219,37 @@ def _measure_seams(
     vertices: Float32,
     unit_m: float,
 ) -> tuple[Int32, Int32, Float32, Float32, Float32, Float32]:
+    """Measure the edges of `pairs`; the fields of :class:`Seams`.
+
+    Parameters
+    ----------
+    corner : ndarray of shape (F, 3), int32
+        Node of every corner.
+    faces, vertices : ndarray
+        The mesh, metres.
+    view : ndarray of shape (F,), int32
+        Chosen view, -1 for vertex colours.
+    views, colour : ndarray of shape (F, SLOTS), (F, SLOTS, 3)
+        Candidates sorted by view, and the face's colour in each.
+    own : ndarray of shape (F, 3), uint8
+        Vertex colours of the faces.
+    gains : ndarray of shape (n_views + 1, 3), float32
+        To undo for the raw step.
+    pairs, edges : ndarray of shape (S, 2), int32
+        Faces of different views, and the edge between them.
+    unit_m : float
+        Length that weighs 1; 0 for the mean of these edges.
+    """
     n = len(pairs)
     node = np.empty((n, 2, 2), np.int32)
     step = np.zeros((n, 3), np.float32)
     raw = np.zeros((n, 3), np.float32)
     weight = np.empty(n, np.float32)
     trust = np.empty(n, np.float32)
-    known = np.ones(n, np.bool_)
+    measured = np.ones(n, np.bool_)
     total = 0.0
     for p in range(n):
+        # (1) Length of the edge, and the node at each of its ends on each side.
         square = 0.0
         for k in range(3):
             square += (np.float64(vertices[edges[p, 0], k]) - vertices[edges[p, 1], k]) ** 2
@@ -237,6 +261,8 @@ def _measure_seams(
                 for end in range(2):
                     if faces[f, c] == edges[p, end]:
                         node[p, end, side] = corner[f, c]
+        # (2) Step between the photos on the faces that both see; `raw` is the same without the
+        # gains.
         one, two = view[pairs[p, 0]], view[pairs[p, 1]]
         shared, few = 0, 1.0
         for side in range(2):
@@ -249,28 +275,33 @@ def _measure_seams(
                 a, b = _level(colour, own, f, s, k), _level(colour, own, f, t, k)
                 step[p, k] += a - b
                 raw[p, k] += (a + SRGB_OFFSET) / gains[one, k] - (b + SRGB_OFFSET) / gains[two, k]
+        # (3) No such face: each side's own colour in its own photo, with little trust.
         if shared == 0:
             shared = 1
             few = _UNSHARED
             s = _slot_of(views, pairs[p, 0], one)
             t = _slot_of(views, pairs[p, 1], two)
             if s < 0 or t < 0:
-                known[p], trust[p] = False, 0.0
+                measured[p], trust[p] = False, 0.0
                 continue
             for k in range(3):
                 a = _level(colour, own, pairs[p, 0], s, k)
                 b = _level(colour, own, pairs[p, 1], t, k)
                 step[p, k] = a - b
                 raw[p, k] = (a + SRGB_OFFSET) / gains[one, k] - (b + SRGB_OFFSET) / gains[two, k]
+        # (4) Means, clipped; large steps are mostly things that only one photo shows, so trust
+        # falls.
         square = 0.0
         for k in range(3):
             step[p, k] = min(max(step[p, k] / shared, -_MAX_STEP), _MAX_STEP)
             raw[p, k] /= shared
             square += np.float64(step[p, k]) ** 2 / 3.0
         trust[p] = few / (1.0 + square / (_TRUSTED_STEP * _TRUSTED_STEP))
+    # (5) Lengths relative to their mean, or to the unit given, where tiles must agree on one.
+    # Edges that say nothing weigh nothing.
     scale = n / total if total > 0.0 else 1.0
     if unit_m > 0.0:
         scale = 1.0 / unit_m
     for p in range(n):
-        weight[p] = weight[p] * scale if known[p] else 0.0
+        weight[p] = weight[p] * scale if measured[p] else 0.0
     return pairs.astype(np.int32), node, step, raw, weight, trust

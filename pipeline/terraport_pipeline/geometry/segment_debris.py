@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Bool, Float32, Int32
 from terraport_pipeline.geometry.curve import morton_order
 from terraport_pipeline.geometry.face_measures import dense_labels
 from terraport_pipeline.geometry.near_filter import may_be_near
@@ -19,9 +19,6 @@ from terraport_pipeline.geometry.unit_graph import Units
 
 __all__ = ["DebrisCounts", "join_debris"]
 
-_Bool = npt.NDArray[np.bool_]
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
 
 _DEBRIS_REACH: Final = 0.25
 """Debris joins a segment within this share of ``max_extent_m``: farther, the segment's box would
@@ -33,7 +30,7 @@ the debris."""
 
 @dataclass(frozen=True, slots=True)
 class DebrisCounts:
-    """What became of debris."""
+    """How many debris units joined a segment or each other, and how many stayed alone."""
 
     joined: int = 0
     """Pieces that joined a segment or each other."""
@@ -42,17 +39,17 @@ class DebrisCounts:
 
 
 def join_debris(
-    labels: _Int32,
+    labels: Int32,
     units: Units,
-    touching: _Bool,
-    low: _Float32,
-    high: _Float32,
+    touching: Bool,
+    low: Float32,
+    high: Float32,
     *,
     min_faces: int,
     max_faces: int,
     max_extent_m: float,
     threads: int = 1,
-) -> tuple[_Int32, DebrisCounts]:
+) -> tuple[Int32, DebrisCounts]:
     """Give debris to the nearest segment within reach, or to its likes nearby.
 
     Parameters
@@ -84,6 +81,8 @@ def join_debris(
     over for the next nearest. What finds no segment is strung along a Morton curve and gathered
     into clusters, each closed when it has ``min_faces`` or the next piece lies out of reach.
     """
+    # (1) What is debris. Invariant from here on: size, least and most are those of a target with
+    # all that has joined it, so no join breaks a bound.
     is_debris = (units.size < min_faces) & ~touching
     n_debris = int(np.count_nonzero(is_debris))
     if n_debris == 0:
@@ -103,11 +102,14 @@ def join_debris(
         group[unit] = target
         return True
 
+    # (2) To the nearest segment that may take it.
     on_debris = is_debris[labels]
     if not on_debris.all():
         near = _near_segments(low, high, labels, on_debris, reach_m, threads)
         for unit, candidates in near:
             any(joins(unit, target) for target in candidates)  # stops at the first that may
+    # (3) What found none, along a Morton curve: into the open cluster while it is small and near.
+    # Invariant: `head` is the first piece of the open cluster, `heads` those that others joined.
     alone = np.flatnonzero(is_debris & (group == np.arange(len(group))))
     head = -1
     heads = set()
@@ -125,10 +127,10 @@ def join_debris(
 
 
 def _near_segments(
-    low: _Float32,
-    high: _Float32,
-    labels: _Int32,
-    on_debris: _Bool,
+    low: Float32,
+    high: Float32,
+    labels: Int32,
+    on_debris: Bool,
     reach_m: float,
     threads: int,
 ) -> list[tuple[int, list[int]]]:
@@ -136,21 +138,21 @@ def _near_segments(
     centres = low + high
     centres *= np.float32(0.5)
     lost = np.flatnonzero(on_debris)
-    places = centres[lost].astype(np.float64)
-    near_lost = may_be_near(centres, places, np.full(len(lost), reach_m), threads=threads)
+    lost_centres = centres[lost].astype(np.float64)
+    near_lost = may_be_near(centres, lost_centres, np.full(len(lost), reach_m), threads=threads)
     kept = np.flatnonzero(near_lost & ~on_debris)
     if len(kept) == 0:
         return []
     k = min(_DEBRIS_CANDIDATES, len(kept))
     tree = cKDTree(centres[kept], balanced_tree=False, compact_nodes=False)
     distance, index = tree.query(
-        places, k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=threads
+        lost_centres, k=k, distance_upper_bound=np.nextafter(reach_m, np.inf), workers=threads
     )
     distance, index = distance.reshape(len(lost), k), index.reshape(len(lost), k)
-    found = np.isfinite(distance)
-    unit = np.repeat(labels[lost], k).reshape(index.shape)[found]
-    target = labels[kept[index[found]]]
-    order = np.lexsort((target, distance[found], unit))
+    in_reach = np.isfinite(distance)
+    unit = np.repeat(labels[lost], k).reshape(index.shape)[in_reach]
+    target = labels[kept[index[in_reach]]]
+    order = np.lexsort((target, distance[in_reach], unit))
     near: dict[int, list[int]] = {}
     for u, t in zip(unit[order].tolist(), target[order].tolist(), strict=True):
         targets = near.setdefault(u, [])

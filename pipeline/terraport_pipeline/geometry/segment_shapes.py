@@ -5,25 +5,24 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, AnyFloat, AnyInt, Float64
 from terraport_pipeline.geometry.face_measures import face_areas
 from terraport_pipeline.geometry.segments import Segments
 
 __all__ = ["QUANTILES", "box_diagonals", "raggedness", "segment_shapes"]
 
-_Float64 = npt.NDArray[np.float64]
 
 QUANTILES: Final = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 """Least, 5th, 25th, 50th, 75th, 95th percentile, greatest."""
 
 
 def segment_shapes(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     segments: Segments,
     *,
     threads: int = 1,
@@ -57,12 +56,12 @@ def segment_shapes(
 
 
 def raggedness(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     segments: Segments,
     *,
     threads: int = 1,
-) -> _Float64:
+) -> Float64:
     """Diagonal of every segment's box over the square root of its area, (S,) float64.
 
     1.4 for a flat square along the axes, 2 for one across them, 3.2 for a strip of 1 to 10; a
@@ -76,12 +75,12 @@ def raggedness(
     return diagonal / np.maximum(np.sqrt(area), np.finfo(np.float64).tiny ** 0.5)
 
 
-def box_diagonals(segments: Segments) -> _Float64:
+def box_diagonals(segments: Segments) -> Float64:
     """Length of the diagonal of every segment's box, (S,) float64, metres."""
     side = segments.bounds[:, 3:].astype(np.float64) - segments.bounds[:, :3]
-    diagonal: _Float64 = np.sqrt((side * side).sum(axis=1))
+    diagonal: Float64 = np.sqrt((side * side).sum(axis=1))
     return diagonal
 
 
-def _quantiles(values: npt.NDArray[Any], digits: int) -> list[float]:
+def _quantiles(values: AnyArray, digits: int) -> list[float]:
     return [round(float(value), digits) for value in np.quantile(values, QUANTILES)]

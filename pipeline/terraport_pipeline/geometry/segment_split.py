@@ -9,17 +9,13 @@ from typing import Any, Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int32, Int64, UInt32
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["split_units"]
 
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-_UInt32 = npt.NDArray[np.uint32]
-_Int64 = npt.NDArray[np.int64]
 
 _Whole = int | np.signedinteger[Any]
 
@@ -31,15 +27,15 @@ _STACK: Final = 256
 
 
 def split_units(
-    labels: _Int32,
+    labels: Int32,
     count: int,
-    low: _Float32,
-    high: _Float32,
+    low: Float32,
+    high: Float32,
     max_faces: int,
     max_extent_m: float,
     *,
     threads: int = 1,
-) -> tuple[_Int32, int]:
+) -> tuple[Int32, int]:
     """Cut every unit over a bound across its longest side, at equal shares, until none is.
 
     Parameters
@@ -81,7 +77,7 @@ def split_units(
 
 
 @numba.njit(cache=True, nogil=True)
-def _grouped(labels: _Int32, count: int) -> tuple[_Int32, _Int64]:
+def _grouped(labels: Int32, count: int) -> tuple[Int32, Int64]:
     """Faces by label, in face order within each, and where each label's faces begin."""
     starts = np.zeros(count + 1, np.int64)
     for f in range(len(labels)):
@@ -97,7 +93,7 @@ def _grouped(labels: _Int32, count: int) -> tuple[_Int32, _Int64]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _ordered_bits(low: _Float32, high: _Float32, keys: _UInt32, begin: int, end: int) -> None:
+def _ordered_bits(low: Float32, high: Float32, keys: UInt32, begin: int, end: int) -> None:
     """Unsigned integers in the order of the boxes' middles: sign flipped, negatives inverted."""
     one = np.empty(1, np.float32)
     bits = one.view(np.uint32)
@@ -111,7 +107,7 @@ def _ordered_bits(low: _Float32, high: _Float32, keys: _UInt32, begin: int, end:
 
 @numba.njit(cache=True, nogil=True)
 def _select(
-    keys: _UInt32, axis: int, order: _Int32, start: _Whole, end: _Whole, rank: _Whole
+    keys: UInt32, axis: int, order: Int32, start: _Whole, end: _Whole, rank: _Whole
 ) -> tuple[_Whole, _Whole]:
     """Key of this rank among faces order[start:end], and how many keys lie below it.
 
@@ -138,15 +134,17 @@ def _select(
 
 @numba.njit(cache=True, nogil=True)
 def _split(
-    order: _Int32,
-    starts: _Int64,
-    low: _Float32,
-    high: _Float32,
-    keys: _UInt32,
+    order: Int32,
+    starts: Int64,
+    low: Float32,
+    high: Float32,
+    keys: UInt32,
     max_faces: int,
     target: int,
     max_extent_m: float,
-) -> tuple[_Int32, int]:
+) -> tuple[Int32, int]:
+    # Invariant: the ranges on the stack are disjoint slices of `order`, the deepest the one to go
+    # on with first; pieces 0..count-1 are finished and within both bounds (or single faces).
     n_faces = len(order)
     pieces = np.empty(n_faces, np.int32)
     spare = np.empty(n_faces, np.int32)
@@ -163,6 +161,7 @@ def _split(
             start, end = stack[depth, 0], stack[depth, 1]
             n = end - start
             for axis in range(3):
+                # (1) Box of the range; the longest side is the one to cut.
                 least, most = low[order[start], axis], high[order[start], axis]
                 for i in range(start + 1, end):
                     least = min(least, low[order[i], axis])
@@ -172,20 +171,25 @@ def _split(
             for axis in range(1, 3):
                 if side[axis] > side[longest]:
                     longest = axis
-            parts = (n + target - 1) // target if n > max_faces else 1
+            # (2) Into how many pieces; one is finished.
+            n_pieces = (n + target - 1) // target if n > max_faces else 1
             if side[longest] > max_extent_m:
-                parts = max(parts, 2)
-            if parts < 2 or n < 2:
+                n_pieces = max(n_pieces, 2)
+            if n_pieces < 2 or n < 2:
                 for i in range(start, end):
                     pieces[order[i]] = count
                 count += 1
                 continue
-            rank = n * (parts // 2) // parts  # below n, since parts // 2 < parts
+            # (3) The cut: as many whole pieces to the left as to the right, by a selection in
+            # linear time. Ties of the key go left in face order until `rank` faces are there.
+            rank = n * (n_pieces // 2) // n_pieces  # below n, since parts // 2 < parts
             if rank < 1:
                 rank += 1
             cut, below = _select(keys, longest, order, start, end, rank)
             level = rank - below  # so many of the faces at the cut go left, in face order
             left, right = start, start + rank
+            # (4) Stable partition, back into `order`; the left half is on top of the stack and
+            # comes first.
             for i in range(start, end):
                 key = np.int64(keys[order[i], longest])
                 if key == cut and level > 0:

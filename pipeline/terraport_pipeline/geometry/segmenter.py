@@ -15,8 +15,8 @@ from importlib import import_module
 from typing import Any, Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Int32, UInt8
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.triangle_pool import (
     FINE_POOLS,
@@ -34,24 +34,21 @@ __all__ = [
     "segmenter_by_name",
 ]
 
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmenterMesh:
     """What a segmenter reads and never changes."""
 
-    vertices: _Float32
+    vertices: Float32
     """(V, 3) metres, scene frame; finite."""
-    faces: _Int32
+    faces: Int32
     """(F, 3) vertex indices. F may be 0."""
-    colours: npt.NDArray[np.uint8] | None = None
+    colours: UInt8 | None = None
     """(V, 3) sRGB, where the surface has colour."""
-    scalar: npt.NDArray[np.floating] | None = None
+    scalar: AnyFloat | None = None
     """(F,) one finite value per face that stands for the colour (a shape diameter, an attribute).
     Engines that compare one number per face take it instead of ``colours`` where both are given."""
-    pairs: tuple[_Int32, _Int32] | None = None
+    pairs: tuple[Int32, Int32] | None = None
     """``face_pairs(faces, V)``: neighbouring faces (P, 2) and the vertices of their edge (P, 2),
     where the caller has them already."""
 
@@ -68,7 +65,7 @@ class SegmenterMesh:
             msg = f"scalar has shape {scalar.shape}, expected ({len(faces)},)"
             raise ValueError(msg)
 
-    def edge_pairs(self) -> tuple[_Int32, _Int32]:
+    def edge_pairs(self) -> tuple[Int32, Int32]:
         """Neighbouring faces over shared edges, and the edges' vertices; computed where missing."""
         if self.pairs is not None:
             return self.pairs
@@ -77,15 +74,15 @@ class SegmenterMesh:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segmentation:
-    """What a segmenter found."""
+    """Regions and fine pools of every face, and the engine's facts."""
 
-    regions: _Int32
+    regions: Int32
     """(F,) region of every face, 0..region_count-1, numbered by each region's first face."""
     region_count: int
     """Number of regions."""
-    fine: _Int32
+    fine: Int32
     """(F,) fine pool of every face, 0.., numbered by each pool's first face."""
-    similarity: _Float32
+    similarity: Float32
     """(F,) the index s by which pools are merged to segments: pools of like mean s belong
     together."""
     facts: dict[str, int | float] = field(default_factory=dict)
@@ -93,12 +90,12 @@ class Segmentation:
 
     @property
     def fine_count(self) -> int:
-        """Number of fine pools."""
+        """Number of fine pools; `fine` numbers them from 0."""
         return int(self.fine.max()) + 1 if len(self.fine) else 0
 
 
 class Segmenter(Protocol):
-    """An engine with its options."""
+    """Interface of segmentation engines; an instance holds its options."""
 
     @property
     def name(self) -> str:
@@ -131,7 +128,7 @@ class TriangleSegmenter:
 
     @property
     def name(self) -> str:
-        """``"tpa"``."""
+        """Name of the engine in options and manifests: ``"tpa"``."""
         return "tpa"
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
@@ -200,5 +197,5 @@ def segmenter_by_name(name: str, **options: Any) -> Segmenter:
     module, kind = SEGMENTERS[name]
     # Imported here: every engine imports this module for the interface.
     engine = getattr(import_module(f"{__package__}.{module}"), kind)
-    made: Segmenter = engine(**options)
-    return made
+    segmenter: Segmenter = engine(**options)
+    return segmenter

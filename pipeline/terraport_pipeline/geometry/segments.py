@@ -25,8 +25,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Int32, Int64
 from terraport_pipeline.geometry.adjacency import components, face_pairs
 from terraport_pipeline.geometry.curve import morton_codes
 from terraport_pipeline.geometry.face_measures import (
@@ -53,9 +53,6 @@ from terraport_pipeline.geometry.unit_graph import (
 
 __all__ = ["SegmentExceptions", "SegmentOptions", "Segments", "build_segments"]
 
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _REPAIR_ROUNDS: Final = 4
 """Times step 4 joins over the bounds and cuts again; after four nothing was left on any mesh
@@ -64,7 +61,7 @@ tried."""
 
 @dataclass(frozen=True, slots=True)
 class SegmentOptions:
-    """Size bounds of streamable segments."""
+    """Bounds on the faces and extent of streamable segments."""
 
     min_faces: int = 2000
     """Fewer faces only as a counted exception: below it, request and draw call cost more than the
@@ -117,18 +114,18 @@ class SegmentExceptions:
 class Segments:
     """The segmentation into streamable pieces."""
 
-    labels: _Int32
+    labels: Int32
     """(F,) segment of every face, 0..count-1 along the Morton curve."""
     count: int
     """Number of segments."""
-    face_counts: _Int32
+    face_counts: Int32
     """(S,) faces of every segment."""
-    bounds: _Float32
+    bounds: Float32
     """(S, 6) least and greatest corner of every segment's box: min xyz, max xyz, metres, the
     vertices' frame."""
-    main_region: _Int32
+    main_region: Int32
     """(S,) region that most of the segment's faces have (tie: lowest number)."""
-    region_counts: _Int32
+    region_counts: Int32
     """(S,) number of regions in every segment."""
     max_extent_m: float
     """The bound that was used."""
@@ -137,14 +134,14 @@ class Segments:
 
 
 def build_segments(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    pools_fine: _Int32,
-    similarity: _Float32,
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    pools_fine: Int32,
+    similarity: Float32,
+    regions: Int32,
     options: SegmentOptions | None = None,
     *,
-    pairs: tuple[_Int32, _Int32] | None = None,
+    pairs: tuple[Int32, Int32] | None = None,
     threads: int = 1,
 ) -> Segments:
     """Build streamable segments from fine pools and regions.
@@ -180,6 +177,7 @@ def build_segments(
     ValueError
         Arrays whose lengths differ, or negative regions.
     """
+    # (1) Bounds and boxes of all faces.
     options = SegmentOptions() if options is None else options
     _validate_inputs(vertices, faces, pools_fine, similarity, regions)
     if len(faces) == 0:
@@ -194,6 +192,7 @@ def build_segments(
     )
     if pairs is None:
         pairs = face_pairs(faces, len(vertices), threads=threads)
+    # (2) Units: pools as they are, or merged, cut, repaired, and their debris gathered.
     neighbours, shared = pairs
     if options.units == "pools":
         labels, debris = dense_labels(pools_fine), DebrisCounts()
@@ -214,14 +213,14 @@ def build_segments(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _MeshFacts:
-    """What every step reads and none changes."""
+    """Per-face facts and bounds that every step reads and none changes."""
 
-    pairs: _Int32
-    lengths: _Int64
-    similarity: _Float32
-    regions: _Int32
-    low: _Float32
-    high: _Float32
+    pairs: Int32
+    lengths: Int64
+    similarity: Float32
+    regions: Int32
+    low: Float32
+    high: Float32
     min_faces: int
     max_faces: int
     max_extent_m: float
@@ -230,19 +229,19 @@ class _MeshFacts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _State:
-    """The units at one moment."""
+    """Labels of the faces, and the graph and facts of their units, after some step."""
 
-    labels: _Int32
+    labels: Int32
     graph: UnitGraph
     units: Units
 
 
 def _validate_inputs(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    pools_fine: _Int32,
-    similarity: _Float32,
-    regions: _Int32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    pools_fine: Int32,
+    similarity: Float32,
+    regions: Int32,
 ) -> None:
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         msg = f"vertices {vertices.shape} and faces {faces.shape}, expected (V, 3) and (F, 3)"
@@ -264,17 +263,17 @@ def _validate_inputs(
         raise ValueError(msg)
 
 
-def _measure(mesh: _MeshFacts, labels: _Int32, count: int, region: _Int32) -> Units:
-    """Facts of units from their faces."""
+def _measure(mesh: _MeshFacts, labels: Int32, count: int, region: Int32) -> Units:
+    """Sum up the facts of units from those of their faces."""
     size, total = label_sums(labels, count, mesh.similarity)
     low, high = label_boxes(labels, size, mesh.low, mesh.high)
     return Units(size, total, region, low, high)
 
 
-def _merged(state: _State, parent: _Int32) -> _State:
+def _merged(state: _State, parent: Int32) -> _State:
     """State after unions; ``parent`` names each unit's union by its lowest unit."""
     roots, nodes = np.unique(parent, return_inverse=True)
-    numbered: _Int32 = nodes.astype(np.int32)
+    numbered: Int32 = nodes.astype(np.int32)
     return _State(
         np.take(numbered, state.labels),
         contract(state.graph, numbered, len(roots)),
@@ -282,12 +281,12 @@ def _merged(state: _State, parent: _Int32) -> _State:
     )
 
 
-def _moved(parent: _Int32) -> bool:
+def _moved(parent: Int32) -> bool:
     return bool((parent != np.arange(len(parent))).any())
 
 
-def _merge_pools(mesh: _MeshFacts, pools: _Int32) -> _State:
-    """Do steps 1 and 2."""
+def _merge_pools(mesh: _MeshFacts, pools: Int32) -> _State:
+    """Merge fine pools: steps 1 and 2 of the module's list."""
     labels, count = components(len(pools), mesh.pairs, labels=pools, also=mesh.regions)
     region = mesh.regions[first_faces(labels, count)]
     graph = unit_graph(labels, count, mesh.pairs, mesh.lengths)
@@ -313,7 +312,7 @@ def _join_in_bounds(mesh: _MeshFacts, state: _State, *, across_regions: bool) ->
 
 
 def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
-    """Do steps 3 and 4."""
+    """Split large units and mend what that leaves: steps 3 and 4 of the module's list."""
     for attempt in range(_REPAIR_ROUNDS):
         pieces, _ = split_units(
             state.labels,
@@ -338,16 +337,17 @@ def _cut_and_repair(mesh: _MeshFacts, state: _State) -> _State:
 
 
 def _finish(
-    labels: _Int32,
-    pairs: _Int32,
-    regions: _Int32,
-    low: _Float32,
-    high: _Float32,
+    labels: Int32,
+    pairs: Int32,
+    regions: Int32,
+    low: Float32,
+    high: Float32,
     options: SegmentOptions,
     extent_m: float,
     debris: DebrisCounts,
 ) -> Segments:
-    """Do step 6, and measure every segment."""
+    """Order the segments along a curve (step 6) and measure every one."""
+    # (1) Number the segments along a Morton curve: neighbours in space are neighbours on disk.
     size = np.bincount(labels).astype(np.int64)
     count = len(size)
     least, most = label_boxes(labels, size, low, high)
@@ -357,15 +357,16 @@ def _finish(
     number[order] = np.arange(count, dtype=np.int32)
     labels = number[labels]
     size, least, most = size[order], least[order], most[order]
+    # (2) Main region of each, and what breaks a bound all the same.
     main, region_counts = main_labels(labels, count, regions)
     pieces, n_pieces = components(len(labels), pairs, labels=labels)
-    parts = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)
+    n_components = np.bincount(labels[first_faces(pieces, n_pieces)], minlength=count)
     exceptions = SegmentExceptions(
         below_min_faces=int(np.count_nonzero(size < options.min_faces)),
         above_max_faces=int(np.count_nonzero(size > options.max_faces)),
         above_max_extent=int(np.count_nonzero((most - least).max(axis=1) > extent_m)),
         across_regions=int(np.count_nonzero(region_counts > 1)),
-        disconnected=int(np.count_nonzero(parts > 1)),
+        disconnected=int(np.count_nonzero(n_components > 1)),
         debris_joined=debris.joined,
         debris_alone=debris.alone,
     )

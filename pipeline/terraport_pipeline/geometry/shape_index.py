@@ -13,12 +13,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import AnyFloat, Float64, Int32
 
 __all__ = ["cone_directions", "shape_index"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
 
 _ALPHA: Final = 4.0
 """Of the paper: how strongly thin parts are told apart against thick ones."""
@@ -28,7 +27,7 @@ _SMOOTH_WIDTH: Final = 0.1
 """Neighbours whose index differs by this share of the whole range still weigh 1/e."""
 
 
-def cone_directions(rays: int, opening_degrees: float) -> tuple[_Float64, _Float64]:
+def cone_directions(rays: int, opening_degrees: float) -> tuple[Float64, Float64]:
     """Spread directions evenly over a cone about +z.
 
     Parameters
@@ -55,7 +54,7 @@ def cone_directions(rays: int, opening_degrees: float) -> tuple[_Float64, _Float
     return directions, 1.0 / np.arccos(height)
 
 
-def shape_index(diameter: npt.NDArray[np.floating], pairs: _Int32) -> _Float64:
+def shape_index(diameter: AnyFloat, pairs: Int32) -> Float64:
     """Turn shape diameters into an index from 0 (thinnest) to 1 (thickest).
 
     Parameters
@@ -76,24 +75,24 @@ def shape_index(diameter: npt.NDArray[np.floating], pairs: _Int32) -> _Float64:
     ``log(1 + alpha (d - min) / (max - min)) / log(1 + alpha)``, then three bilateral passes:
     neighbours count less the more they differ, so the edges of parts stay.
     """
-    known = np.isfinite(diameter)
-    if not known.any():
+    measured = np.isfinite(diameter)
+    if not measured.any():
         return np.zeros(len(diameter))
     values = diameter.astype(np.float64)
-    low, high = float(values[known].min()), float(values[known].max())
+    low, high = float(values[measured].min()), float(values[measured].max())
     if high <= low:
         return np.zeros(len(diameter))
-    values[~known] = high
+    values[~measured] = high
     index = np.log1p(_ALPHA * (values - low) / (high - low)) / np.log1p(_ALPHA)
     a, b = pairs[:, 0], pairs[:, 1]
     for _ in range(_SMOOTH_ROUNDS):
         likeness = np.exp(-(((index[a] - index[b]) / _SMOOTH_WIDTH) ** 2))
         weight = 1.0 + _sums(likeness, likeness, a, b, len(index))
         index = (index + _sums(likeness * index[b], likeness * index[a], a, b, len(index))) / weight
-    clipped: _Float64 = np.clip(index, 0.0, 1.0)
+    clipped: Float64 = np.clip(index, 0.0, 1.0)
     return clipped
 
 
-def _sums(at_a: _Float64, at_b: _Float64, a: _Int32, b: _Int32, count: int) -> _Float64:
+def _sums(at_a: Float64, at_b: Float64, a: Int32, b: Int32, count: int) -> Float64:
     total = np.bincount(a, weights=at_a, minlength=count).astype(np.float64)
     return total + np.bincount(b, weights=at_b, minlength=count)

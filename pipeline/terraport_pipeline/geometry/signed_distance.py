@@ -11,15 +11,13 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.marching_cubes import CORNERS, march
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["march_samples"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _CHUNK = 100_000
 """Nodes per neighbour query; bounds its scratch to about 100 MB."""
@@ -67,29 +65,29 @@ def march_samples(
     strides = np.array([shape[1] * shape[2], shape[2], 1], np.int64)
     keys = np.unique((cells @ strides)[:, None] + CORNERS @ strides)
     x, rest = np.divmod(keys, strides[0])
-    places = np.stack([x, *np.divmod(rest, shape[2])], axis=1) * cell_m + low
-    values = np.empty(len(places))
+    nodes = np.stack([x, *np.divmod(rest, shape[2])], axis=1) * cell_m + low
+    values = np.empty(len(nodes))
     tree = cKDTree(points, balanced_tree=False)
     k = min(neighbours, len(points))
-    for begin in range(0, len(places), _CHUNK):
+    for begin in range(0, len(nodes), _CHUNK):
         here = slice(begin, begin + _CHUNK)
-        away, near = tree.query(places[here], k=[*range(1, k + 1)], workers=workers)
-        values[here] = _mean_plane(places[here], points, normals, away, near, cell_m, reach_m)
+        away, near = tree.query(nodes[here], k=[*range(1, k + 1)], workers=workers)
+        values[here] = _mean_plane(nodes[here], points, normals, away, near, cell_m, reach_m)
     vertices, faces = march(cells, values, keys, shape)
     return (vertices * cell_m + low).astype(np.float32), faces
 
 
 def _mean_plane(
-    places: Float64,
+    nodes: Float64,
     points: Float32,
     normals: Float32,
     away: Float64,
-    near: _Int64,
+    near: Int64,
     cell_m: float,
     reach_m: float,
 ) -> Float64:
     """Weighted mean distance to the planes of the nearest samples; NaN beyond their reach."""
-    offset = places[:, None] - points[near]
+    offset = nodes[:, None] - points[near]
     height = np.einsum("mkc,mkc->mk", offset, normals[near].astype(np.float64))
     # Relative to the nearest, so that far from all samples no weight becomes 0 / 0.
     weight = np.exp(-(away**2 - away[:, :1] ** 2) / (1.5 * cell_m) ** 2)
@@ -100,7 +98,7 @@ def _mean_plane(
     return mean
 
 
-def _band(cells: _Int64) -> tuple[_Int64, tuple[int, int, int]]:
+def _band(cells: Int64) -> tuple[Int64, tuple[int, int, int]]:
     """Cells within the band of some cells, each once, and the number of nodes of their grid."""
     size = cells.max(axis=0) + _BAND_CELLS + 3
     shape = (int(size[0]), int(size[1]), int(size[2]))

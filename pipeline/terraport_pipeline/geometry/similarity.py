@@ -8,12 +8,12 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, AnyFloat, AnyInt, Float32, Float64, Int32, UInt8
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.colour import white_index
 from terraport_pipeline.geometry.face_measures import mesh_input
@@ -21,27 +21,24 @@ from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["similarity_index"]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
 
 _LEAST: Final = 0
 _SUM: Final = 1
 
 
 def similarity_index(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     *,
-    colours: npt.NDArray[np.uint8] | None,
-    scalar: npt.NDArray[np.floating] | None,
+    colours: UInt8 | None,
+    scalar: AnyFloat | None,
     mu: float,
     tau: float,
     normalise: str,
     attribute_range: float,
     origin: str,
     threads: int = 1,
-) -> _Float32:
+) -> Float32:
     """Similarity index of every face; see ``TrianglePoolOptions`` for the parameters.
 
     Parameters
@@ -64,9 +61,10 @@ def similarity_index(
     ndarray of shape (F,), float32
         Computed in float64 and rounded once.
     """
+    # (1) The white index or the scalar of every face, and how it is stretched.
     points, corners = mesh_input(vertices, faces)
     n_faces = len(corners)
-    index: npt.NDArray[Any]
+    index: AnyArray
     if colours is not None:
         index = white_index(colours, corners, threads=threads)
     else:
@@ -78,6 +76,7 @@ def similarity_index(
     elif normalise == "max":
         largest = max(abs(low), abs(high))
         scale = attribute_range / largest if largest > 0.0 else 0.0
+    # (2) Distances from the origin, only where they count; relative to the farthest.
     distance = np.zeros(0)
     if tau > 0.0:
         distance = np.empty(n_faces)
@@ -92,6 +91,7 @@ def similarity_index(
             distance, tau = np.zeros(0), 0.0
     else:
         farthest = 1.0
+    # (3) s = mu * index + tau * distance, equation (3.1).
     similarity = np.empty(n_faces, np.float32)
     given = as_kernel_input(index, np.float32 if index.dtype == np.float32 else np.float64)
     in_chunks(
@@ -103,47 +103,47 @@ def similarity_index(
     return similarity
 
 
-def _origin(points: npt.NDArray[Any], faces: _Int32, origin: str, threads: int) -> _Float64:
-    """Point that d is measured from."""
+def _origin(points: AnyArray, faces: Int32, origin: str, threads: int) -> Float64:
+    """Choose the point that the distance d of equation (3.2) is measured from."""
     if origin == "first":
         return np.asarray(_reduce(points, faces, _SUM, 0, 1))
     kind = _SUM if origin == "centroid" else _LEAST
-    parts = np.stack(
+    chunks = np.stack(
         in_chunks(
             lambda begin, end: _reduce(points, faces, kind, begin, end), len(faces), threads=threads
         )
     )
     if origin == "centroid":
-        mean: _Float64 = parts.sum(axis=0) / len(faces)
+        mean: Float64 = chunks.sum(axis=0) / len(faces)
         return mean
-    least: _Float64 = parts.min(axis=0)
+    least: Float64 = chunks.min(axis=0)
     return least
 
 
 @numba.njit(cache=True, nogil=True)
-def _centre(points: npt.NDArray[Any], faces: _Int32, f: int, axis: int) -> float:
+def _centre(points: AnyArray, faces: Int32, f: int, axis: int) -> float:
     """One coordinate of a face's centre, to the same bit as ``face_centres``."""
     total = np.float64(points[faces[f, 0], axis]) + np.float64(points[faces[f, 1], axis])
     return (total + np.float64(points[faces[f, 2], axis])) / 3.0
 
 
 @numba.njit(cache=True, nogil=True)
-def _reduce(points: npt.NDArray[Any], faces: _Int32, kind: int, begin: int, end: int) -> _Float64:
+def _reduce(points: AnyArray, faces: Int32, kind: int, begin: int, end: int) -> Float64:
     """Least coordinates or sum of the centres of some faces."""
-    found = np.zeros(3) if kind == _SUM else np.full(3, np.inf)
+    total = np.zeros(3) if kind == _SUM else np.full(3, np.inf)
     for f in range(begin, end):
         for axis in range(3):
             value = _centre(points, faces, f, axis)
-            found[axis] = found[axis] + value if kind == _SUM else min(found[axis], value)
-    return found
+            total[axis] = total[axis] + value if kind == _SUM else min(total[axis], value)
+    return total
 
 
 @numba.njit(cache=True, nogil=True)
 def _distances(
-    points: npt.NDArray[Any],
-    faces: _Int32,
-    start: _Float64,
-    distance: _Float64,
+    points: AnyArray,
+    faces: Int32,
+    start: Float64,
+    distance: Float64,
     begin: int,
     end: int,
 ) -> float:
@@ -160,19 +160,22 @@ def _distances(
 
 @numba.njit(cache=True, nogil=True)
 def _combine(
-    index: npt.NDArray[Any],
-    distance: _Float64,
+    index: AnyArray,
+    distance: Float64,
     shift: float,
     scale: float,
     mu: float,
     tau: float,
     farthest: float,
-    similarity: _Float32,
+    similarity: Float32,
     begin: int,
     end: int,
 ) -> None:
+    """Equation (3.1) for faces begin..end, from the stretched index and the distance."""
     for f in range(begin, end):
+        # (1) The index, stretched and weighted.
         value = (np.float64(index[f]) - shift) * scale * mu
+        # (2) The distance, where it counts; `distance` is empty where it does not.
         if tau > 0.0:
             value += tau * (distance[f] / farthest)
         similarity[f] = np.float32(value)

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.geometry.border import border_edges
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["add_skirt", "drop_skirt"]
 
@@ -84,6 +84,6 @@ def drop_skirt(vertices: Float32, faces: Int32, hem: Float32) -> Int32:
 
 
 def _rows(vertices: Float32) -> np.ndarray[tuple[int], np.dtype[np.void]]:
-    """Positions as one sortable value each."""
+    """View positions as one sortable value a row, to compare them bit by bit."""
     packed = np.ascontiguousarray(vertices, dtype="<f4")
     return packed.view([("x", "<i4"), ("y", "<i4"), ("z", "<i4")]).reshape(-1)

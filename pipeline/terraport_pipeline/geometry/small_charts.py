@@ -21,11 +21,10 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32
 from terraport_pipeline.geometry.adjacency import components
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, WIDTH, project_packed
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["FACES_PER_CHART", "Joined", "join_small_charts"]
 
@@ -39,8 +38,6 @@ _ROUNDS: Final = (1, 2, 4, 8, 16, 32)
 _MOST_UNSEEN: Final = 16
 """Faces of the largest chart that joins a photo which does not see it."""
 
-_Bools = npt.NDArray[np.bool_]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joined:
@@ -48,7 +45,7 @@ class Joined:
 
     view: Int32
     """(F,) -1 where there is none."""
-    borrowed: _Bools
+    borrowed: Bool
     """(F,) faces that have a neighbour's photo now."""
     charts: int
     """Charts that are left, before those without a photo are cut by their axes."""
@@ -146,9 +143,9 @@ def _in_picture(
     rows: Int32,
     view: Int32,
     unseen_too: bool,
-) -> _Bools:
+) -> Bool:
     """Whether faces lie whole in pictures, and unless `unseen_too` look at the camera."""
-    found = np.zeros(len(rows), np.bool_)
+    inside = np.zeros(len(rows), np.bool_)
     pixel = np.zeros((3, 2))
     for n in range(len(rows)):
         row = packed[view[n]]
@@ -168,5 +165,5 @@ def _in_picture(
             ax, ay = pixel[1, 0] - pixel[0, 0], pixel[1, 1] - pixel[0, 1]
             bx, by = pixel[2, 0] - pixel[0, 0], pixel[2, 1] - pixel[0, 1]
             good = ax * by - ay * bx < 0.0  # v points down
-        found[n] = good
-    return found
+        inside[n] = good
+    return inside

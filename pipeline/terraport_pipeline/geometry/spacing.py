@@ -19,10 +19,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from terraport_pipeline.model import Float32
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Int32
 
 __all__ = [
     "Neighbours",
@@ -41,7 +40,7 @@ _CHUNK = 200_000
 class Neighbours:
     """The k nearest other samples of every point."""
 
-    indices: npt.NDArray[np.int32]
+    indices: Int32
     """(N, k) point indices, nearest first."""
     distances: Float32
     """(N, k) metres."""
@@ -58,7 +57,7 @@ class Spacing:
 
 
 def nearest_neighbours(
-    points: npt.NDArray[np.floating],
+    points: AnyFloat,
     k: int,
     *,
     workers: int = -1,
@@ -97,9 +96,9 @@ def nearest_neighbours(
 
 
 def remaining_neighbours(
-    points: npt.NDArray[np.floating],
+    points: AnyFloat,
     neighbours: Neighbours,
-    removed: npt.NDArray[np.bool_],
+    removed: Bool,
     *,
     workers: int = -1,
 ) -> Neighbours:
@@ -132,13 +131,13 @@ def remaining_neighbours(
     lost = np.flatnonzero(removed[old].any(axis=1))
     if len(lost):
         tree = cKDTree(rest, balanced_tree=False)
-        found = _query(tree, rest, lost, k, workers)
-        indices[lost] = found.indices
-        distances[lost] = found.distances
+        updated = _query(tree, rest, lost, k, workers)
+        indices[lost] = updated.indices
+        distances[lost] = updated.distances
     return Neighbours(indices, distances)
 
 
-def areal_from_radius(radius_m: npt.NDArray[np.floating], k: int) -> Float32:
+def areal_from_radius(radius_m: AnyFloat, k: int) -> Float32:
     """Spacing of samples of which `k` lie in a disk of `radius_m`.
 
     Examples
@@ -174,25 +173,25 @@ def estimate_spacing(neighbours: Neighbours) -> Spacing:
 
 def _query(
     tree: cKDTree,
-    points: npt.NDArray[np.floating],
-    wanted: npt.NDArray[np.integer],
+    points: AnyFloat,
+    wanted: AnyInt,
     k: int,
     workers: int,
     advance: Callable[[float], None] = lambda _: None,
 ) -> Neighbours:
-    """Find neighbours of some of the points."""
+    """Find the k nearest neighbours of some of the points, without the points themselves."""
     count = len(wanted)
     indices = np.empty((count, k), dtype=np.int32)
     distances = np.empty((count, k), dtype=np.float32)
     for begin in range(0, count, _CHUNK):
         end = min(begin + _CHUNK, count)
-        found_m, found = tree.query(points[wanted[begin:end]], k=k + 1, workers=workers)
+        neighbours_m, neighbours = tree.query(points[wanted[begin:end]], k=k + 1, workers=workers)
         # The point itself is among its neighbours at distance 0, but not always in the first column
         # (copies of it may stand before it, or push it out): drop it where it stands, else the
         # last column.
-        own = found == wanted[begin:end, None]
+        own = neighbours == wanted[begin:end, None]
         own[~own.any(axis=1), -1] = True
-        indices[begin:end] = found[~own].reshape(-1, k)
-        distances[begin:end] = found_m[~own].reshape(-1, k)
+        indices[begin:end] = neighbours[~own].reshape(-1, k)
+        distances[begin:end] = neighbours_m[~own].reshape(-1, k)
         advance(end - begin)
     return Neighbours(indices, distances)

@@ -18,8 +18,8 @@ import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["BINS", "LARGEST_RATIO", "support_histogram", "support_ratio", "support_threshold"]
 
@@ -167,6 +167,6 @@ def _sum_areas(vertices: Float32, faces: Int32, ratio: Float32) -> Float64:
         y = edge_1[2] * edge_2[0] - edge_1[0] * edge_2[2]
         z = edge_1[0] * edge_2[1] - edge_1[1] * edge_2[0]
         mean = (np.float64(ratio[a]) + ratio[b] + ratio[c]) / 3.0
-        place = min(int(mean * (BINS / LARGEST_RATIO)), BINS - 1)
-        sums[place] += 0.5 * np.sqrt(x * x + y * y + z * z)
+        bin_number = min(int(mean * (BINS / LARGEST_RATIO)), BINS - 1)
+        sums[bin_number] += 0.5 * np.sqrt(x * x + y * y + z * z)
     return sums

@@ -10,42 +10,40 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32
 
 __all__ = ["SurfaceSamples", "surface_samples"]
-
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceSamples:
-    """N points on a surface."""
+    """N points spread over a surface, each with its face's label and a share of the area."""
 
-    points: _Float64
+    points: Float64
     """(N, 3) metres."""
-    labels: _Int32
+    labels: Int32
     """(N,) label of the surface there."""
-    areas: _Float64
+    areas: Float64
     """(N,) square metres that the point stands for; per label they sum to its area."""
 
     @classmethod
-    def joined(cls, parts: Iterable[Self]) -> Self:
+    def joined(cls, pieces: Iterable[Self]) -> Self:
         """Put samples of several pieces together, in their order."""
-        listed = list(parts)
+        listed = list(pieces)
         if not listed:
             return cls(np.zeros((0, 3)), np.zeros(0, np.int32), np.zeros(0))
         return cls(
-            np.concatenate([part.points for part in listed]),
-            np.concatenate([part.labels for part in listed]),
-            np.concatenate([part.areas for part in listed]),
+            np.concatenate([piece.points for piece in listed]),
+            np.concatenate([piece.labels for piece in listed]),
+            np.concatenate([piece.areas for piece in listed]),
         )
 
 
 def surface_samples(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    labels: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
+    labels: AnyInt,
     *,
     faces_per_sample: int,
     at_least: int = 64,
@@ -87,6 +85,7 @@ def surface_samples(
         raise ValueError(msg)
     if len(faces) == 0:
         return SurfaceSamples.joined([])
+    # (1) Runs of faces with one label, their areas; a label without any area counts faces alike.
     order = np.argsort(labels, kind="stable")
     sorted_labels = labels[order]
     starts = np.flatnonzero(np.append(True, sorted_labels[1:] != sorted_labels[:-1]))
@@ -97,7 +96,9 @@ def surface_samples(
     whole = np.add.reduceat(area, starts)
     weight = np.where(np.repeat(whole, sizes) > 0.0, area, 1.0)
     total = np.add.reduceat(weight, starts)
+    # (2) How many samples each label gets.
     counts = np.minimum(sizes, np.maximum(-(-sizes // faces_per_sample), at_least))
+    # (3) Faces at evenly spaced steps of the running area, within each label's own run.
     passed = np.cumsum(weight)
     ends = starts + sizes - 1
     before = np.concatenate([[0.0], passed[ends[:-1]]])

@@ -11,17 +11,13 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import AnyFloat, AnyInt, Int32, Int64
 
 __all__ = ["thin_by_cells"]
 
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
-
-def thin_by_cells(
-    vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], cell_m: float
-) -> tuple[_Int64, _Int32, _Int64]:
+def thin_by_cells(vertices: AnyFloat, faces: AnyInt, cell_m: float) -> tuple[Int64, Int32, Int64]:
     """Unite the vertices of every cube of space.
 
     Parameters
@@ -74,7 +70,7 @@ def thin_by_cells(
     return kept, corners[origin].astype(np.int32), origin
 
 
-def _border_vertices(faces: npt.NDArray[np.integer], n_vertices: int) -> _Int64:
+def _border_vertices(faces: AnyInt, n_vertices: int) -> Int64:
     """Vertices of edges that only one face has, ascending."""
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64)
     key, count = np.unique(edges.min(axis=1) * n_vertices + edges.max(axis=1), return_counts=True)

@@ -13,18 +13,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64, UInt8
 
-__all__ = ["Banded", "TilePart", "faces_outside", "part_near", "touching", "with_band"]
-
-_Int64 = npt.NDArray[np.int64]
+__all__ = ["Banded", "TilePiece", "faces_outside", "piece_near", "touching", "with_band"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TilePart:
-    """Some faces of a tile."""
+class TilePiece:
+    """Some faces of a tile, with only the vertices that they use."""
 
     tile: int
     rows: Int32
@@ -35,13 +32,13 @@ class TilePart:
     """(K, 3) into these vertices."""
     colours: UInt8
     """(V, 3)"""
-    ids: _Int64
+    ids: Int64
     """(V,) numbers that vertices share with other tiles; -1 where they do not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Banded:
-    """One tile and the band around it."""
+    """One mesh of a tile and of the faces of its neighbours that lie near it."""
 
     vertices: Float32
     """(V, 3) metres, scene frame."""
@@ -51,15 +48,15 @@ class Banded:
     """(V, 3)"""
     own: slice
     """The tile's own faces, in their order."""
-    parts: tuple[tuple[int, Int32], ...]
+    rows_of_tiles: tuple[tuple[int, Int32], ...]
     """Tiles in their order, and which of their faces stand here, one tile behind the other."""
 
     @property
-    def is_own(self) -> npt.NDArray[np.bool_]:
+    def is_own(self) -> Bool:
         """Say of every face whether it is the tile's own, (F,)."""
-        found = np.zeros(len(self.faces), np.bool_)
-        found[self.own] = True
-        return found
+        own = np.zeros(len(self.faces), np.bool_)
+        own[self.own] = True
+        return own
 
 
 def touching(boxes: Float64, tile: int, reach_m: float) -> list[int]:
@@ -79,19 +76,19 @@ def touching(boxes: Float64, tile: int, reach_m: float) -> list[int]:
     """
     low, high = boxes[tile, :3] - reach_m, boxes[tile, 3:] + reach_m
     near = np.all((boxes[:, 3:] >= low) & (boxes[:, :3] <= high), axis=1)
-    found: list[int] = np.flatnonzero(near).tolist()
-    return [other for other in found if other != tile]
+    near_tiles: list[int] = np.flatnonzero(near).tolist()
+    return [other for other in near_tiles if other != tile]
 
 
-def part_near(
+def piece_near(
     tile: int,
     vertices: Float32,
     faces: Int32,
     colours: UInt8,
-    border: tuple[npt.NDArray[np.integer], _Int64],
+    border: tuple[AnyInt, Int64],
     box: Float64 | None = None,
     reach_m: float = 0.0,
-) -> TilePart:
+) -> TilePiece:
     """Take the faces of a tile that reach into the surroundings of a box.
 
     Parameters
@@ -108,26 +105,26 @@ def part_near(
 
     Returns
     -------
-    TilePart
+    TilePiece
     """
     ids = np.full(len(vertices), -1, np.int64)
     ids[border[0]] = border[1]
     if box is None:
-        return TilePart(tile, np.arange(len(faces), dtype=np.int32), vertices, faces, colours, ids)
+        return TilePiece(tile, np.arange(len(faces), dtype=np.int32), vertices, faces, colours, ids)
     inside = (vertices >= box[:3] - reach_m) & (vertices <= box[3:] + reach_m)
     near = np.flatnonzero(inside.all(axis=1))
     rows = np.flatnonzero(np.isin(faces, near).any(axis=1)).astype(np.int32)
     used, corner = np.unique(faces[rows], return_inverse=True)
     local = corner.reshape(-1, 3).astype(np.int32)
-    return TilePart(tile, rows, vertices[used], local, colours[used], ids[used])
+    return TilePiece(tile, rows, vertices[used], local, colours[used], ids[used])
 
 
-def with_band(parts: Iterable[TilePart], tile: int) -> Banded:
+def with_band(pieces: Iterable[TilePiece], tile: int) -> Banded:
     """Make one mesh of a tile and parts of others.
 
     Parameters
     ----------
-    parts : iterable of TilePart
+    pieces : iterable of TilePiece
         In the order of the tiles; all faces of the tile itself.
     tile : int
 
@@ -136,36 +133,40 @@ def with_band(parts: Iterable[TilePart], tile: int) -> Banded:
     Banded
         Vertices of one number are one vertex.
     """
-    known_ids, known_rows = np.zeros(0, np.int64), np.zeros(0, np.int64)
+    shared_ids, shared_rows = np.zeros(0, np.int64), np.zeros(0, np.int64)
     vertices: list[Float32] = []
     colours: list[UInt8] = []
     faces: list[Int32] = []
     listed: list[tuple[int, Int32]] = []
     count, face_count, own = 0, 0, slice(0, 0)
-    for part in parts:
-        row = np.empty(len(part.vertices), np.int64)
-        at = np.searchsorted(known_ids, part.ids)
-        at[at == len(known_ids)] = 0
-        known = np.zeros(len(row), np.bool_)
-        if len(known_ids):
-            known = (part.ids >= 0) & (known_ids[at] == part.ids)
-            row[known] = known_rows[at[known]]
-        row[~known] = count + np.arange(int((~known).sum()))
-        count += int((~known).sum())
-        vertices.append(part.vertices[~known])
-        colours.append(part.colours[~known])
-        faces.append(row.astype(np.int32)[part.faces])
-        listed.append((part.tile, part.rows))
-        if part.tile == tile:
-            own = slice(face_count, face_count + len(part.faces))
-        face_count += len(part.faces)
-        new = ~known & (part.ids >= 0)
+    for piece in pieces:
+        # (1) Vertices that an earlier piece brought are used again. Invariant: shared_ids is
+        # sorted, and shared_rows[i] is where the vertex of shared_ids[i] stands.
+        row = np.empty(len(piece.vertices), np.int64)
+        at = np.searchsorted(shared_ids, piece.ids)
+        at[at == len(shared_ids)] = 0
+        is_shared = np.zeros(len(row), np.bool_)
+        if len(shared_ids):
+            is_shared = (piece.ids >= 0) & (shared_ids[at] == piece.ids)
+            row[is_shared] = shared_rows[at[is_shared]]
+        row[~is_shared] = count + np.arange(int((~is_shared).sum()))
+        count += int((~is_shared).sum())
+        # (2) Append what is new, and the faces in the new numbers.
+        vertices.append(piece.vertices[~is_shared])
+        colours.append(piece.colours[~is_shared])
+        faces.append(row.astype(np.int32)[piece.faces])
+        listed.append((piece.tile, piece.rows))
+        if piece.tile == tile:
+            own = slice(face_count, face_count + len(piece.faces))
+        face_count += len(piece.faces)
+        # (3) Remember the new shared vertices.
+        new = ~is_shared & (piece.ids >= 0)
         ids, rows = (
-            np.concatenate([known_ids, part.ids[new]]),
-            np.concatenate([known_rows, row[new]]),
+            np.concatenate([shared_ids, piece.ids[new]]),
+            np.concatenate([shared_rows, row[new]]),
         )
         order = np.argsort(ids, kind="stable")
-        known_ids, known_rows = ids[order], rows[order]
+        shared_ids, shared_rows = ids[order], rows[order]
     return Banded(
         np.concatenate(vertices),
         np.concatenate(faces),

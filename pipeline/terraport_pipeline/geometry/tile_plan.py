@@ -31,9 +31,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64
+from terraport_payload.types import AnyFloat, Float32, Float64, Int64
 
 __all__ = [
     "MARGIN_CELLS",
@@ -46,7 +45,6 @@ __all__ = [
     "tile_shape",
 ]
 
-Int64 = npt.NDArray[np.int64]
 
 SCALE: Final = 1.1
 """The solver's cube is this much wider than its samples' box (PoissonRecon's default)."""
@@ -70,12 +68,12 @@ class Lattice:
     """Corner of cell (0, 0, 0), scene frame."""
     cell_m: float
 
-    def cells(self, points: npt.NDArray[np.floating]) -> Float64:
+    def cells(self, points: AnyFloat) -> Float64:
         """Convert metres (N, 3), scene frame, to cells (N, 3) float64."""
-        found: Float64 = (points.astype(np.float64) - np.array(self.anchor_m)) / self.cell_m
-        return found
+        cells: Float64 = (points.astype(np.float64) - np.array(self.anchor_m)) / self.cell_m
+        return cells
 
-    def metres(self, cells: npt.NDArray[np.floating]) -> Float32:
+    def metres(self, cells: AnyFloat) -> Float32:
         """Convert cells (N, 3) to metres (N, 3) float32, scene frame."""
         metres = cells * self.cell_m + np.array(self.anchor_m)
         return np.asarray(metres + 0.0, dtype=np.float32)
@@ -95,7 +93,7 @@ class TileShape:
 
     @property
     def side(self) -> int:
-        """Width of the cube."""
+        """Width of a tile's cube in cells: core and both margins."""
         return 1 << self.depth
 
     @property
@@ -106,7 +104,7 @@ class TileShape:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TilePlan:
-    """Which tiles there are."""
+    """Which tiles cover a survey, on one lattice, and how many samples each holds."""
 
     lattice: Lattice
     shape: TileShape
@@ -119,7 +117,7 @@ class TilePlan:
 
     @property
     def count(self) -> int:
-        """Number of tiles."""
+        """Number of tiles T; `indices` has a row for each."""
         return len(self.indices)
 
     def core(self, tile: int) -> tuple[Int64, Int64]:
@@ -157,18 +155,20 @@ class TilePlan:
         high = (cells - self.offset + self.shape.margin) / self.shape.core
         first = np.ceil(low).astype(np.int64) - 1
         last = np.floor(high).astype(np.int64)
-        found: dict[int, list[Int64]] = {}
+        rows_of_tile: dict[int, list[Int64]] = {}
         numbers = self._numbers()
         for index, rows in _between(first, last):
             unique, which = np.unique(_pack(index), return_inverse=True)
             order = np.argsort(which, kind="stable")
             edges = np.searchsorted(which[order], np.arange(len(unique) + 1))
-            for place, key in enumerate(map(tuple, _unpack(unique).tolist())):
+            for group, key in enumerate(map(tuple, _unpack(unique).tolist())):
                 tile = numbers.get(key)
                 if tile is not None:
-                    found.setdefault(tile, []).append(rows[order[edges[place] : edges[place + 1]]])
-        for tile in sorted(found):
-            yield tile, np.sort(np.concatenate(found[tile]))
+                    rows_of_tile.setdefault(tile, []).append(
+                        rows[order[edges[group] : edges[group + 1]]]
+                    )
+        for tile in sorted(rows_of_tile):
+            yield tile, np.sort(np.concatenate(rows_of_tile[tile]))
 
     def neighbours(self) -> list[tuple[int, int, int]]:
         """List (tile, tile beyond its high wall, axis) for all tiles that share a wall."""
@@ -253,8 +253,8 @@ def plan_tiles(
             tried = offset.copy()
             tried[axis] = step
             tiles, load = count_tiles(shape, tried, blocks, counts, block_cells)
-            found = (len(tiles), int(load.max()), step)
-            best = found if best is None else min(best, found)
+            candidate = (len(tiles), int(load.max()), step)
+            best = candidate if best is None else min(best, candidate)
         assert best is not None
         offset[axis] = best[2]
     tiles, load = count_tiles(shape, offset, blocks, counts, block_cells)
@@ -282,10 +282,10 @@ def count_tiles(
     near, _ = _cores_touched(low - REACH_CELLS, high + REACH_CELLS, shape.core)
     keys = np.unique(_pack(near))
     reached, row = _cores_touched(low - shape.margin, high + shape.margin, shape.core)
-    found = _pack(reached)
-    place = np.minimum(np.searchsorted(keys, found), len(keys) - 1)
-    mine = keys[place] == found
-    loads = np.bincount(place[mine], counts[row[mine]], minlength=len(keys))
+    reached_keys = _pack(reached)
+    index = np.minimum(np.searchsorted(keys, reached_keys), len(keys) - 1)
+    mine = keys[index] == reached_keys
+    loads = np.bincount(index[mine], counts[row[mine]], minlength=len(keys))
     return _unpack(keys), loads.astype(np.int64)
 
 
@@ -302,18 +302,16 @@ def _pack(indices: Int64) -> Int64:
 
 def _unpack(keys: Int64) -> Int64:
     mask = (1 << _BITS) - 1
-    parts = np.stack([keys >> (2 * _BITS), (keys >> _BITS) & mask, keys & mask], axis=1)
-    return parts - (1 << (_BITS - 1))
+    fields = np.stack([keys >> (2 * _BITS), (keys >> _BITS) & mask, keys & mask], axis=1)
+    return fields - (1 << (_BITS - 1))
 
 
-def _cores_touched(
-    low: npt.NDArray[np.floating] | Int64, high: npt.NDArray[np.floating] | Int64, core: int
-) -> tuple[Int64, Int64]:
+def _cores_touched(low: AnyFloat | Int64, high: AnyFloat | Int64, core: int) -> tuple[Int64, Int64]:
     """Every core that each box overlaps: (index (K, 3), box (K,))."""
     first = np.floor(low / core).astype(np.int64)
     last = np.ceil(high / core).astype(np.int64) - 1
-    found = list(_between(first, last))
-    return np.concatenate([index for index, _ in found]), np.concatenate([r for _, r in found])
+    batches = list(_between(first, last))
+    return np.concatenate([index for index, _ in batches]), np.concatenate([r for _, r in batches])
 
 
 def _between(first: Int64, last: Int64) -> Iterator[tuple[Int64, Int64]]:

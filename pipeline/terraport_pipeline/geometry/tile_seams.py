@@ -14,29 +14,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Float64, Int32
 
 __all__ = ["OpenEdges", "Seams", "match_seams", "open_edges"]
-
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OpenEdges:
     """Edges of one tile that only one of its faces has."""
 
-    ends: _Float32
+    ends: Float32
     """(K, 6) positions of both ends, the lower one (by x, then y, then z) first; metres."""
-    face: _Int32
+    face: Int32
     """(K,) face of the tile."""
 
-    def lengths_m(self) -> _Float64:
-        """Length of every edge, (K,)."""
+    def lengths_m(self) -> Float64:
+        """Length of every open edge, (K,), metres."""
         along = self.ends[:, 3:].astype(np.float64) - self.ends[:, :3]
-        length: _Float64 = np.sqrt((along * along).sum(axis=1))
+        length: Float64 = np.sqrt((along * along).sum(axis=1))
         return length
 
 
@@ -44,14 +40,14 @@ class OpenEdges:
 class Seams:
     """Pairs of faces in different tiles that share an edge."""
 
-    tiles: _Int32
+    tiles: Int32
     """(S, 2) their tiles, lower first."""
-    faces: _Int32
+    faces: Int32
     """(S, 2) their numbers within the tiles."""
-    length_m: _Float64
+    length_m: Float64
     """(S,) length of the shared edge."""
 
-    def of(self, tile: int) -> tuple[_Int32, _Float64]:
+    def of(self, tile: int) -> tuple[Int32, Float64]:
         """Faces of one tile at its seams, and the length of each edge."""
         first, second = self.tiles[:, 0] == tile, self.tiles[:, 1] == tile
         return (
@@ -61,9 +57,9 @@ class Seams:
 
 
 def open_edges(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    pairs: tuple[_Int32, _Int32],
+    vertices: AnyFloat,
+    faces: AnyInt,
+    pairs: tuple[Int32, Int32],
 ) -> OpenEdges:
     """Find the edges that only one face has.
 
@@ -131,7 +127,7 @@ def match_seams(tiles: Sequence[OpenEdges]) -> Seams:
     return Seams(tile[both], face[both], OpenEdges(ends[first], face[first]).lengths_m())
 
 
-def _lower_first(ends: _Float32) -> _Float32:
+def _lower_first(ends: Float32) -> Float32:
     """Turn (K, 2, 3) ends into (K, 6) with the lower end first."""
     a, b = ends[:, 0], ends[:, 1]
     differs = a != b

@@ -25,16 +25,13 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.loop_fill import directed_loops, fill_loop
-from terraport_pipeline.model import Float32, Float64, Int32
 
 __all__ = ["Seams", "TileBorder", "weld_tiles"]
 
-Int64 = npt.NDArray[np.int64]
-UInt8 = npt.NDArray[np.uint8]
 
 EDGE_REACH_CELLS: Final = 1.0
 """The same crossing lies on the same edge of a cell."""
@@ -54,7 +51,7 @@ _FAR: Final = 1e7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileBorder:
-    """What one tile shows its neighbours."""
+    """Vertices and edges of a tile that lie in the walls of its core."""
 
     rows: Int32
     """(B,) vertices of the tile that lie in a wall of its core, ascending."""
@@ -117,11 +114,11 @@ def weld_tiles(borders: Sequence[TileBorder], neighbours: Sequence[tuple[int, in
     cells = np.concatenate([np.zeros((0, 3)), *(border.cells for border in borders)])
     walls = [_wall_pair(borders, starts, *pair) for pair in neighbours]
     # (1) match
-    found = [_match(cells, wall) for wall in walls]
-    pairs = np.concatenate([np.zeros((0, 2), np.int64), *(pair for pair, _ in found)])
-    gaps = np.concatenate([np.zeros(0), *(gap for _, gap in found)])
+    matches = [_match(cells, wall) for wall in walls]
+    pairs = np.concatenate([np.zeros((0, 2), np.int64), *(pair for pair, _ in matches)])
+    gaps = np.concatenate([np.zeros(0), *(gap for _, gap in matches)])
     unmatched = sum(
-        len(w.low) + len(w.high) - 2 * len(p) for w, (p, _) in zip(walls, found, strict=True)
+        len(w.low) + len(w.high) - 2 * len(p) for w, (p, _) in zip(walls, matches, strict=True)
     )
     # (2) classes
     order = np.lexsort((pairs[:, 1], pairs[:, 0], np.round(gaps, 9)))
@@ -154,12 +151,19 @@ class _Wall:
 def _wall_pair(
     borders: Sequence[TileBorder], starts: Int64, low: int, high: int, axis: int
 ) -> _Wall:
-    parts = []
+    sides_edges = []
     for tile, code in ((low, 2 * axis + 1), (high, 2 * axis)):
         border = borders[tile]
-        parts.append(border.edges[border.walls == code].astype(np.int64) + starts[tile])
-    side = np.repeat([0, 1], [len(part) for part in parts]).astype(np.uint8)
-    return _Wall(low, axis, np.unique(parts[0]), np.unique(parts[1]), np.concatenate(parts), side)
+        sides_edges.append(border.edges[border.walls == code].astype(np.int64) + starts[tile])
+    side = np.repeat([0, 1], [len(edges) for edges in sides_edges]).astype(np.uint8)
+    return _Wall(
+        low,
+        axis,
+        np.unique(sides_edges[0]),
+        np.unique(sides_edges[1]),
+        np.concatenate(sides_edges),
+        side,
+    )
 
 
 def _match(cells: Float64, wall: _Wall) -> tuple[Int64, Float64]:
@@ -175,13 +179,13 @@ def _match(cells: Float64, wall: _Wall) -> tuple[Int64, Float64]:
     return np.stack([wall.low[pairs[:, 0]], wall.high[pairs[:, 1]]], axis=1), gaps
 
 
-def _on_edges(places: Float64) -> Float64:
+def _on_edges(points: Float64) -> Float64:
     """Spread places (N, 2) so that only those on one edge of a lattice cell are near each other."""
-    off = np.abs(places - np.round(places))
+    off = np.abs(points - np.round(points))
     axis = off.argmin(axis=1)
-    rows = np.arange(len(places))
-    line = np.round(places[rows, axis])
-    along = places[rows, 1 - axis]
+    rows = np.arange(len(points))
+    line = np.round(points[rows, axis])
+    along = points[rows, 1 - axis]
     apart = 4.0 * EDGE_REACH_CELLS
     return np.stack([axis * _FAR, line * apart, np.floor(along) * apart, along], axis=1)
 
@@ -203,6 +207,8 @@ def _classes(pairs: Int64, tile_of: Int64, count: int) -> Int64:  # pragma: no c
 
     Returns the smallest member of every vertex's class.
     """
+    # Invariant: a class is a linked list that starts at its lowest vertex, `root` of all of it, and
+    # holds no two vertices of one tile: as many as tiles meet there, so walking it is cheap.
     root = np.arange(count)
     following = np.full(count, -1)
     for at in range(len(pairs)):
@@ -234,7 +240,7 @@ def _classes(pairs: Int64, tile_of: Int64, count: int) -> Int64:  # pragma: no c
     return root
 
 
-def _uncancelled(walls: Sequence[_Wall], root: Int64) -> list[npt.NDArray[np.bool_]]:
+def _uncancelled(walls: Sequence[_Wall], root: Int64) -> list[Bool]:
     """Mark each wall's edges that run once more one way than the other, over all tiles.
 
     Over all, because along the line where four cores meet the two faces of an edge may belong to
@@ -277,14 +283,14 @@ def _missing_loops(edges: Int64, side: UInt8, cells: Float64) -> tuple[list[Int6
     # Reversed: the fillers' own direction.
     turned = np.where((balance[left] > 0)[:, None], unique[left][:, ::-1], unique[left])
     repeated = np.repeat(turned, np.abs(balance[left]), axis=0)
-    place = {
+    side_of_edge = {
         tuple(sorted(edge)): int(s) for edge, s in zip(edges.tolist(), side.tolist(), strict=True)
     }
     loops, open_edges = directed_loops(repeated)
     kept = []
     for loop in loops:
         around = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
-        sides = {place[(min(u, v), max(u, v))] for u, v in around}
+        sides = {side_of_edge[(min(u, v), max(u, v))] for u, v in around}
         wide = float(np.ptp(cells[loop], axis=0).max())
         if len(loop) > _MAX_LOOP or (len(sides) == 1 and wide > _MAX_CAP_CELLS):
             open_edges += len(loop)
@@ -305,6 +311,8 @@ def _assemble(
     open_edges: int,
 ) -> Seams:
     """Give shared vertices their ids and hand everything to the tiles."""
+    # (1) Which classes are shared: those of several vertices, and those on a loop to be filled.
+    # Invariant: `root` is the lowest vertex of each class, so ids ascend with the vertices.
     count = len(root)
     members = np.bincount(root, minlength=count)
     used = members > 1
@@ -315,6 +323,7 @@ def _assemble(
     ids = np.full(count, -1, dtype=np.int64)
     ids[heads] = np.arange(len(heads))
     of_vertex = ids[root]
+    # (2) Position of each shared vertex: the mean over its class.
     size = members[heads].astype(np.float64)
     middle = np.stack(
         [
@@ -326,14 +335,17 @@ def _assemble(
     # The mean of equal numbers need not be that number: what is exact stays exact.
     exact = np.round(middle)
     middle = np.where(np.abs(middle - exact) < 1e-9, exact, middle)
+    # (3) Its confidence: the lowest of its class.
     ratio = np.full(len(heads), np.inf, dtype=np.float32)
     all_ratio = np.concatenate([np.zeros(0, np.float32), *(border.ratio for border in borders)])
     np.minimum.at(ratio, of_vertex[shared], all_ratio[shared])
     rows = np.concatenate([np.zeros(0, np.int32), *(border.rows for border in borders)])
+    # (4) Faces that fill loops, given to the tile of each loop.
     triangles: list[list[Int64]] = [[] for _ in borders]
     for tile, loop in loops:
         faces = fill_loop(middle[ids[loop]])
         triangles[tile].append(ids[loop][faces])
+    # (5) What every tile needs: its rows, their ids, and ids that only its fillers use.
     tile_rows, tile_ids, fillers = [], [], []
     for tile in range(len(borders)):
         own = np.arange(starts[tile], starts[tile + 1])

@@ -15,27 +15,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Int32, Int64, UInt32
 from terraport_pipeline.geometry.cover import build_cover
 from terraport_pipeline.geometry.far_detail import FAR_BASE_EDGES, FAR_TOLERANCES, median_edge
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
 
 __all__ = ["TileCover", "tile_cover", "unite_covers"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_UInt32 = npt.NDArray[np.uint32]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileCover:
-    """What one tile puts over the base."""
+    """Which of one tile's segments lie over which base faces."""
 
-    base_face: _Int32
+    base_face: Int32
     """(N,) base faces, ascending."""
-    segment: _Int32
+    segment: Int32
     """(N,) segments, numbered within the tile, ascending for each base face."""
     far_faces: int
     """Detail faces far from the base near them."""
@@ -44,11 +39,11 @@ class TileCover:
 
 
 def tile_cover(
-    base_vertices: npt.NDArray[np.floating],
-    base_faces: npt.NDArray[np.integer],
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    segment_of_face: npt.NDArray[np.integer],
+    base_vertices: AnyFloat,
+    base_faces: AnyInt,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    segment_of_face: AnyInt,
     *,
     tolerance_m: float,
     threads: int = 1,
@@ -93,9 +88,7 @@ def tile_cover(
     )  # fmt: skip
 
 
-def unite_covers(
-    tiles: Sequence[tuple[_Int32, _Int32]], base_faces: int
-) -> tuple[_UInt32, _UInt32]:
+def unite_covers(tiles: Sequence[tuple[Int32, Int32]], base_faces: int) -> tuple[UInt32, UInt32]:
     """Unite what all tiles put over the base.
 
     Parameters
@@ -119,11 +112,11 @@ def unite_covers(
 
 
 def _near(
-    base_vertices: npt.NDArray[np.floating],
-    base_faces: npt.NDArray[np.integer],
-    vertices: npt.NDArray[np.floating],
+    base_vertices: AnyFloat,
+    base_faces: AnyInt,
+    vertices: AnyFloat,
     reach_m: float,
-) -> _Int64:
+) -> Int64:
     """Find base faces whose box, seen from above, comes within a distance of the tile's box."""
     plan = (0, 2)
     corner = base_vertices[:, plan][base_faces].astype(np.float64)

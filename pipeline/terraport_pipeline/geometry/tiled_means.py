@@ -25,9 +25,9 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.colour import face_lab
 from terraport_pipeline.geometry.face_measures import edge_steps, face_centres, steps_of_lengths
 from terraport_pipeline.geometry.mean_colour import (
@@ -52,11 +52,6 @@ __all__ = [
     "tile_units",
 ]
 
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
-_UInt8 = npt.NDArray[np.uint8]
 
 _SAMPLE_EVERY: Final = 64
 """Every so many faces one stands for its place when an island looks for the nearest region; the
@@ -87,43 +82,43 @@ class MeansScale:
 
     @property
     def least(self) -> int:
-        """Faces below which a region is small."""
+        """Number of faces below which a region is small and joins another."""
         return self.segmenter.least_faces(self.totals.faces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileUnits:
-    """One tile, united up to the fine pools."""
+    """Units of one tile, united up to the fine pools, and their graph within the tile."""
 
-    labels: _Int32
+    labels: Int32
     """(F,) unit of every face, numbered by first face."""
-    offsets: _Int64
+    offsets: Int64
     """(U + 1,) row starts of the units' neighbours within the tile."""
-    neighbours: _Int32
+    neighbours: Int32
     """(E,)"""
-    border: _Int64
+    border: Int64
     """(E,) steps."""
-    sums: _Int64
+    sums: Int64
     """(U, 3) summed colours, in steps."""
-    faces: _Int64
+    faces: Int64
     """(U,) number of faces."""
-    first: _Int32
+    first: Int32
     """(U,) lowest face within the tile."""
     edge_steps: tuple[int, int]
     """Summed length of the edges between two faces of the tile, in steps, and their number."""
-    places: _Float32
+    centres: Float32
     """(K, 3) centres of some faces, metres."""
-    place_unit: _Int32
+    centre_unit: Int32
     """(K,) their units."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JoinedRegions:
-    """Regions of the units of all tiles."""
+    """Region and fine pool of every tile's units, numbered over all tiles."""
 
-    region: tuple[_Int32, ...]
+    region: tuple[Int32, ...]
     """For every tile (U,) the region of its units; numbered by first face in order of the tiles."""
-    fine: tuple[_Int32, ...]
+    fine: tuple[Int32, ...]
     """For every tile (U,) the fine pool of its units, numbered over all tiles."""
     count: int
     """Number of regions."""
@@ -132,20 +127,20 @@ class JoinedRegions:
     pools: int
     """Units left when no colours were alike any more."""
     islands: int
-    """Of these, small ones that touched nothing."""
+    """Units that stayed small because they touch no other."""
 
 
-def colours_of_faces(colours: _UInt8, faces: npt.NDArray[np.integer]) -> _Int32:
+def colours_of_faces(colours: UInt8, faces: AnyInt) -> Int32:
     """Colour of every face as it is compared: CIELAB in steps, (F, 3)."""
     return face_lab(colours, faces, LAB_STEPS).astype(np.int32)
 
 
 def tile_units(
-    vertices: _Float32,
-    faces: _Int32,
-    colours: _UInt8,
-    pairs: tuple[_Int32, _Int32],
-    seams: tuple[_Int32, _Float64],
+    vertices: Float32,
+    faces: Int32,
+    colours: UInt8,
+    pairs: tuple[Int32, Int32],
+    seams: tuple[Int32, Float64],
     scale: MeansScale,
 ) -> TileUnits:
     """Unite the faces of one tile up to the fine pools.
@@ -168,6 +163,8 @@ def tile_units(
     -------
     TileUnits
     """
+    # (1) Faces near a seam are held back: what they would join may lie in the next tile. Their
+    # borders count as outer ones, which unite nothing but lengthen the perimeter.
     n_faces = len(faces)
     neighbours, edges = pairs
     steps = edge_steps(vertices, edges, longest=scale.longest_m)
@@ -177,6 +174,7 @@ def tile_units(
     held = near[neighbours].any(axis=1)
     for side in (0, 1):
         np.add.at(outer, neighbours[held, side], steps[held])
+    # (2) The rounds up to the fine pools, on all other edges.
     units = MeanUnits(
         np.arange(n_faces, dtype=np.int32),
         rows_of_pairs(n_faces, neighbours[~held], steps[~held]),
@@ -190,6 +188,7 @@ def tile_units(
     for level in range(1, FINE_LEVEL + 1):
         limit = scale.limit * level / LEVELS
         units = unite(units, weight, limit, scale.least, segmenter.leak, 0)
+    # (3) The units' graph, held edges included, for the join of all tiles.
     rows = combine_rows(*rows_of_labels(units.labels, len(units.faces), neighbours, steps))
     shown = np.unique(np.concatenate([units.name, np.arange(0, n_faces, _SAMPLE_EVERY)]))
     return TileUnits(
@@ -201,7 +200,7 @@ def tile_units(
 
 def join_tiles(
     tiles: Sequence[TileUnits],
-    seam_units: _Int32,
+    seam_units: Int32,
     seams: Seams,
     scale: MeansScale,
     *,
@@ -224,6 +223,7 @@ def join_tiles(
     -------
     JoinedRegions
     """
+    # (1) Numbers over all tiles: units and faces of a tile follow those of the tiles before it.
     segmenter, weight = scale.segmenter, scale.segmenter.weights()
     counts = np.array([len(tile.faces) for tile in tiles])
     starts = np.concatenate([[0], np.cumsum(counts)])
@@ -240,6 +240,7 @@ def join_tiles(
             [tile.first + np.int32(at) for tile, at in zip(tiles, first_face, strict=True)]
         ),
     )
+    # (2) The rounds of the whole mesh, from the tiles' units on: levels, then small units.
     names, fine, fine_count = units.name, units.labels, 0
     for level in range(1, LEVELS + 1):
         limit = scale.limit * level / LEVELS
@@ -250,11 +251,13 @@ def join_tiles(
     length = int(seam_steps.sum()) + sum(tile.edge_steps[0] for tile in tiles)
     mean_step = length // max(len(seam_steps) + sum(tile.edge_steps[1] for tile in tiles), 1)
     units = unite(units, weight, np.inf, scale.least, 0.0, mean_step)
+    # (3) What is still small touches nothing larger: to the nearest region.
     small = units.faces < scale.least
     islands = int(np.count_nonzero(small))
     labels = units.labels
     if islands and islands < len(small):
         labels = _join_nearest(tiles, starts, labels, small, threads)
+    # (4) Numbers by first face, which do not depend on how the mesh was tiled.
     order = np.argsort(names, kind="stable")
     numbered, count = number_by_first(labels[order])
     region = np.empty(len(labels), np.int32)
@@ -270,8 +273,8 @@ def join_tiles(
 
 
 def _all_rows(
-    tiles: Sequence[TileUnits], starts: _Int64, pairs: _Int32, steps: _Int64
-) -> tuple[_Int64, _Int32, _Int64]:
+    tiles: Sequence[TileUnits], starts: Int64, pairs: Int32, steps: Int64
+) -> tuple[Int64, Int32, Int64]:
     """Rows of all units: those within the tiles, and those across seams."""
     count = int(starts[-1])
     across = rows_of_labels(np.arange(count, dtype=np.int32), count, pairs, steps)
@@ -296,34 +299,34 @@ def _all_rows(
 
 def _join_nearest(
     tiles: Sequence[TileUnits],
-    starts: _Int64,
-    labels: _Int32,
-    small: npt.NDArray[np.bool_],
+    starts: Int64,
+    labels: Int32,
+    small: Bool,
     threads: int,
-) -> _Int32:
+) -> Int32:
     """Give every small union the union of the nearest place that is not small (tie: lower)."""
-    places = np.concatenate([tile.places for tile in tiles]).astype(np.float64)
+    centroids = np.concatenate([tile.centres for tile in tiles]).astype(np.float64)
     union = labels[
         np.concatenate(
-            [tile.place_unit + np.int32(at) for tile, at in zip(tiles, starts, strict=False)]
+            [tile.centre_unit + np.int32(at) for tile, at in zip(tiles, starts, strict=False)]
         )
     ]
     lost = small[union]
     kept = np.flatnonzero(~lost)
-    lost_places = np.flatnonzero(lost)
-    tree = cKDTree(places[kept], balanced_tree=False, compact_nodes=False)
-    distance, nearest = tree.query(places[lost_places], workers=threads)
-    order = np.lexsort((nearest, distance, union[lost_places]))
-    owner = union[lost_places][order]
+    lost_rows = np.flatnonzero(lost)
+    tree = cKDTree(centroids[kept], balanced_tree=False, compact_nodes=False)
+    distance, nearest = tree.query(centroids[lost_rows], workers=threads)
+    order = np.lexsort((nearest, distance, union[lost_rows]))
+    owner = union[lost_rows][order]
     chosen = order[np.concatenate([[True], owner[1:] != owner[:-1]])]
     mapping = np.arange(len(small), dtype=np.int32)
-    mapping[union[lost_places[chosen]]] = union[kept[nearest[chosen]]]
-    joined: _Int32 = mapping[labels]
+    mapping[union[lost_rows[chosen]]] = union[kept[nearest[chosen]]]
+    joined: Int32 = mapping[labels]
     return joined
 
 
 @numba.njit(cache=True, nogil=True)
-def _near_seams(n_faces: int, pairs: _Int32, at_seam: _Int32, steps: int) -> npt.NDArray[np.bool_]:
+def _near_seams(n_faces: int, pairs: Int32, at_seam: Int32, steps: int) -> Bool:
     """Whether a face is within so many steps of one at a seam (those are within 1 step), (F,)."""
     reached = np.zeros(n_faces, np.int32)
     if steps > 0:

@@ -34,8 +34,8 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Int32, UInt8
 from terraport_pipeline.geometry.adjacency import components, face_pairs, vertex_pairs
 from terraport_pipeline.geometry.chunks import side_by_side
 from terraport_pipeline.geometry.kmeans_1d import kmeans_1d
@@ -59,17 +59,14 @@ __all__ = [
     "triangle_pools_many",
 ]
 
-_Float32 = npt.NDArray[np.float32]
-_Int32 = npt.NDArray[np.int32]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrianglePools:
-    """What the algorithm found."""
+    """Pool and similarity index of every face, and the numbers of pools at the levels before."""
 
-    labels: _Int32
+    labels: Int32
     """(F,) pool of every face, numbered 0.. by each pool's first face."""
-    similarity: _Float32
+    similarity: Float32
     """(F,) s of every face."""
     k: int
     """Number of level 2 pools asked of k-means."""
@@ -83,13 +80,13 @@ class TrianglePools:
 
 
 def triangle_pools(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     *,
-    colours: npt.NDArray[np.uint8] | None = None,
-    scalar: npt.NDArray[np.floating] | None = None,
+    colours: UInt8 | None = None,
+    scalar: AnyFloat | None = None,
     options: TrianglePoolOptions = REGION_POOLS,
-    pairs: _Int32 | None = None,
+    pairs: Int32 | None = None,
     threads: int = 1,
 ) -> TrianglePools:
     """Segment a mesh with the Triangle Pool Algorithm.
@@ -142,14 +139,14 @@ def triangle_pools(
 
 
 def triangle_pools_many(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     options: Sequence[TrianglePoolOptions],
     *,
-    colours: npt.NDArray[np.uint8] | None = None,
-    scalar: npt.NDArray[np.floating] | None = None,
-    pairs: _Int32 | None = None,
-    touching: _Int32 | None = None,
+    colours: UInt8 | None = None,
+    scalar: AnyFloat | None = None,
+    pairs: Int32 | None = None,
+    touching: Int32 | None = None,
     threads: int = 1,
 ) -> list[TrianglePools]:
     """Segment one mesh with several sets of options, sharing what they have in common.
@@ -184,8 +181,8 @@ def triangle_pools_many(
     are two threads.
     """
     _validate_inputs(vertices, faces, colours, scalar)
-    near: dict[str, _Int32 | None] = {"edge": pairs, "vertex": touching}
-    shared: dict[tuple[float | str, ...], tuple[_Float32, _Float32]] = {}
+    near: dict[str, Int32 | None] = {"edge": pairs, "vertex": touching}
+    shared: dict[tuple[float | str, ...], tuple[Float32, Float32]] = {}
 
     def find_neighbours() -> None:
         wanted = {o.contiguity for o in options} if len(faces) else set()
@@ -211,13 +208,13 @@ def triangle_pools_many(
 
 
 def pools_of_similarity(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    similarity: _Float32,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    similarity: Float32,
     *,
     options: TrianglePoolOptions = REGION_POOLS,
-    pairs: _Int32 | None = None,
-    ordered: _Float32 | None = None,
+    pairs: Int32 | None = None,
+    ordered: Float32 | None = None,
     threads: int = 1,
 ) -> TrianglePools:
     """Segment a mesh whose similarity index is known: steps 4 to 6.
@@ -265,14 +262,14 @@ def pools_of_similarity(
 
 
 def face_similarity(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
+    vertices: AnyFloat,
+    faces: AnyInt,
     *,
-    colours: npt.NDArray[np.uint8] | None = None,
-    scalar: npt.NDArray[np.floating] | None = None,
+    colours: UInt8 | None = None,
+    scalar: AnyFloat | None = None,
     options: TrianglePoolOptions = REGION_POOLS,
     threads: int = 1,
-) -> _Float32:
+) -> Float32:
     """Similarity index s of every face (3.3).
 
     Parameters
@@ -294,7 +291,7 @@ def face_similarity(
     return _similarity(vertices, faces, colours, scalar, options, threads)
 
 
-def chain_count(ordered: _Float32, threshold: float) -> int:
+def chain_count(ordered: Float32, threshold: float) -> int:
     """Count the chained bins (3.4): a value over ``threshold`` above a bin's first opens the next.
 
     Parameters
@@ -318,11 +315,12 @@ def chain_count(ordered: _Float32, threshold: float) -> int:
 
 
 def _validate_inputs(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    colours: npt.NDArray[np.uint8] | None,
-    scalar: npt.NDArray[np.floating] | None,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    colours: UInt8 | None,
+    scalar: AnyFloat | None,
 ) -> None:
+    # (1) The mesh.
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         msg = f"vertices {vertices.shape} and faces {faces.shape}, expected (V, 3) and (F, 3)"
         raise ValueError(msg)
@@ -333,6 +331,7 @@ def _validate_inputs(
         bad = int(np.flatnonzero(~np.isfinite(vertices).all(axis=1))[0])
         msg = f"vertex {bad} is {vertices[bad].tolist()}, expected finite coordinates"
         raise ValueError(msg)
+    # (2) Exactly one of colours and scalar, of the mesh's size.
     if (colours is None) == (scalar is None):
         given = "neither" if colours is None else "both"
         msg = f"received {given} of colours and scalar, expected exactly one"
@@ -351,13 +350,13 @@ def _validate_inputs(
 
 
 def _similarity(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    colours: npt.NDArray[np.uint8] | None,
-    scalar: npt.NDArray[np.floating] | None,
+    vertices: AnyFloat,
+    faces: AnyInt,
+    colours: UInt8 | None,
+    scalar: AnyFloat | None,
     options: TrianglePoolOptions,
     threads: int,
-) -> _Float32:
+) -> Float32:
     if len(faces) == 0:
         return np.zeros(0, np.float32)
     return similarity_index(
@@ -368,7 +367,7 @@ def _similarity(
 
 
 @numba.njit(cache=True, nogil=True)
-def _chain_count(ordered: _Float32, threshold: float) -> int:
+def _chain_count(ordered: Float32, threshold: float) -> int:
     count = 0
     first = 0.0
     for i in range(len(ordered)):

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Bool, Float32, Int32
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["close_small_gaps", "compact", "island_mask", "near_mask", "support_mask"]
 
-Mask = npt.NDArray[np.bool_]
 
 _CHUNK = 500_000
 """Vertices per nearest-neighbour query; bounds its scratch to 8 MB."""
@@ -33,7 +31,7 @@ def support_mask(
     *,
     spacings: float = 4.0,
     workers: int = -1,
-) -> Mask:
+) -> Bool:
     """Mark the faces whose three vertices all lie near a sample.
 
     Parameters
@@ -63,7 +61,7 @@ def support_mask(
         distance_m, index = tree.query(vertices[here], workers=workers)
         supported[here] = distance_m <= reach_m[index]
     a, b, c = faces.T
-    whole: Mask = supported[a] & supported[b] & supported[c]
+    whole: Bool = supported[a] & supported[b] & supported[c]
     return whole
 
 
@@ -74,7 +72,7 @@ def near_mask(
     *,
     margin_m: float,
     workers: int = -1,
-) -> Mask:
+) -> Bool:
     """Mark the faces that come within a margin of any of the points.
 
     Conservative: a face is kept when its centre lies within ``margin_m`` plus its own radius of a
@@ -109,7 +107,7 @@ def near_mask(
     return near
 
 
-def island_mask(faces: Int32, vertex_count: int, *, min_faces: int) -> tuple[Mask, int]:
+def island_mask(faces: Int32, vertex_count: int, *, min_faces: int) -> tuple[Bool, int]:
     """Mark the faces of connected pieces that are large enough.
 
     Parameters
@@ -135,7 +133,7 @@ def island_mask(faces: Int32, vertex_count: int, *, min_faces: int) -> tuple[Mas
     return large[piece], int(((sizes > 0) & ~large).sum())
 
 
-def close_small_gaps(vertices: Float32, faces: Int32, keep: Mask, *, max_extent_m: float) -> Mask:
+def close_small_gaps(vertices: Float32, faces: Int32, keep: Bool, *, max_extent_m: float) -> Bool:
     """Take back removed pieces that are small seen from above.
 
     Parameters
@@ -174,7 +172,7 @@ def close_small_gaps(vertices: Float32, faces: Int32, keep: Mask, *, max_extent_
     return result
 
 
-def compact(vertices: Float32, faces: Int32, keep: Mask) -> tuple[Float32, Int32]:
+def compact(vertices: Float32, faces: Int32, keep: Bool) -> tuple[Float32, Int32]:
     """Keep some faces and only the vertices that they use, both in their old order.
 
     Returns
@@ -207,6 +205,7 @@ def _roots(faces: Int32, vertex_count: int) -> Int32:
     A tenth of the time that SciPy's connected components take over the same links.
     """
     parent = np.arange(vertex_count).astype(np.int32)
+    # Invariant: a parent is never above its child, so roots are the lowest of their pieces.
     for f in range(len(faces)):
         a = faces[f, 0]
         while parent[a] != a:

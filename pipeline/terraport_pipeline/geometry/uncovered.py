@@ -21,20 +21,16 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.border import border_edges
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.columns import Grid, cell_span, fit_grid, rasterise
 from terraport_pipeline.geometry.far_detail import median_edge
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["uncovered_faces"]
 
-_Float64 = npt.NDArray[np.float64]
-_Int64 = npt.NDArray[np.int64]
-_Bool = npt.NDArray[np.bool_]
 
 _REST: Final = 1e-6
 """Share of a face's projected area that may be left: rounding leaves less than a millionth of it
@@ -54,7 +50,7 @@ def uncovered_faces(
     cover_faces: Int32,
     *,
     threads: int = 1,
-) -> _Bool:
+) -> Bool:
     """Find the faces above or below which the cover is missing somewhere.
 
     Parameters
@@ -112,7 +108,7 @@ def uncovered_faces(
     return uncovered
 
 
-def _plan_of(vertices: _Float64, faces: Int32) -> _Float64:
+def _plan_of(vertices: Float64, faces: Int32) -> Float64:
     """Corners of every face seen from above, turning one way: (F, 6) x, z, x, z, x, z."""
     plan = vertices[faces][:, :, ::2].reshape(-1, 6)
     turn = (plan[:, 2] - plan[:, 0]) * (plan[:, 5] - plan[:, 1]) - (plan[:, 3] - plan[:, 1]) * (
@@ -122,7 +118,7 @@ def _plan_of(vertices: _Float64, faces: Int32) -> _Float64:
     return plan
 
 
-def _outlines(vertices: _Float64, faces: Int32) -> Int32:
+def _outlines(vertices: Float64, faces: Int32) -> Int32:
     """Edges where the faces that look up end, or those that look down, as faces (a, b, b)."""
     a, b, c = (vertices[faces[:, corner]][:, ::2] for corner in range(3))
     along, across = b - a, c - a
@@ -135,14 +131,14 @@ def _outlines(vertices: _Float64, faces: Int32) -> Int32:
 
 @numba.njit(cache=True, nogil=True)
 def _find(
-    vertices: _Float64,
+    vertices: Float64,
     faces: Int32,
-    plan: _Float64,
+    plan: Float64,
     grid: Grid,
-    starts: _Int64,
+    starts: Int64,
     entries: Int32,
-    covered: _Bool,
-    uncovered: _Bool,
+    covered: Bool,
+    uncovered: Bool,
     begin: int,
     end: int,
 ) -> None:
@@ -152,11 +148,27 @@ def _find(
     it is covered. (2) Else every face of the cover in these cells is subtracted from it, from one
     list of pieces into the other. Invariant: the pieces are convex, do not overlap, and together
     are the face without what was subtracted.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        The surface to judge, metres.
+    plan : ndarray of shape (G, 6), float64
+        Corners x, z of every face of the cover.
+    grid, starts, entries
+        Faces of the cover in every cell, as CSR.
+    covered : ndarray of shape (cells,), bool
+        Cells that the cover holds whole.
+    uncovered : ndarray of shape (F,), bool
+        Written in begin..end.
+    begin, end : int
+        Faces.
     """
     pieces = np.empty((2, _PIECES, _CORNERS, 2))
     sizes = np.zeros((2, _PIECES), np.int64)
     scratch = np.empty((2, _CORNERS, 2))
     for f in range(begin, end):
+        # (1) Cells under the face's box: all covered, or one face of the cover around all of it.
         u, v, w = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, bx, cx = vertices[u, 0], vertices[v, 0], vertices[w, 0]
         az, bz, cz = vertices[u, 2], vertices[v, 2], vertices[w, 2]
@@ -180,6 +192,7 @@ def _find(
                     )
         if safe:
             continue
+        # (2) Subtract the cover, face by face. `now` is the list that holds what is left.
         pieces[0, 0, 0, 0], pieces[0, 0, 0, 1] = ax, az
         pieces[0, 0, 1, 0], pieces[0, 0, 1, 1] = bx, bz
         pieces[0, 0, 2, 0], pieces[0, 0, 2, 1] = cx, cz
@@ -212,13 +225,13 @@ def _find(
 
 @numba.njit(cache=True, nogil=True)
 def _subtract(
-    pieces: _Float64,
-    sizes: _Int64,
+    pieces: Float64,
+    sizes: Int64,
     count: int,
-    left: _Float64,
-    left_sizes: _Int64,
-    scratch: _Float64,
-    plan: _Float64,
+    left: Float64,
+    left_sizes: Int64,
+    scratch: Float64,
+    plan: Float64,
     g: int,
     least: float,
 ) -> int:
@@ -226,13 +239,33 @@ def _subtract(
 
     A piece is cut along the line of each edge in turn: what lies outside is left as a piece of its
     own, what lies inside all three goes. Pieces of at most `least` square metres go too.
+
+    Parameters
+    ----------
+    pieces, sizes : ndarray of shape (_PIECES, _CORNERS, 2), (_PIECES,)
+        Convex polygons seen from above, and their corners; the first `count` are there.
+    count : int
+    left, left_sizes : ndarray
+        Written: what is left, likewise.
+    scratch : ndarray of shape (2, _CORNERS, 2), float64
+        Overwritten.
+    plan : ndarray of shape (G, 6), float64
+        Corners x, z of every face of the cover.
+    g : int
+        The face to subtract.
+    least : float
+        Area below which a piece counts as covered.
     """
     result = 0
     for piece in range(count):
+        # (1) A piece that does not meet g stays as it is.
         size = sizes[piece]
         scratch[0, :size] = pieces[piece, :size]
         source = 0
         apart = _is_apart(pieces[piece], size, plan, g)
+        # (2) Cut along g's edges. Invariant: `scratch[source]` is what of the piece lies inside
+        # the edges done so far; what lay outside is in left[:result], and both together are the
+        # piece.
         for corner in range(3):
             if apart or size < 3:
                 break
@@ -254,7 +287,7 @@ def _subtract(
 
 
 @numba.njit(cache=True, nogil=True)
-def _is_within(plan: _Float64, g: int, x: float, z: float) -> bool:
+def _is_within(plan: Float64, g: int, x: float, z: float) -> bool:
     """Whether face g holds a point in its inside."""
     return (
         _side(plan, g, 0, x, z) > 0.0
@@ -264,7 +297,7 @@ def _is_within(plan: _Float64, g: int, x: float, z: float) -> bool:
 
 
 @numba.njit(cache=True, nogil=True)
-def _is_apart(corners: _Float64, size: int, plan: _Float64, g: int) -> bool:
+def _is_apart(corners: Float64, size: int, plan: Float64, g: int) -> bool:
     """Whether one edge of face g has the whole polygon on its outer side: nothing to cut.
 
     So has an edge of a face without area: every polygon is apart from that, or falls in two.
@@ -280,7 +313,7 @@ def _is_apart(corners: _Float64, size: int, plan: _Float64, g: int) -> bool:
 
 @numba.njit(cache=True, nogil=True)
 def _clip(
-    corners: _Float64, size: int, plan: _Float64, g: int, corner: int, sign: float, out: _Float64
+    corners: Float64, size: int, plan: Float64, g: int, corner: int, sign: float, out: Float64
 ) -> int:
     """Part of a convex polygon on one side of an edge's line (Sutherland and Hodgman 1974)."""
     count = 0
@@ -302,7 +335,7 @@ def _clip(
 
 
 @numba.njit(cache=True, nogil=True)
-def _side(plan: _Float64, g: int, corner: int, x: float, z: float) -> float:
+def _side(plan: Float64, g: int, corner: int, x: float, z: float) -> float:
     """Twice the area of an edge of face g and a point; above 0 on the face's side."""
     start, stop = 2 * corner, 2 * corner + 2 if corner < 2 else 0
     along_x, along_z = plan[g, stop] - plan[g, start], plan[g, stop + 1] - plan[g, start + 1]
@@ -311,7 +344,7 @@ def _side(plan: _Float64, g: int, corner: int, x: float, z: float) -> float:
 
 
 @numba.njit(cache=True, nogil=True)
-def _area(corners: _Float64, size: int) -> float:
+def _area(corners: Float64, size: int) -> float:
     """Area of a convex polygon of so many corners, whichever way it turns."""
     twice = 0.0
     for k in range(1, size - 1):

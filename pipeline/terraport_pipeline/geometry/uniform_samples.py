@@ -6,15 +6,14 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import AnyFloat, Float64, Int32
 
 __all__ = ["sample_mesh"]
 
 
 def sample_mesh(
-    vertices: npt.NDArray[np.floating], faces: Int32, count: int, rng: np.random.Generator
+    vertices: AnyFloat, faces: Int32, count: int, rng: np.random.Generator
 ) -> tuple[Float64, Int32]:
     """Draw points by area, one from each n-th of it in the order of the faces.
 

@@ -15,8 +15,8 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.adjacency import as_kernel_input
 from terraport_pipeline.geometry.unit_rows import combine_rows, contract_rows, rows_of_labels
 
@@ -30,11 +30,6 @@ __all__ = [
     "unit_graph",
 ]
 
-_Bool = npt.NDArray[np.bool_]
-_Float32 = npt.NDArray[np.float32]
-_Float64 = npt.NDArray[np.float64]
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
 _COMPACTNESS: Final = 0.25
 """Weight of the border share against the difference of mean s when small units choose whom to join.
@@ -46,11 +41,11 @@ colour."""
 class UnitGraph:
     """Neighbours of every unit as CSR, each neighbour once, ascending."""
 
-    offsets: _Int64
+    offsets: Int64
     """(U+1,) row starts."""
-    neighbours: _Int32
+    neighbours: Int32
     """(E,) unit numbers; every contact appears in both rows."""
-    border: _Int64
+    border: Int64
     """(E,) border length in whole steps, >= 1."""
 
 
@@ -58,19 +53,19 @@ class UnitGraph:
 class Units:
     """What is known of every unit; row u belongs to unit u."""
 
-    size: _Int64
+    size: Int64
     """(U,) faces."""
-    total: _Float64
+    total: Float64
     """(U,) sum of the similarity index s of its faces."""
-    region: _Int32
+    region: Int32
     """(U,) region of its largest part."""
-    low: _Float32
+    low: Float32
     """(U, 3) least corner of its box, metres."""
-    high: _Float32
+    high: Float32
     """(U, 3) greatest corner of its box, metres."""
 
 
-def unit_graph(labels: _Int32, count: int, pairs: _Int32, lengths: _Int64) -> UnitGraph:
+def unit_graph(labels: Int32, count: int, pairs: Int32, lengths: Int64) -> UnitGraph:
     """Build the graph of units from pairs of neighbouring faces.
 
     Parameters
@@ -93,12 +88,12 @@ def unit_graph(labels: _Int32, count: int, pairs: _Int32, lengths: _Int64) -> Un
     )
 
 
-def contract(graph: UnitGraph, nodes: _Int32, count: int) -> UnitGraph:
+def contract(graph: UnitGraph, nodes: Int32, count: int) -> UnitGraph:
     """Graph between unions of units: ``nodes[u]`` is the union that unit u belongs to."""
     return UnitGraph(*contract_rows(graph.offsets, graph.neighbours, graph.border, nodes, count))
 
 
-def merge_units(units: Units, nodes: _Int32, count: int) -> Units:
+def merge_units(units: Units, nodes: Int32, count: int) -> Units:
     """Facts of unions of units; a union's region is its largest unit's (tie: lowest number)."""
     size = np.zeros(count, np.int64)
     np.add.at(size, nodes, units.size)
@@ -112,7 +107,7 @@ def merge_units(units: Units, nodes: _Int32, count: int) -> Units:
     return Units(size, total, units.region[first], low, high)
 
 
-def join_small(graph: UnitGraph, units: Units, min_faces: int, *, across_regions: bool) -> _Int32:
+def join_small(graph: UnitGraph, units: Units, min_faces: int, *, across_regions: bool) -> Int32:
     """Let every unit below ``min_faces`` join its best neighbour once, whatever the size.
 
     Parameters
@@ -148,7 +143,7 @@ def join_within_bounds(
     max_extent_m: float,
     *,
     across_regions: bool,
-) -> _Int32:
+) -> Int32:
     """Let units below ``min_faces`` join a neighbour once if the union keeps both upper bounds.
 
     Smallest first; a unit that took part in a join waits for the next round, so that bounds are
@@ -179,7 +174,7 @@ def join_within_bounds(
 
 
 @numba.njit(cache=True, nogil=True)
-def _root(parent: _Int32, item: int) -> int:
+def _root(parent: Int32, item: int) -> int:
     while parent[item] != item:
         parent[item] = parent[parent[item]]
         item = parent[item]
@@ -188,21 +183,37 @@ def _root(parent: _Int32, item: int) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def _join_small(
-    offsets: _Int64,
-    neighbours: _Int32,
-    border: _Int64,
-    size: _Int64,
-    mean: _Float64,
-    region: _Int32,
+    offsets: Int64,
+    neighbours: Int32,
+    border: Int64,
+    size: Int64,
+    mean: Float64,
+    region: Int32,
     min_faces: int,
     across_regions: bool,
     compactness: float,
-) -> _Int32:
+) -> Int32:
+    """Unite every small unit with its most similar neighbour; lowest unit of every unit's union.
+
+    Parameters
+    ----------
+    offsets, neighbours, border : ndarray
+        The units' graph as CSR, with the length of every border in steps.
+    size, mean, region : ndarray of shape (U,)
+        Faces, mean similarity index and region of every unit.
+    min_faces : int
+        Units below this are small.
+    across_regions : bool
+        Whether a unit may join one of another region.
+    compactness : float
+        Weight of the border's share of the perimeter beside the difference of the means.
+    """
     count = len(size)
     parent = np.arange(count).astype(np.int32)
     for u in range(count):
         if size[u] >= min_faces:
             continue
+        # (1) The neighbour of least cost: alike in the mean, with a long common border.
         perimeter = 0
         for e in range(offsets[u], offsets[u + 1]):
             perimeter += border[e]
@@ -214,9 +225,12 @@ def _join_small(
             cost = abs(mean[v] - mean[u]) + compactness * (1.0 - border[e] / perimeter)
             if cost < best_cost or (cost == best_cost and border[e] > best_border):
                 best, best_cost, best_border = v, cost, border[e]
+        # (2) Invariant: a root is the lowest unit of its tree, and every other unit's parent lies
+        # below it.
         if best >= 0:
             a, b = _root(parent, u), _root(parent, best)
             parent[max(a, b)] = min(a, b)
+    # (3) Lower units first, so one step reaches the root.
     for u in range(count):
         parent[u] = parent[parent[u]]
     return parent
@@ -224,19 +238,36 @@ def _join_small(
 
 @numba.njit(cache=True, nogil=True)
 def _join_within_bounds(
-    offsets: _Int64,
-    neighbours: _Int32,
-    border: _Int64,
-    size: _Int64,
-    mean: _Float64,
-    region: _Int32,
-    low: _Float32,
-    high: _Float32,
-    order: _Int64,
+    offsets: Int64,
+    neighbours: Int32,
+    border: Int64,
+    size: Int64,
+    mean: Float64,
+    region: Int32,
+    low: Float32,
+    high: Float32,
+    order: Int64,
     max_faces: int,
     max_extent_m: float,
     across_regions: bool,
-) -> _Int32:
+) -> Int32:
+    """Unite units in pairs, small ones first, within both bounds; the lower unit of every pair.
+
+    Parameters
+    ----------
+    offsets, neighbours, border, size, mean, region, across_regions
+        As for :func:`_join_small`.
+    low, high : ndarray of shape (U, 3), float32
+        Box of every unit, metres.
+    order : ndarray, int64
+        Units that may choose, in their order.
+    max_faces : int
+        Largest union.
+    max_extent_m : float
+        Longest side of its box.
+    """
+    # Invariant: a unit takes part in one join at most (then it is locked), so sizes and boxes are
+    # those of the start of the round and no join breaks a bound.
     count = len(size)
     parent = np.arange(count).astype(np.int32)
     locked = np.zeros(count, np.bool_)
@@ -244,9 +275,11 @@ def _join_within_bounds(
         u = order[i]
         if locked[u]:
             continue
+        # (1) Length of the unit's own border.
         perimeter = 0
         for e in range(offsets[u], offsets[u + 1]):
             perimeter += border[e]
+        # (2) The neighbour of least cost among those that stay within both bounds.
         best, best_cost = -1, np.inf
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
@@ -261,6 +294,7 @@ def _join_within_bounds(
             cost = abs(mean[v] - mean[u]) + side / max_extent_m - border[e] / perimeter
             if cost < best_cost:
                 best, best_cost = v, cost
+        # (3) The lower unit goes on; of a locked neighbour nothing is taken in this round.
         if best >= 0 and not locked[best]:
             parent[max(u, best)] = min(u, best)
             locked[u] = locked[best] = True

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
+
+from terraport_payload.types import Int32, Int64
 
 __all__ = [
     "combine_rows",
@@ -22,26 +23,23 @@ __all__ = [
     "rows_of_pairs",
 ]
 
-_Int32 = npt.NDArray[np.int32]
-_Int64 = npt.NDArray[np.int64]
 
-
-def rows_of_pairs(count: int, pairs: _Int32, weight: _Int64) -> tuple[_Int64, _Int32, _Int64]:
+def rows_of_pairs(count: int, pairs: Int32, weight: Int64) -> tuple[Int64, Int32, Int64]:
     """Rows of ``count`` pieces from pairs that each occur once."""
-    rows: tuple[_Int64, _Int32, _Int64] = rows_of_labels(
+    rows: tuple[Int64, Int32, Int64] = rows_of_labels(
         np.arange(count, dtype=np.int32), count, pairs, weight
     )
     return rows
 
 
 def contract_rows(
-    offsets: _Int64, neighbours: _Int32, border: _Int64, nodes: _Int32, count: int
-) -> tuple[_Int64, _Int32, _Int64]:
+    offsets: Int64, neighbours: Int32, border: Int64, nodes: Int32, count: int
+) -> tuple[Int64, Int32, Int64]:
     """Rows between unions: ``nodes[u]`` is the union of unit u; borders of like pairs are added.
 
     Each neighbour stands once, ascending.
     """
-    rows: tuple[_Int64, _Int32, _Int64] = combine_rows(
+    rows: tuple[Int64, Int32, Int64] = combine_rows(
         *_rows_of_unions(offsets, neighbours, border, nodes, count)
     )
     return rows
@@ -49,8 +47,8 @@ def contract_rows(
 
 @numba.njit(cache=True, nogil=True)
 def rows_of_labels(
-    labels: _Int32, count: int, pairs: _Int32, lengths: _Int64
-) -> tuple[_Int64, _Int32, _Int64]:
+    labels: Int32, count: int, pairs: Int32, lengths: Int64
+) -> tuple[Int64, Int32, Int64]:
     """Rows of labelled pieces from pairs of items; a neighbour stands once per pair."""
     offsets = np.zeros(count + 1, np.int64)
     for i in range(len(pairs)):
@@ -77,8 +75,8 @@ def rows_of_labels(
 
 @numba.njit(cache=True, nogil=True)
 def _rows_of_unions(
-    offsets: _Int64, neighbours: _Int32, border: _Int64, nodes: _Int32, count: int
-) -> tuple[_Int64, _Int32, _Int64]:
+    offsets: Int64, neighbours: Int32, border: Int64, nodes: Int32, count: int
+) -> tuple[Int64, Int32, Int64]:
     new = np.zeros(count + 1, np.int64)
     for u in range(len(offsets) - 1):
         for e in range(offsets[u], offsets[u + 1]):
@@ -100,9 +98,7 @@ def _rows_of_unions(
 
 
 @numba.njit(cache=True, nogil=True)
-def combine_rows(
-    offsets: _Int64, neighbours: _Int32, border: _Int64
-) -> tuple[_Int64, _Int32, _Int64]:
+def combine_rows(offsets: Int64, neighbours: Int32, border: Int64) -> tuple[Int64, Int32, Int64]:
     """Sort every row by neighbour and add the borders of equal neighbours.
 
     The graph is symmetric, so writing it out transposed gives the same graph; and rows of a
@@ -133,7 +129,7 @@ def combine_rows(
 
 
 @numba.njit(cache=True, nogil=True)
-def pairs_of_rows(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[_Int32, _Int64]:
+def pairs_of_rows(offsets: Int64, neighbours: Int32, border: Int64) -> tuple[Int32, Int64]:
     """Every pair of neighbours once, lower unit first, and its border."""
     pairs = np.empty((len(neighbours) // 2, 2), np.int32)
     weight = np.empty(len(neighbours) // 2, np.int64)
@@ -149,8 +145,8 @@ def pairs_of_rows(offsets: _Int64, neighbours: _Int32, border: _Int64) -> tuple[
 
 
 @numba.njit(cache=True, nogil=True)
-def row_sums(offsets: _Int64, border: _Int64) -> _Int64:
-    """Perimeter of every unit."""
+def row_sums(offsets: Int64, border: Int64) -> Int64:
+    """Sum up the borders of every unit: its perimeter, in steps."""
     perimeter = np.zeros(len(offsets) - 1, np.int64)
     for u in range(len(perimeter)):
         for e in range(offsets[u], offsets[u + 1]):

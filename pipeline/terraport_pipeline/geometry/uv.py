@@ -13,14 +13,11 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Int32, Int64
 from terraport_pipeline.geometry.kernel_input import as_kernel_input
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = ["SplitMesh", "split_wedges"]
-
-_Int64 = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,11 +35,11 @@ class SplitMesh:
 
 
 def split_wedges(
-    faces: npt.NDArray[np.integer],
-    wedge_uvs: npt.NDArray[np.floating],
+    faces: AnyInt,
+    wedge_uvs: AnyFloat,
     n_vertices: int,
     *,
-    labels: npt.NDArray[np.integer] | None = None,
+    labels: AnyInt | None = None,
 ) -> SplitMesh:
     """Split vertices at seams.
 
@@ -84,6 +81,7 @@ def split_wedges(
     >>> split.vertex.tolist(), split.faces.tolist()
     ([0, 1, 2, 2, 3], [[0, 1, 2], [3, 1, 4]])
     """
+    # (1) Refuse what does not fit.
     corners = np.asarray(faces)
     if corners.ndim != 2 or corners.shape[1] != 3:
         raise ValueError(f"faces have shape {corners.shape}, expected (F, 3)")
@@ -98,9 +96,12 @@ def split_wedges(
         raise ValueError(
             f"vertices {corners.min()} to {corners.max()}, expected 0 to {n_vertices - 1}"
         )
+    # (2) One number per pair of coordinates, bit by bit: -0 is 0 (by the sum), and NaN is one
+    # NaN.
     pairs = np.ascontiguousarray(wedge_uvs, dtype=np.float32).reshape(-1, 2) + np.float32(0.0)
     pairs[np.isnan(pairs)] = np.nan  # one NaN of the many
     code = pairs.view(np.int64).reshape(-1)
+    # (3) One vertex per (vertex, coordinates, label) that occurs.
     label = np.zeros(len(corners), np.int32) if labels is None else labels
     new_faces = np.empty((len(corners), 3), np.int32)
     first = _number_variants(
@@ -120,9 +121,11 @@ def split_wedges(
 
 @numba.njit(cache=True, nogil=True)
 def _number_variants(
-    faces: Int32, code: _Int64, label: Int32, n_vertices: int, new_faces: Int32
-) -> _Int64:
+    faces: Int32, code: Int64, label: Int32, n_vertices: int, new_faces: Int32
+) -> Int64:
     """Give every variant of a vertex a number; return the first corner of each."""
+    # Invariant: the variants of a vertex are a linked list from head[vertex], in order of their
+    # first corner; first[:count] are these corners, ascending.
     head = np.full(n_vertices, -1, np.int32)
     following = np.empty(faces.size, np.int32)
     first = np.empty(faces.size, np.int64)

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.model import UP, Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32
+from terraport_pipeline.model import UP
 
 __all__ = ["face_normals", "normal_sums", "unit_normals", "vertex_normals"]
 

@@ -24,12 +24,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int16, Int32, Int64, UInt8, UInt16
 from terraport_pipeline.geometry import view_kernels as kernels
 from terraport_pipeline.geometry.chunks import CHUNK, in_chunks
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks
 from terraport_pipeline.geometry.view_kernels import QUALITY_STEPS, SLOTS, face_radii
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = [
     "QUALITY_STEPS",
@@ -46,17 +46,14 @@ __all__ = [
     "visible_blocks",
 ]
 
-_Int16 = npt.NDArray[np.int16]
-_UInt16 = npt.NDArray[np.uint16]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """The best views of each face."""
+    """The best views of each face by quality, in a fixed number of slots."""
 
-    view: _Int16
+    view: Int16
     """(F, SLOTS) view, -1 in empty places."""
-    quality: _UInt16
+    quality: UInt16
     """(F, SLOTS) logarithm of the quality in steps, 1 at least; 0 in empty places."""
     colour: UInt8
     """(F, SLOTS, 3) sRGB of the face in that view, after the view's gain."""
@@ -137,11 +134,11 @@ def median_area(
     blocks: MeshBlocks, packed: Float64, seen: npt.NDArray[np.intp], uv: Float32
 ) -> float:
     """Median projected area of faces inside a photo, square pixels, from a sample; 0: none."""
-    found = [
+    samples = [
         kernels.sample_areas(packed, blocks.faces, uv, first, last)
         for first, last in _pieces(blocks.face_starts, seen)
     ]
-    areas = np.concatenate(found) if found else np.zeros(0)
+    areas = np.concatenate(samples) if samples else np.zeros(0)
     return float(np.median(areas)) if len(areas) else 0.0
 
 
@@ -190,19 +187,19 @@ def rate_faces(
             for first, last in pieces[begin:end]
         ]
 
-    found = [
-        part for parts in in_chunks(work, len(pieces), threads=threads, chunk=8) for part in parts
+    columns = [
+        rows for chunk in in_chunks(work, len(pieces), threads=threads, chunk=8) for rows in chunk
     ]
-    if not found:
+    if not columns:
         return Rated(np.zeros(0, np.int32), np.zeros(0, np.float32), np.zeros(0, np.float32))
-    return Rated(*(np.concatenate(column) for column in zip(*found, strict=True)))
+    return Rated(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
 def insert(
     candidates: Candidates,
     view: int,
     rated: Rated,
-    visible: npt.NDArray[np.bool_],
+    visible: Bool,
     colours: UInt8,
     *,
     threads: int = 1,
@@ -241,7 +238,7 @@ def sorted_by_view(candidates: Candidates, *, threads: int = 1) -> None:
     in_chunks(work, len(candidates.view), threads=threads)
 
 
-def _pieces(starts: npt.NDArray[np.int64], seen: npt.NDArray[np.intp]) -> list[tuple[int, int]]:
+def _pieces(starts: Int64, seen: npt.NDArray[np.intp]) -> list[tuple[int, int]]:
     """Ranges of items of the blocks, neighbouring blocks in one, none longer than a chunk or so."""
     pieces: list[tuple[int, int]] = []
     for block in seen.tolist():

@@ -20,10 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
-from terraport_pipeline.model import Float32, Int32
+from terraport_payload.types import Float16, Float32, Int32
 
 __all__ = ["ViewChoice"]
 
@@ -38,7 +35,7 @@ class ViewChoice:
     """(F,) second view near a seam; -1 none."""
     blend_weight: Float32
     """(F, 3) weight of the second view at the corners, 0..0.5."""
-    correction: npt.NDArray[np.float16]
+    correction: Float16
     """(F, 3, 3) sRGB levels to add at corner c, channel k; linear inside the face."""
     gains: Float32
     """(views + 1, GAIN_COLUMNS) exposure; see :mod:`terraport_pipeline.geometry.photo_samples`."""

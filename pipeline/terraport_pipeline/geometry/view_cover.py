@@ -9,18 +9,17 @@ from collections.abc import Sequence
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float64, Int32
 from terraport_pipeline.geometry import lens_kernels as kernels
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.lens_kernels import project_packed
-from terraport_pipeline.model import Float64, Int32
 
 __all__ = ["cover_points"]
 
 
 def cover_points(
-    views: Sequence[View], points: npt.NDArray[np.floating], *, coarsest_m: float = np.inf
+    views: Sequence[View], points: AnyFloat, *, coarsest_m: float = np.inf
 ) -> tuple[Int32, Float64, Int32]:
     """Count the photos that each point falls into.
 
@@ -57,12 +56,12 @@ def _add_view(
 ) -> int:
     focal = np.sqrt(packed[kernels.FX] * packed[kernels.FY])
     width, height = packed[kernels.WIDTH], packed[kernels.HEIGHT]
-    found = 0
+    count = 0
     for i in range(len(points)):
         u, v, depth = project_packed(packed, points[i, 0], points[i, 1], points[i, 2])
         pixel_m = depth / focal
         if 0.0 <= u < width and 0.0 <= v < height and pixel_m <= coarsest_m:
             photos[i] += 1
             finest_m[i] = min(finest_m[i], pixel_m)
-            found += 1
-    return found
+            count += 1
+    return count

@@ -9,18 +9,17 @@ from typing import Final
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int16, Int32, Int64, UInt8, UInt16
 from terraport_pipeline.geometry.face_vector import face_vector
 from terraport_pipeline.geometry.lens_kernels import HEIGHT, POSITION, WIDTH, project_packed
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 
 __all__ = [
     "QUALITY_STEPS",
     "SLOTS",
     "face_radii",
+    "index_of_view",
     "insert",
-    "place_of_view",
     "project",
     "rate",
     "sample_areas",
@@ -42,13 +41,10 @@ _MARGIN: Final = 0.004
 """Strip along a photo's edge that is not used, as a part of its width: undistorted photos are black
 there, and resampling needs neighbours."""
 
-_Int16 = npt.NDArray[np.int16]
-_UInt16 = npt.NDArray[np.uint16]
-
 
 @numba.njit(cache=True, nogil=True)
 def project(packed: Float64, vertices: Float32, uv: Float32, begin: int, end: int) -> None:
-    """Project vertices begin..end."""
+    """Project vertices begin..end to pixels of a photo, into `uv`."""
     for i in range(begin, end):
         u, v, _ = project_packed(
             packed,
@@ -62,7 +58,7 @@ def face_radii(
     packed: Float64,
     vertices: Float32,
     faces: Int32,
-    views: _Int16,
+    views: Int16,
     radius: Float32,
     begin: int,
     end: int,
@@ -87,7 +83,7 @@ def face_radii(
 @numba.njit(cache=True, nogil=True)
 def sample_areas(packed: Float64, faces: Int32, uv: Float32, begin: int, end: int) -> Float64:
     """Projected areas of every 61st face that lies inside the picture."""
-    found = np.empty((end - begin) // 61 + 1)
+    areas = np.empty((end - begin) // 61 + 1)
     n = 0
     for f in range(begin, end, 61):
         inside = True
@@ -96,9 +92,9 @@ def sample_areas(packed: Float64, faces: Int32, uv: Float32, begin: int, end: in
             if not (u >= 0.0 and u <= packed[WIDTH] and v >= 0.0 and v <= packed[HEIGHT]):
                 inside = False
         if inside:
-            found[n] = abs(_picture_area(faces, uv, f))
+            areas[n] = abs(_picture_area(faces, uv, f))
             n += 1
-    return found[:n]
+    return areas[:n]
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -129,22 +125,42 @@ def rate(
     faces: Int32,
     uv: Float32,
     sharpness: Float32,
-    quality: _UInt16,
+    quality: UInt16,
     min_cosine: float,
     begin: int,
     end: int,
 ) -> tuple[Int32, Float32, Float32]:
-    """Rate faces begin..end; the three columns of :class:`Rated`."""
+    """Rate faces begin..end; the three columns of :class:`Rated`.
+
+    Parameters
+    ----------
+    packed : ndarray of shape (PACKED,), float64
+        The view.
+    vertices, faces : ndarray
+        The mesh, metres.
+    uv : ndarray of shape (V, 2), float32
+        Pixels of the vertices; NaN outside the picture.
+    sharpness : ndarray of shape (rows, columns), float32
+        Sharpness of the photo by blocks.
+    quality : ndarray of shape (F, SLOTS), uint16
+        Qualities of the candidates so far.
+    min_cosine : float
+        Of the angle between normal and line of sight.
+    begin, end : int
+        Faces.
+    """
+    # Invariant: the first n rows of the three columns are the faces rated, ascending.
     width, height = packed[WIDTH], packed[HEIGHT]
     margin = _MARGIN * max(width, height)
     px, py, pz = packed[POSITION], packed[POSITION + 1], packed[POSITION + 2]
-    found_face = np.empty(end - begin, np.int32)
-    found_quality = np.empty(end - begin, np.float32)
-    found_area = np.empty(end - begin, np.float32)
+    rated_face = np.empty(end - begin, np.int32)
+    rated_quality = np.empty(end - begin, np.float32)
+    rated_area = np.empty(end - begin, np.float32)
     rows, columns = sharpness.shape
     n = 0
     for f in range(begin, end):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        # (1) In the picture with all corners, and of some area there.
         inside = True  # NaN (not in the picture) fails the comparisons
         for c in range(3):
             u, v = uv[faces[f, c], 0], uv[faces[f, c], 1]
@@ -155,6 +171,7 @@ def rate(
         area = _picture_area(faces, uv, f)
         if not area > 0.0:
             continue
+        # (2) Turned to the camera by min_cosine at least.
         nx, ny, nz = face_vector(vertices, faces, f)
         tx, ty, tz = px - vertices[i, 0], py - vertices[i, 1], pz - vertices[i, 2]
         size = np.sqrt((nx * nx + ny * ny + nz * nz) * (tx * tx + ty * ty + tz * tz))
@@ -162,6 +179,8 @@ def rate(
         # A face without area, or one that the camera stands on, looks nowhere.
         if not (size > 0.0 and facing >= min_cosine * size):
             continue
+        # (3) Quality: area in the picture, times cosine, times sharpness where it is seen; kept
+        # only where it betters the worst of the face's slots.
         u = (np.float64(uv[i, 0]) + uv[j, 0] + uv[k, 0]) / 3.0
         v = (np.float64(uv[i, 1]) + uv[j, 1] + uv[k, 1]) / 3.0
         sharp = sharpness[
@@ -173,33 +192,51 @@ def rate(
             least = min(least, int(quality[f, s]))
         if quality_level(value) <= least:
             continue
-        found_face[n], found_quality[n], found_area[n] = f, value, area
+        rated_face[n], rated_quality[n], rated_area[n] = f, value, area
         n += 1
-    return found_face[:n], found_quality[:n], found_area[:n]
+    return rated_face[:n], rated_quality[:n], rated_area[:n]
 
 
 @numba.njit(cache=True, nogil=True)
 def insert(
-    views: _Int16,
-    qualities: _UInt16,
+    views: Int16,
+    qualities: UInt16,
     slot_colours: UInt8,
     view: int,
     face: Int32,
     quality: Float32,
-    visible: npt.NDArray[np.bool_],
+    visible: Bool,
     colours: UInt8,
     begin: int,
     end: int,
 ) -> None:
-    """Put a view among the best of rated faces begin..end."""
+    """Put a view among the best of rated faces begin..end.
+
+    Parameters
+    ----------
+    views, qualities, slot_colours : ndarray of shape (F, SLOTS), (F, SLOTS), (F, SLOTS, 3)
+        Candidates; written.
+    view : int
+        The view's number.
+    face, quality : ndarray of shape (C,)
+        Columns of :class:`Rated`.
+    visible : ndarray of shape (C,), bool
+        Whether nothing hides the face.
+    colours : ndarray of shape (C, 3), uint8
+        The face in this view.
+    begin, end : int
+        Rows of the columns.
+    """
     for c in range(begin, end):
         if not visible[c]:
             continue
+        # (1) The slot of least quality; an empty one has quality 0.
         f = face[c]
         worst = 0
         for s in range(1, SLOTS):
             if qualities[f, s] < qualities[f, worst]:
                 worst = s
+        # (2) Replace it by what is strictly better, so that of equal views the first stays.
         level = quality_level(np.float64(quality[c]))
         if level > qualities[f, worst]:
             views[f, worst] = view
@@ -209,16 +246,16 @@ def insert(
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
-def place_of_view(seen: npt.NDArray[np.int64], n: int, view: int) -> int:
+def index_of_view(seen: Int64, n: int, view: int) -> int:
     """Find a view among the first `n` of a cell's list; `n` where it is new."""
-    place = 0
-    while place < n and seen[place] != view:
-        place += 1
-    return place
+    index = 0
+    while index < n and seen[index] != view:
+        index += 1
+    return index
 
 
 @numba.njit(cache=True, nogil=True)
-def sort_slots(views: _Int16, qualities: _UInt16, colours: UInt8, begin: int, end: int) -> None:
+def sort_slots(views: Int16, qualities: UInt16, colours: UInt8, begin: int, end: int) -> None:
     """Sort the places of faces begin..end by view."""
     for f in range(begin, end):
         for s in range(1, SLOTS):

@@ -38,12 +38,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Int8, Int32, Int64
 from terraport_pipeline.geometry import label_kernels as kernels
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.view_candidates import Candidates
-from terraport_pipeline.model import Float32, Int32
 
 __all__ = [
     "FaceNeighbours",
@@ -66,10 +65,6 @@ place)."""
 _CHUNK_CELLS: Final = 2**11
 """Cells in a piece of work."""
 
-_UInt16 = npt.NDArray[np.uint16]
-_Int8 = npt.NDArray[np.int8]
-_Int16 = npt.NDArray[np.int16]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceNeighbours:
@@ -86,9 +81,9 @@ class FaceNeighbours:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labelled:
-    """Chosen views, and how the choice went."""
+    """Chosen slot of every face, and the energy after every round."""
 
-    slot: _Int8
+    slot: Int8
     """(F,) chosen place among the face's candidates, -1 where it has none."""
     energies: tuple[float, ...]
     """Before the first round and after each; never rising."""
@@ -123,7 +118,7 @@ def view_costs(candidates: Candidates, *, threads: int = 1) -> None:
 def label_faces(
     candidates: Candidates,
     neighbours: FaceNeighbours,
-    cells: tuple[Int32, npt.NDArray[np.int64]],
+    cells: tuple[Int32, Int64],
     *,
     smoothness: float,
     max_rounds: int = 6,
@@ -179,7 +174,7 @@ def label_faces(
     return Labelled(slot, tuple(energies))
 
 
-def chosen_views(candidates: Candidates, slot: _Int8, *, threads: int = 1) -> Int32:
+def chosen_views(candidates: Candidates, slot: Int8, *, threads: int = 1) -> Int32:
     """View in every face's chosen place, (F,) int32; -1 where the place is."""
     chosen = np.full(len(slot), -1, np.int32)
 
@@ -194,26 +189,26 @@ def chosen_views(candidates: Candidates, slot: _Int8, *, threads: int = 1) -> In
 def energy(
     candidates: Candidates,
     neighbours: FaceNeighbours,
-    slot: _Int8,
+    slot: Int8,
     *,
     smoothness: float,
     threads: int = 1,
 ) -> float:
     """E of a choice; see the module. Edges to faces without any view cost nothing."""
-    parts = in_chunks(
+    sums = in_chunks(
         lambda begin, end: kernels.energy(
             candidates.view, candidates.quality, neighbours.face, neighbours.length,
             neighbours.area, slot, smoothness, begin, end,
         ),
         len(slot), threads=threads,
     )  # fmt: skip
-    return float(sum(parts))
+    return float(sum(sums))
 
 
 def _solve_round(
     candidates: Candidates,
     neighbours: FaceNeighbours,
-    slot: _Int8,
+    slot: Int8,
     smoothness: float,
     round_number: int,
     threads: int,

@@ -26,11 +26,11 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Int32, UInt8
 from terraport_pipeline.geometry import outlier_kernels as kernels
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.face_cells import CellGrid, cells_around, face_cells
 from terraport_pipeline.geometry.view_candidates import Candidates
-from terraport_pipeline.model import Float32, Int32, UInt8
 
 __all__ = ["drop_outliers"]
 

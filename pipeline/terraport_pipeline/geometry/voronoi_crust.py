@@ -17,14 +17,12 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import Delaunay
 
-from terraport_pipeline.model import Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32, Int64
 
 __all__ = ["crust"]
 
-_Int64 = npt.NDArray[np.int64]
 
 _FAR = 3.0
 """Poles stay within this many times the cloud's diagonal from its middle."""
@@ -49,39 +47,39 @@ def crust(points: Float32, normals: Float32, *, largest_angle_deg: float = 40.0)
     ndarray of shape (F, 3), int32
         Not a manifold: the paper leaves that to a last step of its own, which is not done here.
     """
-    places = np.asarray(points, np.float64)
-    middle = (places.min(axis=0) + places.max(axis=0)) / 2
-    size = float(np.linalg.norm(np.ptp(places, axis=0)))
-    places = (places - middle) / size
-    poles, directions = _poles(places)
-    tetrahedra = Delaunay(np.concatenate([places, poles])).simplices
+    unit = np.asarray(points, np.float64)
+    middle = (unit.min(axis=0) + unit.max(axis=0)) / 2
+    size = float(np.linalg.norm(np.ptp(unit, axis=0)))
+    unit = (unit - middle) / size
+    poles, directions = _poles(unit)
+    tetrahedra = Delaunay(np.concatenate([unit, poles])).simplices
     corners = np.concatenate(
         [tetrahedra[:, list(skip)] for skip in ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))]
     )
-    corners = corners[(corners < len(places)).all(axis=1)]
+    corners = corners[(corners < len(unit)).all(axis=1)]
     triangles = np.unique(np.sort(corners, axis=1), axis=0)
-    triangles, normal = _agreeing(places, triangles, directions, np.radians(largest_angle_deg))
+    triangles, normal = _agreeing(unit, triangles, directions, np.radians(largest_angle_deg))
     outward = np.einsum("fc,fkc->f", normal, np.asarray(normals, np.float64)[triangles])
     triangles[outward < 0] = triangles[outward < 0][:, [0, 2, 1]]
     return triangles.astype(np.int32)
 
 
-def _poles(places: Float64) -> tuple[Float64, Float64]:
+def _poles(points: Float64) -> tuple[Float64, Float64]:
     """Both poles of every sample, (P, 3), without doubles; direction of the first, (N, 3) unit."""
-    tetrahedra = Delaunay(places).simplices
-    centres = _circumcentres(places[tetrahedra])
+    tetrahedra = Delaunay(points).simplices
+    centres = _circumcentres(points[tetrahedra])
     sample = tetrahedra.ravel()
     owner = np.repeat(np.arange(len(tetrahedra)), 4)
-    offset = centres[owner] - places[sample]
+    offset = centres[owner] - points[sample]
     away = np.einsum("ij,ij->i", offset, offset)
-    first = _farthest(sample, away, len(places))
-    directions = np.zeros_like(places)
+    first = _farthest(sample, away, len(points))
+    directions = np.zeros_like(points)
     has = first >= 0
     directions[has] = offset[first[has]]
     length = np.linalg.norm(directions, axis=1, keepdims=True)
     directions = np.where(length > 0, directions / np.maximum(length, 1e-300), [0.0, 1.0, 0.0])
     behind = np.einsum("ij,ij->i", offset, directions[sample]) < 0
-    second = _farthest(sample, np.where(behind, away, -1.0), len(places))
+    second = _farthest(sample, np.where(behind, away, -1.0), len(points))
     chosen = np.unique(owner[np.concatenate([first[has], second[second >= 0]])])
     return np.unique(centres[chosen], axis=0), directions
 
@@ -100,21 +98,21 @@ def _circumcentres(corners: Float64) -> Float64:
     return drawn_in
 
 
-def _farthest(sample: _Int64, away: Float64, count: int) -> _Int64:
+def _farthest(sample: Int64, away: Float64, count: int) -> Int64:
     """Row with the largest distance of each sample; -1 where there is none that is not negative."""
     order = np.lexsort((away, sample))
     last = np.searchsorted(sample[order], np.arange(count), side="right") - 1
     row = order[np.maximum(last, 0)]
-    found: _Int64 = np.where((last >= 0) & (sample[row] == np.arange(count)), row, -1)
-    found[(found >= 0) & (away[np.maximum(found, 0)] < 0)] = -1
-    return found
+    farthest: Int64 = np.where((last >= 0) & (sample[row] == np.arange(count)), row, -1)
+    farthest[(farthest >= 0) & (away[np.maximum(farthest, 0)] < 0)] = -1
+    return farthest
 
 
 def _agreeing(
-    places: Float64, triangles: _Int64, directions: Float64, largest: float
-) -> tuple[_Int64, Float64]:
+    points: Float64, triangles: Int64, directions: Float64, largest: float
+) -> tuple[Int64, Float64]:
     """Keep triangles whose normal is near the poles' directions; returns their unit normals too."""
-    corners = places[triangles]
+    corners = points[triangles]
     sides = corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]]  # opposite to each corner
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1, keepdims=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyInt, Bool, Float64, Int32, UInt8, UInt16
 from terraport_pipeline.engines.images import ImageFormat, encode_image
 from terraport_pipeline.geometry.atlas_pack import Atlas, pack_charts
 from terraport_pipeline.geometry.bake import (
@@ -23,12 +23,11 @@ from terraport_pipeline.geometry.gutters import fill_cells
 from terraport_pipeline.geometry.lens import PACKED, View
 from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.model import Float64, Int32, Mesh, UInt8
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.choose_views import Photos
 
-__all__ = ["AtlasMaker", "MadeAtlas"]
+__all__ = ["AtlasMaker", "BakedAtlas"]
 
-UInt16 = npt.NDArray[np.uint16]
 
 _RIM_TEXELS: Final = 1.5
 """Beyond its rim a chart goes on as its photo does for as far as a sample at the rim reads; further
@@ -39,13 +38,13 @@ _MAX_PHOTO_SCALE: Final = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MadeAtlas:
+class BakedAtlas:
     """The texture of one mesh of F faces."""
 
     wedges: UInt16
     """(F, 3, 2) corners in the image, half texels from its upper left."""
     image: bytes
-    """The file."""
+    """Bytes of the encoded image file."""
     width: int
     height: int
     surface_m2: Float64
@@ -54,10 +53,10 @@ class MadeAtlas:
     """(F,) area of each face in the image, texels."""
     gsd_m: Float64
     """(F,) length of a photo's pixel on each face; NaN without a photo."""
-    flat: npt.NDArray[np.bool_]
+    flat: Bool
     """(F,) faces of one flat colour, that of their vertices: without area, as small as a texel or
     two and in no photo, or without room. They have no texels."""
-    crowded: npt.NDArray[np.bool_]
+    crowded: Bool
     """(F,) those without room."""
     charts: int
     use: float
@@ -79,7 +78,7 @@ class AtlasMaker:
     kind: ImageFormat
     quality: int
 
-    def make(self, faces: npt.NDArray[np.integer], *, max_side: int) -> MadeAtlas:
+    def make(self, faces: AnyInt, *, max_side: int) -> BakedAtlas:
         """Make the atlas of some faces.
 
         Parameters
@@ -91,14 +90,17 @@ class AtlasMaker:
 
         Returns
         -------
-        MadeAtlas
+        BakedAtlas
             In the order of *faces*.
         """
+        # (1) The piece alone: its vertices renumbered, its faces' colours.
         used, local = np.unique(self.mesh.faces[faces], return_inverse=True)
         corners = local.reshape(-1, 3).astype(np.int32)
         points = self.mesh.vertices[used].astype(np.float64)
         colours = self._colours(faces, corners, used)
         packed = np.array([view.packed() for view in self.views]).reshape(-1, PACKED)
+        # (2) Charts for faces with a photo, fine as the photos are, coarser where the image would
+        # be too large; a shared cell for every colour of faces without one.
         roomy = charts_with_room(
             points, corners, colours.view, packed, texel_m=self.texel_m, max_side=max_side
         )
@@ -107,6 +109,8 @@ class AtlasMaker:
         flat[rows] = False
         shared = flat_colours(self._flat(colours, flat))
         sizes = np.zeros((0, 2)) if charts is None else charts.sizes
+        # (3) Where each goes. Invariant: every face is either in a chart (`rows`) or in a cell
+        # (`flat`).
         atlas = pack_charts(
             np.concatenate([sizes, np.zeros((len(shared.colours), 2))]), max_side=max_side
         )
@@ -115,17 +119,27 @@ class AtlasMaker:
         wedges = np.zeros((len(faces), 3, 2))
         texels, gsd_m = np.full(len(faces), np.nan), np.full(len(faces), np.nan)
         surface_m2 = np.zeros(len(faces))
+        # (4) Draw: faces themselves, then a rim around them that only fills free texels.
         if charts is not None:
             # Whole half texels, as payloads hold them, before anything is drawn: nothing shifts
             # later.
-            wedges[rows] = np.rint(atlas.place(charts.uvs, charts.chart) * 2.0)
-            part, places = colours.rows(rows), points[corners[rows]]
+            wedges[rows] = np.rint(atlas.to_texels(charts.uvs, charts.chart) * 2.0)
+            chart_colours, chart_points = colours.rows(rows), points[corners[rows]]
             for rim in (None, charts.rim):
                 self._bake(
-                    image, covered, wedges[rows] * 0.5, places, charts, atlas, part, packed, rim
+                    image,
+                    covered,
+                    wedges[rows] * 0.5,
+                    chart_points,
+                    charts,
+                    atlas,
+                    chart_colours,
+                    packed,
+                    rim,
                 )
             texels[rows], gsd_m[rows] = charts.texels * atlas.scale**2, charts.gsd_m
             surface_m2[rows] = charts.surface_m2
+        # (5) Cells of one colour: all corners of a face at the cell's middle.
         if flat.any():
             surface_m2[flat] = _areas(points[corners[flat]])
             cells = atlas.cells[len(sizes) :]
@@ -133,8 +147,9 @@ class AtlasMaker:
                 image[y : y + height, x : x + width] = colour
                 covered[y : y + height, x : x + width] = 1
             wedges[flat] = (2 * cells[:, :2] + cells[:, 2:])[shared.of_face][:, None, :]
+        # (6) Gutters from the charts, so that filtering at their edges reads no black.
         fill_cells(image, covered, atlas.cells)
-        return MadeAtlas(
+        return BakedAtlas(
             wedges=wedges.astype(np.uint16),
             image=encode_image(image, self.kind, self.quality),
             width=atlas.width,
@@ -148,7 +163,7 @@ class AtlasMaker:
             use=atlas.use,
         )
 
-    def _flat(self, colours: FaceColours, which: npt.NDArray[np.bool_]) -> UInt8:
+    def _flat(self, colours: FaceColours, which: Bool) -> UInt8:
         """Mean vertex colour of some faces, after its gain."""
         gain = neutral_gains(0)[-1] if self.choice is None else self.choice.gains[-1]
         mean = colours.colours[which].mean(axis=1, dtype=np.float32)
@@ -156,9 +171,7 @@ class AtlasMaker:
         flat: UInt8 = np.clip(np.rint(level), 0, 255).astype(np.uint8)
         return flat
 
-    def _colours(
-        self, faces: npt.NDArray[np.integer], corners: Int32, used: npt.NDArray[np.integer]
-    ) -> FaceColours:
+    def _colours(self, faces: AnyInt, corners: Int32, used: AnyInt) -> FaceColours:
         colours = self.mesh.colours[used][corners]
         if self.choice is None or self.photos is None:
             count = len(faces)
@@ -187,12 +200,13 @@ class AtlasMaker:
         atlas: Atlas,
         colours: FaceColours,
         packed: Float64,
-        rim: npt.NDArray[np.bool_] | None,
+        rim: Bool | None,
     ) -> None:
         """Draw all faces, photo by photo and within a photo by the second one.
 
         With *rim* those faces alone, and only beyond their edges.
         """
+        # (1) Faces without a photo, in the cloud's colours under the cloud's exposure.
         margin = 0.0 if rim is None else _RIM_TEXELS
         drawn = np.ones(len(charts.view), np.bool_) if rim is None else rim
         gains = neutral_gains(0) if self.choice is None else self.choice.gains
@@ -201,6 +215,8 @@ class AtlasMaker:
             bake_plain_faces(image, covered, texels, plain, colours, gains[-1], margin)
         if self.photos is None:
             return
+        # (2) The others grouped by (photo, second photo), so that no more than two are decoded at
+        # once.
         blend = np.where(charts.view >= 0, colours.blend_view, -1)
         order = np.lexsort((np.arange(len(blend)), blend, charts.view))
         order = order[(charts.view[order] >= 0) & drawn[order]]
@@ -236,8 +252,8 @@ def _photo_scale(charts: Charts, atlas: Atlas, which: Int32) -> int:
     return scale
 
 
-def _areas(places: Float64) -> Float64:
+def _areas(triangles: Float64) -> Float64:
     """Areas of triangles (K, 3, 3), square metres."""
-    normal = np.cross(places[:, 1] - places[:, 0], places[:, 2] - places[:, 0])
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area: Float64 = 0.5 * np.linalg.norm(normal, axis=1)
     return area

@@ -18,6 +18,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, UInt8
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.chunks import in_chunks
@@ -48,7 +49,6 @@ from terraport_pipeline.geometry.view_labels import (
     view_costs,
 )
 from terraport_pipeline.geometry.view_outliers import drop_outliers
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = [
@@ -86,7 +86,7 @@ class Photos(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How photos are chosen."""
+    """Angle, smoothness, seams and occlusion: how photos are chosen."""
 
     max_angle_degrees: float = 80.0
     """Faces seen at flatter angles than this from their normal are not coloured by that photo."""
@@ -169,25 +169,26 @@ def choose_views(
     ValueError
         More than 32,767 views, or gains of another shape.
     """
+    # (1) to (3) in :func:`choose_labels`: candidates, views that show something else, labels.
     options, progress = options or Options(), progress or NullProgress()
     del normals  # faces' own are what a photo sees
     blocks = mesh_blocks(mesh_vertices, faces)
-    found = choose_labels(
+    labelling = choose_labels(
         blocks, colours, views, photos, occluder, gains, options, threads, progress
     )
     # (4) seams
-    chosen, facts = found.view, found.facts
+    chosen, facts = labelling.view, labelling.facts
     if options.level_seams:
         progress.start("texture: seams", None, "faces")
         nodes = label_nodes(blocks.faces, chosen, len(blocks.vertices))
         seams = find_seams(
-            nodes, blocks.faces, chosen, found.candidates, found.own, gains, found.pairs,
-            found.edges, blocks.vertices,
+            nodes, blocks.faces, chosen, labelling.candidates, labelling.own, gains,
+            labelling.pairs, labelling.edges, blocks.vertices,
         )  # fmt: skip
         field, cell = level_field(blocks.vertices, nodes, seams)
         levels = node_levels(field, blocks.vertices, nodes, cell, threads=threads)
         blend = blend_seams(
-            nodes, seams, levels, found.candidates, rings=options.blend_rings, threads=threads
+            nodes, seams, levels, labelling.candidates, rings=options.blend_rings, threads=threads
         )
         steps = seam_steps(seams, levels, blend)
         facts |= steps
@@ -219,7 +220,7 @@ class Labels:
     """(P, 2) neighbouring faces."""
     edges: Int32
     """(P, 2) the vertices between them."""
-    borrowed: npt.NDArray[np.bool_]
+    borrowed: Bool
     """(F,) faces that have the photo of a neighbour, which may not see them."""
     facts: dict[str, Any]
 
@@ -314,11 +315,15 @@ def collect(
     progress: Progress,
 ) -> tuple[Candidates, dict[str, Any]]:
     """Find the best views of every face, photo by photo; also what was counted on the way."""
+    # Invariant: after photo n, `candidates` holds the best views of photos 0..n of every face.
+    # Photos come and go one at a time, so memory does not grow with their number.
     candidates = new_candidates(len(blocks.faces))
     uv = np.empty((len(blocks.vertices), 2), np.float32)
     rays, rated_faces, blank = 0, 0, 0
     progress.start("texture: what each photo sees", float(len(views)), "photos")
     for number, view in enumerate(views):
+        # (1) Where the photo looks: blocks of faces, their vertices in its pixels, and how fine
+        # it must be.
         seen = visible_blocks(blocks, view)
         packed = view.packed()
         if len(seen):
@@ -328,20 +333,23 @@ def collect(
             blank += 1
             progress.advance(1.0)
             continue
+        # (2) Faces it would be good for, by its sharpness there.
         photo = photos.get(number, scale)
         rated = rate_faces(
             blocks, packed, seen, uv, sharpness_map(photo), candidates,
             min_cosine=float(np.cos(np.radians(options.max_angle_degrees))), threads=threads,
         )  # fmt: skip
+        # (3) Those that nothing stands in front of.
         visible, cast = visible_faces(
             blocks, view, rated, occluder, offset_m=options.occluder_offset_m, threads=threads
         )
-        found = sample_faces(
+        photo_colours = sample_faces(
             photo, packed, gains[number], blocks.faces, uv, rated.face, threads=threads
         )
-        insert(candidates, number, rated, visible, found, threads=threads)
+        insert(candidates, number, rated, visible, photo_colours, threads=threads)
         rays, rated_faces = rays + cast, rated_faces + len(rated.face)
         progress.advance(1.0)
+    # By number from here on: equal lists of views compare in one pass.
     sorted_by_view(candidates, threads=threads)
     progress.done({"rays": rays})
     facts = {"views": len(views), "views_blank": blank, "rays": rays, "faces_rated": rated_faces}

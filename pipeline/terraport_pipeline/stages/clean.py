@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64, Int64, UInt8
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.geometry.normals import estimate_normals, orient_normals
 from terraport_pipeline.geometry.outliers import duplicate_mask, outlier_mask
@@ -22,7 +23,8 @@ from terraport_pipeline.geometry.spacing import (
     nearest_neighbours,
     remaining_neighbours,
 )
-from terraport_pipeline.model import Cloud, Float32, Float64, Survey, UInt8, to_scene
+from terraport_pipeline.model import Cloud, Survey, to_scene
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 
 __all__ = ["MIN_POINTS", "NAME", "Cleaned", "Options", "restore", "run", "store"]
@@ -50,9 +52,9 @@ _WIDE_M: Final = 8192.0
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How strictly to clean."""
+    """Outlier rule and number of neighbours: how strictly to clean."""
 
-    outlier_ratio: float = 3.0
+    outlier_ratio: Annotated[float, Option(above=1)] = 3.0
     """A point goes when it stands this many times farther from its neighbours than they do from
     theirs. Lower removes more noise, and thin things (wires, fences) with it."""
     outlier_deviations: float = 3.0
@@ -61,11 +63,9 @@ class Options:
     """Points per normal. More smooths noise, and rounds edges."""
 
     def __post_init__(self) -> None:
-        if not (self.outlier_ratio > 1 and self.outlier_deviations >= 0):
-            raise OptionError(
-                f"outlier ratio {self.outlier_ratio} and deviations {self.outlier_deviations}; "
-                "expected above 1 and at least 0"
-            )
+        check_options(self)
+        if not self.outlier_deviations >= 0:
+            raise OptionError(f"outlier deviations {self.outlier_deviations}; expected at least 0")
         if not 6 <= self.normal_neighbours <= 64:
             raise OptionError(f"normal neighbours {self.normal_neighbours}; expected 6 to 64")
 
@@ -144,8 +144,8 @@ def run(survey: Survey, options: Options, context: Context) -> Cleaned:
             "the survey is wider than 8 km: coordinates far from its middle keep less than half a "
             "millimetre; split it"
         )
-    attributes, codes, told = _convert_attributes(survey.attributes, stays)
-    warnings += told
+    attributes, codes, notes = _convert_attributes(survey.attributes, stays)
+    warnings += notes
     return Cleaned(
         cloud=Cloud(
             points=scene,
@@ -224,7 +224,7 @@ def _check_finite(points: Float64) -> None:
 
 
 def _check_shape(points: Float64, read: int) -> None:
-    """Refuse what cannot be a surface."""
+    """Refuse clouds with too few points, or none that span a surface."""
     if len(points) < MIN_POINTS:
         raise SurveyError(
             f"{len(points)} different points (of {read} read); a surface needs at least "
@@ -251,7 +251,7 @@ def _choose_origin(points: Float64) -> Float64:
 def _orient(
     scene: Float32, neighbours: Neighbours, options: Options, context: Context
 ) -> tuple[Float32, Float32, dict[str, float]]:
-    """Estimate spacing and oriented normals."""
+    """Estimate the spacing, and normals that consistently point out of the ground."""
     context.progress.start("clean: normals", None, "points")
     spacing = estimate_spacing(neighbours)
     normals, curvature = estimate_normals(scene, neighbours, k=options.normal_neighbours)
@@ -281,16 +281,16 @@ def _noise_m(neighbours: Neighbours, curvature: Float32) -> float:
 
 
 def _convert_attributes(
-    attributes: Mapping[str, npt.NDArray[np.generic]], stays: npt.NDArray[np.int64]
+    attributes: Mapping[str, npt.NDArray[np.generic]], stays: Int64
 ) -> tuple[dict[str, Float32], tuple[str, ...], list[str]]:
     """Convert attributes to float32; find those that hold codes; tell of what loses precision."""
     out: dict[str, Float32] = {}
     codes: list[str] = []
-    told: list[str] = []
+    notes: list[str] = []
     for name, column in attributes.items():
         values = np.asarray(column)[stays]
         if values.ndim != 1 or values.dtype.kind not in "biuf":
-            told.append(
+            notes.append(
                 f"attribute {name!r} is not one number per point ({values.dtype}): left out"
             )
             continue
@@ -298,28 +298,28 @@ def _convert_attributes(
         converted[~np.isfinite(converted)] = np.nan
         if values.dtype.kind in "biu":
             if len(values) and int(np.abs(values.astype(np.int64)).max()) > _EXACT_INTEGER:
-                told.append(f"attribute {name!r} exceeds 2^24: its last digits are lost")
+                notes.append(f"attribute {name!r} exceeds 2^24: its last digits are lost")
             if len(np.unique(values)) <= _CODE_VALUES:
                 codes.append(name)
         elif _is_coarse(values, converted):
-            told.append(
+            notes.append(
                 f"attribute {name!r} varies by less than 1e-7 of its size in places: its last "
                 "digits are lost"
             )
         out[name] = converted
-    return out, tuple(codes), told
+    return out, tuple(codes), notes
 
 
 def _is_coarse(values: npt.NDArray[np.generic], converted: Float32) -> bool:
     """Whether float32 is coarser than the payload's 65535 steps over the range."""
-    known = np.asarray(values, dtype=np.float64)[np.isfinite(converted)]
-    if not len(known) or known.min() == known.max():
+    valid = np.asarray(values, dtype=np.float64)[np.isfinite(converted)]
+    if not len(valid) or valid.min() == valid.max():
         return False
-    step = float(np.spacing(np.float32(np.abs(known).max())))
-    return step > float(known.max() - known.min()) / 65535
+    step = float(np.spacing(np.float32(np.abs(valid).max())))
+    return step > float(valid.max() - valid.min()) / 65535
 
 
-def _colours(colours: UInt8 | None, stays: npt.NDArray[np.int64]) -> UInt8:
+def _colours(colours: UInt8 | None, stays: Int64) -> UInt8:
     if colours is None:
         return np.full((len(stays), 3), _GREY, dtype=np.uint8)
     return colours[stays]

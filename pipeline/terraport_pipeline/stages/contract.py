@@ -38,7 +38,7 @@ class Facts:
     counts: dict[str, Json] = field(default_factory=dict)
     """Numbers by name, units in the names."""
     warnings: tuple[str, ...] = ()
-    """Whole sentences."""
+    """Whole sentences for the person who builds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Context:
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """A result as a work directory holds it."""
+    """Arrays and plain values of a result, as a work directory holds them."""
 
     arrays: Mapping[str, npt.NDArray[np.generic]]
     """By file name without ``.npy``."""

@@ -22,11 +22,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.edges import EdgeRule
 from terraport_pipeline.geometry.footprint import Footprint
 from terraport_pipeline.geometry.tile_weld import Seams
 from terraport_pipeline.geometry.vertex_normals import unit_normals
-from terraport_pipeline.model import Float32, Float64, Int32
 from terraport_pipeline.stages.contract import Stored
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "Join",
     "Look",
     "Settled",
+    "TileArrays",
     "Weak",
     "cut_ids",
     "forgive",
@@ -44,9 +45,8 @@ __all__ = [
 
 NAME: Final = "join_tiles"
 
-Int64 = npt.NDArray[np.int64]
-Arrays = Mapping[str, npt.NDArray[Any]]
-Mask = npt.NDArray[np.bool_]
+TileArrays = Mapping[str, AnyArray]
+"""What is kept of a tile, by name."""
 
 _CRACK_CELLS: Final = 1.0
 """Open edges of two tiles this near to each other are a crack, not two rims."""
@@ -60,7 +60,7 @@ class Join:
     """(G, 3) shared vertices, lattice cells."""
     ratio: Float32
     """(G,) support ratio."""
-    colours: npt.NDArray[np.uint8]
+    colours: UInt8
     """(G, 3)"""
     attributes: tuple[Float32, ...]
     """(G,) each."""
@@ -76,16 +76,16 @@ class Join:
     """Where the surface ends."""
     base_rule: EdgeRule
     """Where the surface ends that the base is thinned from: farther out, with fewer gaps."""
-    forgiven: tuple[Mask, ...]
+    forgiven: tuple[Bool, ...]
     """Per tile: which of its weak places stay."""
-    base_forgiven: tuple[Mask, ...]
+    base_forgiven: tuple[Bool, ...]
     """Per tile: which of them stay in the base."""
 
     @classmethod
     def of(
         cls,
         seams: Seams,
-        tiles: Sequence[Arrays],
+        tiles: Sequence[TileArrays],
         names: int,
         codes: tuple[int, ...],
         rules: tuple[EdgeRule, EdgeRule],
@@ -107,14 +107,16 @@ class Join:
         count = len(seams.cells)
         colours = np.zeros((count, 3), np.uint8)
         attributes = tuple(np.zeros(count, np.float32) for _ in range(names))
+        # Every shared vertex has one owner; all tiles take its values, so that they agree bit by
+        # bit.
         for tile, arrays in enumerate(tiles):
             mine = np.flatnonzero(seams.owner_tile == tile)
             if not len(mine):
                 continue
             rows = seams.owner_row[mine]
             colours[mine] = arrays["colours"][rows]
-            for place, values in enumerate(attributes):
-                values[mine] = arrays[f"attribute-{place}"][rows]
+            for number, values in enumerate(attributes):
+                values[mine] = arrays[f"attribute-{number}"][rows]
         none = tuple(np.zeros(0, dtype=bool) for _ in tiles)
         return cls(
             seams.cells,
@@ -133,7 +135,7 @@ class Join:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weak:
-    """Connected weak places of a tile."""
+    """Connected faces of little support in a tile, and whether they reach its walls."""
 
     farthest: Float32
     """(W,) largest support ratio in each."""
@@ -143,7 +145,7 @@ class Weak:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """What a tile will be like."""
+    """Facts of a tile as it will be after the join, from which all tiles settle what stays."""
 
     sizes: Int64
     """(P,) faces of each of its loose pieces."""
@@ -162,7 +164,7 @@ class Look:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settled:
-    """What all looks together decide."""
+    """Decisions over all tiles: shared normals, cut vertices, and which pieces are islands."""
 
     pairs: Int64
     """(C, 2) ends of shared vertices that the cut made, ascending; their ids follow the join's."""
@@ -228,19 +230,20 @@ def settle(looks: Sequence[Look], count: int, *, min_faces: int) -> Settled:
     return Settled(pairs, unit_normals(total), dropped, islands, *_count_open(looks))
 
 
-def cut_ids(pairs: Int64, made: Int64, count: int) -> Int64:
-    """Ids of shared vertices by their ends: (S,) from (S, 2); those of `made` follow `count`."""
-    found = pairs[:, 0].copy()
+def cut_ids(pairs: Int64, cut_pairs: Int64, count: int) -> Int64:
+    """Ids of shared vertices (S,) by their ends (S, 2); those of `cut_pairs` follow `count`."""
+    ids = pairs[:, 0].copy()
     cut = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
     if len(cut):
-        span = int(made.max()) + 1
-        key, known = pairs[cut] @ [span, 1], made @ [span, 1]
-        found[cut] = count + np.searchsorted(known, key)
-    return found
+        span = int(cut_pairs.max()) + 1
+        key, cut_keys = pairs[cut] @ [span, 1], cut_pairs @ [span, 1]
+        ids[cut] = count + np.searchsorted(cut_keys, key)
+    return ids
 
 
 def to_stored(join: Join, settled: Settled | None) -> Stored:
     """Turn the join into arrays and values."""
+    # (1) A join that is not settled yet (handed to the workers) has empty lists.
     settled = settled or Settled(
         np.zeros((0, 2), np.int64),
         np.zeros((0, 3), np.float32),
@@ -250,6 +253,7 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         0,
         0,
     )
+    # (2) Plain arrays and values, and the rules of both cuts.
     rules = (("rule", join.rule), ("base_rule", join.base_rule))
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "cells": join.cells,
@@ -267,11 +271,12 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         outline = rule.footprint
         field_m = np.zeros((0, 0), np.float32) if outline is None else outline.field_m
         arrays[f"{name}-footprint"] = field_m
-        place = None if outline is None else [*outline.low, outline.cell_m]
+        position = None if outline is None else [*outline.low, outline.cell_m]
         numbers = [rule.threshold, rule.largest, rule.spacing_m, rule.outward_m]
-        values[name] = {"numbers": numbers, "footprint": place}
+        values[name] = {"numbers": numbers, "footprint": position}
     arrays |= {f"attribute-{i}": values for i, values in enumerate(join.attributes)}
-    lists: tuple[tuple[str, Sequence[npt.NDArray[Any]]], ...] = (
+    # (3) One list per tile, as one array with its starts.
+    lists: tuple[tuple[str, Sequence[AnyArray]], ...] = (
         ("rows", join.rows),
         ("ids", join.ids),
         ("fillers", join.fillers),
@@ -279,26 +284,26 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         ("base_forgiven", join.base_forgiven),
         ("dropped", settled.dropped),
     )
-    for name, parts in lists:
-        arrays[name] = np.concatenate(parts)
-        arrays[f"{name}-starts"] = np.cumsum([0, *(len(part) for part in parts)])
+    for name, per_tile in lists:
+        arrays[name] = np.concatenate(per_tile)
+        arrays[f"{name}-starts"] = np.cumsum([0, *(len(rows_of_tile) for rows_of_tile in per_tile)])
     return Stored(arrays, values)
 
 
 def from_stored(stored: Stored) -> tuple[Join, Settled]:
-    """Turn arrays and values back."""
+    """Turn arrays and values back into the join and what was settled."""
     arrays, values = stored.arrays, stored.values
 
-    def parts(name: str) -> tuple[Any, ...]:
+    def per_tile(name: str) -> tuple[Any, ...]:
         return tuple(np.split(arrays[name], arrays[f"{name}-starts"][1:-1]))
 
     def rule(name: str) -> EdgeRule:
-        told, outline = values[name], None
-        if told["footprint"] is not None:
-            x, z, cell_m = told["footprint"]
+        record, outline = values[name], None
+        if record["footprint"] is not None:
+            x, z, cell_m = record["footprint"]
             field_m = np.asarray(arrays[f"{name}-footprint"], np.float32)
             outline = Footprint((x, z), cell_m, field_m)
-        threshold, largest, spacing_m, outward_m = told["numbers"]
+        threshold, largest, spacing_m, outward_m = record["numbers"]
         return EdgeRule(threshold, largest, spacing_m, outline, outward_m)
 
     join = Join(
@@ -309,18 +314,18 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
             np.asarray(arrays[f"attribute-{i}"], np.float32) for i in range(values["attributes"])
         ),
         tuple(values["codes"]),
-        parts("rows"),
-        parts("ids"),
-        parts("fillers"),
+        per_tile("rows"),
+        per_tile("ids"),
+        per_tile("fillers"),
         rule("rule"),
         rule("base_rule"),
-        parts("forgiven"),
-        parts("base_forgiven"),
+        per_tile("forgiven"),
+        per_tile("base_forgiven"),
     )
     settled = Settled(
         np.asarray(arrays["pairs"], np.int64),
         np.asarray(arrays["normals"], np.float32),
-        parts("dropped"),
+        per_tile("dropped"),
         *values["counts"],
     )
     return join, settled

@@ -6,29 +6,24 @@ Memory: about 200 bytes per face of the tile.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.clip import Clip, clip_with_sources
 from terraport_pipeline.geometry.edges import EdgeRule
 from terraport_pipeline.geometry.tile_plan import Lattice
 from terraport_pipeline.geometry.trim import compact
 from terraport_pipeline.geometry.vertex_normals import normal_sums, unit_normals
-from terraport_pipeline.model import Float32, Float64, Int32
-from terraport_pipeline.stages.join_tiles import Join, Look, Settled, Weak, cut_ids
+from terraport_pipeline.stages.join_tiles import Join, Look, Settled, TileArrays, Weak, cut_ids
 from terraport_pipeline.stages.solve_tile import TileTask
 from terraport_pipeline.tiles import vertex_box
 
 __all__ = ["finish", "look", "weak_places"]
-
-Int64 = npt.NDArray[np.int64]
-Arrays = Mapping[str, npt.NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,10 +36,10 @@ class _Welded:
     ids: Int64
     """(V,) -1 where a vertex is not shared."""
     ratio: Float32
-    in_wall: npt.NDArray[np.bool_]
+    in_wall: Bool
 
 
-def weak_places(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Weak:
+def weak_places(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> Weak:
     """Find the connected weak places of a tile and how weak they get."""
     welded = _weld(task, tile, arrays, join)
     rows, label = _weak(welded, join.rule)
@@ -55,7 +50,7 @@ def weak_places(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Weak:
     return Weak(farthest, touch)
 
 
-def look(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Look:
+def look(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> Look:
     """Look at a tile as it will be, but for its loose pieces and shared normals."""
     welded = _weld(task, tile, arrays, join)
     cut = _cut(welded, join.rule, join.forgiven[tile])
@@ -70,43 +65,49 @@ def look(task: TileTask, tile: int, arrays: Arrays, join: Join) -> Look:
 
 
 def finish(
-    task: TileTask, tile: int, arrays: Arrays, join: Join, settled: Settled
+    task: TileTask, tile: int, arrays: TileArrays, join: Join, settled: Settled
 ) -> tuple[dict[str, npt.NDArray[np.generic]], Float64]:
     """Make a tile as it will be: arrays of :class:`~terraport_pipeline.tiles.StoredTiles`, box.
 
     ``base-vertices`` and ``base-faces`` are the surface that the base is thinned from.
     """
+    # (1) Weld, cut to the edge, drop pieces that are islands over all tiles.
     welded = _weld(task, tile, arrays, join)
     cut = _cut(welded, join.rule, join.forgiven[tile])
     piece, _ = _pieces(cut.faces, len(cut.vertices))
     keep = ~np.isin(piece, settled.dropped[tile])
     used = np.zeros(len(cut.vertices), dtype=bool)
     used[cut.faces[keep].ravel()] = True
+    # (2) Ids of shared vertices: a vertex that the cut made is named by the edge it lies on.
+    # Their normals come from the join, so that both tiles shade alike.
     ends = welded.ids[cut.ends]
     shared = np.flatnonzero((ends >= 0).all(axis=1))
     ids = np.full(len(cut.vertices), -1, dtype=np.int64)
     ids[shared] = cut_ids(np.sort(ends[shared], axis=1), settled.pairs, len(join.cells))
     normals = unit_normals(normal_sums(cut.vertices, cut.faces[keep]))
     normals[shared] = settled.normals[ids[shared]]
+    # (3) Colours and attributes; shared vertices take the join's.
     guests = len(welded.vertices) - len(arrays["vertices"])
     at_id = np.flatnonzero(welded.ids >= 0)
     colours = np.concatenate([arrays["colours"], np.zeros((guests, 3), np.uint8)])
     colours[at_id] = join.colours[welded.ids[at_id]]
     mixed = np.rint(_between(colours.astype(np.float64), cut)).astype(np.uint8)
-    made: dict[str, npt.NDArray[np.generic]] = {}
-    for place, values in enumerate(join.attributes):
-        column = np.concatenate([arrays[f"attribute-{place}"], np.zeros(guests, np.float32)])
+    finished: dict[str, npt.NDArray[np.generic]] = {}
+    for number, values in enumerate(join.attributes):
+        column = np.concatenate([arrays[f"attribute-{number}"], np.zeros(guests, np.float32)])
         column[at_id] = values[welded.ids[at_id]]
-        if place in join.codes:  # never mixed: the nearer end's
+        if number in join.codes:  # never mixed: the nearer end's
             nearer = np.where(cut.share > 0.5, cut.ends[:, 1], cut.ends[:, 0])
-            made[f"attribute-{place}"] = column[nearer][used]
+            finished[f"attribute-{number}"] = column[nearer][used]
         else:
-            made[f"attribute-{place}"] = _between(column.astype(np.float64), cut)[used].astype(
+            finished[f"attribute-{number}"] = _between(column.astype(np.float64), cut)[used].astype(
                 np.float32
             )
+    # (4) Without unused vertices. Invariant: equal border ids of two tiles name one vertex, with
+    # the same normal, colour and attributes.
     final, faces = compact(cut.vertices, cut.faces, keep)
     border = np.flatnonzero(ids[used] >= 0)
-    made |= {
+    finished |= {
         "vertices": final,
         "faces": faces,
         "normals": normals[used],
@@ -114,21 +115,22 @@ def finish(
         "border-rows": border.astype(np.int32),
         "border-ids": ids[used][border],
     }
+    # (5) The surface for the base, cut farther out.
     wide = _cut(welded, join.base_rule, join.base_forgiven[tile])
     every = np.ones(len(wide.faces), dtype=bool)
-    made["base-vertices"], made["base-faces"] = compact(wide.vertices, wide.faces, every)
-    return made, vertex_box(final) if len(final) else np.zeros(6)
+    finished["base-vertices"], finished["base-faces"] = compact(wide.vertices, wide.faces, every)
+    return finished, vertex_box(final) if len(final) else np.zeros(6)
 
 
 def _between(values: Float64, cut: Clip) -> Float64:
     """Values at vertices after the cut; at those that stayed, bit for bit what was there."""
     first, second = values[cut.ends[:, 0]], values[cut.ends[:, 1]]
     share = cut.share.reshape(-1, *(1,) * (values.ndim - 1))
-    found: Float64 = np.where(share > 0, first + share * (second - first), first)
-    return found
+    between: Float64 = np.where(share > 0, first + share * (second - first), first)
+    return between
 
 
-def _weld(task: TileTask, tile: int, arrays: Arrays, join: Join) -> _Welded:
+def _weld(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> _Welded:
     own = arrays["vertices"]
     rows, ids = join.rows[tile], join.ids[tile]
     guests = len(ids) - len(rows)
@@ -171,7 +173,7 @@ def _weak(welded: _Welded, rule: EdgeRule) -> tuple[Int64, Int64]:
     return rows, _renumbered(label)
 
 
-def _cut(welded: _Welded, rule: EdgeRule, forgiven: npt.NDArray[np.bool_]) -> Clip:
+def _cut(welded: _Welded, rule: EdgeRule, forgiven: Bool) -> Clip:
     """Cut along the end of support and footprint; as geometry/edges.py, decided for the whole."""
     rows, label = _weak(welded, rule)
     limit = np.full(len(welded.ratio), rule.threshold, dtype=np.float32)
@@ -197,12 +199,12 @@ def _pieces(faces: Int32, vertex_count: int) -> tuple[Int64, Int64]:
     return piece, np.bincount(piece).astype(np.int64)
 
 
-def _renumbered(labels: npt.NDArray[np.integer]) -> Int64:
+def _renumbered(labels: AnyInt) -> Int64:
     """Make labels 0, 1, 2, ... in order of their first occurrence: SciPy promises no order."""
     _, first, which = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first, kind="stable"), kind="stable")
-    found: Int64 = rank[which.ravel()].astype(np.int64)
-    return found
+    renumbered: Int64 = rank[which.ravel()].astype(np.int64)
+    return renumbered
 
 
 def _open_wall_edges(task: TileTask, cut: Clip, welded: _Welded) -> tuple[Int64, Float64]:

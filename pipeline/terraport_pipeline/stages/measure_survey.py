@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Float32, Float64
 from terraport_pipeline.engines.npy_columns import NpyReader
 from terraport_pipeline.geometry.outliers import mean_distances, usual_distance
 from terraport_pipeline.geometry.spacing import areal_from_radius, nearest_neighbours
-from terraport_pipeline.model import Cloud, Float32, Float64, to_crs
+from terraport_pipeline.model import Cloud, to_crs
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 
 __all__ = ["NAME", "run"]
@@ -36,8 +36,6 @@ _PER_WINDOW: Final = 1000
 """Samples measured per window at most, so that dense places do not count more."""
 
 _BLOCK_ROWS: Final = 1_000_000
-
-Int64 = npt.NDArray[np.int64]
 
 
 def run(points_file: Path, thinned: Cloud, neighbours: int, context: Context) -> Stored:
@@ -71,11 +69,11 @@ def run(points_file: Path, thinned: Cloud, neighbours: int, context: Context) ->
     for centre, points in zip(centres, around, strict=True):
         if len(points) <= neighbours:
             continue
-        found = nearest_neighbours(points - centre, neighbours, workers=context.threads)
+        nearest = nearest_neighbours(points - centre, neighbours, workers=context.threads)
         inner = np.flatnonzero((np.abs(points - centre) <= _INNER_SPACINGS * guess_m).all(axis=1))
         inner = inner[:: max(1, -(-len(inner) // _PER_WINDOW))]
-        local.append(areal_from_radius(found.distances[inner, -1], neighbours))
-        means.append(mean_distances(found)[inner])
+        local.append(areal_from_radius(nearest.distances[inner, -1], neighbours))
+        means.append(mean_distances(nearest)[inner])
     spacing_m = float(np.median(np.concatenate(local))) if local else thinned.spacing_m
     mean_m: Float32 = np.concatenate(means) if means else np.array([spacing_m], np.float32)
     usual = usual_distance(mean_m)
@@ -94,7 +92,7 @@ def run(points_file: Path, thinned: Cloud, neighbours: int, context: Context) ->
 
 
 def facts_of(stored: Stored) -> Facts:
-    """Tell what was measured."""
+    """Take the reported facts from the stored measurements."""
     return Facts(dict(stored.values))
 
 
@@ -108,17 +106,17 @@ def _collect(reader: NpyReader, centres: Float64, half_m: float, context: Contex
         touched |= {tuple(key) for key in at.astype(np.int64).tolist()}
     size = np.array(sorted(touched)).max(axis=0) + 2
     keys = np.unique(np.ravel_multi_index(np.array(sorted(touched)).T, size))
-    parts: list[list[Float64]] = [[] for _ in centres]
+    blocks_of_window: list[list[Float64]] = [[] for _ in centres]
     for _, block in reader.blocks(_BLOCK_ROWS):
         cell = np.floor((block - low) / (2 * half_m))
         inside = ((cell >= 0) & (cell < size)).all(axis=1)
         some = block[inside]
-        found = np.ravel_multi_index(cell[inside].astype(np.int64).T, size)
-        place = np.minimum(np.searchsorted(keys, found), len(keys) - 1)
-        some = some[keys[place] == found]
+        cell_keys = np.ravel_multi_index(cell[inside].astype(np.int64).T, size)
+        index = np.minimum(np.searchsorted(keys, cell_keys), len(keys) - 1)
+        some = some[keys[index] == cell_keys]
         for window, centre in enumerate(centres):
             near = (np.abs(some - centre) <= half_m).all(axis=1)
             if near.any():
-                parts[window].append(some[near])
+                blocks_of_window[window].append(some[near])
         context.progress.advance(len(block))
-    return [np.concatenate([np.zeros((0, 3)), *part]) for part in parts]
+    return [np.concatenate([np.zeros((0, 3)), *blocks]) for blocks in blocks_of_window]

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import (
     AttributeScale,
@@ -27,10 +26,11 @@ from terraport_payload import (
     gltf_attribute_name,
     snap,
 )
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.uv import split_wedges
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.region_ids import NewSurface, number_regions
 from terraport_pipeline.stages.contract import Context, Facts, Json
@@ -64,7 +64,7 @@ EXPECTED_BYTES_PER_FACE: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What to write."""
+    """Name of the published scene."""
 
     name: str
     """The scene's name for people."""
@@ -91,7 +91,7 @@ class About:
 
 @dataclass(frozen=True, slots=True)
 class Packed:
-    """What was published."""
+    """Manifest of the published version, and counts of what it holds."""
 
     manifest: Manifest
     facts: Facts
@@ -99,7 +99,7 @@ class Packed:
 
 @dataclass(frozen=True, slots=True)
 class Payload:
-    """One encoded segment."""
+    """One segment as GLB, with what the index says of it."""
 
     glb: bytes
     bounds: tuple[float, ...]
@@ -247,11 +247,14 @@ def _segment_makers(
     starts = np.searchsorted(segments[order], np.arange(count + 1))
     region_count = int(regions.max()) + 1
 
-    def make(segment: int, chosen: npt.NDArray[np.int64]) -> SegmentMesh:
+    def make(segment: int, chosen: Int64) -> SegmentMesh:
+        # A vertex that several regions of the segment share is split: a payload has one region a
+        # vertex.
         keys = detail.faces[chosen].astype(np.int64) * region_count + regions[chosen, None]
         unique, corner = np.unique(keys, return_inverse=True)
         faces = corner.reshape(-1, 3)
         vertex, region = np.divmod(unique, region_count)
+        # Split again at texture seams.
         uvs = None
         if textures is not None:
             split = split_wedges(faces, textures.uvs(chosen, segment), len(unique))
@@ -272,7 +275,7 @@ def _segment_makers(
         yield partial(make, segment, order[begin:end])
 
 
-def kept_faces(base: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
+def kept_faces(base: Mesh, kept: Bool) -> Mesh:
     """Keep some faces in their order, and the vertices that they use."""
     faces = base.faces[kept]
     used, corner = np.unique(faces, return_inverse=True)
@@ -310,7 +313,7 @@ def whole_payload(mesh: Mesh, textures: TextureSet | None = None) -> SegmentMesh
 
 
 def encode_payload(mesh: SegmentMesh, step_m: float, scales: dict[str, AttributeScale]) -> Payload:
-    """Encode one segment."""
+    """Quantise a segment's mesh and encode it as GLB."""
     glb = encode_glb(mesh, step_m=step_m, attribute_scales=scales)
     corners = np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)])
     return Payload(
@@ -350,8 +353,8 @@ def _attribute_infos(
 
 
 def _range(values: Float32) -> tuple[float | None, float | None]:
-    known: npt.NDArray[np.float32] = values[~np.isnan(values)]
-    return (float(known.min()), float(known.max())) if len(known) else (None, None)
+    valid: Float32 = values[~np.isnan(values)]
+    return (float(valid.min()), float(valid.max())) if len(valid) else (None, None)
 
 
 def _triple(values: Float64) -> tuple[float, float, float]:
@@ -360,7 +363,7 @@ def _triple(values: Float64) -> tuple[float, float, float]:
 
 
 def pack_counts(manifest: Manifest, payload_bytes: list[int]) -> dict[str, Json]:
-    """Count what was published."""
+    """Report sizes and counts of the published version."""
     payload = manifest.encodings["glb"].payload_bytes
     return {
         "segments": manifest.counts.segments,

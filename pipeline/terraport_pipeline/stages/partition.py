@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.npy_columns import NpyReader, NpyWriter
 from terraport_pipeline.geometry.tile_plan import Lattice, TilePlan
-from terraport_pipeline.model import Float64
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.solve_tile import sample_type
 
@@ -24,7 +23,6 @@ __all__ = ["BLOCK_CELLS", "NAME", "count_blocks", "run", "samples_name"]
 
 NAME: Final = "partition"
 
-Int64 = npt.NDArray[np.int64]
 
 _BLOCK_ROWS: Final = 500_000
 """Samples in memory at once: about 100 MB with what is computed of them."""
@@ -37,7 +35,7 @@ _KEY_SPAN: Final = 1 << 20
 
 
 def samples_name(tile: int) -> str:
-    """File of a tile's samples."""
+    """Stem of the file that holds a tile's samples."""
     return f"samples-{tile:05d}"
 
 
@@ -70,9 +68,9 @@ def count_blocks(
         block = np.floor(_cells(points, lattice, origin) / block_cells) + _KEY_SPAN // 2
         block = block[((block >= 0) & (block < _KEY_SPAN)).all(axis=1)].astype(np.int64)
         key = (block[:, 0] * _KEY_SPAN + block[:, 1]) * _KEY_SPAN + block[:, 2]
-        fresh, found = np.unique(key, return_counts=True)
+        fresh, fresh_counts = np.unique(key, return_counts=True)
         keys, which = np.unique(np.concatenate([keys, fresh]), return_inverse=True)
-        counts = np.bincount(which, np.concatenate([counts, found])).astype(np.int64)
+        counts = np.bincount(which, np.concatenate([counts, fresh_counts])).astype(np.int64)
         context.progress.advance(len(points))
     context.progress.done({"blocks": len(keys)})
     split = np.stack(
@@ -108,6 +106,7 @@ def run(
     values, facts
         ``samples``: per tile, how many.
     """
+    # (1) Columns in, one file of rows per tile out; one buffered block each.
     points = NpyReader(source / "points.npy")
     has_colour = (source / "colours.npy").exists()
     colours = NpyReader(source / "colours.npy") if has_colour else None
@@ -115,19 +114,22 @@ def run(
     dtype = sample_type([("", column.dtype.str) for column in columns], has_colour=has_colour)
     writers = [NpyWriter(folder / f"{samples_name(t)}.npy", dtype) for t in range(plan.count)]
     context.progress.start("tiles: samples", float(len(points)), "points")
+    # (2) Block by block. Invariant: a tile's file holds its core and margin samples of all blocks
+    # so far, in file order.
     for first, block in points.blocks(_BLOCK_ROWS):
-        rows: npt.NDArray[Any] = np.zeros(len(block), dtype=dtype)
+        rows: AnyArray = np.zeros(len(block), dtype=dtype)
         last = first + len(block)
         rows["position"] = block
         if colours is not None:
             rows["colour"] = colours.read(first, last)
-        for place, column in enumerate(columns):
-            rows[f"a{place}"] = column.read(first, last)
+        for number, column in enumerate(columns):
+            rows[f"a{number}"] = column.read(first, last)
         for tile, mine in plan.members(_cells(block, plan.lattice, origin)):
             writers[tile].append(rows[mine])
         context.progress.advance(len(block))
     for writer in writers:
         writer.close()
+    # (3) What the margins cost.
     counts = [writer.rows for writer in writers]
     context.progress.done({"tiles": plan.count, "with margins": sum(counts)})
     facts = {

@@ -118,6 +118,7 @@ def find_format(path: Path) -> str:
     ReadError
         When there is no such file, it is empty, or nothing here reads it.
     """
+    # (1) Something to read.
     if not path.exists():
         raise ReadError(path, "there is no such file", "check the name")
     if not path.is_file():
@@ -129,6 +130,7 @@ def find_format(path: Path) -> str:
         raise ReadError(path, f"the file cannot be opened ({error})", "check its rights") from error
     if not head:
         raise ReadError(path, "the file is empty (0 bytes)", "copy or export it again")
+    # (2) By content: first bytes of the formats, and of files that people give by mistake.
     for name, starts in _MAGIC.items():
         if head.startswith(starts):
             return name
@@ -137,6 +139,7 @@ def find_format(path: Path) -> str:
             raise ReadError(path, f"this is {what}, no survey", advice)
     if head.lstrip().startswith(b"# .PCD") or b"\nFIELDS" in head[:512]:
         return "pcd"
+    # (3) By name, only for text, which has no first bytes of its own.
     suffix = path.suffix.lower()
     if suffix in FORMATS["xyz"]:
         return "xyz"
@@ -149,12 +152,12 @@ def find_format(path: Path) -> str:
                 "it is damaged or has the wrong name: export it again",
                 "byte 0",
             )
-    known = ", ".join(ending for endings in FORMATS.values() for ending in endings)
+    readable = ", ".join(ending for endings in FORMATS.values() for ending in endings)
     raise ReadError(
         path,
         f"{suffix or 'a name without ending'} is no known kind of survey (the file starts with "
         f"{head[:8]!r})",
-        f"terraport reads {known}",
+        f"terraport reads {readable}",
     )
 
 
@@ -173,6 +176,7 @@ def _starting(report: Progress, path: Path, *, in_bytes: bool) -> Advance:
 
 
 def _finish(path: Path, raw: RawSurvey, name: str) -> Survey:
+    # (1) Drop points without a place.
     warnings = list(raw.warnings)
     points, colours, attributes = raw.points, raw.colours, raw.attributes
     finite = np.isfinite(points).all(axis=1)
@@ -188,6 +192,7 @@ def _finish(path: Path, raw: RawSurvey, name: str) -> Survey:
         points = points[finite]
         colours = None if colours is None else colours[finite]
         attributes = {key: values[finite] for key, values in attributes.items()}
+    # (2) Damaged or coarse coordinates, then metres.
     span = float(np.ptp(points, axis=0).max())
     if span > MAX_SPAN_M:
         raise ReadError(

@@ -16,9 +16,10 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Bool, Float64
 from terraport_pipeline.engines.npy_columns import NpyReader, NpyWriter
 from terraport_pipeline.engines.raw_survey import (
-    StreamPart,
+    StreamChunk,
     apply_depth,
     choose_depth,
     tell_precision,
@@ -26,7 +27,6 @@ from terraport_pipeline.engines.raw_survey import (
 from terraport_pipeline.engines.survey_crs import metre_factors
 from terraport_pipeline.engines.survey_stream import SurveyStream, open_stream
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.model import Float64
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.read import MAX_SPAN_M, find_format
 
@@ -50,7 +50,7 @@ class _Column:
     whole: bool = True
     """Finite whole numbers only."""
 
-    def look(self, values: npt.NDArray[Any]) -> None:
+    def look(self, values: AnyArray) -> None:
         if not len(values):
             return
         if self.first is None:
@@ -75,7 +75,7 @@ class _Points:
     read: int = 0
     low: Float64 = field(default_factory=lambda: np.full(3, np.inf))
     high: Float64 = field(default_factory=lambda: np.full(3, -np.inf))
-    single: npt.NDArray[np.bool_] = field(default_factory=lambda: np.ones(3, dtype=bool))
+    single: Bool = field(default_factory=lambda: np.ones(3, dtype=bool))
 
     def look(self, points: Float64) -> None:
         if len(points):
@@ -130,19 +130,19 @@ def _spool(
     context.progress.start(f"read {path.name}", stream.total, stream.unit)
     points = _Points(NpyWriter(folder / "raw-points.npy", np.float64, (3,)))
     columns: dict[str, _Column] = {}
-    for part in stream.parts():
-        finite = np.isfinite(part.points).all(axis=1)
-        good = part.points if finite.all() else part.points[finite]
-        points.read += len(part.points)
+    for chunk in stream.chunks():
+        finite = np.isfinite(chunk.points).all(axis=1)
+        good = chunk.points if finite.all() else chunk.points[finite]
+        points.read += len(chunk.points)
         points.look(good)
         points.writer.append(good)
-        for name, values in _columns_of(part, stream).items():
+        for name, values in _columns_of(chunk, stream).items():
             if name not in columns:
                 target = folder / f"raw-{len(columns)}.npy"
                 columns[name] = _Column(NpyWriter(target, values.dtype, values.shape[1:]))
             columns[name].look(values)
             columns[name].writer.append(values if finite.all() else values[finite])
-        context.progress.advance(part.read)
+        context.progress.advance(chunk.read)
     points.writer.close()
     for column in columns.values():
         column.writer.close()
@@ -154,25 +154,25 @@ _COLOURS: Final = "\0colours"
 """Name of the three colour columns as one: no field can be called so."""
 
 
-def _columns_of(part: StreamPart, stream: SurveyStream) -> dict[str, npt.NDArray[Any]]:
+def _columns_of(chunk: StreamChunk, stream: SurveyStream) -> dict[str, AnyArray]:
     """Take the colours together; give each part of a vector field its own name."""
-    out: dict[str, npt.NDArray[Any]] = {}
-    has_colour = bool(stream.colours) and all(name in part.columns for name in stream.colours)
+    out: dict[str, AnyArray] = {}
+    has_colour = bool(stream.colours) and all(name in chunk.columns for name in stream.colours)
     if has_colour:
-        parts = [part.columns[name] for name in stream.colours]
-        wide = parts[0] if len(parts) == 1 else np.stack(parts, axis=1)
+        channels = [chunk.columns[name] for name in stream.colours]
+        wide = channels[0] if len(channels) == 1 else np.stack(channels, axis=1)
         if wide.dtype.kind == "f":
-            valid = np.isfinite(wide).all(axis=1)
+            valid: Bool = np.all(np.isfinite(wide), axis=1)
             wide = np.where(valid[:, None], wide, wide.dtype.type(0))
         out[_COLOURS] = wide
-    for name, values in part.columns.items():
+    for name, values in chunk.columns.items():
         if has_colour and name in stream.colours:
             continue
         if values.ndim == 1:
             out[name] = values
         else:
-            for place in range(values.shape[1]):
-                out[f"{name}_{place}"] = values[:, place]
+            for component in range(values.shape[1]):
+                out[f"{name}_{component}"] = values[:, component]
     return out
 
 
@@ -184,6 +184,7 @@ def _finish(
     folder: Path,
 ) -> tuple[Mapping[str, Json], Facts]:
     """Decide what only the whole survey can decide, and bring the columns to their last form."""
+    # (1) Refuse a survey without a single point.
     warnings = [*stream.late_warnings(), *stream.warnings]
     count = points.writer.rows
     if not count:
@@ -192,6 +193,7 @@ def _finish(
             f"not one of {points.read:,} points has finite coordinates",
             "export the survey again",
         )
+    # (2) Colours and attributes; columns that the format fills with its default are dropped.
     colours = columns.pop(_COLOURS, None)
     has_colour = False
     if colours is not None:
@@ -204,6 +206,7 @@ def _finish(
             _rewrite(column.writer.path, target, _narrowed(column) if stream.narrow else None)
             names.append(name)
         column.writer.path.unlink(missing_ok=True)
+    # (3) Positions: damaged, too coarse, or in another unit than the metre.
     if points.read > count:
         lost = points.read - count
         warnings.append(f"{lost:,} of {points.read:,} points have no finite coordinates: dropped.")
@@ -220,6 +223,7 @@ def _finish(
         )
     factors, crs, notes = metre_factors(path, points.low, points.high, stream.crs)
     warnings += notes
+    # (4) The positions' file, scaled block by block where the unit is not the metre.
     low, high = points.low, points.high
     if factors is None:
         points.writer.path.rename(folder / "points.npy")

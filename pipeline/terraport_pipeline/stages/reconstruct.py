@@ -10,23 +10,25 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_payload.order import order_for_cache
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_detail
-from terraport_pipeline.errors import OptionError, ResourceError
+from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.geometry.base_patch import append_surface, base_patch
 from terraport_pipeline.geometry.carry import carry_values
 from terraport_pipeline.geometry.chunks import side_by_side
 from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.geometry.trim import close_small_gaps, compact, near_mask
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.option import COUNT, Option, check_options
 from terraport_pipeline.progress import ESTIMATE_UNIT
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
@@ -67,46 +69,41 @@ _PERCENTILES: Final = (50.0, 95.0, 99.0, 99.9)
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How finely to reconstruct."""
+    """Octree depths, faces of the base and where to cut: how finely to reconstruct."""
 
-    base_from: Literal["detail", "poisson"] = "detail"
-    """"detail" thins the detail: ten times nearer to it, and the same outline. "poisson" solves the
-    base apart, as the thesis does."""
-    base_depth: int | None = None
-    """Octree depth of a base by "poisson"; lower is lighter and farther from the detail. None: 9,
-    and below the detail."""
-    detail_depth: int | None = None
-    """Octree depth of the detail, lowered to where a cell is one sample spacing. None: that one."""
-    base_faces: int = 200_000
-    """The base is decimated to this. Every client holds all of it all the time."""
-    trim_spacings: float = 4.0
-    """Surface farther than this many spacings from a sample goes; between what the histogram of
-    support says and this, gaps between samples stay and borders go. Higher closes more holes, and
-    invents more."""
-    island_faces: int = 200
+    base_from: Annotated[Literal["detail", "poisson"], Option()] = "detail"
+    """How the base is made, the coarse mesh that is always there. detail thins the detail: ten
+    times nearer to it, and the same outline. poisson solves it apart, as the thesis does."""
+    base_depth: Annotated[
+        int | None,
+        Option(least=3, most=_MAX_DEPTH, unset=f"{BASE_DEPTH}, and below the detail"),
+    ] = None
+    """Octree depth of a base by poisson; lower is lighter and farther from the detail."""
+    detail_depth: Annotated[
+        int | None,
+        Option(least=3, most=_MAX_DEPTH, unset="where a cell is one spacing of the points wide"),
+    ] = None
+    """Octree depth of the detail: one less gives a quarter of the faces. More than the density of
+    the points supports is lowered to it."""
+    base_faces: Annotated[int, Option(least=100, notation=COUNT)] = 200_000
+    """Faces that the base is thinned to. Every client holds all of it all the time."""
+    trim_spacings: Annotated[float, Option(least=1)] = 4.0
+    """Surface farther than this many spacings of the points from a point goes; between what the
+    histogram of support says and this, gaps between points stay and borders go. Higher closes more
+    holes, and invents more."""
+    island_faces: Annotated[int, Option(least=1)] = 200
     """Loose pieces of detail with fewer faces go."""
-    point_weight: float = poisson.POINT_WEIGHT
-    """Higher follows the samples and their noise, lower smooths."""
+    point_weight: Annotated[float, Option(least=0, most=100)] = poisson.POINT_WEIGHT
+    """How closely Poisson follows the points. Higher follows them and their noise, lower
+    smooths."""
 
     def __post_init__(self) -> None:
-        if self.base_from not in ("detail", "poisson"):
-            raise OptionError(f"base from {self.base_from!r}; expected detail or poisson")
-        for name, depth in (("base", self.base_depth), ("detail", self.detail_depth)):
-            if depth is not None and not 3 <= depth <= _MAX_DEPTH:
-                raise OptionError(f"{name} depth {depth}; expected 3 to {_MAX_DEPTH}")
-        if self.base_faces < 100:
-            raise OptionError(f"base faces {self.base_faces}; expected at least 100")
-        if not self.trim_spacings >= 1:
-            raise OptionError(f"trim spacings {self.trim_spacings}; expected at least 1")
-        if self.island_faces < 1:
-            raise OptionError(f"island faces {self.island_faces}; expected at least 1")
-        if not 0 <= self.point_weight <= 100:
-            raise OptionError(f"point weight {self.point_weight}; expected 0 to 100")
+        check_options(self)
 
 
 @dataclass(frozen=True, slots=True)
 class Reconstructed:
-    """Two meshes of one surface."""
+    """Base and detail of one surface, and how far they deviate."""
 
     base: Mesh
     detail: Mesh
@@ -168,7 +165,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         return _dress(*surface, cleaned, ground.tree, context.threads)
 
     def make_base() -> tuple[Mesh, dict[str, Json]]:
-        told: dict[str, Json] = {}
+        base_counts: dict[str, Json] = {}
         if solved_base is None:
             thinned = thin_detail(
                 *trimmed.wide, max_faces=options.base_faces, threads=context.threads
@@ -176,7 +173,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         else:
             cell_m = poisson.SCALE * _extent_m(cleaned) / 2**base_depth
             thinned = trim_base(*solved_base, detail[0], cell_m, threads=context.threads)
-            told |= {
+            base_counts |= {
                 "base_depth": base_depth,
                 "base_faces_solved": solved[1],
                 "base_faces_trimmed": len(thinned[1]),
@@ -189,13 +186,13 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
             margin_m=HEM_SPACINGS * cleaned.cloud.spacing_m,
             threads=context.threads,
         )
-        told["base_faces_patched"] = len(patch[1])
+        base_counts["base_faces_patched"] = len(patch[1])
         thinned = append_surface(thinned, patch)
         # Vertex cache order now: the cover names base faces by number.
         order = order_for_cache(thinned[1].astype(np.uint32))
-        return dress((thinned[0], thinned[1][order])), told
+        return dress((thinned[0], thinned[1][order])), base_counts
 
-    (base, told), detail_mesh = side_by_side(
+    (base, base_counts), detail_mesh = side_by_side(
         [make_base, lambda: dress(detail)], threads=context.threads
     )
     if len(base.faces) > 1.1 * options.base_faces:
@@ -211,7 +208,7 @@ def run(cleaned: Cleaned, options: Options, context: Context) -> Reconstructed:
         "detail_depth": detail_depth,
         "cell_m": poisson.SCALE * _extent_m(cleaned) / 2**detail_depth,
         "detail_faces_solved": solved[0],
-        **told,
+        **base_counts,
         "base_faces": len(base.faces),
         "detail_faces": len(detail_mesh.faces),
         "detail_vertices": len(detail_mesh.vertices),
@@ -297,6 +294,7 @@ def _solve(
     cleaned: Cleaned, options: Options, depths: tuple[int, ...], context: Context
 ) -> tuple[list[tuple[Float32, Int32]], list[poisson.Forecast]]:
     """Run the reconstructions, the detail's first, within the memory allowed."""
+    # (1) Refuse what cannot fit, before an hour of work.
     cloud = cleaned.cloud
     area_m2 = len(cloud.points) * cloud.spacing_m**2
     forecasts = [
@@ -310,6 +308,7 @@ def _solve(
             f"are {allowed / 2**30:.1f} GiB; lower --detail-depth (one less needs about a "
             "quarter), thin the survey with --max-points, or raise --max-memory"
         )
+    # (2) Both depths at once where they fit together.
     together = sum(forecast.memory_bytes for forecast in forecasts)
     side_by_side = (
         context.threads > 1 and len(depths) > 1 and (allowed is None or together <= allowed)
@@ -373,6 +372,6 @@ def _measure(base: Mesh, detail: Mesh, context: Context) -> tuple[float, ...]:
     samples = detail.vertices[::step]
     context.progress.start("reconstruct: deviation", float(len(samples)), "samples")
     distances_m = distances_to_mesh(samples, base.vertices, base.faces, workers=context.threads)
-    found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
-    context.progress.done({"p99_m": found[2]})
-    return found
+    percentiles_m = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
+    context.progress.done({"p99_m": percentiles_m[2]})
+    return percentiles_m

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
-from typing import Final, Literal
+from dataclasses import dataclass, replace
+from typing import Annotated, Final, Literal, get_args
 
 import numpy as np
 
+from terraport_payload.types import Float64, Int32
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
@@ -21,11 +22,13 @@ from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
 from terraport_pipeline.geometry.segmenter import Segmenter, SegmenterMesh, TriangleSegmenter
 from terraport_pipeline.geometry.shape_index import shape_index
 from terraport_pipeline.geometry.triangle_pool import FINE_POOLS, REGION_POOLS
-from terraport_pipeline.model import Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.option import COMMON, Option, check_options, option_fields
 
 __all__ = [
     "ENGINES",
     "Engine",
+    "RegionOptions",
     "check_segment_by",
     "make_segmenter",
     "means_segmenter",
@@ -34,88 +37,148 @@ __all__ = [
 
 Engine = Literal["means", "graph", "tpa", "felzenszwalb", "grid"]
 
-ENGINES: Final = ("means", "graph", "tpa", "felzenszwalb", "grid")
+ENGINES: Final = get_args(Engine)
 """Engines that a build may be asked for; the last two are there to compare with."""
 
 COLOUR: Final = "colour"
 SHAPE: Final = "shape"
 
 
-def make_segmenter(
-    engine: Engine,
-    *,
-    segment_by: str,
-    region_threshold: float | None,
-    region_small: float | None,
-    segment_threshold: float,
-    threads: int,
-) -> Segmenter:
-    """Make the engine that a build asks for.
+_OWN: Final = "Regions: of one engine each"
+"""Heading of the options that one engine alone has."""
 
-    Parameters
-    ----------
-    engine : str
-        One of ``ENGINES``.
-    segment_by : str
-        ``"colour"``, ``"shape"`` or an attribute's name.
-    region_threshold, region_small : float or None
-        The engine's own threshold and least share of a region; None for its defaults.
-    segment_threshold : float
-        Th of the fine pools; of ``tpa`` alone.
-    threads : int
-        Threads at most.
+_MOST: Final = 1e6
+"""Of what has no unit or a wide one: k of felzenszwalb means something up to 30,000."""
 
-    Raises
-    ------
-    ValueError
-        A value that the engine does not take.
-    """
-    if engine == "graph":
-        graph = OPEN_SHAPE_GRAPH if segment_by == SHAPE else COLOUR_GRAPH
+
+@dataclass(frozen=True, slots=True)
+class RegionOptions:
+    """Which engine, by what, and how finely; ``ENGINE_...`` is of that engine alone."""
+
+    engine: Annotated[Engine, Option(heading=COMMON)] = "means"
+    """What cuts the surface into regions. means: mean colours of whole pieces; best on coloured
+    ground. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
+    thesis's Triangle Pool Algorithm, one number per face; blind to hue. felzenszwalb, grid: to
+    compare with."""
+    segment_by: Annotated[str, Option()] = "colour"
+    """What the surface is cut by: colour; shape (the thickness of closed bodies, or with graph how
+    the surface folds); or the name of an attribute of the points."""
+    means_spread: Annotated[
+        float | None,
+        Option(heading=_OWN, above=0, most=100, unset=f"{MeanColourSegmenter().spread:g}"),
+    ] = None
+    """means: how far the mean colours of two regions are apart, as a share of how far all the
+    scene's colours spread (no unit). Lower tells more apart."""
+    graph_cut_drop: Annotated[
+        float | None,
+        Option(
+            heading=_OWN,
+            above=0,
+            most=_MOST,
+            unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}",
+        ),
+    ] = None
+    """graph: regions merge while that lowers the normalised cut by more than this (no unit: the
+    same for a stone and a quarry). Higher tells more apart."""
+    tpa_region_threshold: Annotated[
+        float | None, Option(heading=_OWN, above=0, most=_MOST, unset=f"{REGION_POOLS.threshold:g}")
+    ] = None
+    """tpa: Th of the pools that are regions, the width of a bin of the similarity s (no unit, about
+    0 to 1). Lower tells more apart."""
+    tpa_segment_threshold: Annotated[
+        float | None, Option(heading=_OWN, above=0, most=_MOST, unset=f"{FINE_POOLS.threshold:g}")
+    ] = None
+    """tpa: Th of the finer pools that segments are made of, as --tpa-region-threshold."""
+    felzenszwalb_scale: Annotated[
+        float | None,
+        Option(
+            heading=_OWN, above=0, most=_MOST, unset=f"{FelzenszwalbSegmenter().region_scale:g}"
+        ),
+    ] = None
+    """felzenszwalb: the scale k, CIELAB units times faces. Lower tells more apart."""
+    grid_cell_m: Annotated[
+        float | None,
+        Option(heading=_OWN, above=0, most=_MOST, unit="m", unset="a twentieth of the ground"),
+    ] = None
+    """grid: side of a cell, metres."""
+    small_region_share: Annotated[
+        float | None,
+        Option(
+            least=0,
+            below=1,
+            unset=f"means {MeanColourSegmenter().small_share:g}, graph "
+            f"{COLOUR_GRAPH.small_share:g}, tpa {REGION_POOLS.small_threshold:g}, felzenszwalb "
+            f"{FelzenszwalbSegmenter().region_share:g}",
+        ),
+    ] = None
+    """Regions below this share of the surface (graph: of its area, else of its faces) join a
+    neighbour; grid knows none."""
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if not self.segment_by:
+            raise OptionError("segment by ''; expected colour, shape or an attribute's name")
+        for field in option_fields(type(self)):
+            value, owner = getattr(self, field.name), field.name.partition("_")[0]
+            is_of_others = owner in ENGINES and owner not in (field.name, self.engine)
+            if self.engine == "grid" and field.name == "small_region_share":
+                is_of_others, owner = True, "means, graph, tpa or felzenszwalb"
+            if is_of_others and value is not None:
+                raise OptionError(
+                    f"{field.stated(value)} with engine {self.engine}; expected engine {owner}: "
+                    f"leave out {field.flags[0]}, or change --engine"
+                )
+
+
+def make_segmenter(options: RegionOptions, *, threads: int) -> Segmenter:
+    """Make the engine that a build asks for; `threads` at most."""
+    small_share = options.small_region_share
+    if options.engine == "graph":
+        graph = OPEN_SHAPE_GRAPH if options.segment_by == SHAPE else COLOUR_GRAPH
         return GraphSegmenter(
             replace(
                 graph,
-                threshold=_given(region_threshold, graph.threshold),
-                small_share=_given(region_small, graph.small_share),
+                threshold=_given(options.graph_cut_drop, graph.threshold),
+                small_share=_given(small_share, graph.small_share),
             )
         )
-    if engine == "felzenszwalb":
+    if options.engine == "felzenszwalb":
         edges = FelzenszwalbSegmenter()
         return replace(
             edges,
-            region_scale=_given(region_threshold, edges.region_scale),
-            region_share=_given(region_small, edges.region_share),
+            region_scale=_given(options.felzenszwalb_scale, edges.region_scale),
+            region_share=_given(small_share, edges.region_share),
         )
-    if engine == "grid":
-        return GridSegmenter(region_cell_m=region_threshold)
-    if engine == "means":
-        return means_segmenter(region_threshold, region_small, threads=threads)
+    if options.engine == "grid":
+        return GridSegmenter(region_cell_m=options.grid_cell_m)
+    if options.engine == "means":
+        return means_segmenter(options, threads=threads)
     return TriangleSegmenter(
         regions=replace(
             REGION_POOLS,
-            threshold=_given(region_threshold, REGION_POOLS.threshold),
-            small_threshold=_given(region_small, REGION_POOLS.small_threshold),
+            threshold=_given(options.tpa_region_threshold, REGION_POOLS.threshold),
+            small_threshold=_given(small_share, REGION_POOLS.small_threshold),
         ),
-        fine=replace(FINE_POOLS, threshold=segment_threshold),
+        fine=replace(
+            FINE_POOLS, threshold=_given(options.tpa_segment_threshold, FINE_POOLS.threshold)
+        ),
         threads=threads,
     )
 
 
-def means_segmenter(
-    region_threshold: float | None, region_small: float | None, *, threads: int = 1
-) -> MeanColourSegmenter:
-    """Make the engine of mean colours; None for its own threshold and least share."""
+def means_segmenter(options: RegionOptions, *, threads: int = 1) -> MeanColourSegmenter:
+    """Make the engine of mean colours, the one that also works tile by tile."""
     means = MeanColourSegmenter()
     return replace(
         means,
-        spread=_given(region_threshold, means.spread),
-        small_share=_given(region_small, means.small_share),
+        spread=_given(options.means_spread, means.spread),
+        small_share=_given(options.small_region_share, means.small_share),
         threads=threads,
     )
 
 
 def segmenter_mesh(
-    detail: Mesh, pairs: tuple[Int32, Int32], *, engine: Engine, segment_by: str, threads: int
+    detail: Mesh, pairs: tuple[Int32, Int32], options: RegionOptions, *, threads: int
 ) -> SegmenterMesh:
     """Give the engine the detail with what it compares: colours, shape or an attribute.
 
@@ -124,8 +187,9 @@ def segmenter_mesh(
     detail : Mesh
     pairs : pair of ndarray
         ``face_pairs`` of the detail.
-    engine, segment_by, threads
-        As for :func:`make_segmenter`.
+    options : RegionOptions
+    threads : int
+        At most.
 
     Raises
     ------
@@ -134,11 +198,11 @@ def segmenter_mesh(
         surface that is open everywhere.
     """
     mesh = SegmenterMesh(detail.vertices, detail.faces, detail.colours, pairs=pairs)
-    if segment_by == COLOUR:
+    if options.segment_by == COLOUR:
         return mesh
-    if segment_by == SHAPE and engine == "graph":
+    if options.segment_by == SHAPE and options.engine == "graph":
         return replace(mesh, colours=None)  # the graph sees shape itself
-    if segment_by == SHAPE:
+    if options.segment_by == SHAPE:
         diameter = shape_diameter(detail.vertices, detail.faces, threads=threads)
         if not np.isfinite(diameter).any():
             raise OptionError(
@@ -146,7 +210,7 @@ def segmenter_mesh(
                 "is for closed bodies, and this surface is open: use --engine graph, or colour"
             )
         return replace(mesh, scalar=shape_index(diameter, pairs[0]))
-    return replace(mesh, scalar=_attribute_of_faces(detail, segment_by))
+    return replace(mesh, scalar=_attribute_of_faces(detail, options.segment_by))
 
 
 def check_segment_by(segment_by: str, attributes: Iterable[str]) -> None:
@@ -163,9 +227,9 @@ def check_segment_by(segment_by: str, attributes: Iterable[str]) -> None:
     OptionError
         It is none of them, nor colour, nor shape.
     """
-    known = [COLOUR, SHAPE, *sorted(attributes)]
-    if segment_by not in known:
-        raise OptionError(f"segments by {segment_by!r}; this survey has {', '.join(known)}")
+    choices = [COLOUR, SHAPE, *sorted(attributes)]
+    if segment_by not in choices:
+        raise OptionError(f"segments by {segment_by!r}; this survey has {', '.join(choices)}")
 
 
 def _attribute_of_faces(detail: Mesh, name: str) -> Float64:

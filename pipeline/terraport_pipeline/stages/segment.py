@@ -6,11 +6,11 @@ Memory: about 350 bytes per detail face, its meshes included (measured at 10 M f
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Int32, UInt32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.chunks import side_by_side
@@ -19,12 +19,11 @@ from terraport_pipeline.geometry.region_facts import region_facts
 from terraport_pipeline.geometry.segment_shapes import segment_shapes
 from terraport_pipeline.geometry.segmenter import Segmentation
 from terraport_pipeline.geometry.segments import SegmentOptions, Segments, build_segments
-from terraport_pipeline.model import Float32, Int32
+from terraport_pipeline.option import Option
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
 from terraport_pipeline.stages.region_engine import (
-    ENGINES,
-    Engine,
+    RegionOptions,
     make_segmenter,
     segmenter_mesh,
 )
@@ -42,13 +41,9 @@ __all__ = [
 
 NAME: Final = "segment"
 
-UInt32 = npt.NDArray[np.uint32]
 
 MAX_REGIONS: Final = 65535
 """Feature ids travel as 16-bit numbers."""
-
-_MOST_THRESHOLD: Final = 1_000_000
-"""The scale of "felzenszwalb" is the widest: up to 30,000 means something on landscapes."""
 
 SMALLEST_TOLERANCE_M: Final = 1e-3
 """Base and detail can coincide (a cloud so small that both are the same): the cover needs a
@@ -56,52 +51,27 @@ length."""
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class Options(RegionOptions):
     """How to cut the surface into regions and segments."""
 
-    engine: Engine = "means"
-    """Means of colour (measures best on landscapes), the graph of faces, the Triangle Pool
-    Algorithm (the thesis), or to compare with: "felzenszwalb" and "grid"."""
-    segment_by: str = "colour"
-    """What faces are compared by: "colour", "shape", or an attribute's name."""
-    region_threshold: float | None = None
-    """The engine's own: Th of "tpa" (0.7, lower tells more apart), the stop of "graph" (0.5, higher
-    tells more apart), the spread of "means" (0.95, lower tells more apart), the scale k of
-    "felzenszwalb" (100, lower tells more apart), the cell of "grid" in metres. None for those."""
-    region_small: float | None = None
-    """Regions below this share of the surface join a neighbour. None for the engine's own: 0.015
-    of "tpa", 0.003 of "graph", 0.002 of "means" and "felzenszwalb"; "grid" knows none."""
-    segment_threshold: float = 0.2
-    """Th of the pools that segments are merged from; of "tpa" alone."""
-    min_faces: int = 2000
-    """Segments below this are merged. Higher: fewer draw calls, coarser landings."""
-    max_faces: int = 20000
-    """Segments above this are cut."""
-    max_extent_m: float | None = None
-    """Segments wider than this are cut; None chooses by the density of faces."""
-    units: Literal["segments", "pools"] = "segments"
-    """"pools" streams each pool of the thesis as it is, for comparison."""
+    min_faces: Annotated[int, Option(least=1)] = 2000
+    """Segments with fewer faces are merged. Higher: fewer draw calls, coarser landings."""
+    max_faces: Annotated[int, Option(least=1)] = 20000
+    """Segments with more faces are cut."""
+    max_extent_m: Annotated[
+        float | None, Option(above=0, unit="m", unset="by the density of the faces")
+    ] = None
+    """Segments wider than this, metres, are cut."""
+    units: Annotated[Literal["segments", "pools"], Option()] = "segments"
+    """What is streamed as one piece. pools: each pool of the thesis as it is, to compare."""
 
     def __post_init__(self) -> None:
-        if self.engine not in ENGINES:
-            raise OptionError(f"engine {self.engine!r}; expected one of {', '.join(ENGINES)}")
-        if not self.segment_by:
-            raise OptionError("segments by ''; expected colour, shape or an attribute's name")
-        for name, value in (
-            ("region threshold", self.region_threshold),
-            ("segment threshold", self.segment_threshold),
-        ):
-            if value is not None and not 0 < value <= _MOST_THRESHOLD:
-                raise OptionError(f"{name} {value}; expected above 0, at most {_MOST_THRESHOLD}")
-        if self.region_small is not None and not 0 <= self.region_small < 1:
-            raise OptionError(f"small region share {self.region_small}; expected 0 to below 1")
-        if not 1 <= self.min_faces <= self.max_faces:
+        RegionOptions.__post_init__(self)  # a slotted dataclass has no super() without arguments
+        if self.min_faces > self.max_faces:
             raise OptionError(
-                f"segments of {self.min_faces} to {self.max_faces} faces; expected at least 1, and "
-                "the smaller bound first"
+                f"segments of {self.min_faces} to {self.max_faces} faces; expected the smaller "
+                "bound first"
             )
-        if self.max_extent_m is not None and not self.max_extent_m > 0:
-            raise OptionError(f"largest extent {self.max_extent_m} m; expected above 0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +82,7 @@ class Segmented:
     """(F,) region of every detail face, 0 to R - 1."""
     segments: Int32
     """(F,) segment of every detail face, numbered along a Morton curve."""
-    base_kept: npt.NDArray[np.bool_]
+    base_kept: Bool
     """(B,) base faces with detail over them. The others reach beyond the surface that there is and
     are not published: never hidden, they would stand as a fringe around loaded detail."""
     cover_offsets: UInt32
@@ -151,41 +121,36 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
     # (1) regions and fine pools
     progress.start("segment: regions", None, "faces")
     pairs = face_pairs(detail.faces, len(detail.vertices), threads=context.threads)
-    found = make_segmenter(
-        options.engine,
-        segment_by=options.segment_by,
-        region_threshold=options.region_threshold,
-        region_small=options.region_small,
-        segment_threshold=options.segment_threshold,
-        threads=context.threads,
-    ).segment(
-        segmenter_mesh(
-            detail,
-            pairs,
-            engine=options.engine,
-            segment_by=options.segment_by,
-            threads=context.threads,
-        )
+    segmenter = make_segmenter(options, threads=context.threads)
+    segmentation = segmenter.segment(
+        segmenter_mesh(detail, pairs, options, threads=context.threads)
     )
-    progress.done({"regions": found.region_count, "pools": found.fine_count})
-    if found.region_count > MAX_REGIONS:
+    progress.done({"regions": segmentation.region_count, "pools": segmentation.fine_count})
+    if segmentation.region_count > MAX_REGIONS:
         raise OptionError(
-            f"{found.region_count} regions; at most {MAX_REGIONS} can be told apart at run time: "
-            "change --region-threshold or raise --region-small"
+            f"{segmentation.region_count} regions; at most {MAX_REGIONS} can be told apart at run "
+            "time: raise --small-region-share, or change the engine's own threshold (terraport "
+            "build --help)"
         )
+    # (2) Segments and cover.
     # The regions' facts need neither segments nor cover: they are gathered beside them.
     facts, (segments, shapes, cover, base_kept, tolerance_m) = side_by_side(
         [
             lambda: region_facts(
-                *mesh, detail.colours, found.regions, attributes=detail.attributes, pairs=pairs
+                *mesh,
+                detail.colours,
+                segmentation.regions,
+                attributes=detail.attributes,
+                pairs=pairs,
             ),
-            lambda: _cut_and_cover(reconstructed, found, pairs, options, context),
+            lambda: _cut_and_cover(reconstructed, segmentation, pairs, options, context),
         ],
         threads=context.threads,
     )
+    # (3) Counts, and what is worth a warning.
     counts: dict[str, Any] = {
-        "regions": found.region_count,
-        "pools": found.fine_count,
+        "regions": segmentation.region_count,
+        "pools": segmentation.fine_count,
         "segments": segments.count,
         "largest_segment_faces": int(segments.face_counts.max()),
         "smallest_segment_faces": int(segments.face_counts.min()),
@@ -198,11 +163,11 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
         "detail_faces_without_base": cover.baseless_detail_faces,
     }
     counts |= shapes
-    counts |= {"engine": options.engine, "segment_by": options.segment_by, **found.facts}
+    counts |= {"engine": options.engine, "segment_by": options.segment_by, **segmentation.facts}
     counts |= {f"segments_{name}": n for name, n in asdict(segments.exceptions).items()}
     warnings = []
     one_colour = options.segment_by == "colour" and not np.ptp(detail.colours, axis=0).any()
-    if one_colour and found.region_count == 1:
+    if one_colour and segmentation.region_count == 1:
         warnings.append(
             "the surface has one colour and is therefore one region: --engine graph --segment-by "
             "shape tells regions apart by how the surface folds"
@@ -213,7 +178,7 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
             "is nothing to see there until they are loaded"
         )
     return Segmented(
-        regions=found.regions,
+        regions=segmentation.regions,
         segments=segments.labels,
         base_kept=base_kept,
         cover_offsets=cover.offsets[np.append(True, base_kept)],
@@ -230,11 +195,11 @@ def run(reconstructed: Reconstructed, options: Options, context: Context) -> Seg
 
 def _cut_and_cover(
     reconstructed: Reconstructed,
-    found: Segmentation,
+    segmentation: Segmentation,
     pairs: tuple[Int32, Int32],
     options: Options,
     context: Context,
-) -> tuple[Segments, dict[str, list[float]], BaseCover, npt.NDArray[np.bool_], float]:
+) -> tuple[Segments, dict[str, list[float]], BaseCover, Bool, float]:
     """Cut the segments and find what they cover of the base."""
     detail, base, progress = reconstructed.detail, reconstructed.base, context.progress
     mesh = (detail.vertices, detail.faces)
@@ -242,9 +207,9 @@ def _cut_and_cover(
     progress.start("segment: segments", None, "faces")
     segments = build_segments(
         *mesh,
-        found.fine,
-        found.similarity,
-        found.regions,
+        segmentation.fine,
+        segmentation.similarity,
+        segmentation.regions,
         SegmentOptions(
             min_faces=options.min_faces,
             max_faces=options.max_faces,

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.geometry.carry import carry_values
 from terraport_pipeline.geometry.footprint import Occupancy
@@ -29,7 +30,6 @@ from terraport_pipeline.geometry.support import BINS, support_histogram, support
 from terraport_pipeline.geometry.tile_plan import REACH_CELLS
 from terraport_pipeline.geometry.tile_weld import TileBorder
 from terraport_pipeline.geometry.trim import compact
-from terraport_pipeline.model import Float32, Float64, Int32
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 
@@ -42,15 +42,13 @@ SNAP_CELLS: Final = 2e-3
 
 GREY: Final = 160
 
-Samples = npt.NDArray[Any]
-
 
 @dataclass(frozen=True, slots=True)
 class TileTask:
     """What a tile needs to know; plain values."""
 
     depth: int
-    """Of the tile's octree."""
+    """Depth of the tile's octree."""
     cell_m: float
     centre_cells: tuple[float, float, float]
     """Middle of the core, in cells of the lattice; whole numbers."""
@@ -59,7 +57,7 @@ class TileTask:
     core_cells: int
     margin_cells: float
     origin: tuple[float, float, float]
-    """Of the scene, CRS frame."""
+    """Scene origin: easting, northing, height in the CRS."""
     spacing_m: float
     """Areal spacing of the whole survey."""
     usual: tuple[float, float]
@@ -104,7 +102,7 @@ def sample_type(attributes: list[tuple[str, str]], *, has_colour: bool) -> np.dt
     return np.dtype(fields)
 
 
-def run(task: TileTask, samples: Samples, context: Context) -> Stored:
+def run(task: TileTask, samples: AnyArray, context: Context) -> Stored:
     """Reconstruct one tile.
 
     Parameters
@@ -126,6 +124,7 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     EngineError, ResourceError
         As :func:`terraport_pipeline.engines.poisson.reconstruct`.
     """
+    # (1) Clean samples; those within reach of the core.
     counts: dict[str, Json] = {"samples": len(samples), "outliers": 0, "duplicates": 0, "core": 0}
     cloud = _clean(task, samples, counts, context)
     if cloud is None:
@@ -136,13 +135,16 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     counts["core"] = int((np.abs(points) <= half_m).all(axis=1).sum())
     if int(near.sum()) < 3:
         return _nothing(task, counts)
+    # (2) What decides over all tiles: where samples lie and how densely, for the outline.
     raster, raster_spacing_m = _occupied(task, points, local_m)
+    # (3) Solve, then cut along the core's walls: every tile solves its margin, none keeps it.
     vertices, faces = _solve(task, points, normals, context)
     counts["faces_solved"] = len(faces)
     del normals
     vertices, faces = _cut(task, vertices, faces)
     if not len(faces):
         return _nothing(task, counts)
+    # (4) Trim by support, generously: the threshold of the whole survey is found later.
     tree = cKDTree(points, balanced_tree=False)
     ratio = support_ratio(vertices, tree, local_m, task.spacing_m, workers=context.threads)
     histogram = support_histogram(vertices, faces, ratio)
@@ -153,6 +155,8 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
     ratio = ratio[used]
     if not len(faces):
         return _nothing(task, counts)
+    # (5) Values, and the border: vertices on the core's walls, which the join matches with the
+    # neighbours'.
     colours, attributes = _carry(task, tree, samples, rows, vertices, context)
     border = border_of(task, vertices, faces, ratio)
     counts |= {"faces": len(faces), "vertices": len(vertices)}
@@ -175,7 +179,7 @@ def run(task: TileTask, samples: Samples, context: Context) -> Stored:
 
 
 def facts_of(stored: Stored) -> Facts:
-    """Tell the counts."""
+    """Take the reported counts from a stored tile."""
     return Facts(dict(stored.values))
 
 
@@ -205,34 +209,39 @@ def border_of(task: TileTask, vertices: Float32, faces: Int32, ratio: Float32) -
     is_open = ~np.isin(back, key)
     edges, common = edges[is_open], common[is_open]
     rows = np.unique(edges).astype(np.int32)
-    places = cells[rows]
+    border_cells = cells[rows]
     for axis in range(3):
         for high, side in ((0, -half), (1, half)):
             on = (wall[rows] >> (2 * axis + high)) & 1 == 1
-            places[on, axis] = side
-    places += np.array(task.centre_cells)
+            border_cells[on, axis] = side
+    border_cells += np.array(task.centre_cells)
     # An edge in two walls at once (along the line where four cores meet) counts for both.
     listed, walls = [], []
     for code in range(6):
         on = (common >> code) & 1 == 1
         listed.append(np.searchsorted(rows, edges[on]).astype(np.int32))
         walls.append(np.full(int(on.sum()), code, dtype=np.uint8))
-    return TileBorder(rows, places, ratio[rows], np.concatenate(listed), np.concatenate(walls))
+    return TileBorder(
+        rows, border_cells, ratio[rows], np.concatenate(listed), np.concatenate(walls)
+    )
 
 
 def _clean(
-    task: TileTask, samples: Samples, counts: dict[str, Json], context: Context
-) -> tuple[Float32, Float32, Float32, npt.NDArray[np.int64]] | None:
+    task: TileTask, samples: AnyArray, counts: dict[str, Json], context: Context
+) -> tuple[Float32, Float32, Float32, Int64] | None:
     """Drop copies and outliers, estimate normals: (points, normals, local spacing, rows)."""
+    # (1) Copies of a point have no normal of their own.
     stays = np.flatnonzero(~duplicate_mask(np.ascontiguousarray(samples["position"])))
     counts["duplicates"] = len(samples) - len(stays)
     if len(stays) < clean.MIN_POINTS:
         return None
+    # (2) About the core's middle: float32 holds a tile's coordinates, not a survey's.
     local = samples["position"][stays] - np.array(task.origin)
     east, north, up = local.T
     points64 = np.stack([east, up, -north], axis=1) - task.centre_m
     workers = context.threads
     k = task.normal_neighbours
+    # (3) Outliers by the whole survey's spacing (`usual`), so that tiles agree in their margins.
     neighbours = nearest_neighbours(points64, k, workers=workers)
     removed = outlier_mask(
         neighbours,
@@ -246,6 +255,7 @@ def _clean(
             return None
         neighbours = remaining_neighbours(points64, neighbours, removed, workers=workers)
         stays, points64 = stays[~removed], points64[~removed]
+    # (4) Normals; their signs are decided on the lattice of the whole survey for the same reason.
     points = points64.astype(np.float32)
     del points64, local
     normals, _ = estimate_normals(points, neighbours, k=k)
@@ -261,9 +271,7 @@ def _clean(
     return points, normals, local_m, stays
 
 
-def _occupied(
-    task: TileTask, points: Float32, local_m: Float32
-) -> tuple[npt.NDArray[np.int64], Float32]:
+def _occupied(task: TileTask, points: Float32, local_m: Float32) -> tuple[Int64, Float32]:
     """Cells of the scene's raster that samples of the core lie in, and their spacing there."""
     half_m = 0.5 * task.core_cells * task.cell_m
     own = ((points >= -half_m) & (points < half_m)).all(axis=1)
@@ -271,7 +279,7 @@ def _occupied(
     low = np.array(task.raster_low)
     corner = (task.centre_m[[0, 2]] - half_m - low) // task.raster_cell_m
     width = int(2 * half_m / task.raster_cell_m) + 3
-    part = Occupancy(
+    occupancy = Occupancy(
         (
             float(low[0] + corner[0] * task.raster_cell_m - task.centre_m[0]),
             float(low[1] + corner[1] * task.raster_cell_m - task.centre_m[2]),
@@ -280,12 +288,12 @@ def _occupied(
         task.spacing_m,
         np.zeros((width, width), dtype=np.float32),
     )
-    part.add(points[own], local_m[own])
-    i, j = np.nonzero(part.spacing_m)
+    occupancy.add(points[own], local_m[own])
+    i, j = np.nonzero(occupancy.spacing_m)
     row, column = i + int(corner[0]), j + int(corner[1])
     rows, columns = task.raster_shape
     inside = (row >= 0) & (column >= 0) & (row < rows) & (column < columns)
-    return (row * columns + column)[inside].astype(np.int64), part.spacing_m[i, j][inside]
+    return (row * columns + column)[inside].astype(np.int64), occupancy.spacing_m[i, j][inside]
 
 
 def _solve(
@@ -322,11 +330,11 @@ def _cut(task: TileTask, vertices: Float32, faces: Int32) -> tuple[Float32, Int3
 def _carry(
     task: TileTask,
     tree: cKDTree,
-    samples: Samples,
-    rows: npt.NDArray[np.int64],
+    samples: AnyArray,
+    rows: Int64,
     vertices: Float32,
     context: Context,
-) -> tuple[npt.NDArray[np.uint8], dict[str, Float32]]:
+) -> tuple[UInt8, dict[str, Float32]]:
     colours = np.full((len(rows), 3), GREY, dtype=np.uint8)
     if task.has_colour:
         colours = samples["colour"][rows]

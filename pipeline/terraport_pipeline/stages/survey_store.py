@@ -16,7 +16,7 @@ NAME: Final = "read"
 
 
 def facts_of(survey: Survey) -> Facts:
-    """Tell what was read."""
+    """Report points, colour, attributes and CRS of a survey as read."""
     counts = {
         "points": len(survey.points),
         "has_colour": survey.colours is not None,

@@ -11,23 +11,24 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.engines.images import MEDIA_TYPES, ImageFormat
+from terraport_payload.types import AnyInt, Bool, Float32, Int32
+from terraport_pipeline.engines.images import ImageFormat
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import choose_views as choosing
-from terraport_pipeline.stages.atlas_maker import AtlasMaker, MadeAtlas
+from terraport_pipeline.stages.atlas_maker import AtlasMaker, BakedAtlas
 from terraport_pipeline.stages.choose_views import Photos
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed
@@ -38,8 +39,8 @@ from terraport_pipeline.stages.view_gains import view_gains
 
 __all__ = [
     "NAME",
+    "BakedTextures",
     "BaseTextures",
-    "MadeTextures",
     "Options",
     "faces_only",
     "photo_bytes",
@@ -53,8 +54,6 @@ __all__ = [
 
 NAME: Final = "texture"
 
-UInt16 = npt.NDArray[np.uint16]
-Int64 = npt.NDArray[np.int64]
 
 _SIDES: Final = (256, 512, 1024, 2048, 4096)
 
@@ -71,29 +70,33 @@ _DEFAULT_MEMORY: Final = 4 << 30
 class Options:
     """What textures are made of and how fine they are."""
 
-    source: Source = "photos"
-    """"vertex" draws the vertex colours into images, for comparison and for loaders that know no
-    vertex colours."""
-    texel_m: float | None = None
-    """Length of a texel on the surface; None is as fine as the photos (of vertex colours two texels
-    an edge). Never finer than a photo's pixel; coarser where a segment would not fit."""
-    kind: ImageFormat = "jpeg"
-    quality: int = 85
-    """Of the image format, 1 to 100."""
+    source: Annotated[Source, Option(flags=("--texture-from",))] = "photos"
+    """What textures are drawn from. vertex draws the colours of the cloud into images, to compare
+    and for loaders that know no vertex colours."""
+    texel_m: Annotated[
+        float | None,
+        Option(
+            flags=("--texel-size",),
+            least=1e-4,
+            most=1e3,
+            unit="m",
+            unset="as fine as the photos; of vertex colours two texels an edge",
+        ),
+    ] = None
+    """Metres of surface that one texel is wide. Twice as many take a quarter of the memory. Never
+    finer than a photo's pixel; coarser where a segment would not fit."""
+    kind: Annotated[ImageFormat, Option(flags=("--texture-format",))] = "jpeg"
+    """How images are packed. jpeg: every loader reads it. webp: a quarter smaller. png: without
+    loss. ktx2: small on the GPU; needs the program basisu."""
+    quality: Annotated[int, Option(flags=("--texture-quality",), least=1, most=100)] = 85
+    """Quality of jpeg and webp: higher is larger and truer."""
     max_side: int = 2048
     """Longest side of a segment's image."""
-    base_side: int = 2048
-    """Longest side of the base's image."""
+    base_side: Annotated[int, Option(flags=("--base-texture",), unit="pixels")] = 2048
+    """Longest side of the base's image, pixels: 256, 512, 1024, 2048 or 4096."""
 
     def __post_init__(self) -> None:
-        if self.source not in ("photos", "vertex"):
-            raise OptionError(f"textures from {self.source!r}; expected photos or vertex")
-        if self.texel_m is not None and not 1e-4 <= self.texel_m <= 1e3:
-            raise OptionError(f"texel size {self.texel_m} m; expected 0.0001 to 1000")
-        if self.kind not in MEDIA_TYPES:
-            raise OptionError(f"texture format {self.kind!r}; expected {', '.join(MEDIA_TYPES)}")
-        if not 1 <= self.quality <= 100:
-            raise OptionError(f"texture quality {self.quality}; expected 1 to 100")
+        check_options(self)
         if self.max_side not in _SIDES[:-1] or self.base_side not in _SIDES:
             raise OptionError(
                 f"texture sides {self.max_side} (segments) and {self.base_side} (base); expected "
@@ -133,27 +136,33 @@ def run(
     OptionError
         Photos are asked for and none are given, or the other way round.
     """
+    # (1) Photos if and only if the source needs them.
     if (opened is None) != (options.source == "vertex"):
         raise OptionError(
             f"textures from {options.source} {'without' if opened is None else 'with'} photos; "
             "expected photos for the one and none for the other"
         )
+    # (2) The base first: it is small, and its faces tell the photos' gains.
     detail = reconstructed.detail
     base = faces_only(reconstructed.base, segmented.base_kept)
     views: tuple[View, ...] = () if opened is None else opened.views
     photos = None if opened is None else opened.photos
-    made_base = texture_base(base, opened, options, context)
-    gains, detail_choice = made_base.gains, None
+    base_textures = texture_base(base, opened, options, context)
+    # (3) Views of the detail's faces, then its atlases.
+    gains, detail_choice = base_textures.gains, None
     if photos is not None and gains is not None:
         rays = RayScene(detail.vertices, detail.faces, threads=context.threads)
         detail_choice = _choose(detail, views, photos, rays, gains, context)
         del rays
-    made = texture_mesh(
+    detail_atlases = texture_mesh(
         detail, segmented.segments, views, photos, detail_choice, options,
         max_side=options.max_side, path=context.scratch / "detail.images",
         threads=context.threads, progress=context.progress, label="texture: atlases",
     )  # fmt: skip
-    counts = made.facts | {f"base_{name}": n for name, n in made_base.made.facts.items()}
+    # (4) Facts of both.
+    counts = detail_atlases.facts | {
+        f"base_{name}": n for name, n in base_textures.atlases.facts.items()
+    }
     if detail_choice is not None:
         counts |= {f"choice_{name}": number for name, number in detail_choice.facts.items()}
         counts["borrowed_share"] = round(
@@ -164,17 +173,17 @@ def run(
         counts |= {"photos": len(views), "photos_left_out": opened.left_out}
         warnings = (*opened.warnings, *worth_warning(counts))
     return Textured(
-        made.textures,
-        made_base.made.textures,
+        detail_atlases.textures,
+        base_textures.atlases.textures,
         options.source,
-        made.facts["texel_m"],
-        made.facts["gsd_m"],
+        detail_atlases.facts["texel_m"],
+        detail_atlases.facts["gsd_m"],
         Facts(counts, warnings),
     )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MadeTextures:
+class BakedTextures:
     """Textures of one mesh, and numbers about them."""
 
     textures: TextureSet
@@ -186,7 +195,7 @@ class MadeTextures:
 class BaseTextures:
     """The base's texture, and the exposures that were found on the way."""
 
-    made: MadeTextures
+    atlases: BakedTextures
     gains: Float32 | None
     """(views + 1, GAIN_COLUMNS); None with textures from vertex colours."""
 
@@ -216,14 +225,14 @@ def texture_base(
         # Half of the charts that the image may hold: those without a photo are cut further.
         room = (options.base_side // SMALLEST_CELL) ** 2 // 8
         choice = _choose(base, views, photos, rays, gains, context, max_charts=room)
-    made = texture_mesh(
+    atlases = texture_mesh(
         base, np.zeros(len(base.faces), np.int32), views, photos, choice, options,
         max_side=options.base_side, path=context.scratch / "base.images",
         threads=context.threads, progress=context.progress, label="texture: base",
     )  # fmt: skip
     if choice is not None:
-        made.facts["borrowed_share"] = round(choice.facts["faces_borrowed"] / len(base.faces), 4)
-    return BaseTextures(made, gains)
+        atlases.facts["borrowed_share"] = round(choice.facts["faces_borrowed"] / len(base.faces), 4)
+    return BaseTextures(atlases, gains)
 
 
 def worth_warning(counts: Mapping[str, Any]) -> tuple[str, ...]:
@@ -267,7 +276,7 @@ def texture_mesh(
     threads: int,
     progress: Progress,
     label: str,
-) -> MadeTextures:
+) -> BakedTextures:
     """Make the atlases of a mesh's pieces: of a whole detail, of one tile, or of a base.
 
     Parameters
@@ -291,32 +300,36 @@ def texture_mesh(
 
     Returns
     -------
-    MadeTextures
+    BakedTextures
     """
+    # (1) Faces of every piece.
     maker = AtlasMaker(mesh, views, photos, choice, options.texel_m, options.kind, options.quality)
     order = np.argsort(pieces, kind="stable")
     count = int(pieces.max()) + 1
     starts = np.searchsorted(pieces[order], np.arange(count + 1))
     rows = [order[begin:end] for begin, end in itertools.pairwise(starts)]
+    # (2) Atlases by several threads, written in order. Invariant: offsets[n] is the file's length
+    # after n images; memory holds no more images than threads.
     wedges = np.empty((len(pieces), 3, 2), np.uint16)
     sums = TextureSums(len(pieces))
     offsets, sides = [0], []
     progress.start(label, float(count), "segments")
 
-    def make(faces: npt.NDArray[np.integer]) -> MadeAtlas:
+    def make(faces: AnyInt) -> BakedAtlas:
         return maker.make(faces, max_side=max_side)
 
     with path.open("wb") as file:
-        for faces, made in zip(rows, in_order(make, rows, threads), strict=True):
-            file.write(made.image)
-            offsets.append(offsets[-1] + len(made.image))
-            sides.append((made.width, made.height))
-            wedges[faces] = made.wedges
-            sums.add(faces, made)
+        for faces, atlas in zip(rows, in_order(make, rows, threads), strict=True):
+            file.write(atlas.image)
+            offsets.append(offsets[-1] + len(atlas.image))
+            sides.append((atlas.width, atlas.height))
+            wedges[faces] = atlas.wedges
+            sums.add(faces, atlas)
             progress.advance(1)
+    # (3) The images stay in the file; the result maps it.
     facts = sums.facts(np.array(sides), offsets[-1])
     progress.done({"texel_m": facts["texel_m"]})
-    return MadeTextures(
+    return BakedTextures(
         TextureSet(
             wedges,
             np.memmap(path, np.uint8, "r"),
@@ -376,6 +389,6 @@ def _choose(
     )  # fmt: skip
 
 
-def faces_only(mesh: Mesh, kept: npt.NDArray[np.bool_]) -> Mesh:
-    """Keep some faces, and all vertices."""
+def faces_only(mesh: Mesh, kept: Bool) -> Mesh:
+    """Select faces of a mesh; vertices that only others use stay."""
     return Mesh(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.colours, mesh.attributes)

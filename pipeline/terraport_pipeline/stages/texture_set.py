@@ -6,24 +6,21 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import Texture
-from terraport_pipeline.model import Float32, Int32, UInt8
+from terraport_payload.types import AnyInt, Float32, Int32, Int64, UInt8, UInt16
 from terraport_pipeline.stages.contract import Facts
 from terraport_store.manifest import TextureInfo
 
 __all__ = ["Source", "TextureSet", "Textured", "texture_info"]
 
-UInt16 = npt.NDArray[np.uint16]
-Int64 = npt.NDArray[np.int64]
 
 Source = Literal["photos", "vertex"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextureSet:
-    """Atlases of the pieces of one mesh."""
+    """Texture coordinates of a mesh, and the encoded atlas of each of its pieces."""
 
     wedges: UInt16
     """(F, 3, 2) every face's corners in its piece's image, half texels from the upper left."""
@@ -35,10 +32,10 @@ class TextureSet:
     """(S, 2) width and height, texels."""
 
     def texture(self, piece: int) -> Texture:
-        """Take one piece's image."""
+        """Look up the encoded image of one piece, with its size and media type."""
         return Texture.of(self.images[self.offsets[piece] : self.offsets[piece + 1]].tobytes())
 
-    def uvs(self, faces: npt.NDArray[np.integer] | slice, piece: int) -> Float32:
+    def uvs(self, faces: AnyInt | slice, piece: int) -> Float32:
         """Coordinates of the corners of some faces of one piece, (K, 3, 2) in 0..1, exact."""
         sides: Float32 = self.sides[piece].astype(np.float32)
         return self.wedges[faces].astype(np.float32) / (np.float32(2.0) * sides)
@@ -46,10 +43,10 @@ class TextureSet:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Textured:
-    """Textures of a scene."""
+    """Texture sets of detail and base, and the resolution that they reach."""
 
     detail: TextureSet
-    """By segment."""
+    """Atlases of the detail, one a segment."""
     base: TextureSet
     """One piece: the base faces that are kept."""
     source: Source

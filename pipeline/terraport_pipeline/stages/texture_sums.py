@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float32, Float64
-from terraport_pipeline.stages.atlas_maker import MadeAtlas
+from terraport_payload.types import AnyArray, AnyInt, Float32, Float64
+from terraport_pipeline.stages.atlas_maker import BakedAtlas
 
 __all__ = ["TextureSums", "TextureTally"]
 
@@ -34,8 +33,8 @@ class TextureTally:
     crowded_m2: float
     """Surface of flat colours, for want of room."""
 
-    def arrays(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Give arrays to store."""
+    def arrays(self) -> dict[str, Float64]:
+        """Convert to named arrays, as a work directory stores them."""
         return {
             "tally_texel": self.texel_m2,
             "tally_gsd": self.gsd_m2,
@@ -43,13 +42,13 @@ class TextureTally:
         }
 
     @classmethod
-    def total(cls, parts: Iterable[Mapping[str, npt.NDArray[Any]]]) -> TextureTally:
-        """Add up the arrays of several."""
+    def total(cls, tallies: Iterable[Mapping[str, AnyArray]]) -> TextureTally:
+        """Add up the stored tallies of several tiles."""
         texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), np.zeros(2)
-        for part in parts:
-            texel = texel + part["tally_texel"]
-            gsd = gsd + part["tally_gsd"]
-            surface = surface + part["tally_surface"]
+        for tally in tallies:
+            texel = texel + tally["tally_texel"]
+            gsd = gsd + tally["tally_gsd"]
+            surface = surface + tally["tally_surface"]
         return cls(texel, gsd, float(surface[0]), float(surface[1]))
 
     def facts(self) -> dict[str, Any]:
@@ -75,18 +74,18 @@ class TextureSums:
         self.charts = 0
         self.used = 0.0
 
-    def add(self, faces: npt.NDArray[np.integer], made: MadeAtlas) -> None:
-        """Add one piece's faces."""
-        self.surface_m2[faces] = made.surface_m2
-        self.texel_m[faces] = np.sqrt(made.surface_m2 / np.maximum(made.texels, 1e-12))
-        self.gsd_m[faces] = made.gsd_m
-        self.flat[faces] = made.flat
-        self.crowded[faces] = made.crowded
-        self.charts += made.charts
-        self.used += made.use * made.width * made.height
+    def add(self, faces: AnyInt, atlas: BakedAtlas) -> None:
+        """Record area, texel size and sampling distance of one atlas's faces."""
+        self.surface_m2[faces] = atlas.surface_m2
+        self.texel_m[faces] = np.sqrt(atlas.surface_m2 / np.maximum(atlas.texels, 1e-12))
+        self.gsd_m[faces] = atlas.gsd_m
+        self.flat[faces] = atlas.flat
+        self.crowded[faces] = atlas.crowded
+        self.charts += atlas.charts
+        self.used += atlas.use * atlas.width * atlas.height
 
     def tally(self) -> TextureTally:
-        """Sum up so that several add up."""
+        """Convert to histograms, which those of other tiles can be added to."""
         seen = ~np.isnan(self.gsd_m)
         drawn = ~self.flat
         return TextureTally(
@@ -96,8 +95,8 @@ class TextureSums:
             float(self.surface_m2[self.crowded].sum(dtype=np.float64)),
         )
 
-    def facts(self, sides: npt.NDArray[np.integer], image_bytes: int) -> dict[str, Any]:
-        """Tell of all; *sides* is (S, 2)."""
+    def facts(self, sides: AnyInt, image_bytes: int) -> dict[str, Any]:
+        """Summarise all atlases; *sides* is (S, 2), texels."""
         seen, drawn = ~np.isnan(self.gsd_m), ~self.flat
         area = float(self.surface_m2.sum(dtype=np.float64))
         unseen = float(self.surface_m2[~seen].sum(dtype=np.float64))
@@ -121,23 +120,25 @@ class TextureSums:
         }
 
 
-def _share(part: float, whole: float) -> float:
-    return round(part / whole, 4) if whole > 0 else 0.0
+def _share(amount: float, whole: float) -> float:
+    return round(amount / whole, 4) if whole > 0 else 0.0
 
 
 def _median(values: Float32, weights: Float32) -> float:
-    """Median by weight, to four digits."""
+    """Weighted median, to four significant digits."""
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weights[order], dtype=np.float64)
-    place = int(np.searchsorted(total, 0.5 * total[-1]))
-    return float(f"{values[order[min(place, len(order) - 1)]]:.4g}")
+    index = int(np.searchsorted(total, 0.5 * total[-1]))
+    return float(f"{values[order[min(index, len(order) - 1)]]:.4g}")
 
 
 def _histogram(lengths_m: Float32, areas_m2: Float32) -> Float64:
-    place = np.log10(np.maximum(lengths_m, _SHORTEST_M) / _SHORTEST_M) * _PER_DECADE
-    rows = np.clip(place, 0, _BINS - 1).astype(np.int64)
-    found: Float64 = np.bincount(rows, areas_m2.astype(np.float64), _BINS).astype(np.float64)
-    return found
+    bins = np.log10(np.maximum(lengths_m, _SHORTEST_M) / _SHORTEST_M) * _PER_DECADE
+    rows = np.clip(bins, 0, _BINS - 1).astype(np.int64)
+    areas_of_bins: Float64 = np.bincount(rows, areas_m2.astype(np.float64), _BINS).astype(
+        np.float64
+    )
+    return areas_of_bins
 
 
 def _bin_median(areas_m2: Float64) -> float:

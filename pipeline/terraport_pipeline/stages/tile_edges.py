@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray
 from terraport_pipeline.geometry.edges import EdgeRule
 from terraport_pipeline.geometry.footprint import Occupancy, make_footprint
 from terraport_pipeline.geometry.support import support_threshold
@@ -21,7 +20,7 @@ __all__ = ["edge_rules"]
 
 
 def edge_rules(
-    tiles: Sequence[Mapping[str, npt.NDArray[Any]]],
+    tiles: Sequence[Mapping[str, AnyArray]],
     raster: Occupancy,
     *,
     largest: float,

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_payload.order import order_for_cache
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_block, thin_detail
@@ -26,7 +27,7 @@ from terraport_pipeline.geometry.deviation import distances_to_mesh
 from terraport_pipeline.geometry.face_blocks import weld
 from terraport_pipeline.geometry.trim import compact, island_mask
 from terraport_pipeline.geometry.vertex_normals import vertex_normals
-from terraport_pipeline.model import Float32, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options, trim_base
@@ -70,6 +71,7 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     ResourceError, EngineError
         As :func:`terraport_pipeline.engines.poisson.reconstruct`, with a base by Poisson.
     """
+    # (1) Tiles thinned each by itself and joined, then thinned as a whole or solved again.
     vertices, joined = _thinned_tiles(tiles, options, context)
     counts: dict[str, Json] = {"base_from": options.base_from, "base_faces_before": len(joined)}
     context.progress.start("base: whole", None, "faces")
@@ -79,6 +81,7 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
         thin, triangles = thin_detail(
             vertices, joined, max_faces=options.base_faces, threads=context.threads
         )
+    # (2) Patches where the thinned surface lost what a tile still has.
     patches = [
         base_patch(
             (thin, triangles),
@@ -94,6 +97,7 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     thin, triangles = reduce(append_surface, patches, (thin, triangles))
     # Vertex cache order now: the cover names base faces by number.
     triangles = triangles[order_for_cache(triangles.astype(np.uint32))]
+    # (3) Values of the cloud's nearest samples.
     cloud = cleaned.cloud
     tree = cKDTree(cloud.points, balanced_tree=False)
     colours, attributes = carry_values(
@@ -106,12 +110,13 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     )
     base = Mesh(thin, triangles, vertex_normals(thin, triangles), colours, attributes)
     context.progress.done({"base faces": len(triangles)})
+    # (4) How far the detail is from it, by samples of every tile.
     step = max(1, sum(tiles.vertex_count(i) for i in range(tiles.count)) // _DEVIATION_SAMPLES)
     picked = np.concatenate([tiles.load(i).vertices[::step].copy() for i in range(tiles.count)])
     context.progress.start("base: deviation", float(len(picked)), "samples")
     distances_m = distances_to_mesh(picked, thin, triangles, workers=context.threads)
-    found = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
-    context.progress.done({"p99_m": found[2]})
+    percentiles_m = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
+    context.progress.done({"p99_m": percentiles_m[2]})
     warnings: list[str] = []
     if len(triangles) > 1.1 * options.base_faces:
         warnings.append(
@@ -119,9 +124,9 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
             "alone needs more; raise --base-faces"
         )
     counts["base_faces"] = len(triangles)
-    for percentile, value in zip(_PERCENTILES, found, strict=True):
+    for percentile, value in zip(_PERCENTILES, percentiles_m, strict=True):
         counts[f"deviation_p{percentile:g}_m"] = value
-    return TiledBase(base, found, Facts(counts, tuple(warnings)))
+    return TiledBase(base, percentiles_m, Facts(counts, tuple(warnings)))
 
 
 def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tuple[Float32, Int32]:
@@ -130,7 +135,7 @@ def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tu
     wanted = _FIRST_SHARE * options.base_faces
     share = wanted / total if total > 2 * wanted else 1.0
     context.progress.start("base: tiles", float(len(tiles.base_names)), "tiles")
-    parts = []
+    pieces = []
     for i in range(len(tiles.base_names)):
         if tiles.base_faces[i]:
             vertices, faces = tiles.base_part(i)
@@ -139,12 +144,12 @@ def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tu
                 vertices, faces = thin_block(
                     vertices, faces, max_faces=kept, threads=context.threads
                 )
-            parts.append((vertices, faces))
+            pieces.append((vertices, faces))
         context.progress.advance(1.0)
-    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    numbered = [part[1] + np.int32(base) for part, base in zip(parts, first, strict=False)]
-    vertices, joined = weld(np.concatenate([v for v, _ in parts]), np.concatenate(numbered))
-    del parts, numbered
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+    numbered = [piece[1] + np.int32(base) for piece, base in zip(pieces, first, strict=False)]
+    vertices, joined = weld(np.concatenate([v for v, _ in pieces]), np.concatenate(numbered))
+    del pieces, numbered
     # Loose pieces that the detail dropped; half as strict, for thinning leaves each another share.
     least = max(1, int(0.5 * share * options.island_faces))
     keep, _ = island_mask(joined, len(vertices), min_faces=least)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32, UInt32
 from terraport_pipeline.geometry.curve import morton_codes
 from terraport_pipeline.geometry.region_facts import add_borders
 from terraport_pipeline.geometry.region_totals import (
@@ -24,7 +24,7 @@ from terraport_pipeline.geometry.region_totals import (
 from terraport_pipeline.geometry.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.tiled_cover import unite_covers
 from terraport_pipeline.geometry.tiled_means import JoinedRegions
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Facts, Json, Stored
 from terraport_pipeline.stages.segment import Options
 from terraport_pipeline.stages.tiled_segment import TiledScene, totals_of
@@ -32,8 +32,6 @@ from terraport_pipeline.stages.tiled_segment import TiledScene, totals_of
 __all__ = ["NAME", "TiledSegmented", "join", "restore", "store"]
 
 NAME: Final = "segment"
-
-UInt32 = npt.NDArray[np.uint32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class TiledSegmented:
     """(S,) regions in the segment."""
     bounds: Float32
     """(S, 6) each segment's box: minimum x, y, z, maximum x, y, z; metres, scene frame."""
-    base_kept: npt.NDArray[np.bool_]
+    base_kept: Bool
     """(B,) base faces with detail over them; the others are not published."""
     cover_offsets: UInt32
     """(K + 1,) CSR rows, one per base face that is kept."""
@@ -90,7 +88,7 @@ def join(
     -------
     TiledSegmented
     """
-    parts: list[dict[str, Any]] = []
+    tables: list[dict[str, Any]] = []
     covers: list[tuple[Int32, Int32]] = []
     totals: RegionTotals | None = None
     exceptions: Counter[str] = Counter()
@@ -98,20 +96,20 @@ def join(
     for stored in tiles:
         arrays = stored.arrays
         names = ("face_counts", "bounds", "main_region", "region_counts", "ragged")
-        parts.append({name: np.asarray(arrays[name]) for name in names})
+        tables.append({name: np.asarray(arrays[name]) for name in names})
         covers.append((np.asarray(arrays["cover_face"]), np.asarray(arrays["cover_segment"])))
         present = np.asarray(arrays["present"], np.int32)
-        part = spread_totals(totals_of(arrays), present, joined.count)
-        totals = part if totals is None else add_totals(totals, part)
+        of_tile = spread_totals(totals_of(arrays), present, joined.count)
+        totals = of_tile if totals is None else add_totals(totals, of_tile)
         exceptions.update(stored.values["exceptions"])
         far += int(stored.values["far_faces"])
         baseless += int(stored.values["baseless_faces"])
     assert totals is not None
     # (1) one curve over all segments
-    counts = [len(part["face_counts"]) for part in parts]
-    tile = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
+    counts = [len(table["face_counts"]) for table in tables]
+    tile = np.repeat(np.arange(len(tables), dtype=np.int32), counts)
     within = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
-    every = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    every = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     bounds = every["bounds"]
     order = np.argsort(
         morton_codes((bounds[:, :3] + bounds[:, 3:]) * np.float32(0.5)), kind="stable"
@@ -133,23 +131,23 @@ def join(
     )
     totals = replace(totals, touching=touching, border_m=border_m)
     facts = totals_document(totals, list(scene.attributes), scene.roughness_scale_m)
-    told = {name: values[order] for name, values in every.items()}
+    ordered = {name: values[order] for name, values in every.items()}
     max_extent_m = scene.max_extent_m(options)
-    sides = told["bounds"][:, 3:].astype(np.float64) - told["bounds"][:, :3]
+    sides = ordered["bounds"][:, 3:].astype(np.float64) - ordered["bounds"][:, :3]
     quantiles = {
-        "segment_faces": _quantiles(told["face_counts"], 0),
+        "segment_faces": _quantiles(ordered["face_counts"], 0),
         "segment_extent_m": _quantiles(sides.max(axis=1), 3),
-        "segment_raggedness": _quantiles(told["ragged"], 2),
+        "segment_raggedness": _quantiles(ordered["ragged"], 2),
     }
     outcome: dict[str, Json] = {
         "regions": joined.count,
         "pools": joined.fine_count,
         "segments": len(order),
-        "tiles": len(parts),
+        "tiles": len(tables),
         "seam_edges": len(seam_regions),
         "seam_edges_between_regions": int(np.count_nonzero(crossing)),
-        "largest_segment_faces": int(told["face_counts"].max()),
-        "smallest_segment_faces": int(told["face_counts"].min()),
+        "largest_segment_faces": int(ordered["face_counts"].max()),
+        "smallest_segment_faces": int(ordered["face_counts"].min()),
         "max_extent_m": max_extent_m,
         "tolerance_m": tolerance_m,
         "cover_entries": len(segments),
@@ -168,9 +166,9 @@ def join(
     return TiledSegmented(
         tile[order],
         within[order],
-        told["main_region"],
-        told["region_counts"],
-        told["bounds"],
+        ordered["main_region"],
+        ordered["region_counts"],
+        ordered["bounds"],
         base_kept,
         offsets[np.append(True, base_kept)],
         segments,
@@ -225,5 +223,5 @@ def _warnings(scene: TiledScene, joined: JoinedRegions, baseless: int) -> Iterat
         )
 
 
-def _quantiles(values: npt.NDArray[Any] | Float64, digits: int) -> list[float]:
+def _quantiles(values: AnyArray | Float64, digits: int) -> list[float]:
     return [round(float(value), digits) for value in np.quantile(values, QUANTILES)]

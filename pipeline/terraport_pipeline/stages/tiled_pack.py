@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import (
     AttributeScale,
@@ -23,7 +22,8 @@ from terraport_payload import (
     encode_glb,
     gltf_attribute_name,
 )
-from terraport_pipeline.model import Int32, Mesh
+from terraport_payload.types import AnyArray, Int32, Int64
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.region_ids import Surface, number_regions
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.pack import (
@@ -56,12 +56,15 @@ class Scales:
 
     step_m: float
     ranges: dict[str, AttributeRange]
-    """Of detail and base."""
+    """Range of every attribute over detail and base."""
 
     @property
     def attributes(self) -> dict[str, AttributeScale]:
-        """Scale of every attribute."""
-        return {n: choose_attribute_scale(found.values()) for n, found in self.ranges.items()}
+        """Quantisation of every attribute, from its range over all tiles."""
+        return {
+            n: choose_attribute_scale(value_range.values())
+            for n, value_range in self.ranges.items()
+        }
 
     def recorded(self) -> dict[str, Any]:
         """Plain values, for the keys of the payloads."""
@@ -72,7 +75,7 @@ class Scales:
 
 
 class PayloadFiles(Protocol):
-    """Where the payloads of tiles lie."""
+    """Access to the encoded payloads of every tile, in the work directory."""
 
     def __call__(self, tile: int) -> Stored:
         """Give what :func:`encode` made of one tile; arrays may be mapped."""
@@ -85,7 +88,7 @@ def scales_of(
     base: Mesh,
     spacing_m: float = 0.0,
 ) -> Scales:
-    """Choose the rounding for a scene."""
+    """Choose the quantisation that all payloads of a scene share."""
     sides = segmented.bounds[:, 3:].astype(np.float64) - segmented.bounds[:, :3]
     farthest = max(
         float(np.abs(scene.low).max()),
@@ -93,8 +96,8 @@ def scales_of(
         float(np.abs(base.vertices).max()),
     )
     ranges = {
-        name: found.plus(AttributeRange.of(base.attributes[name]))
-        for name, found in scene.attributes.items()
+        name: value_range.plus(AttributeRange.of(base.attributes[name]))
+        for name, value_range in scene.attributes.items()
     }
     return Scales(
         choose_step_m(float(sides.max()), farthest, spacing_m),
@@ -130,25 +133,25 @@ def encode(
         lengths; boxes and counts of the segments.
     """
     attributes = scales.attributes
-    made = list(
+    payloads = list(
         in_order(
-            lambda part: encode_payload(part, scales.step_m, attributes),
+            lambda piece: encode_payload(piece, scales.step_m, attributes),
             split_segments(mesh, segments, regions, textures),
             context.threads,
         )
     )
-    arrays: dict[str, npt.NDArray[Any]] = {
-        "bounds": np.array([payload.bounds for payload in made], np.float64),
-        "vertices": np.array([payload.vertices for payload in made], np.int64),
-        "faces": np.array([payload.faces for payload in made], np.int64),
-        "glb": np.frombuffer(b"".join(payload.glb for payload in made), np.uint8),
-        "glb_length": np.array([len(payload.glb) for payload in made], np.int64),
+    arrays: dict[str, AnyArray] = {
+        "bounds": np.array([payload.bounds for payload in payloads], np.float64),
+        "vertices": np.array([payload.vertices for payload in payloads], np.int64),
+        "faces": np.array([payload.faces for payload in payloads], np.int64),
+        "glb": np.frombuffer(b"".join(payload.glb for payload in payloads), np.uint8),
+        "glb_length": np.array([len(payload.glb) for payload in payloads], np.int64),
     }
     return Stored(arrays, {})
 
 
 def publish(
-    place: Path,
+    scene_dir: Path,
     base: Mesh,
     segmented: TiledSegmented,
     payloads: PayloadFiles,
@@ -164,7 +167,7 @@ def publish(
 
     Parameters
     ----------
-    place : Path
+    scene_dir : Path
         Scene directory; untouched until everything is written.
     base : Mesh
         The whole base, as it was covered.
@@ -189,6 +192,7 @@ def publish(
     SceneStoreError
         The disk is full, or somebody else publishes the same scene; nothing half-written is left.
     """
+    # (1) Room on the disk, before anything is written.
     progress = context.progress
     kept = kept_faces(base, segmented.base_kept)
     count = len(segmented.tile)
@@ -197,7 +201,8 @@ def publish(
     if textured is not None:
         images, info = textured
         expected += info.image_bytes + len(images.images)
-    with SceneWriter(place, expected_bytes=expected) as writer:
+    with SceneWriter(scene_dir, expected_bytes=expected) as writer:
+        # (2) Payloads in order of segment numbers, whichever tile holds them.
         progress.start("pack: segments", float(count), "segments")
         payload_bytes = []
         for number, payload in enumerate(_by_number(segmented, payloads)):
@@ -212,6 +217,7 @@ def publish(
             payload_bytes.append(len(payload.glb))
             progress.advance(1)
         progress.done({})
+        # (3) The base; its faces keep their order, because the cover names them by number.
         progress.start("pack: base", None, "faces")
         attributes = scales.attributes
         glb = encode_glb(
@@ -222,8 +228,10 @@ def publish(
         )
         writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
         progress.done({})
-        numbered = number_regions(place, segmented.region_facts, surface, progress)
+        # (4) Regions with their stable ids; the writer's lock is held since (1).
+        numbered = number_regions(scene_dir, segmented.region_facts, surface, progress)
         writer.set_regions(numbered.document)
+        # (5) The manifest last: readers see the old scene until it is there, then the new one.
         progress.start("pack: publish", None, "files")
         x, y, z = about.origin.tolist()
         manifest = writer.publish(
@@ -249,7 +257,7 @@ def publish(
 
 def _by_number(segmented: TiledSegmented, payloads: PayloadFiles) -> Iterator[Payload]:
     """Read every payload in the order of the scene's segments."""
-    opened: dict[int, tuple[Stored, npt.NDArray[np.int64]]] = {}
+    opened: dict[int, tuple[Stored, Int64]] = {}
     for tile, within in zip(segmented.tile.tolist(), segmented.within.tolist(), strict=True):
         if tile not in opened:
             stored = payloads(tile)
@@ -268,16 +276,16 @@ def _attribute_infos(
     ranges: Mapping[str, AttributeRange], scales: Mapping[str, AttributeScale]
 ) -> tuple[AttributeInfo, ...]:
     infos = []
-    for name, found in ranges.items():
-        known = found.low <= found.high
+    for name, value_range in ranges.items():
+        has_values = value_range.low <= value_range.high
         infos.append(
             AttributeInfo(
                 name=name,
                 gltf_name=gltf_attribute_name(name),
                 offset=scales[name].offset,
                 step=scales[name].step,
-                min=found.low if known else None,
-                max=found.high if known else None,
+                min=value_range.low if has_values else None,
+                max=value_range.high if has_values else None,
             )
         )
     return tuple(infos)

@@ -19,8 +19,8 @@ from dataclasses import dataclass, fields
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float32, Float64, Int32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.face_measures import extent_of_area, longest_edge, surface_area
@@ -39,7 +39,7 @@ from terraport_pipeline.geometry.tiled_means import (
     join_tiles,
     tile_units,
 )
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Stored
 from terraport_pipeline.stages.region_engine import means_segmenter
 from terraport_pipeline.stages.segment import MAX_REGIONS, Options
@@ -66,7 +66,7 @@ CUT_BYTES_PER_FACE: Final = 350
 
 @dataclass(frozen=True, slots=True)
 class AttributeRange:
-    """Values of one attribute, NaN left out."""
+    """Least and largest value of one attribute, NaN left out, and whether all are whole."""
 
     low: float
     high: float
@@ -76,16 +76,16 @@ class AttributeRange:
 
     @classmethod
     def of(cls, values: Float32) -> AttributeRange:
-        """Look at the values of one mesh."""
-        known = values[~np.isnan(values)]
-        if not len(known):
+        """Measure the range of one mesh's values."""
+        valid = values[~np.isnan(values)]
+        if not len(valid):
             return cls(1.0, 0.0, None)
-        broken = known[known != np.rint(known)]
+        broken = valid[valid != np.rint(valid)]
         fraction = float(broken.min()) if len(broken) else None
-        return cls(float(known.min()), float(known.max()), fraction)
+        return cls(float(valid.min()), float(valid.max()), fraction)
 
     def plus(self, other: AttributeRange) -> AttributeRange:
-        """Take in another part's values."""
+        """Unite it with the range of another piece of the surface."""
         if self.high < self.low:
             return other
         if other.high < other.low:
@@ -105,10 +105,10 @@ class AttributeRange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TiledScene:
-    """What is known of all tiles together."""
+    """Sums and bounds over all tiles that the passes need before they start."""
 
     faces: tuple[int, ...]
-    """Of every tile."""
+    """Number of faces of every tile."""
     vertices: int
     area_m2: float
     low: Float64
@@ -122,16 +122,16 @@ class TiledScene:
 
     @property
     def face_count(self) -> int:
-        """Of all tiles."""
+        """Number of faces of the detail over all tiles."""
         return sum(self.faces)
 
     def scale(self, options: Options) -> MeansScale:
         """Make what the units of every tile are made by."""
-        segmenter = means_segmenter(options.region_threshold, options.region_small)
+        segmenter = means_segmenter(options)
         return MeansScale(segmenter, self.totals, self.longest_m)
 
     def max_extent_m(self, options: Options) -> float:
-        """Bound that segments are cut to."""
+        """Longest side of a segment's box: as asked for, or chosen by the density of faces."""
         widest = float((self.high - self.low).max())
         return options.max_extent_m or extent_of_area(
             self.area_m2, self.face_count, widest, options.max_faces
@@ -192,16 +192,18 @@ def measure(mesh: Mesh, context: Context) -> Stored:
 
 def scene_of(tiles: Sequence[Stored]) -> TiledScene:
     """Add up what :func:`measure` found in every tile."""
+    # (1) Sums of colours, which add up exactly.
     values = [tile.values for tile in tiles]
     totals = None
     for tile in tiles:
-        part = ColourTotals(
+        totals_of_tile = ColourTotals(
             tile.values["faces"],
             np.array(tile.arrays["whole"], np.int64),
             np.array(tile.arrays["products"], np.int64),
         )
-        totals = part if totals is None else totals.plus(part)
+        totals = totals_of_tile if totals is None else totals.plus(totals_of_tile)
     assert totals is not None
+    # (2) Open edges of different tiles at the same place are one seam.
     seams = match_seams(
         [
             OpenEdges(
@@ -211,11 +213,14 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
             for tile in tiles
         ]
     )
+    # (3) Ranges of the attributes.
     attributes: dict[str, AttributeRange] = {}
     for value in values:
-        for name, told in value["attributes"].items():
-            found = AttributeRange(*told)
-            attributes[name] = attributes[name].plus(found) if name in attributes else found
+        for name, stored_range in value["attributes"].items():
+            value_range = AttributeRange(*stored_range)
+            attributes[name] = (
+                attributes[name].plus(value_range) if name in attributes else value_range
+            )
     return TiledScene(
         tuple(int(value["faces"]) for value in values),
         sum(int(value["vertices"]) for value in values),
@@ -232,7 +237,7 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
 def units(mesh: Mesh, tile: int, scene: TiledScene, options: Options, context: Context) -> Stored:
     """Unite one tile's faces up to the fine pools."""
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=context.threads)
-    made = tile_units(
+    united = tile_units(
         mesh.vertices,
         mesh.faces,
         mesh.colours,
@@ -241,11 +246,11 @@ def units(mesh: Mesh, tile: int, scene: TiledScene, options: Options, context: C
         scene.scale(options),
     )
     arrays = {
-        field.name: getattr(made, field.name)
-        for field in fields(made)
+        field.name: getattr(united, field.name)
+        for field in fields(united)
         if field.name != "edge_steps"
     }
-    return Stored(arrays, {"edge_steps": list(made.edge_steps)})
+    return Stored(arrays, {"edge_steps": list(united.edge_steps)})
 
 
 def regions(
@@ -268,7 +273,7 @@ def regions(
     """
     seams = scene.seams
     at_seams = np.zeros(seams.faces.shape, np.int32)
-    made = []
+    units_of_tile = []
     for number, tile in enumerate(tiles):
         labels = tile.arrays["labels"]
         for side in (0, 1):
@@ -277,12 +282,14 @@ def regions(
         arrays: dict[str, Any] = {name: np.asarray(a) for name, a in tile.arrays.items()}
         arrays["labels"] = np.zeros(0, np.int32)
         one, other = tile.values["edge_steps"]
-        made.append(TileUnits(**arrays, edge_steps=(int(one), int(other))))
-    joined = join_tiles(made, at_seams, seams, scene.scale(options), threads=context.threads)
+        units_of_tile.append(TileUnits(**arrays, edge_steps=(int(one), int(other))))
+    joined = join_tiles(
+        units_of_tile, at_seams, seams, scene.scale(options), threads=context.threads
+    )
     if joined.count > MAX_REGIONS:
         raise OptionError(
             f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: "
-            "change --region-threshold or raise --region-small"
+            "raise --small-region-share or --means-spread"
         )
     return joined
 
@@ -321,11 +328,12 @@ def cut(
     Stored
         For ``tiled_join.py``.
     """
+    # (1) Regions and pools of the faces, from those of their units.
     threads = context.threads
     fine, region = of_unit
     faces_region: Int32 = region[labels]
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=threads)
-    found = build_segments(
+    segments = build_segments(
         mesh.vertices,
         mesh.faces,
         fine[labels],
@@ -339,7 +347,8 @@ def cut(
         pairs=pairs,
         threads=threads,
     )
-    ragged = raggedness(mesh.vertices, mesh.faces, found, threads=threads)
+    # (2) Shape of the segments, sums of the regions' facts; sums of tiles add up to the scene's.
+    ragged = raggedness(mesh.vertices, mesh.faces, segments, threads=threads)
     present, dense = np.unique(faces_region, return_inverse=True)
     totals = tile_totals(
         mesh.vertices,
@@ -353,21 +362,22 @@ def cut(
         bins=slope_bins(region_count),
     )
     del pairs, dense
+    # (3) Base faces under the segments; the whole base, as one may lie under several tiles.
     cover = tile_cover(
         base.vertices,
         base.faces,
         mesh.vertices,
         mesh.faces,
-        found.labels,
+        segments.labels,
         tolerance_m=tolerance_m,
         threads=threads,
     )
-    arrays: dict[str, npt.NDArray[Any]] = {
-        "segments": found.labels,
-        "face_counts": found.face_counts,
-        "bounds": found.bounds,
-        "main_region": found.main_region,
-        "region_counts": found.region_counts,
+    arrays: dict[str, AnyArray] = {
+        "segments": segments.labels,
+        "face_counts": segments.face_counts,
+        "bounds": segments.bounds,
+        "main_region": segments.main_region,
+        "region_counts": segments.region_counts,
         "ragged": ragged,
         "cover_face": cover.base_face,
         "cover_segment": cover.segment,
@@ -378,7 +388,7 @@ def cut(
         arrays,
         {
             "exceptions": {
-                f.name: getattr(found.exceptions, f.name) for f in fields(SegmentExceptions)
+                f.name: getattr(segments.exceptions, f.name) for f in fields(SegmentExceptions)
             },
             "far_faces": cover.far_faces,
             "baseless_faces": cover.baseless_faces,
@@ -386,8 +396,8 @@ def cut(
     )
 
 
-def totals_of(arrays: Mapping[str, npt.NDArray[Any]]) -> RegionTotals:
-    """Read a tile's sums back."""
+def totals_of(arrays: Mapping[str, AnyArray]) -> RegionTotals:
+    """Rebuild a tile's region totals from its stored arrays."""
     return RegionTotals(
         **{f.name: np.asarray(arrays[f"totals_{f.name}"]) for f in fields(RegionTotals)}
     )

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.level_sums import (
@@ -38,7 +38,7 @@ from terraport_pipeline.geometry.seams import Nodes, Seams, find_seams, label_no
 from terraport_pipeline.geometry.tile_band import Banded
 from terraport_pipeline.geometry.view_candidates import Candidates
 from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.model import Float32, Float64, Int32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import choose_views as choosing
 from terraport_pipeline.stages.contract import Context, Stored
 from terraport_pipeline.stages.texture import Options, texture_mesh
@@ -73,7 +73,7 @@ _BINS_PER_LEVEL: Final = 4
 class Levels:
     """The smooth corrections of a whole scene; C cells."""
 
-    keys: npt.NDArray[np.int64]
+    keys: Int64
     """(C,) place and view."""
     level: Float64
     """(C, 3) sRGB levels."""
@@ -87,7 +87,7 @@ class _Settled:
     candidates: Candidates
     nodes: Nodes
     seams: Seams
-    own_sides: npt.NDArray[np.uint8]
+    own_sides: UInt8
     """(S,) how many of the two faces at every seam are the tile's own."""
     border_pairs: tuple[int, int]
     """Edges between two of the tile's own faces, and between one and a neighbour's."""
@@ -96,7 +96,7 @@ class _Settled:
 def _settled(
     tiles: DetailTiles,
     tile: int,
-    chosen: Sequence[Mapping[str, npt.NDArray[Any]]],
+    chosen: Sequence[Mapping[str, AnyArray]],
     gains: Float32,
     scale: TextureScale,
     context: Context,
@@ -114,8 +114,8 @@ def _settled(
     """
     piece = banded(tiles, tile, _BAND_EDGES * scale.edge_m)
 
-    def rows(name: str) -> npt.NDArray[Any]:
-        return np.concatenate([chosen[number][name][rows] for number, rows in piece.parts])
+    def rows(name: str) -> AnyArray:
+        return np.concatenate([chosen[number][name][rows] for number, rows in piece.rows_of_tiles])
 
     view = rows("view").astype(np.int32)
     seen = rows("candidate_view")
@@ -136,7 +136,7 @@ def _settled(
 def level(
     tiles: DetailTiles,
     tile: int,
-    chosen: Sequence[Mapping[str, npt.NDArray[Any]]],
+    chosen: Sequence[Mapping[str, AnyArray]],
     gains: Float32,
     scale: TextureScale,
     context: Context,
@@ -145,32 +145,34 @@ def level(
 
     Seams across the border count half: the tile beyond adds the other half.
     """
-    found = _settled(tiles, tile, chosen, gains, scale, context)
+    settled = _settled(tiles, tile, chosen, gains, scale, context)
     sums, _ = level_sums(
-        found.piece.vertices, found.nodes, found.seams, scale.levels, own=found.piece.own,
-        share=found.own_sides.astype(np.float64) * 0.5,
+        settled.piece.vertices, settled.nodes, settled.seams, scale.levels, own=settled.piece.own,
+        share=settled.own_sides.astype(np.float64) * 0.5,
     )  # fmt: skip
     short = shorter_sums(sums)
     return Stored({field.name: getattr(short, field.name) for field in fields(LevelSums)}, {})
 
 
-def solve(parts: Sequence[Mapping[str, npt.NDArray[Any]]]) -> Levels:
+def solve(sums_of_tiles: Sequence[Mapping[str, AnyArray]]) -> Levels:
     """Level the whole scene; parts from :func:`level`."""
     sums = joined_sums(
         [
-            LevelSums(**{field.name: np.array(part[field.name]) for field in fields(LevelSums)})
-            for part in parts
+            LevelSums(
+                **{field.name: np.array(sums_of_tile[field.name]) for field in fields(LevelSums)}
+            )
+            for sums_of_tile in sums_of_tiles
         ]
     )
-    found, _ = solve_levels(sums)
-    return Levels(sums.keys, found)
+    solution, _ = solve_levels(sums)
+    return Levels(sums.keys, solution)
 
 
 def draw(
     tiles: DetailTiles,
     tile: int,
     segments: Int32,
-    chosen: Sequence[Mapping[str, npt.NDArray[Any]]],
+    chosen: Sequence[Mapping[str, AnyArray]],
     levels: Levels,
     opened: OpenPhotos,
     gains: Float32,
@@ -195,16 +197,18 @@ def draw(
     Stored
         For :func:`tile_textures`, with sums.
     """
-    found = _settled(tiles, tile, chosen, gains, scale, context)
+    settled = _settled(tiles, tile, chosen, gains, scale, context)
     field, cell = field_of_piece(
-        found.piece.vertices, found.nodes, scale.levels, levels.keys, levels.level
+        settled.piece.vertices, settled.nodes, scale.levels, levels.keys, levels.level
     )
-    smooth = node_levels(field, found.piece.vertices, found.nodes, cell, threads=context.threads)
+    smooth = node_levels(
+        field, settled.piece.vertices, settled.nodes, cell, threads=context.threads
+    )
     blend = blend_seams(
-        found.nodes, found.seams, smooth, found.candidates,
+        settled.nodes, settled.seams, smooth, settled.candidates,
         rings=choosing.Options().blend_rings, threads=context.threads,
     )  # fmt: skip
-    own = found.piece.own
+    own = settled.piece.own
     choice = ViewChoice(
         view=np.asarray(chosen[tile]["view"], np.int32),
         blend_view=blend.view[own],
@@ -212,8 +216,8 @@ def draw(
         correction=blend.correction[own],
         gains=gains,
     )
-    steps = _step_sums(found, smooth, blend)
-    del found, field, cell, smooth, blend
+    steps = _step_sums(settled, smooth, blend)
+    del settled, field, cell, smooth, blend
     return _drawn(tiles.load(tile), tile, segments, opened, choice, options, context, steps)
 
 
@@ -224,7 +228,7 @@ def draw_plain(
     return _drawn(mesh, tile, segments, None, None, options, context, {})
 
 
-def tile_textures(arrays: Mapping[str, npt.NDArray[Any]]) -> TextureSet:
+def tile_textures(arrays: Mapping[str, AnyArray]) -> TextureSet:
     """Read a tile's textures back; arrays may be mapped."""
     return TextureSet(
         wedges=np.asarray(arrays["wedges"], np.uint16),
@@ -242,16 +246,16 @@ def _drawn(
     choice: ViewChoice | None,
     options: Options,
     context: Context,
-    steps: dict[str, npt.NDArray[Any]],
+    steps: dict[str, AnyArray],
 ) -> Stored:
-    made = texture_mesh(
+    atlases = texture_mesh(
         mesh, segments, () if opened is None else opened.views,
         None if opened is None else opened.photos, choice, options,
         max_side=options.max_side, path=context.scratch / f"{tile:04d}.images",
         threads=context.threads, progress=context.progress, label="texture: atlases",
     )  # fmt: skip
-    textures = made.textures
-    tally = made.sums.tally()
+    textures = atlases.textures
+    tally = atlases.sums.tally()
     return Stored(
         {
             "wedges": textures.wedges,
@@ -261,25 +265,25 @@ def _drawn(
             **tally.arrays(),
             **steps,
         },
-        {"charts": made.sums.charts, "used": made.sums.used},
+        {"charts": atlases.sums.charts, "used": atlases.sums.used},
     )
 
 
-def _step_sums(found: _Settled, smooth: Float32, blend: Blend) -> dict[str, npt.NDArray[Any]]:
+def _step_sums(settled: _Settled, smooth: Float32, blend: Blend) -> dict[str, AnyArray]:
     """Sum up the steps across seams, within the tile and across its border.
 
     Two rows everywhere: within, across (half of it: the tile beyond has the other half).
     ``steps_edges``: edges, and those that part two photos; ``steps_X``: their lengths, by the size
     of the step.
     """
-    seams = found.seams
-    share = 0.5 * found.own_sides
-    rows = [found.own_sides == 2, found.own_sides == 1]
-    arrays: dict[str, npt.NDArray[Any]] = {
+    seams = settled.seams
+    share = 0.5 * settled.own_sides
+    rows = [settled.own_sides == 2, settled.own_sides == 1]
+    arrays: dict[str, AnyArray] = {
         "steps_edges": np.array(
             [
                 [count * half, float(row.sum()) * half]
-                for count, row, half in zip(found.border_pairs, rows, (1.0, 0.5), strict=True)
+                for count, row, half in zip(settled.border_pairs, rows, (1.0, 0.5), strict=True)
             ]
         )
     }

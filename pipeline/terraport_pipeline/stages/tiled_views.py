@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, Float64
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.face_cells import CellGrid
@@ -21,13 +22,13 @@ from terraport_pipeline.geometry.mesh_blocks import mesh_blocks
 from terraport_pipeline.geometry.seam_levels import LevelGrid
 from terraport_pipeline.geometry.tile_band import (
     Banded,
-    TilePart,
+    TilePiece,
     faces_outside,
-    part_near,
+    piece_near,
     touching,
     with_band,
 )
-from terraport_pipeline.model import Float32, Float64, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import choose_views as choosing
 from terraport_pipeline.stages.contract import Context, Stored
 from terraport_pipeline.stages.tiled_segment import TiledScene
@@ -51,7 +52,7 @@ class TextureScale:
     """(3,) lowest corner of the scene."""
     extent_m: float
     edge_m: float
-    """Mean edge."""
+    """Mean length of the detail's edges, metres."""
 
     @classmethod
     def of(cls, scene: TiledScene) -> TextureScale:
@@ -60,7 +61,7 @@ class TextureScale:
         return cls(scene.low, float((scene.high - scene.low).max()), edge_m)
 
     def recorded(self) -> dict[str, Any]:
-        """Plain values, for keys."""
+        """Convert to plain values, for the keys of the passes."""
         return {"low": self.low.tolist(), "extent_m": self.extent_m, "edge_m": self.edge_m}
 
     @property
@@ -70,7 +71,7 @@ class TextureScale:
 
     @property
     def levels(self) -> LevelGrid:
-        """Cells of the smooth corrections."""
+        """Grid of the cells that global levelling has an unknown for."""
         return LevelGrid.over(self.low, self.extent_m, self.edge_m)
 
 
@@ -79,16 +80,16 @@ def banded(tiles: DetailTiles, tile: int, reach_m: float) -> Banded:
     boxes = np.stack([tiles.box(number) for number in range(tiles.count)])
     numbers = sorted([tile, *touching(boxes, tile, reach_m)])
 
-    def parts() -> Iterator[TilePart]:
+    def pieces() -> Iterator[TilePiece]:
         for number in numbers:
             mesh, border = tiles.load(number), tiles.border(number)
             box = None if number == tile else boxes[tile]
-            yield part_near(
+            yield piece_near(
                 number, mesh.vertices, mesh.faces, mesh.colours, (border.rows, border.ids), box,
                 reach_m,
             )  # fmt: skip
 
-    return with_band(parts(), tile)
+    return with_band(pieces(), tile)
 
 
 def choose(
@@ -129,24 +130,24 @@ def choose(
         np.concatenate([piece.faces, base.faces[far] + np.int32(len(piece.vertices))]),
         threads=context.threads,
     )
-    found = choosing.choose_labels(
+    labelling = choosing.choose_labels(
         blocks, piece.colours, opened.views, opened.photos, rays, gains, choosing.Options(),
         context.threads, context.progress, grid=scale.cells,
     )  # fmt: skip
     own = blocks.face_places()[piece.own]
-    seen = found.candidates.view[own]
+    seen = labelling.candidates.view[own]
     return Stored(
         {
-            "view": found.view[own].astype(np.int16),
+            "view": labelling.view[own].astype(np.int16),
             "candidate_view": seen,
-            "candidate_colour": found.candidates.colour[own],
+            "candidate_colour": labelling.candidates.colour[own],
         },
         {
             "faces_seen": int((seen[:, 0] >= 0).sum()),
-            "faces_unseen": int((found.view[own] < 0).sum()),
-            "rays": int(found.facts["rays"]),
-            "faces_rated": int(found.facts["faces_rated"]),
-            "outliers": int(found.facts.get("outliers", 0)),
-            "faces_borrowed": int(found.borrowed[own].sum()),
+            "faces_unseen": int((labelling.view[own] < 0).sum()),
+            "rays": int(labelling.facts["rays"]),
+            "faces_rated": int(labelling.facts["faces_rated"]),
+            "outliers": int(labelling.facts.get("outliers", 0)),
+            "faces_borrowed": int(labelling.borrowed[own].sum()),
         },
     )

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.geometry.border import BorderFacts, measure_border
 from terraport_pipeline.geometry.chunks import side_by_side
@@ -23,7 +24,6 @@ from terraport_pipeline.geometry.support import (
     support_threshold,
 )
 from terraport_pipeline.geometry.trim import compact, island_mask
-from terraport_pipeline.model import Float32, Int32
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Json
 
@@ -51,7 +51,7 @@ through the wall. (Without this the base of a quarry's highwall had holes of sev
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrimmedDetail:
-    """A detail surface between its edges."""
+    """The detail cut to its edges, the wider cut for the base, and how clean the edge is."""
 
     vertices: Float32
     faces: Int32
@@ -70,9 +70,9 @@ class SampledGround:
     tree: cKDTree
     """Over the cloud's points."""
     outline: Footprint
-    """Of the detail."""
+    """Outline that the detail is cut to."""
     wide: Footprint
-    """Of the surface with a hem."""
+    """Outline of the surface that the base is thinned from, with its hem."""
 
 
 def sampled_ground(cleaned: Cleaned) -> SampledGround:
@@ -123,13 +123,16 @@ def trim_detail(
     SurveyError
         Nothing is left.
     """
+    # (1) Support of every vertex, and from its distribution where to cut.
     spacing_m, local_m = cleaned.cloud.spacing_m, cleaned.local_spacing_m
 
-    def ratio_of(places: Float32) -> Float32:
-        return support_ratio(places, ground.tree, local_m, spacing_m, workers=threads)
+    def ratio_of(points: Float32) -> Float32:
+        return support_ratio(points, ground.tree, local_m, spacing_m, workers=threads)
 
     ratio = ratio_of(vertices)
     threshold = support_threshold(support_histogram(vertices, faces, ratio), largest=largest)
+    # (2) Two rules: the detail's edge, and farther out that of the surface the base is made of,
+    # so that the base reaches under the detail's rim.
     outline = ground.outline
     rule = EdgeRule(threshold, largest, spacing_m, outline)
     hem = replace(
@@ -150,6 +153,7 @@ def trim_detail(
         coarse = faces[(ratio <= largest)[faces].all(axis=1)]
         return measure_border(vertices, coarse, outline, ratio_of, spacing_m)
 
+    # (3) Both cuts, and what a coarser rule would have left, to compare.
     (cut_vertices, cut_faces, islands), (*wide, _), before = side_by_side(
         [lambda: cut(rule), lambda: cut(hem), measure_before], threads=threads
     )
@@ -158,6 +162,7 @@ def trim_detail(
             f"no surface lies within {largest} spacings of the {ground.tree.n} samples; are they "
             "scattered in space rather than on a surface? raise --trim-spacings to see"
         )
+    # (4) How clean the edge is now.
     after = measure_border(cut_vertices, cut_faces, outline, ratio_of, spacing_m)
     counts = {
         "support_threshold": rule.threshold,

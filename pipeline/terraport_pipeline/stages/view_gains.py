@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float32
 from terraport_pipeline.geometry.chunks import in_chunks
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
@@ -19,7 +20,7 @@ from terraport_pipeline.geometry.occlusion import Occluder
 from terraport_pipeline.geometry.photo_gains import MAX_VIEWS, Sightings, solve_gains
 from terraport_pipeline.geometry.photo_samples import neutral_gains
 from terraport_pipeline.geometry.view_candidates import SLOTS, face_radii
-from terraport_pipeline.model import Float32, Mesh
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages.choose_views import Options, Photos, collect
 
@@ -100,16 +101,16 @@ def find_gains(
     lenses = {view.lens: 0 for view in views}
     numbers = {lens: number for number, lens in enumerate(lenses)}
     lens_of_view = np.array([numbers[view.lens] for view in views], np.int32)
-    found = solve_gains(sightings, len(views), lens_of_view, vignetting=vignetting)
-    photos_only = found.gains[:-1, :3]
+    exposures = solve_gains(sightings, len(views), lens_of_view, vignetting=vignetting)
+    photos_only = exposures.gains[:-1, :3]
     facts = {
-        "gain_sightings": found.sightings,
-        "gain_spread_before": found.spread_before,
-        "gain_spread_after": found.spread_after,
+        "gain_sightings": exposures.sightings,
+        "gain_spread_before": exposures.spread_before,
+        "gain_spread_after": exposures.spread_after,
         "gain_least": float(photos_only.min()),
         "gain_most": float(photos_only.max()),
     }
-    return Gains(found.gains, facts)
+    return Gains(exposures.gains, facts)
 
 
 def _sightings(

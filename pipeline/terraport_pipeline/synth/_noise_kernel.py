@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from terraport_pipeline.model import Float32, Float64
+from terraport_payload.types import Float32, Float64
 
 __all__ = ["fractal_kernel"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 
 __all__ = ["FIELDS", "develop_rows", "fields_at"]
 
@@ -96,7 +96,7 @@ def develop_rows(
                 bits = _mixed(seed ^ _mixed(number + np.uint64(k)))
                 # Four 16-bit numbers: their sum is nearly normal, with variance 1/3.
                 total = 0.0
-                for part in range(4):
-                    total += float((bits >> np.uint64(16 * part)) & np.uint64(0xFFFF)) / 65536.0
+                for quarter in range(4):
+                    total += float((bits >> np.uint64(16 * quarter)) & np.uint64(0xFFFF)) / 65536.0
                 value = 255.0 * value + (total - 2.0) * 1.7320508 * noise
                 result[y, x, k] = np.uint8(min(max(value + 0.5, 0.0), 255.0))

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from terraport_pipeline.model import Float32, Float64, UInt8
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.synth.fine_pattern import paint_fine_pattern
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.noise import Noise

@@ -10,13 +10,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Bool, Float64, Int64
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
-from terraport_pipeline.synth.triangulate import Int64
 
 __all__ = ["BUSH", "ROCK", "TREE", "Blobs"]
 
@@ -61,9 +59,9 @@ class Blobs:
         stone = self.kind[body] == ROCK
         reach[stone] = self._plane_distances(body[stone], directions[stone]).min(axis=1)
         b, d = body[~stone], directions[~stone]
-        place = 13.0 * b
-        leaves = self._noise(2.2 * d[:, 0] + place, 2.2 * d[:, 1], wavelength=1.0, octaves=2)
-        leaves += self._noise(2.2 * d[:, 2] + place, 2.2 * d[:, 0], wavelength=1.0, octaves=2)
+        shift = 13.0 * b
+        leaves = self._noise(2.2 * d[:, 0] + shift, 2.2 * d[:, 1], wavelength=1.0, octaves=2)
+        leaves += self._noise(2.2 * d[:, 2] + shift, 2.2 * d[:, 0], wavelength=1.0, octaves=2)
         reach[~stone] = 0.85 + 0.28 * leaves
         return reach
 
@@ -85,12 +83,12 @@ class Blobs:
         result: Float64 = local / np.linalg.norm(local, axis=1, keepdims=True)
         return result
 
-    def contain(self, points: Float64, body: Int64) -> npt.NDArray[np.bool_]:
+    def contain(self, points: Float64, body: Int64) -> Bool:
         """Say for each point (N, 3) whether it lies inside the body (N,) named for it."""
         local = (points - self.centres[body]) / self.radii[body]
         distance = np.linalg.norm(local, axis=1)
         unit = local / np.maximum(distance, 1e-9)[:, None]
-        result: npt.NDArray[np.bool_] = distance < self.reach(body, unit)
+        result: Bool = distance < self.reach(body, unit)
         return result
 
     def _plane_distances(self, body: Int64, directions: Float64) -> Float64:
@@ -142,9 +140,9 @@ def _place_plants(
     return centres, radii
 
 
-def _level(terrain: Terrain, places: Float64, step: float) -> Float64:
+def _level(terrain: Terrain, points: Float64, step: float) -> Float64:
     """Height difference across each place over 2 `step` in x and y."""
-    u, v = places[:, 0], places[:, 1]
+    u, v = points[:, 0], points[:, 1]
     z = [
         terrain.positions(u + du, v + dv)[:, 2]
         for du, dv in ((step, 0), (-step, 0), (0, step), (0, -step))

@@ -11,41 +11,39 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64, Int32
+from terraport_payload.types import Float64, Int32, Int64
 from terraport_pipeline.synth.triangulate import icosphere
 
 __all__ = ["BODIES", "block", "gear", "sphere", "stairs", "torus"]
 
 Body = tuple[Float64, Int32]
-_Int64 = npt.NDArray[np.int64]
 
 _ROUND: Final = 192
 """Corners of a circle."""
 
 
 def sphere() -> Body:
-    """Make a ball of half a metre radius."""
+    """Make a sphere of half a metre radius."""
     unit, faces = icosphere(5)
     return 0.5 * unit, faces.astype(np.int32)
 
 
 def torus() -> Body:
-    """Make a ring: radii 0.36 and 0.14."""
+    """Make a torus: radii 0.36 and 0.14 metres."""
     n, m = _ROUND, _ROUND // 2
     around, across = np.meshgrid(
         np.arange(n) * 2 * np.pi / n, np.arange(m) * 2 * np.pi / m, indexing="ij"
     )
     radius = 0.36 + 0.14 * np.cos(across)
-    places = np.stack(
+    vertices = np.stack(
         [radius * np.cos(around), 0.14 * np.sin(across), radius * np.sin(around)], axis=-1
     )
     i, j = np.meshgrid(np.arange(n), np.arange(m), indexing="ij")
     a, b = i * m + j, (i + 1) % n * m + j
     c, d = i * m + (j + 1) % m, (i + 1) % n * m + (j + 1) % m
     faces = np.stack([a, c, b, b, c, d], axis=-1).reshape(-1, 3)
-    return places.reshape(-1, 3), faces.astype(np.int32)
+    return vertices.reshape(-1, 3), faces.astype(np.int32)
 
 
 def block() -> Body:
@@ -64,7 +62,7 @@ def gear() -> Body:
 
 
 def stairs() -> Body:
-    """Make three steps."""
+    """Make three steps of a stair, as a closed body."""
     outline = np.array([[0, 0], [3, 0], [3, 1], [2, 1], [2, 2], [1, 2], [1, 3], [0, 3]], np.float64)
     outline = (outline - 1.5) / 3.2
     count = len(outline)
@@ -73,7 +71,7 @@ def stairs() -> Body:
     following = (rim + 1) % count
     plan = np.concatenate([outline, middle])
     size = len(plan)
-    places = np.concatenate(
+    vertices = np.concatenate(
         [np.column_stack([plan, np.full(size, z)]) for z in (-0.4, 0.4)]
     )  # lower, then upper end along z
     front = np.stack([rim, following, np.full(count, count)], axis=1) + size
@@ -84,7 +82,7 @@ def stairs() -> Body:
             np.stack([rim, following + size, rim + size], axis=1),
         ]
     )
-    return places, np.concatenate([front, back, walls]).astype(np.int32)
+    return vertices, np.concatenate([front, back, walls]).astype(np.int32)
 
 
 def _extruded(outer: Float64, hole_radius: float, *, height: float) -> Body:
@@ -100,7 +98,7 @@ def _extruded(outer: Float64, hole_radius: float, *, height: float) -> Body:
             rings.append(ring)
     low_out, high_out, low_in, high_in = (np.arange(n, dtype=np.int64) + k * n for k in range(4))
 
-    def strip(first: _Int64, second: _Int64) -> _Int64:
+    def strip(first: Int64, second: Int64) -> Int64:
         """Quads from one ring to the next: outward where `first` is below and angles grow left."""
         turn = np.roll(np.arange(n), -1)
         a, b, c, d = first, first[turn], second[turn], second

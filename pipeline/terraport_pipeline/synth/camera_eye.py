@@ -15,18 +15,16 @@ from os import cpu_count
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.engines.rays import Hits, RayScene
 from terraport_pipeline.geometry.lens import Lens, View
-from terraport_pipeline.model import Float32, Float64, Int32, UInt8
 from terraport_pipeline.synth._photo_kernels import FIELDS, fields_at
 from terraport_pipeline.synth.appearance import SUN, Sunlight, lit_colours
 from terraport_pipeline.synth.blobs import ROCK, TREE
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import GROUND, Surface, SurfacePoints, ground_material
-from terraport_pipeline.synth.triangulate import Int64
 from terraport_pipeline.synth.truck import REACH, Truck
 
 __all__ = ["NOTHING", "TRUCK", "TRUCK_SHADOW", "CameraEye", "Seen"]
@@ -135,10 +133,10 @@ class CameraEye:
         step = max(1, _BAND_PIXELS // width) * width
 
         def draw(first: int) -> None:
-            part = slice(first, first + step)
-            headings = local[part] @ view.rotation.astype(np.float32)
-            found = self._trace(view, headings, truck)
-            colours[part], what[part], body[part], distance[part] = found
+            chunk = slice(first, first + step)
+            headings = local[chunk] @ view.rotation.astype(np.float32)
+            traced = self._trace(view, headings, truck)
+            colours[chunk], what[chunk], body[chunk], distance[chunk] = traced
 
         def refine(rows: Int64) -> None:
             total = colours[rows].astype(np.float64)
@@ -148,6 +146,7 @@ class CameraEye:
                 total += self._trace(view, view.rays(pixels).astype(np.float32), truck)[0]
             colours[rows] = total / (1 + len(_AROUND))
 
+        # One ray a pixel, then more along outlines only, where one ray would leave steps.
         with ThreadPoolExecutor(self._threads) as pool:
             list(pool.map(draw, range(0, height * width, step)))
             edge = np.flatnonzero(_outline(what, body, distance, height, width))
@@ -198,6 +197,7 @@ class CameraEye:
     ) -> tuple[Float32, UInt8, Int32, Float32]:
         count = len(headings)
         origin = view.position.astype(np.float32)
+        # (1) What meets nothing shows the land around or the sky.
         hits = self.rays.intersect(np.broadcast_to(origin, headings.shape), headings)
         colours = np.empty((count, 3), dtype=np.float32)
         missed = np.flatnonzero(hits.face < 0)
@@ -205,6 +205,7 @@ class CameraEye:
         what = np.full(count, NOTHING, dtype=np.uint8)
         body = np.full(count, -2, dtype=np.int32)
         distance = hits.t.copy()
+        # (2) Material and light of what is met, by the width of a pixel there.
         met = np.flatnonzero(hits.face >= 0)
         if len(met):
             face = hits.face[met]
@@ -225,6 +226,7 @@ class CameraEye:
                 footprint=wide / self.options.scale,
                 unblocked=free,
             )
+        # (3) The truck in front of it.
         if truck is not None:
             self._draw_truck(view, headings, truck, colours, what, body, distance)
         return colours, what, body, distance
@@ -249,10 +251,10 @@ class CameraEye:
         colours = np.tile(_HAZE, (len(headings), 1))
         down = np.flatnonzero(headings[:, 1] < -0.02)
         t = view.position[1] / -headings[down, 1].astype(np.float64)
-        places = (view.position + headings[down] * t[:, None]) / self.options.scale
+        on_plain = (view.position + headings[down] * t[:, None]) / self.options.scale
         count, zero = len(down), np.zeros(len(down))
         points = SurfacePoints(
-            np.stack([places[:, 0], -places[:, 2], zero], axis=1),
+            np.stack([on_plain[:, 0], -on_plain[:, 2], zero], axis=1),
             np.tile([0.0, 0.0, 1.0], (count, 1)),
             np.full(count, Material.GRASSLAND, dtype=np.uint8),
             zero,
@@ -319,21 +321,19 @@ def _sun_past(truck: Truck, positions: Float64) -> Float64:
 def _vertex_table(surface: Surface, body: Int64, parameters: Float64) -> Float32:
     table = np.empty((len(body), FIELDS), dtype=np.float32)
     for first in range(0, len(body), _CHUNK):
-        part = slice(first, first + _CHUNK)
-        points = surface.evaluate_at(body[part], parameters[part])
-        table[part, :3], table[part, 3:6] = points.positions, points.normals
-        table[part, 6], table[part, 7] = points.lane, points.inside
-        table[part, 8:10], table[part, 10] = 0.0, -1.0
-        ground = first + np.flatnonzero(body[part] == GROUND)
+        chunk = slice(first, first + _CHUNK)
+        points = surface.evaluate_at(body[chunk], parameters[chunk])
+        table[chunk, :3], table[chunk, 3:6] = points.positions, points.normals
+        table[chunk, 6], table[chunk, 7] = points.lane, points.inside
+        table[chunk, 8:10], table[chunk, 10] = 0.0, -1.0
+        ground = first + np.flatnonzero(body[chunk] == GROUND)
         sample = surface.terrain.sample(parameters[ground, 0], parameters[ground, 1])
         table[ground, 8], table[ground, 9] = sample.road, sample.water
         table[ground, 10] = sample.pile
     return table
 
 
-def _outline(
-    what: UInt8, body: Int32, distance: Float32, height: int, width: int
-) -> npt.NDArray[np.bool_]:
+def _outline(what: UInt8, body: Int32, distance: Float32, height: int, width: int) -> Bool:
     """Mark pixels that differ from a neighbour, (H * W,)."""
     edge = np.zeros((height, width), dtype=bool)
     kind, thing = what.reshape(height, width), body.reshape(height, width)

@@ -10,7 +10,7 @@ COLMAP documentation, "Output format", https://colmap.github.io/format.html
 
 from __future__ import annotations
 
-from terraport_pipeline.model import Float64, UInt8
+from terraport_payload.types import Float64, UInt8
 
 __all__ = ["offset_text", "points_text"]
 
@@ -22,10 +22,10 @@ def points_text(points: Float64, colours: UInt8) -> str:
         "#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)",
         f"# Number of points: {len(points)}, mean track length: 0",
     ]
-    for number, (place, colour) in enumerate(
+    for number, (point, colour) in enumerate(
         zip(points.tolist(), colours.tolist(), strict=True), start=1
     ):
-        x, y, z = place
+        x, y, z = point
         red, green, blue = colour
         lines.append(f"{number} {x:.4f} {y:.4f} {z:.4f} {red} {green} {blue} 0")
     return "\n".join(lines) + "\n"

@@ -32,8 +32,8 @@ import laspy
 import numpy as np
 from pyproj import CRS
 
+from terraport_payload.types import Float32, UInt8
 from terraport_pipeline.errors import OptionError, ResourceError
-from terraport_pipeline.model import Float32, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.options import QuarryOptions
@@ -50,7 +50,7 @@ _FILE_DATE: Final = dt.date(2026, 1, 1)
 
 @dataclass(frozen=True, slots=True)
 class WrittenQuarry:
-    """What was written."""
+    """Files of a synthetic survey and its truth, with sizes, counts and bounds."""
 
     survey_path: Path
     truth_path: Path
@@ -104,18 +104,21 @@ def write_quarry(
     ResourceError
         When the disk has too little room, before or while writing.
     """
+    # (1) Refuse before anything is made.
     truth_file = truth_path(path)
     _validate_target(options, path, truth_file, overwrite=overwrite)
     report = progress or NullProgress()
     maker = QuarryMaker(options)
     material = np.empty(options.points, dtype=np.uint8)
     truth = np.empty((options.points, 3), dtype=np.float32)
-    with _renamed_when_whole(path, truth_file) as (part, truth_part):
+    # (2) Chunk by chunk into drafts. Invariant: the first `start` points are in the file, and
+    # their material and truth in the arrays. Both files get their names when both are whole.
+    with _renamed_when_whole(path, truth_file) as (draft, truth_part):
         report.start("synth: points", options.points, "points")
         start = 0
         header = _make_header(options, maker)
         with laspy.open(
-            part,
+            draft,
             mode="w",
             header=header,
             do_compress=path.suffix.lower() == ".laz",
@@ -129,6 +132,7 @@ def write_quarry(
                 report.advance(len(chunk.ticks))
         report.done({"points": options.points})
         _write_truth(truth_part, options, maker, material, truth)
+    # (3) What was written.
     counts = np.bincount(material, minlength=256)
     low, high = truth.min(axis=0) + maker.origin, truth.max(axis=0) + maker.origin
     west, south, lowest = map(float, low)
@@ -169,21 +173,21 @@ def _validate_target(
 def _renamed_when_whole(*targets: Path) -> Iterator[tuple[Path, ...]]:
     """Give names to write to; rename them on success, delete them on any failure."""
     token = secrets.token_hex(4)
-    parts = tuple(
+    drafts = tuple(
         target.with_name(f".{target.stem}.{token}.part{target.suffix}") for target in targets
     )
     try:
-        yield parts
-        for part, target in zip(parts, targets, strict=True):
-            part.replace(target)
+        yield drafts
+        for draft, target in zip(drafts, targets, strict=True):
+            draft.replace(target)
     except (OSError, laspy.LaspyException) as error:
         raise ResourceError(
             f"{targets[0]}: cannot be written: {error}; nothing was left behind, check the disk "
             "and try again"
         ) from error
     finally:
-        for part in parts:
-            part.unlink(missing_ok=True)
+        for draft in drafts:
+            draft.unlink(missing_ok=True)
 
 
 def _make_header(options: QuarryOptions, maker: QuarryMaker) -> Any:

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.surface import SurfacePoints

@@ -11,13 +11,14 @@ Frame: scene metres about the quarry's origin (x east, y up, z south), as
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.lens import Lens, View
-from terraport_pipeline.model import Float64
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
@@ -59,42 +60,30 @@ class FlightOptions:
         When a value is out of its range.
     """
 
-    count: int = 60
-    """Photos; at most :data:`MAX_PHOTOS`."""
+    count: Annotated[int, Option(flags=("--photo-count",), least=1, most=MAX_PHOTOS)] = 60
+    """Photos of the flight, straight down and oblique."""
     width: int = 2000
     height: int = 1500
-    """Pixels."""
-    overlap: float = 0.7
-    """Of neighbouring nadir photos on the plateau, along and across the flight."""
-    exposure_drift_ev: float = 0.35
-    """Largest exposure error, in stops: 0.35 is a factor of 1.27 in light."""
-    vignetting: float = 0.18
-    """Light lost in the photo's corner."""
-    sensor_noise: float = 1.2
-    """Standard deviation in grey levels of 255."""
-    quality: int = 92
-    """Of the JPEG files."""
-    truck: bool = True
+    """Height of a photo, pixels."""
+    overlap: Annotated[float, Option(least=0, most=0.95)] = 0.7
+    """Overlap of neighbouring photos straight down on the plateau, along and across the flight."""
+    exposure_drift_ev: Annotated[float, Option(flags=("--exposure-drift",), least=0, most=3)] = 0.35
+    """Largest exposure error of a photo, in stops: 0.35 is a factor of 1.27 in light."""
+    vignetting: Annotated[float, Option(least=0, most=0.9)] = 0.18
+    """Share of the light that is lost in a photo's corner."""
+    sensor_noise: Annotated[float, Option(least=0, most=64)] = 1.2
+    """Noise of the sensor: standard deviation in grey levels of 255."""
+    quality: Annotated[int, Option(flags=("--photo-quality",), least=1, most=100)] = 92
+    """Quality of the JPEG files."""
+    truck: Annotated[bool, Option()] = True
     """A truck drives through the scene: in every photo at another place."""
 
     def __post_init__(self) -> None:
-        ranges = (
-            ("count", 1, MAX_PHOTOS),
-            ("width", 64, 16_384),
-            ("height", 64, 16_384),
-            ("overlap", 0.0, 0.95),
-            ("exposure_drift_ev", 0.0, 3.0),
-            ("vignetting", 0.0, 0.9),
-            ("sensor_noise", 0.0, 64.0),
-            ("quality", 1, 100),
-        )
-        for name, least, most in ranges:
-            value = getattr(self, name)
-            if not least <= value <= most:  # also refuses NaN
-                raise OptionError(
-                    f"photos: {name} is {value!r}, expected {least:,} to {most:,}; "
-                    "give another value"
-                )
+        check_options(self)
+        if not all(64 <= side <= 16_384 for side in (self.width, self.height)):
+            raise OptionError(
+                f"a photo of {self.width} x {self.height} pixels; expected sides of 64 to 16,384"
+            )
         if self.width * self.height > MAX_PIXELS:
             raise OptionError(
                 f"a photo of {self.width} x {self.height} pixels is too large, expected at most "
@@ -104,14 +93,14 @@ class FlightOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """Where the photos were taken."""
+    """Views of a photo flight, its height and ground sampling distance."""
 
     views: tuple[View, ...]
     """Named ``DJI_0001.JPG`` and so on."""
     nadir: int
     """The first so many look straight down."""
     height_m: float
-    """Of the nadir photos above the plateau."""
+    """Height of the nadir photos above the plateau."""
     gsd_m: float
     """Ground sampling distance of the nadir photos on the plateau."""
 
@@ -129,29 +118,32 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
     -------
     Flight
     """
+    # (1) The grid straight down, at the height that makes it fit the count.
     lens = _lens(options)
     half = np.array([HALF_X, HALF_Y]) * quarry.scale * _SIDE
     columns, rows, height = _grid(options, half, lens)
     rng = np.random.default_rng([quarry.seed, _STREAM])
     shown = np.array([lens.height, lens.width]) * height / lens.fx
-    places, looks, ups = _nadir(half, shown, columns, rows, height)
-    nadir = len(places)
+    positions, looks, ups = _nadir(half, shown, columns, rows, height)
+    nadir = len(positions)
+    # (2) Two orbits of oblique photos.
     outer = (options.count - nadir + 1) // 2
     for count, ring in ((outer, _outer), (options.count - nadir - outer, _inner)):
         more = ring(count, quarry)
-        places, looks, ups = (
-            np.concatenate([a, b]) for a, b in zip((places, looks, ups), more, strict=True)
+        positions, looks, ups = (
+            np.concatenate([a, b]) for a, b in zip((positions, looks, ups), more, strict=True)
         )
-    places = places + rng.normal(0.0, _DRIFT * height, places.shape)
-    sway = np.radians(rng.normal(0.0, _SWAY_DEG, (len(places), 3)))
+    # (3) Drift and sway, as of a real drone; from the seed alone.
+    positions = positions + rng.normal(0.0, _DRIFT * height, positions.shape)
+    sway = np.radians(rng.normal(0.0, _SWAY_DEG, (len(positions), 3)))
     views = tuple(
         View(
             f"DJI_{number + 1:04d}.JPG",
             lens,
             _tilt(sway[number]) @ _look(looks[number], ups[number]),
-            places[number],
+            positions[number],
         )
-        for number in range(len(places))
+        for number in range(len(positions))
     )
     return Flight(views, nadir, height, height / lens.fx)
 
@@ -208,37 +200,37 @@ def _nadir(
     reach = np.maximum(half - 0.5 * shown, 0.0)
     east = np.linspace(-reach[0], reach[0], columns) if columns > 1 else np.zeros(1)
     north = np.linspace(-reach[1], reach[1], rows) if rows > 1 else np.zeros(1)
-    places, ups = [], []
+    positions, ups = [], []
     for row, y in enumerate(north):
         way = 1.0 if row % 2 == 0 else -1.0
         line = east[:: int(way)]
-        places.append(np.stack([line, np.full(columns, height), np.full(columns, -y)], axis=1))
+        positions.append(np.stack([line, np.full(columns, height), np.full(columns, -y)], axis=1))
         ups.append(np.tile([way, 0.0, 0.0], (columns, 1)))
     looks = np.tile([0.0, -1.0, 0.0], (rows * columns, 1))
-    return np.concatenate(places), looks, np.concatenate(ups)
+    return np.concatenate(positions), looks, np.concatenate(ups)
 
 
 def _outer(count: int, quarry: QuarryOptions) -> tuple[Float64, Float64, Float64]:
     """From over the site's edge across the pit, 40 degrees down."""
     turn = 2 * np.pi * (np.arange(count) + 0.25) / max(count, 1)
     ring = np.stack([np.cos(turn) * HALF_X, np.zeros(count), np.sin(turn) * HALF_Y], axis=1)
-    places = ring * 0.92 + np.array([0.0, 105.0, 0.0])
+    positions = ring * 0.92 + np.array([0.0, 105.0, 0.0])
     aim = np.array([0.0, -0.6 * quarry.depth_design_m, 0.0]) - 0.15 * ring
-    return _as_rows(places, aim - places, quarry.scale)
+    return _as_rows(positions, aim - positions, quarry.scale)
 
 
 def _inner(count: int, quarry: QuarryOptions) -> tuple[Float64, Float64, Float64]:
     """From over the pit at the wall on its other side, 35 degrees down."""
     turn = 2 * np.pi * (np.arange(count) + 0.5) / max(count, 1)
     ring = np.stack([np.cos(turn), np.zeros(count), np.sin(turn)], axis=1)
-    places = ring * 40.0 + np.array([0.0, 42.0, 0.0])
+    positions = ring * 40.0 + np.array([0.0, 42.0, 0.0])
     aim = -ring * 95.0 + np.array([0.0, -0.6 * quarry.depth_design_m, 0.0])
-    return _as_rows(places, aim - places, quarry.scale)
+    return _as_rows(positions, aim - positions, quarry.scale)
 
 
-def _as_rows(places: Float64, looks: Float64, scale: float) -> tuple[Float64, Float64, Float64]:
+def _as_rows(positions: Float64, looks: Float64, scale: float) -> tuple[Float64, Float64, Float64]:
     length = np.linalg.norm(looks, axis=1, keepdims=True)
-    return places * scale, looks / length, np.tile([0.0, 1.0, 0.0], (len(places), 1))
+    return positions * scale, looks / length, np.tile([0.0, 1.0, 0.0], (len(positions), 1))
 
 
 def _look(forward: Float64, up: Float64) -> Float64:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 from terraport_pipeline.synth._noise_kernel import fractal_kernel
 
 __all__ = ["Noise"]

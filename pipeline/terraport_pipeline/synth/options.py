@@ -8,11 +8,12 @@ metres and do not scale.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Annotated, Any, Final, Self
 
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.option import COMMON, COUNT, Option, check_options, option_fields
 
 __all__ = ["DESIGN_SIZE_M", "MAX_POINTS", "MIN_POINTS", "QuarryOptions"]
 
@@ -25,34 +26,9 @@ MIN_POINTS: Final = 1_000
 MAX_POINTS: Final = 200_000_000
 """Ten times the largest cloud asked for; beyond it the arrays alone pass 10 GB."""
 
-_RANGES: Final[dict[str, tuple[float, float]]] = {
-    "points": (MIN_POINTS, MAX_POINTS),
-    "seed": (0, 2**63 - 1),
-    "size_m": (20.0, 5000.0),
-    "benches": (2, 8),
-    "bench_height_m": (3.0, 15.0),
-    "berm_width_m": (3.0, 10.0),
-    "face_angle_deg": (50.0, 82.0),
-    "overhangs": (0, 12),
-    "stockpiles": (0, 12),
-    "rocks": (0, 2000),
-    "trees": (0, 2000),
-    "bushes": (0, 4000),
-    "noise_m": (0.0, 1.0),
-    "colour_noise": (0.0, 64.0),
-    "outlier_fraction": (0.0, 0.2),
-    "holes": (0, 50),
-    "shadows": (0.0, 1.0),
-    "contrast": (0.0, 2.0),
-    "texture": (0.0, 2.0),
-    "detail": (0.0, 2.0),
-    "pixel_m": (0.0, 10.0),
-    "uneven": (0.0, 0.95),
-    "easting_m": (100_000.0, 900_000.0),
-    "northing_m": (0.0, 10_000_000.0),
-    "elevation_m": (-500.0, 9000.0),
-    "epsg": (1024, 32767),
-}
+_SHAPE: Final = "Shape of the site"
+_SENSOR: Final = "Points and colours"
+_PLACE: Final = "Place"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,67 +46,77 @@ class QuarryOptions:
     360.0
     """
 
-    points: int = 300_000
-    """Points in the cloud, exactly; 1,000 to 200,000,000."""
-    seed: int = 7
+    points: Annotated[
+        int, Option(heading=COMMON, least=MIN_POINTS, most=MAX_POINTS, notation=COUNT)
+    ] = 300_000
+    """Points in the cloud, exactly: 300k, 5M; 50k to 20M is sensible."""
+    seed: Annotated[int, Option(heading=COMMON, least=0, most=2**63 - 1)] = 7
     """Decides everything random: shape, stones, colours, sensor."""
-    size_m: float = DESIGN_SIZE_M
+    size_m: Annotated[
+        float, Option(heading=COMMON, least=20.0, most=5000.0, flags=("--size",), unit="m")
+    ] = DESIGN_SIZE_M
     """East-west side of the site; north-south is 8/9 of it. The whole site scales with it."""
-    benches: int = 5
+    benches: Annotated[int, Option(heading=_SHAPE, least=2, most=8)] = 5
     """Benches from rim to floor."""
-    bench_height_m: float = 9.0
+    bench_height_m: Annotated[float, Option(heading=_SHAPE, least=3.0, most=15.0, unit="m")] = 9.0
     """Height of one bench (design metres)."""
-    berm_width_m: float = 6.5
+    berm_width_m: Annotated[float, Option(heading=_SHAPE, least=3.0, most=10.0, unit="m")] = 6.5
     """Level width between two bench faces (design metres)."""
-    face_angle_deg: float = 75.0
+    face_angle_deg: Annotated[
+        float, Option(heading=_SHAPE, least=50.0, most=82.0, unit="degrees")
+    ] = 75.0
     """Slope of a bench face."""
-    overhangs: int = 6
+    overhangs: Annotated[int, Option(heading=_SHAPE, least=0, most=12)] = 6
     """Notches cut into the highwall, each with a roof that hangs over."""
-    stockpiles: int = 8
+    stockpiles: Annotated[int, Option(heading=_SHAPE, least=0, most=12)] = 8
     """Piles on the plateau and the floor; the materials take turns."""
-    rocks: int = 120
+    rocks: Annotated[int, Option(heading=_SHAPE, least=0, most=2000)] = 120
     """Boulders on berms, floor and plateau."""
-    trees: int = 70
+    trees: Annotated[int, Option(heading=_SHAPE, least=0, most=2000)] = 70
     """Trees on the plateau."""
-    bushes: int = 160
+    bushes: Annotated[int, Option(heading=_SHAPE, least=0, most=4000)] = 160
     """Bushes on the plateau and a few on the berms."""
-    noise_m: float = 0.015
+    noise_m: Annotated[
+        float, Option(heading=_SENSOR, least=0.0, most=1.0, flags=("--noise",), unit="m")
+    ] = 0.015
     """Standard deviation of the position error, per axis, metres."""
-    colour_noise: float = 4.0
+    colour_noise: Annotated[float, Option(heading=_SENSOR, least=0.0, most=64.0)] = 4.0
     """Standard deviation of the colour error, grey levels of 255 (common to R, G and B in half)."""
-    outlier_fraction: float = 0.0005
+    outlier_fraction: Annotated[
+        float, Option(heading=_SENSOR, least=0.0, most=0.2, flags=("--outliers",))
+    ] = 0.0005
     """Share of points that lie nowhere near the surface (birds, dust, bad matches)."""
-    holes: int = 2
+    holes: Annotated[int, Option(heading=_SENSOR, least=0, most=50)] = 2
     """Round areas on dry ground without a single point."""
-    shadows: float = 0.45
+    shadows: Annotated[float, Option(heading=_SENSOR, least=0.0, most=1.0)] = 0.45
     """0: albedo only; 1: unlit ground is black. Cast shadows and slope shading alike."""
-    contrast: float = 1.0
+    contrast: Annotated[float, Option(heading=_SENSOR, least=0.0, most=2.0)] = 1.0
     """Differences between the materials' mean colours are multiplied by this; 0: all alike."""
-    texture: float = 1.0
+    texture: Annotated[float, Option(heading=_SENSOR, least=0.0, most=2.0)] = 1.0
     """Patterns within a material (grain, strata, dry grass, rust) are multiplied by this."""
-    detail: float = 0.0
-    """Gravel, cracks and targets finer than a cloud's spacing; 1 for photos (see
-    :mod:`.fine_pattern`), 0 as clouds without photos always had it."""
-    pixel_m: float = 0.0
+    detail: Annotated[float, Option(heading=_SENSOR, least=0.0, most=2.0)] = 0.0
+    """Gravel, cracks and targets finer than a cloud's spacing; with photos 1 unless stated."""
+    pixel_m: Annotated[float, Option(heading=_SENSOR, least=0.0, most=10.0, unit="m")] = 0.0
     """Width of the photo's pixel that a point has its colour from; averages the fine pattern."""
-    uneven: float = 0.35
+    uneven: Annotated[float, Option(heading=_SENSOR, least=0.0, most=0.95)] = 0.35
     """0: even density by area; towards 1: patches with (1 - uneven) times the density."""
-    easting_m: float = 641_200.0
+    easting_m: Annotated[
+        float, Option(heading=_PLACE, least=100_000.0, most=900_000.0, unit="m")
+    ] = 641_200.0
     """Easting of the site's centre in the CRS."""
-    northing_m: float = 8_594_700.0
+    northing_m: Annotated[float, Option(heading=_PLACE, least=0.0, most=10_000_000.0, unit="m")] = (
+        8_594_700.0
+    )
     """Northing of the site's centre in the CRS."""
-    elevation_m: float = 1_287.0
+    elevation_m: Annotated[float, Option(heading=_PLACE, least=-500.0, most=9000.0, unit="m")] = (
+        1_287.0
+    )
     """Height of the plateau around the pit."""
-    epsg: int = 32735
-    """Projected CRS in metres; WGS 84 / UTM zone 35S by default."""
+    epsg: Annotated[int, Option(heading=_PLACE, least=1024, most=32767)] = 32735
+    """Projected CRS in metres; 32735 is WGS 84 / UTM zone 35S."""
 
     def __post_init__(self) -> None:
-        for name, (least, most) in _RANGES.items():
-            value = getattr(self, name)
-            if not least <= value <= most:  # also refuses NaN
-                raise OptionError(
-                    f"{name} is {value!r}, expected {least:,} to {most:,}; give another value"
-                )
+        check_options(self)
         deep = self.benches * (self.bench_height_m + self.berm_width_m)
         if deep > 110.0:
             raise OptionError(
@@ -141,7 +127,7 @@ class QuarryOptions:
 
     @property
     def scale(self) -> float:
-        """Metres per design metre."""
+        """Metres per design metre: how much the quarry's plan is enlarged."""
         return self.size_m / DESIGN_SIZE_M
 
     @property
@@ -168,15 +154,15 @@ class QuarryOptions:
             raise OptionError(f"{path}: cannot be read as JSON: {error}") from error
         if not isinstance(values, dict):
             raise OptionError(f"{path}: expected a JSON object of options")
-        known = {field.name: field.type for field in fields(cls)}
-        unknown = sorted(set(values) - set(known))
+        types = {field.name: field.type for field in option_fields(cls)}
+        unknown = sorted(set(values) - set(types))
         if unknown:
             raise OptionError(
-                f"{path}: unknown option {', '.join(unknown)}; known are {', '.join(sorted(known))}"
+                f"{path}: unknown option {', '.join(unknown)}; known are {', '.join(sorted(types))}"
             )
         for name, value in values.items():
             if isinstance(value, bool) or not isinstance(value, (int, float)):
                 raise OptionError(f"{path}: {name} is {value!r}, expected a number")
-            if known[name] == "int" and not isinstance(value, int):
+            if types[name] is int and not isinstance(value, int):
                 raise OptionError(f"{path}: {name} is {value!r}, expected a whole number")
         return cls(**values)

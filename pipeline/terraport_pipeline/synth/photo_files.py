@@ -22,10 +22,10 @@ from typing import Any, Final
 import numpy as np
 from PIL import Image
 
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.engines.camera_files.write_colmap import write_colmap
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Float32, Float64, UInt8
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth._photo_kernels import develop_rows
 from terraport_pipeline.synth.camera_eye import TRUCK, TRUCK_SHADOW, CameraEye, Seen
@@ -47,7 +47,7 @@ _STREAM: Final = 7
 
 @dataclass(frozen=True, slots=True)
 class WrittenPhotos:
-    """What was written."""
+    """Folder, counts and sizes of synthetic photos, and how they were flown."""
 
     directory: Path
     photos: int
@@ -60,7 +60,7 @@ class WrittenPhotos:
     truck_photos: int
     """Photos that show the truck."""
     exposure_ev: tuple[float, float]
-    """Least and most."""
+    """Least and largest exposure offset, in stops."""
 
 
 def photo_edge_m(flight: Flight, quarry: QuarryOptions) -> float:
@@ -139,9 +139,11 @@ def write_photos(
     ResourceError
         When the disk has too little room, before or while writing.
     """
+    # (1) Refuse before anything is drawn.
     _validate_target(options, directory, overwrite=overwrite)
     watcher = progress or NullProgress()
     flight = plan_flight(options, quarry)
+    # (2) Into a draft beside the folder, which takes its place in one step or is deleted.
     draft = directory.with_name(f".{directory.name}.{secrets.token_hex(4)}.part")
     try:
         for folder in ("images", "colmap", "truth/masks"):
@@ -158,6 +160,7 @@ def write_photos(
         ) from error
     finally:
         shutil.rmtree(draft, ignore_errors=True)
+    # (3) What was written.
     ev = np.log2([row["gains"][1] for row in rows])
     return WrittenPhotos(
         directory,
@@ -213,17 +216,20 @@ def _write_images(
     threads: int | None,
     watcher: Progress,
 ) -> list[dict[str, Any]]:
+    # (1) What all photos share: the surface, where trucks park, exposures, the frame.
     eye = CameraEye(quarry, photo_edge_m(flight, quarry), threads=threads)
-    places = parking_places(eye.surface, quarry.seed, quarry.scale)
+    parking = parking_places(eye.surface, quarry.seed, quarry.scale)
     gains = exposures(options, quarry.seed)
     origin = np.array([quarry.easting_m, quarry.northing_m, quarry.elevation_m])
     offset = np.array([*np.round(origin[:2], -2), 0.0])
     rows: list[dict[str, Any]] = []
     points, colours = [], []
+    # (2) Photo by photo. Every random number is drawn from seed and number of the photo, so the
+    # bytes do not depend on the order.
     for number, view in enumerate(flight.views):
         truck = None
         if options.truck:
-            trucks = place_truck(view, number, places, quarry.seed, quarry.scale)
+            trucks = place_truck(view, number, parking, quarry.seed, quarry.scale)
             truck = _first_seen(eye, view.position, trucks)
         seen = eye.look(view, truck)
         photo = develop(seen.colours, gains[number], options, quarry.seed * 100_003 + number)
@@ -231,8 +237,8 @@ def _write_images(
             draft / "images" / view.name, "JPEG", quality=options.quality, subsampling=0
         )
         _write_mask(draft / "truth" / "masks" / f"{Path(view.name).stem}.png", seen.what)
-        place, colour = _some_points(seen, view, quarry.seed, number)
-        points.append(place)
+        position, colour = _some_points(seen, view, quarry.seed, number)
+        points.append(position)
         colours.append(colour)
         rows.append(
             {
@@ -243,6 +249,7 @@ def _write_images(
             }
         )
         watcher.advance(1)
+    # (3) The cameras, with some points of the surface, as COLMAP would write them.
     colmap = draft / "colmap"
     write_colmap(
         colmap,
@@ -255,6 +262,7 @@ def _write_images(
     (colmap / "points3D.txt").write_text(text, encoding="utf-8")
     text = offset_text(offset, quarry.epsg, survey)
     (colmap / "OFFSET.txt").write_text(text, encoding="utf-8")
+    # (4) What no camera knows.
     truth = {
         "quarry": quarry.to_dict(),
         "flight": asdict(options),
@@ -296,13 +304,13 @@ def _some_points(seen: Seen, view: View, seed: int, number: int) -> tuple[Float6
     good = np.isfinite(seen.distance_m[row, column]) & (seen.what[row, column] < TRUCK_SHADOW)
     row, column = row[good], column[good]
     rays = view.rays(np.stack([column + 0.5, row + 0.5], axis=1))
-    places = view.position + rays * seen.distance_m[row, column][:, None]
+    points = view.position + rays * seen.distance_m[row, column][:, None]
     colours = np.clip(np.rint(seen.colours[row, column]), 0, 255).astype(np.uint8)
-    return places, colours
+    return points, colours
 
 
-def _to_world(places: Float64) -> Float64:
-    x, y, z = places.T
+def _to_world(points: Float64) -> Float64:
+    x, y, z = points.T
     return np.stack([x, -z, y], axis=1)
 
 

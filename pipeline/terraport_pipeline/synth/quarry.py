@@ -14,19 +14,18 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from pyproj import CRS
 from scipy.spatial import cKDTree
 
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.model import Crs, Float32, Float64, Int32, Survey, UInt8
+from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth.appearance import Sunlight, grade, photographed
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface, SurfacePoints
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
-from terraport_pipeline.synth.triangulate import Int64
 
 __all__ = ["CHUNK_POINTS", "POINT_STEP_M", "Quarry", "QuarryChunk", "QuarryMaker", "synthesise"]
 
@@ -42,7 +41,7 @@ _MAX_REDRAWS: Final = 40
 
 @dataclass(frozen=True, slots=True)
 class QuarryChunk:
-    """A run of consecutive points."""
+    """Consecutive points of a synthetic survey, with their material and true position."""
 
     ticks: Int32
     """(N, 3) coordinates in :data:`POINT_STEP_M` about the maker's origin."""
@@ -76,7 +75,7 @@ class Quarry:
         """Name of every label that may occur."""
         return {int(material): material.name.lower() for material in Material}
 
-    def surface_mesh(self, max_edge_m: float) -> tuple[Float64, npt.NDArray[np.int64]]:
+    def surface_mesh(self, max_edge_m: float) -> tuple[Float64, Int64]:
         """Triangulate the true surface.
 
         Parameters
@@ -191,15 +190,15 @@ class QuarryMaker:
     def _draw(self, first: int, count: int, rng: np.random.Generator) -> SurfacePoints:
         """Draw visible points: stratified along the curve; hidden ones are drawn again anywhere."""
         spot = (first + np.arange(count) + rng.uniform(size=count)) / self.options.points
-        parts = [self._evaluate(spot, rng)]
+        draws = [self._evaluate(spot, rng)]
         rows = [np.arange(count)]
         for _ in range(_MAX_REDRAWS):
-            bad = np.flatnonzero(parts[-1].hidden | self._in_hole(parts[-1].positions))
+            bad = np.flatnonzero(draws[-1].hidden | self._in_hole(draws[-1].positions))
             if len(bad) == 0:
                 break
             rows.append(rows[-1][bad])
-            parts.append(self._evaluate(rng.uniform(size=len(bad)), rng))
-        return _overlay(parts, rows)
+            draws.append(self._evaluate(rng.uniform(size=len(bad)), rng))
+        return _overlay(draws, rows)
 
     def _evaluate(self, spot: Float64, rng: np.random.Generator) -> SurfacePoints:
         triangle = np.searchsorted(self._cumulative, spot * self._cumulative[-1], side="right")
@@ -222,7 +221,7 @@ class QuarryMaker:
         radius = rng.uniform(2.5, 6.0, (self.options.holes, 1))
         return np.concatenate([centre, radius], axis=1)
 
-    def _in_hole(self, positions: Float64) -> npt.NDArray[np.bool_]:
+    def _in_hole(self, positions: Float64) -> Bool:
         inside = np.zeros(len(positions), dtype=bool)
         for x, y, radius in self._holes:
             inside |= np.hypot(positions[:, 0] - x, positions[:, 1] - y) < radius
@@ -295,13 +294,13 @@ def _stray(count: int, scale: float, rng: np.random.Generator) -> Float64:
     return result
 
 
-def _overlay(parts: list[SurfacePoints], rows: list[Int64]) -> SurfacePoints:
+def _overlay(draws: list[SurfacePoints], rows: list[Int64]) -> SurfacePoints:
     """Write later draws over the rows they replace."""
-    whole = parts[0]
-    for part, at in zip(parts[1:], rows[1:], strict=True):
-        whole.positions[at], whole.normals[at] = part.positions, part.normals
-        whole.material[at], whole.lane[at] = part.material, part.lane
-        whole.inside[at], whole.hidden[at] = part.inside, part.hidden
+    whole = draws[0]
+    for draw, at in zip(draws[1:], rows[1:], strict=True):
+        whole.positions[at], whole.normals[at] = draw.positions, draw.normals
+        whole.material[at], whole.lane[at] = draw.material, draw.lane
+        whole.inside[at], whole.hidden[at] = draw.inside, draw.hidden
     return whole
 
 

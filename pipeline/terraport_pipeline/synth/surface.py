@@ -12,17 +12,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from terraport_pipeline.model import Float64, UInt8
+from terraport_payload.types import Bool, Float64, Int64, UInt8
 from terraport_pipeline.synth.blobs import BUSH, ROCK, Blobs
 from terraport_pipeline.synth.materials import PILE_MATERIALS, Material
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.targets import place_targets
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
-from terraport_pipeline.synth.triangulate import Int64, grid_triangles, icosphere, refine
+from terraport_pipeline.synth.triangulate import grid_triangles, icosphere, refine
 
 __all__ = ["GROUND", "Surface", "SurfacePoints", "ground_material"]
 
@@ -54,7 +53,7 @@ class SurfacePoints:
     """(N,) -1..1 across the road; 0 elsewhere."""
     inside: Float64
     """(N,) distance inside the pit's rim; 0 on bodies."""
-    hidden: npt.NDArray[np.bool_]
+    hidden: Bool
     """(N,) inside another body or below the ground."""
 
 
@@ -113,21 +112,21 @@ class Surface:
         flat, positions, faces = refine(flat, faces, self._place_ground, longest)
         parameters = np.concatenate([flat, np.zeros((len(flat), 1))], axis=1)
         bodies = [np.full(len(flat), GROUND, dtype=np.int64)]
-        parts, places, triangles = [parameters], [positions], [faces]
+        parameter_arrays, position_arrays, triangles = [parameters], [positions], [faces]
         unit, corners = icosphere(body_rounds)
         count = len(flat)
         for body in range(len(self.blobs.kind)):
-            place = self._placer(body)
-            directions, spots, pieces = refine(unit, corners, place, longest)
+            to_surface = self._placer(body)
+            directions, spots, pieces = refine(unit, corners, to_surface, longest)
             bodies.append(np.full(len(directions), body, dtype=np.int64))
-            parts.append(directions)
-            places.append(spots)
+            parameter_arrays.append(directions)
+            position_arrays.append(spots)
             triangles.append(pieces + count)
             count += len(directions)
         return (
             np.concatenate(bodies),
-            np.concatenate(parts),
-            np.concatenate(places),
+            np.concatenate(parameter_arrays),
+            np.concatenate(position_arrays),
             np.concatenate(triangles),
         )
 
@@ -135,10 +134,10 @@ class Surface:
         return self.terrain.positions(parameters[:, 0], parameters[:, 1])
 
     def _placer(self, body: int) -> Callable[[Float64], Float64]:
-        def place(directions: Float64) -> Float64:
+        def to_surface(directions: Float64) -> Float64:
             return self.blobs.positions(np.full(len(directions), body), directions)
 
-        return place
+        return to_surface
 
     # Sampling
 
@@ -155,7 +154,7 @@ class Surface:
         self._corners = parameters[faces][order]
         self._near_body = self._find_near(self.triangle_middles)
 
-    def _find_near(self, middles: Float64) -> npt.NDArray[np.bool_]:
+    def _find_near(self, middles: Float64) -> Bool:
         """Say which triangles may touch a body (only there are points tested against bodies)."""
         if len(self.blobs.kind) == 0:
             self._tree = None
@@ -163,7 +162,7 @@ class Surface:
         self._tree = cKDTree(self.blobs.centres[:, :2])
         self._widest = float(self.blobs.radii.max()) * 1.5
         distance, _ = self._tree.query(middles[:, :2], distance_upper_bound=self._widest + 2.0)
-        near: npt.NDArray[np.bool_] = np.isfinite(distance)
+        near: Bool = np.isfinite(distance)
         return near
 
     def evaluate(self, triangle: Int64, fractions: Float64) -> SurfacePoints:
@@ -196,9 +195,7 @@ class Surface:
         """
         return self._evaluate(body, parameters, np.ones(len(body), dtype=bool))
 
-    def _evaluate(
-        self, body: Int64, parameters: Float64, near_body: npt.NDArray[np.bool_]
-    ) -> SurfacePoints:
+    def _evaluate(self, body: Int64, parameters: Float64, near_body: Bool) -> SurfacePoints:
         count = len(body)
         positions, normals = np.empty((count, 3)), np.empty((count, 3))
         material = np.empty(count, dtype=np.uint8)
@@ -224,9 +221,7 @@ class Surface:
         hidden[off] = positions[off, 2] < below
         return SurfacePoints(positions, normals, material, lane, inside, hidden)
 
-    def _inside_bodies(
-        self, positions: Float64, candidates: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.bool_]:
+    def _inside_bodies(self, positions: Float64, candidates: Bool) -> Bool:
         """Say which points lie inside one of the three nearest bodies."""
         inside = np.zeros(len(positions), dtype=bool)
         rows = np.flatnonzero(candidates)
@@ -256,11 +251,11 @@ class Surface:
             r0 = max(int((centre[1] - radii[1] + HALF_Y) / step), 0)
             c1 = int((centre[0] + radii[0] + HALF_X) / step) + 2
             r1 = int((centre[1] + radii[1] + HALF_Y) / step) + 2
-            part = height[r0:r1, c0:c1]
+            window = height[r0:r1, c0:c1]
             dx = (x[r0:r1, c0:c1] - centre[0]) / radii[0]
             dy = (y[r0:r1, c0:c1] - centre[1]) / radii[1]
             top = np.sqrt(np.maximum(full**2 - dx**2 - dy**2, 0.0))
-            np.maximum(part, np.where(top > 0, centre[2] + radii[2] * top, -np.inf), out=part)
+            np.maximum(window, np.where(top > 0, centre[2] + radii[2] * top, -np.inf), out=window)
         return height
 
 

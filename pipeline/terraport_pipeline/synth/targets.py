@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
 
 __all__ = ["TARGETS", "TARGET_HALF", "place_targets"]

@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Float64
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
 
@@ -48,7 +48,7 @@ _REPOSE: Final = np.tan(np.radians(36.0))
 
 @dataclass(frozen=True, slots=True)
 class TerrainSample:
-    """The ground at some parameters."""
+    """Positions and surroundings of the ground at some parameters."""
 
     positions: Float64
     """(N, 3) design metres."""

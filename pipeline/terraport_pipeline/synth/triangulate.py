@@ -13,13 +13,11 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_pipeline.model import Float64
+from terraport_payload.types import Bool, Float64, Int64
 
-__all__ = ["Int64", "grid_triangles", "icosphere", "refine"]
+__all__ = ["grid_triangles", "icosphere", "refine"]
 
-Int64 = npt.NDArray[np.int64]
 
 _MAX_ROUNDS: Final = 12
 """Each round halves an edge; a wall 1,000 times steeper than its grid needs ten."""
@@ -73,7 +71,7 @@ def icosphere(rounds: int) -> tuple[Float64, Int64]:
 def refine(
     parameters: Float64,
     faces: Int64,
-    place: Callable[[Float64], Float64],
+    to_surface: Callable[[Float64], Float64],
     longest: float,
 ) -> tuple[Float64, Float64, Int64]:
     """Split edges until none is longer than `longest` on the surface.
@@ -82,7 +80,7 @@ def refine(
     ----------
     parameters : ndarray of shape (V, D), float64
     faces : ndarray of shape (F, 3), int64
-    place : callable
+    to_surface : callable
         (K, D) parameters -> (K, 3) positions.
     longest : float
         Bound on every edge, in the unit of the positions.
@@ -95,7 +93,7 @@ def refine(
     faces : ndarray of shape (F', 3), int64
         Same winding.
     """
-    positions = place(parameters)
+    positions = to_surface(parameters)
     done: list[Int64] = []
     for _ in range(_MAX_ROUNDS):
         ends = positions[faces]
@@ -108,11 +106,11 @@ def refine(
             break
         count = len(parameters)
         parameters, faces = _split(parameters, faces, cut)
-        positions = np.concatenate([positions, place(parameters[count:])])
+        positions = np.concatenate([positions, to_surface(parameters[count:])])
     return parameters, positions, np.concatenate([*done, faces])
 
 
-def _split(parameters: Float64, faces: Int64, cut: npt.NDArray[np.bool_]) -> tuple[Float64, Int64]:
+def _split(parameters: Float64, faces: Int64, cut: Bool) -> tuple[Float64, Int64]:
     """Cut the marked edges; edge k of a face runs from its corner k to corner k + 1."""
     edges = np.stack([faces, faces[:, [1, 2, 0]]], axis=2)
     low, high = edges.min(axis=2), edges.max(axis=2)
@@ -125,7 +123,7 @@ def _split(parameters: Float64, faces: Int64, cut: npt.NDArray[np.bool_]) -> tup
     return np.concatenate([parameters, middles]), _templates(faces, middle, cut)
 
 
-def _templates(faces: Int64, middle: Int64, cut: npt.NDArray[np.bool_]) -> Int64:
+def _templates(faces: Int64, middle: Int64, cut: Bool) -> Int64:
     count = cut.sum(axis=1)
     pieces = []
     three = count == 3

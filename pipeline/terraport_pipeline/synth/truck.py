@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from terraport_payload.types import AnyFloat, Float32, Float64
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Float32, Float64
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.surface import GROUND, Surface
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
@@ -48,7 +47,7 @@ REACH: Final = 12.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truck:
-    """A truck at one place."""
+    """A truck parked in one photo: position, heading and size."""
 
     position: Float64
     """(3,) on the ground, metres, scene frame."""
@@ -57,7 +56,7 @@ class Truck:
     scale: float
     """Metres per design metre."""
 
-    def to_local(self, vectors: npt.NDArray[np.floating]) -> Float64:
+    def to_local(self, vectors: AnyFloat) -> Float64:
         """Turn scene vectors (N, 3) into (forward, left, up), design metres."""
         c, s = np.cos(self.heading_rad), np.sin(self.heading_rad)
         x, y, z = np.asarray(vectors, dtype=np.float64).T / self.scale
@@ -74,7 +73,7 @@ class Truck:
         return result
 
     def intersect(
-        self, origins: npt.NDArray[np.floating], directions: npt.NDArray[np.floating]
+        self, origins: AnyFloat, directions: AnyFloat
     ) -> tuple[Float64, Float64, Float64]:
         """Meet rays.
 
@@ -149,7 +148,7 @@ def parking_places(surface: Surface, seed: int, scale: float) -> Float32:
     return np.stack([x, z, -y], axis=1).astype(np.float32)
 
 
-def place_truck(view: View, number: int, places: Float32, seed: int, scale: float) -> list[Truck]:
+def place_truck(view: View, number: int, spots: Float32, seed: int, scale: float) -> list[Truck]:
     """Put the truck where a photo looks: candidates, the best first.
 
     Parameters
@@ -157,7 +156,7 @@ def place_truck(view: View, number: int, places: Float32, seed: int, scale: floa
     view : View
     number : int
         Of the photo; decides the place together with `seed`.
-    places : ndarray of shape (P, 3), float32
+    spots : ndarray of shape (P, 3), float32
         From :func:`parking_places`.
     seed : int
     scale : float
@@ -168,7 +167,7 @@ def place_truck(view: View, number: int, places: Float32, seed: int, scale: floa
         At most eight, in the order to try them in; the caller takes the first that is not hidden.
     """
     rng = np.random.default_rng([seed, _STREAM, number])
-    pixels, depth = view.project(places.astype(np.float64))
+    pixels, depth = view.project(spots.astype(np.float64))
     side = np.array([view.lens.width, view.lens.height])
     with np.errstate(invalid="ignore"):
         inside = ((pixels > _MARGIN * side) & (pixels < (1 - _MARGIN) * side)).all(axis=1)
@@ -177,6 +176,6 @@ def place_truck(view: View, number: int, places: Float32, seed: int, scale: floa
     rows = rows[rng.permutation(len(rows))][:8]
     turns = rng.uniform(0.0, 2 * np.pi, len(rows))
     return [
-        Truck(places[row].astype(np.float64), float(turn), max(scale, _LEAST_SCALE))
+        Truck(spots[row].astype(np.float64), float(turn), max(scale, _LEAST_SCALE))
         for row, turn in zip(rows, turns, strict=True)
     ]

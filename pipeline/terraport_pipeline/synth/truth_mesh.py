@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.model import Float32, Int32, UInt8
+from terraport_payload.types import Float32, Int32, UInt8
 from terraport_pipeline.synth.appearance import Sunlight, photographed
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface
@@ -25,7 +25,7 @@ spends its faces so."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TruthMesh:
-    """A mesh with truth."""
+    """The true surface as a triangle mesh, with the material of every face."""
 
     vertices: Float32
     """(V, 3) metres, scene frame: x east, y up, z south."""
@@ -64,15 +64,15 @@ def truth_mesh(options: QuarryOptions, max_edge_m: float) -> TruthMesh:
     body, parameters, _, faces = surface.triangles(
         max_edge_m / options.scale, body_rounds=_BODY_ROUNDS
     )
-    places = surface.evaluate_at(body, parameters)
+    samples = surface.evaluate_at(body, parameters)
     colours = photographed(
-        places, surface, Sunlight(surface), options, np.random.default_rng([options.seed, 3])
+        samples, surface, Sunlight(surface), options, np.random.default_rng([options.seed, 3])
     )
     middles = surface.evaluate_at(body[faces[:, 0]], parameters[faces].mean(axis=1))
     # A face goes with its middle: half a face stands in or out of the ground at most.
     seen = ~middles.hidden
     used, dense = np.unique(faces[seen], return_inverse=True)
-    local = places.positions[used] * options.scale
+    local = samples.positions[used] * options.scale
     vertices = np.stack([local[:, 0], local[:, 2], -local[:, 1]], axis=1).astype(np.float32)
     return TruthMesh(
         np.ascontiguousarray(vertices),

@@ -18,14 +18,13 @@ from __future__ import annotations
 from typing import Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from terraport_payload.types import Float64, Int32
 from terraport_pipeline.geometry.adjacency import components
 from terraport_pipeline.geometry.colour import srgb_to_lab
 from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first
-from terraport_pipeline.model import Float64, Int32
 from terraport_pipeline.synth.appearance import material_colours
 from terraport_pipeline.synth.truth_mesh import TruthMesh
 
@@ -77,12 +76,15 @@ def true_regions(
     ndarray of shape (F,), int32
         Region of every face, 0.. by first face.
     """
+    # (1) Connected faces of one kind, with their areas and the lengths of their common borders.
     pieces, count = components(len(mesh.faces), pairs, labels=families(kind)[mesh.material])
     area = _areas(mesh)
     piece_area = np.bincount(pieces, weights=area, minlength=count)
     least = least_share * float(area.sum())
     along = mesh.vertices[edges[:, 0]].astype(np.float64) - mesh.vertices[edges[:, 1]]
     borders = _borders(pieces, pairs, np.sqrt((along * along).sum(axis=1)))
+    # (2) The smallest piece joins the one it shares most border with, until none is too small.
+    # Invariant: `borders` is symmetric and holds only pieces that are left.
     target = np.arange(count)
     while True:
         small = [p for p in borders if piece_area[p] < least and borders[p]]
@@ -97,6 +99,7 @@ def true_regions(
             if other != kept:
                 borders[kept][other] = borders[kept].get(other, 0.0) + length
                 borders[other][kept] = borders[other].get(kept, 0.0) + length
+    # (3) Follow every piece to where it ended.
     for piece in range(count):
         while target[target[piece]] != target[piece]:
             target[piece] = target[target[piece]]
@@ -115,9 +118,7 @@ def _areas(mesh: TruthMesh) -> Float64:
     return areas
 
 
-def _borders(
-    pieces: Int32, pairs: Int32, length: npt.NDArray[np.float64]
-) -> dict[int, dict[int, float]]:
+def _borders(pieces: Int32, pairs: Int32, length: Float64) -> dict[int, dict[int, float]]:
     """Length of the common border of every two pieces that touch."""
     a, b = pieces[pairs[:, 0]], pieces[pairs[:, 1]]
     apart = a != b

@@ -27,9 +27,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import Cover, SegmentMesh, Texture, encode_glb
+from terraport_payload.types import Float64
 from terraport_store import BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter, TextureInfo
 
 __all__ = ["NAMES", "PICTURE_SIDE", "axes_meshes", "board_picture", "write_axes_scene"]
@@ -39,9 +39,9 @@ NAMES: Final = ("letter", "east", "north", "up", "board", "plate")
 """Of the segments, by id; regions have the same."""
 PICTURE_SIDE: Final = 64
 
-Place = npt.NDArray[np.float64]
+Point = Float64
 """(east, up, north) in metres."""
-Face = list[Place]
+Face = list[Point]
 """Corners, counter-clockwise seen from outside."""
 
 YELLOW: Final = (235, 200, 40)
@@ -154,7 +154,7 @@ def _box(low: tuple[float, float, float], high: tuple[float, float, float]) -> l
     return [[corners[corner] for corner in side] for side in sides]
 
 
-def _arrow(along: Place, beside: Place, length_m: float) -> list[Face]:
+def _arrow(along: Point, beside: Point, length_m: float) -> list[Face]:
     """A square rod from `FOOT` with a pyramid at its end."""
     across = np.cross(along, beside)
     # The cross product is taken of (east, up, north), which is left-handed; the rod is symmetrical.
@@ -174,7 +174,7 @@ def _arrow(along: Place, beside: Place, length_m: float) -> list[Face]:
     return [_outwards(face, centre, along) for face in faces]
 
 
-def _outwards(face: Face, centre: Place, along: Place) -> Face:
+def _outwards(face: Face, centre: Point, along: Point) -> Face:
     """Turn the corners so that they run counter-clockwise seen from outside."""
     middle = sum(face) / len(face)
     outside = middle - centre
@@ -188,7 +188,7 @@ def _outwards(face: Face, centre: Place, along: Place) -> Face:
     return face if np.dot(normal, _scene(direction)) > 0 else face[::-1]
 
 
-def _scene(place: Place) -> Place:
+def _scene(place: Point) -> Point:
     """(east, up, north) to x, y, z of the scene frame: z points south."""
     return np.array([place[0], place[1], -place[2]])
 

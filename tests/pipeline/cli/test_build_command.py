@@ -7,8 +7,7 @@ import typer
 from typer.testing import CliRunner
 
 from terraport_pipeline.cli import build as command
-from terraport_pipeline.cli.build import parse_size, register
-from terraport_pipeline.errors import OptionError
+from terraport_pipeline.cli.build import register
 from terraport_store.validate import validate_scene
 
 
@@ -37,7 +36,22 @@ def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) 
     [
         (["--detail-depth", "99"], 2, "error: detail depth 99; expected 3 to 16"),
         (["--units", "tiles"], 2, "error: units 'tiles'; expected segments or pools"),
-        (["--max-memory", "lots"], 2, "error: size 'lots'; expected a number with"),
+        (["--max-memory", "lots"], 2, "error: max memory 'lots'; expected a number with"),
+        (
+            ["--max-memory", "1k"],
+            2,
+            "error: max memory 0.0009765625 MiB; expected at least 256 MiB",
+        ),
+        (["--max-points", "10"], 2, "error: max points 10; expected at least 50"),
+        (["--threads", "0"], 2, "error: threads 0; expected at least 1"),
+        (["--engine", "magic"], 2, "error: engine 'magic'; expected means, graph, tpa, "),
+        (["--grid-cell-m", "5"], 2, "error: grid cell 5 m with engine means; expected engine grid"),
+        (
+            ["--camera-offset", "1,2"],
+            2,
+            "error: camera offset '1,2'; expected three finite numbers",
+        ),
+        (["--texture-quality", "50"], 2, "without photos; expected the folder of the photos with"),
         (["--no-such-option"], 2, "No such option"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
@@ -71,17 +85,3 @@ def test_ctrl_c_exits_with_130_and_says_how_to_go_on(
     code, said = run(hill_file, "-o", tmp_path / "scene", "--quiet")
     assert code == 130
     assert "the same command goes on after the last finished stage" in said
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [("8G", 8 * 2**30), ("500m", 500 * 2**20), ("1.5 GiB", 3 * 2**29), ("1024", 1024)],
-)
-def test_sizes(text: str, expected: int) -> None:
-    assert parse_size(text) == expected
-
-
-@pytest.mark.parametrize("text", ["", "G", "-1G", "8X", "1e9", "nan"])
-def test_sizes_that_are_none(text: str) -> None:
-    with pytest.raises(OptionError, match="expected a number"):
-        parse_size(text)

@@ -1,4 +1,4 @@
-"""Surveys of every format in parts: the openers agree on what they promise."""
+"""Surveys of every format in chunks: the openers agree on what they promise."""
 
 from __future__ import annotations
 
@@ -54,29 +54,29 @@ FILES = [("las", "a.las", write_las), ("xyz", "a.xyz", write_xyz), ("ply", "a.pl
 
 @pytest.mark.parametrize(("name", "file", "write"), FILES, ids=[name for name, _, _ in FILES])
 @pytest.mark.parametrize("most", [None, 100])
-def test_parts_add_up_to_what_was_told(tmp_path, name, file, write, most) -> None:
+def test_chunks_add_up_to_what_was_announced(tmp_path, name, file, write, most) -> None:
     path = write(tmp_path / file)
     with open_stream(path, name, max_points=most) as stream:
         assert stream.format == name
         assert stream.unit == ("bytes" if name == "xyz" else "points")
-        parts = list(stream.parts())
+        chunks = list(stream.chunks())
         assert isinstance(stream.late_warnings(), tuple)
-    assert sum(part.read for part in parts) == stream.total
-    assert sum(part.kept for part in parts) == (most or COUNT)
-    first = {column: values.dtype for column, values in parts[0].columns.items()}
-    for part in parts:
-        assert {column: values.dtype for column, values in part.columns.items()} == first
-        assert all(len(values) == part.kept for values in part.columns.values())
+    assert sum(chunk.read for chunk in chunks) == stream.total
+    assert sum(chunk.kept for chunk in chunks) == (most or COUNT)
+    first = {column: values.dtype for column, values in chunks[0].columns.items()}
+    for chunk in chunks:
+        assert {column: values.dtype for column, values in chunk.columns.items()} == first
+        assert all(len(values) == chunk.kept for values in chunk.columns.values())
     assert set(stream.colours) <= set(first)
 
 
-def test_parts_hold_the_points_in_order(tmp_path) -> None:
+def test_chunks_hold_the_points_in_order(tmp_path) -> None:
     with open_stream(write_las(tmp_path / "a.las"), "las") as stream:
-        parts = list(stream.parts())
-    assert len(parts) == 4
-    points = np.concatenate([part.points for part in parts]) - (641_000.0, 8_594_000.0, 1_200.0)
+        chunks = list(stream.chunks())
+    assert len(chunks) == 4
+    points = np.concatenate([chunk.points for chunk in chunks]) - (641_000.0, 8_594_000.0, 1_200.0)
     assert points == pytest.approx(PLACES, abs=1e-6)
-    assert np.concatenate([part.columns["red"] for part in parts]).tolist() == list(range(COUNT))
+    assert np.concatenate([chunk.columns["red"] for chunk in chunks]).tolist() == list(range(COUNT))
 
 
 def test_colours_are_named_only_where_there_are_any(tmp_path) -> None:

@@ -9,15 +9,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int32, UInt8
+
 
 @dataclass(frozen=True)
 class TestMesh:
     """A mesh with read-only arrays: no function may write into its inputs."""
 
     __test__ = False
-    vertices: npt.NDArray[np.float32]
-    faces: npt.NDArray[np.int32]
-    colours: npt.NDArray[np.uint8]
+    vertices: Float32
+    faces: Int32
+    colours: UInt8
 
 
 def _frozen(
@@ -73,11 +75,11 @@ def make_terrain(
 
 
 def cast_rays(
-    vertices: npt.NDArray[np.floating],
-    faces: npt.NDArray[np.integer],
-    origins: npt.NDArray[np.float64],
-    directions: npt.NDArray[np.float64],
-) -> npt.NDArray[np.bool_]:
+    vertices: AnyFloat,
+    faces: AnyInt,
+    origins: Float64,
+    directions: Float64,
+) -> Bool:
     """Which rays (R) meet which faces (F): (R, F). Moller-Trumbore, both sides, edges included."""
     a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
     ab, ac = b - a, c - a
@@ -109,6 +111,6 @@ def terrain() -> Callable[..., TestMesh]:
 
 
 @pytest.fixture(scope="session")
-def rays() -> Callable[..., npt.NDArray[np.bool_]]:
+def rays() -> Callable[..., Bool]:
     """The brute-force ray caster."""
     return cast_rays

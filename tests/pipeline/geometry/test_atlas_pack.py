@@ -55,7 +55,7 @@ def test_too_large_a_chart_is_scaled_down() -> None:
 def test_places_are_centres_of_texels_behind_the_gutter() -> None:
     atlas = pack_charts(np.array([[10.0, 40.0]]), max_side=256)
     uvs = np.array([[[0.0, 0.0], [10.0, 0.0], [0.0, 40.0]]])
-    texels = atlas.place(uvs, np.zeros(1, np.int32))
+    texels = atlas.to_texels(uvs, np.zeros(1, np.int32))
     assert texels.tolist() == [[[4.5, 4.5], [4.5, 14.5], [44.5, 4.5]]]  # turned
 
 

@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.geometry.base_patch import append_surface, base_patch
 from terraport_pipeline.geometry.trim import compact
 from terraport_pipeline.geometry.uncovered import uncovered_faces
-from terraport_pipeline.model import Float32, Int32
 
 CELL_M = 0.25
 

@@ -139,7 +139,7 @@ def test_borders_on_a_grid():
     ]  # vertices 36..44 are x = 4
     same = boundary_score(vertices, pairs, edges, true, 1 - true, 0.1)
     assert (same.recall, same.precision) == (1.0, 1.0)
-    assert (same.true_length, same.found_length) == pytest.approx((8.0, 8.0))
+    assert (same.true_length, same.predicted_length) == pytest.approx((8.0, 8.0))
     shifted = (middle[:, 0] > 5).astype(int)
     assert boundary_score(vertices, pairs, edges, true, shifted, 0.9).recall == 0.0
     assert boundary_score(vertices, pairs, edges, true, shifted, 1.1).recall == 1.0

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from photo_scene import ground, look_at
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.geometry.adjacency import components, face_pairs
 from terraport_pipeline.geometry.small_charts import join_small_charts
-from terraport_pipeline.model import Float32, Int32
 
 VIEWS = [
     look_at("a.jpg", (20.0, 60.0, 20.0), (20.0, 0.0, 20.1)),

@@ -8,7 +8,7 @@ from terraport_pipeline.geometry.adjacency import face_pairs
 from terraport_pipeline.geometry.tile_band import (
     Banded,
     faces_outside,
-    part_near,
+    piece_near,
     touching,
     with_band,
 )
@@ -21,7 +21,7 @@ def band(tiles: MemoryTiles, tile: int, reach_m: float) -> Banded:
         mesh, border = tiles.parts[i], tiles.border(i)
         box = None if i == tile else boxes[tile]
         parts.append(
-            part_near(
+            piece_near(
                 i, mesh.vertices, mesh.faces, mesh.colours, (border.rows, border.ids), box, reach_m
             )
         )
@@ -42,8 +42,8 @@ def test_the_tile_is_whole_and_the_band_is_as_wide_as_asked() -> None:
     whole = mesh.vertices[mesh.faces]
     near = np.maximum(box[:3] - whole, whole - box[3:]).max(axis=2).min(axis=1) <= 5.0
     assert len(found.faces) == near.sum()
-    assert [tile for tile, _ in found.parts] == list(range(9))
-    assert sum(len(rows) for _, rows in found.parts) == len(found.faces)
+    assert [tile for tile, _ in found.rows_of_tiles] == list(range(9))
+    assert sum(len(rows) for _, rows in found.rows_of_tiles) == len(found.faces)
     assert found.is_own.sum() == len(part.faces)
 
 
@@ -62,7 +62,7 @@ def test_both_sides_of_a_border_see_the_same_faces_in_the_same_order() -> None:
     one, two = band(tiles, 0, 8.0), band(tiles, 1, 8.0)
 
     def listed(found: Banded) -> list[tuple[int, int]]:
-        return [(tile, row) for tile, rows in found.parts for row in rows.tolist()]
+        return [(tile, row) for tile, rows in found.rows_of_tiles for row in rows.tolist()]
 
     first, second = listed(one), listed(two)
     shared = set(first) & set(second)

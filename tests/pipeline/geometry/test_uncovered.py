@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from terraport_payload.types import Float32, Int32
 from terraport_pipeline.geometry.uncovered import uncovered_faces
-from terraport_pipeline.model import Float32, Int32
 
 SQUARE = np.array([[0, 0, 0], [4, 0, 0], [4, 0, 4], [0, 0, 4]], np.float32)
 HALVES = np.array([[0, 2, 1], [0, 3, 2]], np.int32)

@@ -9,7 +9,7 @@ from photo_scene import look_at
 from terraport_pipeline.geometry.view_kernels import (
     QUALITY_STEPS,
     SLOTS,
-    place_of_view,
+    index_of_view,
     quality_level,
     rate,
     sort_slots,
@@ -27,7 +27,7 @@ def test_a_level_is_a_logarithm_in_steps() -> None:
 @pytest.mark.parametrize(("view", "place"), [(7, 0), (-1, 1), (3, 2), (9, 3), (5, 3)])
 def test_a_view_is_found_among_those_seen(view: int, place: int) -> None:
     seen = np.array([7, -1, 3, 5, 9], np.int64)
-    assert place_of_view(seen, 3, view) == place  # what lies behind the first three is left over
+    assert index_of_view(seen, 3, view) == place  # what lies behind the first three is left over
 
 
 def test_places_are_sorted_with_what_belongs_to_them_and_empty_ones_last() -> None:

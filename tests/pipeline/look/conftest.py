@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from terraport_payload import AttributeScale, Cover, SegmentMesh, encode_glb
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.mixed_model import HandOffModel
 from terraport_store import (
     AttributeInfo,
@@ -23,9 +23,7 @@ from terraport_store import (
 )
 
 
-def terrain_height(
-    x: npt.NDArray[np.float64], z: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
+def terrain_height(x: Float64, z: Float64) -> Float64:
     """Rolling ground with a bench: heights in metres over a 100 m square."""
     bench = 6.0 / (1.0 + np.exp(-(x - 60.0) / 1.5))
     return (
@@ -37,9 +35,9 @@ def terrain_height(
 class Terrain:
     """One grid mesh; scene frame, metres."""
 
-    vertices: npt.NDArray[np.float32]
-    faces: npt.NDArray[np.int32]
-    colours: npt.NDArray[np.uint8]
+    vertices: Float32
+    faces: Int32
+    colours: UInt8
 
 
 def build_terrain(cells: int, low: float = 0.0, high: float = 100.0) -> Terrain:

@@ -93,7 +93,7 @@ def test_a_cut_las_says_at_which_point_and_byte(tmp_path, sample, advance) -> No
     path.write_bytes(data[: start + 123 * size + 5])
     with pytest.raises(ReadError, match="ends after 123 of 500 points") as caught:
         read_las(path, advance=advance)
-    assert caught.value.place == f"byte {start + 123 * size + 5:,}"
+    assert caught.value.location == f"byte {start + 123 * size + 5:,}"
     assert caught.value.path == path
 
 

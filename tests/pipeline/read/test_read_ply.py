@@ -77,7 +77,7 @@ def test_a_cut_binary_file_says_at_which_vertex(tmp_path, sample, advance, kind:
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(ReadError, match="ends after 77 of 500 vertices") as caught:
         read_ply(path, advance=advance)
-    assert caught.value.place == f"byte {length:,}"
+    assert caught.value.location == f"byte {length:,}"
 
 
 def test_a_cut_ascii_file_says_at_which_vertex(tmp_path, sample, advance) -> None:
@@ -90,7 +90,7 @@ def test_a_cut_ascii_file_says_at_which_vertex(tmp_path, sample, advance) -> Non
     path.write_bytes(b"".join(lines[: head + 450]) + b"1.0 2.0")
     with pytest.raises(ReadError, match="is no row of 9 numbers") as caught:
         read_ply(path, advance=advance)
-    assert caught.value.place == "vertex 450"
+    assert caught.value.location == "vertex 450"
 
 
 @pytest.mark.parametrize("kind", KINDS)

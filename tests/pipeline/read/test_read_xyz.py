@@ -141,7 +141,7 @@ def test_the_line_of_a_damaged_row_is_named(tmp_path, sample, advance) -> None:
     path.write_text("\n".join(body))
     with pytest.raises(ReadError) as caught:
         read_xyz(path, advance=advance)
-    assert caught.value.place == "line 401 (comments not counted)"
+    assert caught.value.location == "line 401 (comments not counted)"
 
 
 def test_binary_under_a_text_name_is_refused(tmp_path, advance) -> None:
@@ -149,4 +149,4 @@ def test_binary_under_a_text_name_is_refused(tmp_path, advance) -> None:
     path.write_bytes(b"1 2 3\n\x00\x01\x02")
     with pytest.raises(ReadError, match="no text: it has zero bytes") as caught:
         read_xyz(path, advance=advance)
-    assert caught.value.place == "byte 6"
+    assert caught.value.location == "byte 6"

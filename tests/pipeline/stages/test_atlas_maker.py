@@ -10,10 +10,10 @@ from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.geometry.photo_samples import neutral_gains
 from terraport_pipeline.geometry.view_choice import ViewChoice
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.stages.atlas_maker import AtlasMaker, MadeAtlas
+from terraport_pipeline.stages.atlas_maker import AtlasMaker, BakedAtlas
 
 
-def shown(mesh: Mesh, made: MadeAtlas) -> np.ndarray:
+def shown(mesh: Mesh, made: BakedAtlas) -> np.ndarray:
     """Level of the texel at every face's middle."""
     pixels = decode_image(made.image).astype(int)
     middle = (made.wedges.mean(axis=1) * 0.5).astype(int)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Survey
 from terraport_pipeline.stages import clean, reconstruct, segment
 from terraport_pipeline.stages.contract import Context
+from terraport_pipeline.stages.region_engine import ENGINES, make_segmenter
 from terraport_pipeline.stages.segment import Segmented
 
 SMALL = segment.Options(min_faces=150, max_faces=900)
@@ -113,11 +115,14 @@ def test_stored_and_restored(result: Segmented) -> None:
 @pytest.mark.parametrize(
     "options",
     [
-        {"region_threshold": 0.0},
+        {"means_spread": 0.0},
+        {"means_spread": 101.0},
+        {"engine": "graph", "graph_cut_drop": -1.0},
+        {"engine": "grid", "grid_cell_m": float("inf")},
         {"engine": "magic"},
         {"segment_by": ""},
-        {"segment_threshold": float("nan")},
-        {"region_small": 1.0},
+        {"engine": "tpa", "tpa_segment_threshold": float("nan")},
+        {"small_region_share": 1.0},
         {"min_faces": 10, "max_faces": 5},
         {"min_faces": 0},
         {"max_extent_m": -1.0},
@@ -126,6 +131,62 @@ def test_stored_and_restored(result: Segmented) -> None:
 def test_options_out_of_range(options: dict[str, float]) -> None:
     with pytest.raises(OptionError, match="expected"):
         segment.Options(**options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("engine", "name"),
+    [
+        (engine, name)
+        for engine in ENGINES
+        for name in (
+            "means_spread", "graph_cut_drop", "tpa_region_threshold", "tpa_segment_threshold",
+            "felzenszwalb_scale", "grid_cell_m",
+        )
+    ],
+)  # fmt: skip
+def test_an_option_of_one_engine_is_refused_with_every_other(engine: Any, name: str) -> None:
+    options: dict[str, Any] = {"engine": engine, name: 0.5}
+    owner = name.partition("_")[0]
+    if owner == engine:
+        assert getattr(segment.Options(**options), name) == 0.5
+    else:
+        with pytest.raises(OptionError) as raised:
+            segment.Options(**options)
+        said = "grid cell 0.5 m" if owner == "grid" else f"{name.replace('_', ' ')} 0.5"
+        assert str(raised.value) == (
+            f"{said} with engine {engine}; expected engine {owner}: leave out "
+            f"--{name.replace('_', '-')}, or change --engine"
+        )
+
+
+def test_the_grid_knows_no_small_regions() -> None:
+    with pytest.raises(
+        OptionError, match=r"small region share 0\.1 with engine grid; expected engine means"
+    ):
+        segment.Options(engine="grid", small_region_share=0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "field", "value"),
+    [
+        (segment.Options(means_spread=0.5), "spread", 0.5),
+        (segment.Options(small_region_share=0.1), "small_share", 0.1),
+        (segment.Options(engine="graph", graph_cut_drop=0.9), "options.threshold", 0.9),
+        (segment.Options(engine="graph", segment_by="shape"), "options.threshold", 2.5),
+        (segment.Options(engine="graph", small_region_share=0.1), "options.small_share", 0.1),
+        (segment.Options(engine="tpa", tpa_region_threshold=0.9), "regions.threshold", 0.9),
+        (segment.Options(engine="tpa", small_region_share=0.1), "regions.small_threshold", 0.1),
+        (segment.Options(engine="tpa", tpa_segment_threshold=0.1), "fine.threshold", 0.1),
+        (segment.Options(engine="felzenszwalb", felzenszwalb_scale=9.0), "region_scale", 9.0),
+        (segment.Options(engine="felzenszwalb", small_region_share=0.1), "region_share", 0.1),
+        (segment.Options(engine="grid", grid_cell_m=7.0), "region_cell_m", 7.0),
+    ],
+    ids=str,
+)
+def test_every_option_reaches_its_engine(
+    options: segment.Options, field: str, value: float
+) -> None:
+    assert attrgetter(field)(make_segmenter(options, threads=1)) == value
 
 
 def test_scratch_is_not_used(result: Segmented, context: Context) -> None:

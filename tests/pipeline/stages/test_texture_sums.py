@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.stages.atlas_maker import MadeAtlas
+from terraport_pipeline.stages.atlas_maker import BakedAtlas
 from terraport_pipeline.stages.texture_sums import TextureSums, TextureTally
 
 
-def made(count: int, rng: np.random.Generator) -> MadeAtlas:
+def made(count: int, rng: np.random.Generator) -> BakedAtlas:
     """A piece of so many faces of 1 to 2 m2, texels about 0.1 m; a third without a photo."""
     gsd_m = rng.uniform(0.05, 0.09, count)
     gsd_m[::3] = np.nan
     surface_m2 = rng.uniform(1.0, 2.0, count)
-    return MadeAtlas(
+    return BakedAtlas(
         np.zeros((count, 3, 2), np.uint16), b"image", 64, 32, surface_m2,
         surface_m2 * rng.uniform(80.0, 120.0, count), gsd_m, *np.zeros((2, count), bool), 5, 0.5,
     )  # fmt: skip

@@ -61,10 +61,11 @@ def test_one_photo_is_a_flight() -> None:
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"count": 0}, "count is 0, expected 1 to 2,000"),
-        ({"overlap": 1.0}, "overlap is 1.0"),
+        ({"count": 0}, "photo count 0; expected 1 to 2000"),
+        ({"width": 63}, "63 x 1500 pixels; expected sides of 64 to 16,384"),
+        ({"overlap": 1.0}, "overlap 1; expected 0 to 0.95"),
         ({"width": 10_000, "height": 10_000}, "10000 x 10000 pixels is too large"),
-        ({"exposure_drift_ev": float("nan")}, "exposure_drift_ev is nan"),
+        ({"exposure_drift_ev": float("nan")}, "exposure drift nan; expected 0 to 3"),
     ],
 )
 def test_what_no_camera_can_is_refused(values: dict[str, float], told: str) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.option import option_fields
 from terraport_pipeline.synth import QuarryOptions
 
 
@@ -21,7 +22,8 @@ from terraport_pipeline.synth import QuarryOptions
 def test_out_of_range_is_refused_with_name_value_and_range(name: str, value: float) -> None:
     with pytest.raises(OptionError) as caught:
         QuarryOptions(**{name: value})
-    assert str(caught.value).startswith(f"{name} is {value!r}, expected ")
+    [field] = [field for field in option_fields(QuarryOptions) if field.name == name]
+    assert str(caught.value) == f"{field.stated(value)}; expected {field.option.range()}"
 
 
 def test_benches_that_do_not_fit_are_refused() -> None:

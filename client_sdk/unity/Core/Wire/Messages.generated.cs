@@ -342,6 +342,65 @@ namespace Terraport.Wire
         }
     }
 
+    /// <summary>When the server did what for one landing, in microseconds since it received land.</summary>
+    public sealed class TimingsPart : WirePart
+    {
+        internal static readonly Field[] Table =
+        {
+            new Field("plan_us", false, new IntegerKind(0L, 9007199254740991L)),
+            new Field("first_byte_us", false, new IntegerKind(0L, 9007199254740991L)),
+            new Field("last_byte_us", false, new IntegerKind(0L, 9007199254740991L)),
+            new Field("ready_us", true, new IntegerKind(0L, 9007199254740991L)),
+            new Field("credit_wait_us", true, new IntegerKind(0L, 9007199254740991L)),
+        };
+
+        /// <summary>Plan handed to the socket; absent where the plan was still waiting for that. Null where absent.</summary>
+        public long? PlanUs { get; set; }
+
+        /// <summary>First chunk on its way; absent where there was none. Null where absent.</summary>
+        public long? FirstByteUs { get; set; }
+
+        /// <summary>Last chunk on its way; absent where there was none. Null where absent.</summary>
+        public long? LastByteUs { get; set; }
+
+        /// <summary>Ready decided.</summary>
+        public long ReadyUs { get; set; }
+
+        /// <summary>How long there was payload to send and no credit: time that the client took.</summary>
+        public long CreditWaitUs { get; set; }
+
+        internal override Field[] Fields
+        {
+            get { return Table; }
+        }
+
+        internal override object Get(int field)
+        {
+            switch (field)
+            {
+                case 0: return PlanUs.HasValue ? (object)(long)PlanUs.Value : null;
+                case 1: return FirstByteUs.HasValue ? (object)(long)FirstByteUs.Value : null;
+                case 2: return LastByteUs.HasValue ? (object)(long)LastByteUs.Value : null;
+                case 3: return (long)ReadyUs;
+                case 4: return (long)CreditWaitUs;
+            }
+            throw NoField(field);
+        }
+
+        internal override void Set(int field, object value)
+        {
+            switch (field)
+            {
+                case 0: PlanUs = value == null ? (long?)null : (long)(long)value; return;
+                case 1: FirstByteUs = value == null ? (long?)null : (long)(long)value; return;
+                case 2: LastByteUs = value == null ? (long?)null : (long)(long)value; return;
+                case 3: ReadyUs = (long)(long)value; return;
+                case 4: CreditWaitUs = (long)(long)value; return;
+            }
+            throw NoField(field);
+        }
+    }
+
     /// <summary>What a pick met.</summary>
     public sealed class HitPart : WirePart
     {
@@ -414,65 +473,6 @@ namespace Terraport.Wire
                 case 5: Label = (string)value; return;
                 case 6: HeightM = (double)value; return;
                 case 7: Attributes = (KeyValuePair<string, double>[])value; return;
-            }
-            throw NoField(field);
-        }
-    }
-
-    /// <summary>When the server did what for one landing, in microseconds since it received land.</summary>
-    public sealed class TimingsPart : WirePart
-    {
-        internal static readonly Field[] Table =
-        {
-            new Field("plan_us", false, new IntegerKind(0L, 9007199254740991L)),
-            new Field("first_byte_us", false, new IntegerKind(0L, 9007199254740991L)),
-            new Field("last_byte_us", false, new IntegerKind(0L, 9007199254740991L)),
-            new Field("ready_us", true, new IntegerKind(0L, 9007199254740991L)),
-            new Field("credit_wait_us", true, new IntegerKind(0L, 9007199254740991L)),
-        };
-
-        /// <summary>Plan handed to the socket; absent where the plan was still waiting for that. Null where absent.</summary>
-        public long? PlanUs { get; set; }
-
-        /// <summary>First chunk on its way; absent where there was none. Null where absent.</summary>
-        public long? FirstByteUs { get; set; }
-
-        /// <summary>Last chunk on its way; absent where there was none. Null where absent.</summary>
-        public long? LastByteUs { get; set; }
-
-        /// <summary>Ready decided.</summary>
-        public long ReadyUs { get; set; }
-
-        /// <summary>How long there was payload to send and no credit: time that the client took.</summary>
-        public long CreditWaitUs { get; set; }
-
-        internal override Field[] Fields
-        {
-            get { return Table; }
-        }
-
-        internal override object Get(int field)
-        {
-            switch (field)
-            {
-                case 0: return PlanUs.HasValue ? (object)(long)PlanUs.Value : null;
-                case 1: return FirstByteUs.HasValue ? (object)(long)FirstByteUs.Value : null;
-                case 2: return LastByteUs.HasValue ? (object)(long)LastByteUs.Value : null;
-                case 3: return (long)ReadyUs;
-                case 4: return (long)CreditWaitUs;
-            }
-            throw NoField(field);
-        }
-
-        internal override void Set(int field, object value)
-        {
-            switch (field)
-            {
-                case 0: PlanUs = value == null ? (long?)null : (long)(long)value; return;
-                case 1: FirstByteUs = value == null ? (long?)null : (long)(long)value; return;
-                case 2: LastByteUs = value == null ? (long?)null : (long)(long)value; return;
-                case 3: ReadyUs = (long)(long)value; return;
-                case 4: CreditWaitUs = (long)(long)value; return;
             }
             throw NoField(field);
         }
@@ -938,35 +938,6 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>The client ends the session; the server closes with 1000.</summary>
-    public sealed class ByeMessage : WireMessage
-    {
-        internal static readonly Field[] Table =
-        {
-        };
-
-        /// <inheritdoc/>
-        public override string Type
-        {
-            get { return "bye"; }
-        }
-
-        internal override Field[] Fields
-        {
-            get { return Table; }
-        }
-
-        internal override object Get(int field)
-        {
-            throw NoField(field);
-        }
-
-        internal override void Set(int field, object value)
-        {
-            throw NoField(field);
-        }
-    }
-
     /// <summary>More of what the client holds, after hello and before the first aim or land.</summary>
     public sealed class HeldMessage : WireMessage
     {
@@ -1004,6 +975,35 @@ namespace Terraport.Wire
             {
                 case 0: Segments = (HeldRow[])value; return;
             }
+            throw NoField(field);
+        }
+    }
+
+    /// <summary>The client ends the session; the server closes with 1000.</summary>
+    public sealed class ByeMessage : WireMessage
+    {
+        internal static readonly Field[] Table =
+        {
+        };
+
+        /// <inheritdoc/>
+        public override string Type
+        {
+            get { return "bye"; }
+        }
+
+        internal override Field[] Fields
+        {
+            get { return Table; }
+        }
+
+        internal override object Get(int field)
+        {
+            throw NoField(field);
+        }
+
+        internal override void Set(int field, object value)
+        {
             throw NoField(field);
         }
     }
@@ -1292,6 +1292,53 @@ namespace Terraport.Wire
                 case 5: ReleaseFactor = (double)value; return;
                 case 6: Dropped = (uint[])value; return;
                 case 7: HeldCount = (int)(long)value; return;
+            }
+            throw NoField(field);
+        }
+    }
+
+    /// <summary>Answer to held: what of it is accepted.</summary>
+    public sealed class HeldCheckedMessage : WireMessage
+    {
+        internal static readonly Field[] Table =
+        {
+            new Field("dropped", true, new IdsKind(32768)),
+            new Field("held_count", true, new IntegerKind(0L, 4294967295L)),
+        };
+
+        /// <inheritdoc/>
+        public override string Type
+        {
+            get { return "held_checked"; }
+        }
+
+        /// <summary>Offered segments that this scene version does not have; the client frees them.</summary>
+        public uint[] Dropped { get; set; }
+
+        /// <summary>Segments that are held by now.</summary>
+        public uint HeldCount { get; set; }
+
+        internal override Field[] Fields
+        {
+            get { return Table; }
+        }
+
+        internal override object Get(int field)
+        {
+            switch (field)
+            {
+                case 0: return Dropped;
+                case 1: return (long)HeldCount;
+            }
+            throw NoField(field);
+        }
+
+        internal override void Set(int field, object value)
+        {
+            switch (field)
+            {
+                case 0: Dropped = (uint[])value; return;
+                case 1: HeldCount = (uint)(long)value; return;
             }
             throw NoField(field);
         }
@@ -1811,53 +1858,6 @@ namespace Terraport.Wire
         }
     }
 
-    /// <summary>Answer to held: what of it is accepted.</summary>
-    public sealed class HeldCheckedMessage : WireMessage
-    {
-        internal static readonly Field[] Table =
-        {
-            new Field("dropped", true, new IdsKind(32768)),
-            new Field("held_count", true, new IntegerKind(0L, 4294967295L)),
-        };
-
-        /// <inheritdoc/>
-        public override string Type
-        {
-            get { return "held_checked"; }
-        }
-
-        /// <summary>Offered segments that this scene version does not have; the client frees them.</summary>
-        public uint[] Dropped { get; set; }
-
-        /// <summary>Segments that are held by now.</summary>
-        public uint HeldCount { get; set; }
-
-        internal override Field[] Fields
-        {
-            get { return Table; }
-        }
-
-        internal override object Get(int field)
-        {
-            switch (field)
-            {
-                case 0: return Dropped;
-                case 1: return (long)HeldCount;
-            }
-            throw NoField(field);
-        }
-
-        internal override void Set(int field, object value)
-        {
-            switch (field)
-            {
-                case 0: Dropped = (uint[])value; return;
-                case 1: HeldCount = (uint)(long)value; return;
-            }
-            throw NoField(field);
-        }
-    }
-
     /// <summary>Answer to join: the seat in the group.</summary>
     public sealed class JoinedMessage : WireMessage
     {
@@ -2112,8 +2112,8 @@ namespace Terraport.Wire
             "evict",
             "reject",
             "pick",
-            "bye",
             "held",
+            "bye",
             "join",
             "leave",
             "gather",
@@ -2123,6 +2123,7 @@ namespace Terraport.Wire
         internal static readonly string[] ServerToClient =
         {
             "welcome",
+            "held_checked",
             "plan",
             "prefetch",
             "ready",
@@ -2131,7 +2132,6 @@ namespace Terraport.Wire
             "picked",
             "notice",
             "error",
-            "held_checked",
             "joined",
             "roster",
             "gathering",
@@ -2152,8 +2152,8 @@ namespace Terraport.Wire
                     case "evict": return new EvictMessage();
                     case "reject": return new RejectMessage();
                     case "pick": return new PickMessage();
-                    case "bye": return new ByeMessage();
                     case "held": return new HeldMessage();
+                    case "bye": return new ByeMessage();
                     case "join": return new JoinMessage();
                     case "leave": return new LeaveMessage();
                     case "gather": return new GatherMessage();
@@ -2165,6 +2165,7 @@ namespace Terraport.Wire
                 switch (type)
                 {
                     case "welcome": return new WelcomeMessage();
+                    case "held_checked": return new HeldCheckedMessage();
                     case "plan": return new PlanMessage();
                     case "prefetch": return new PrefetchMessage();
                     case "ready": return new ReadyMessage();
@@ -2173,7 +2174,6 @@ namespace Terraport.Wire
                     case "picked": return new PickedMessage();
                     case "notice": return new NoticeMessage();
                     case "error": return new ErrorMessage();
-                    case "held_checked": return new HeldCheckedMessage();
                     case "joined": return new JoinedMessage();
                     case "roster": return new RosterMessage();
                     case "gathering": return new GatheringMessage();

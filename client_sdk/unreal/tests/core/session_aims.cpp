@@ -8,36 +8,20 @@
 using namespace terraport;
 using namespace terraport::testing;
 
-namespace {
-
 using Ids = std::vector<std::uint32_t>;
 
-const ToyScene toy;
-
-bool isOnce(const Ids& ids) {
-  return std::set<std::uint32_t>(ids.begin(), ids.end()).size() == ids.size();
-}
-
-PairOptions withCredit(std::uint64_t creditBytes) {
-  PairOptions options;
-  options.creditBytes = creditBytes;
-  return options;
-}
-
-}  // namespace
-
 TEST_CASE("session: an aim is held for the landing that follows, which costs nothing") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   pair.client.aim(kMiddle, 3);
   CHECK(pair.client.hasAim());
   pair.client.flushAim();
   pair.settle();
-  const Ids want = toy.within(kMiddle, 3);
+  const Ids want = kToy.within(kMiddle, 3);
   const auto prefetching = pair.of(EventKind::Prefetching);
   REQUIRE(prefetching.size() == 1);
   CHECK(prefetching[0].segmentCount == want.size());
-  CHECK(prefetching[0].payloadBytes == toy.bytesOf(want));
+  CHECK(prefetching[0].payloadBytes == kToy.bytesOf(want));
   CHECK(pair.of(EventKind::Prefetched).size() == 1);
   CHECK(pair.client.transfers().visible().empty());
   pair.client.land(kMiddle, 3, {});
@@ -47,12 +31,12 @@ TEST_CASE("session: an aim is held for the landing that follows, which costs not
   const AimCounts& aims = pair.client.transfers().aims();
   CHECK(aims.landings == 1);
   CHECK(aims.hits == 1);
-  CHECK(aims.usedBytes == toy.bytesOf(want));
-  CHECK(aims.prefetchedBytes == toy.bytesOf(want));
+  CHECK(aims.usedBytes == kToy.bytesOf(want));
+  CHECK(aims.prefetchedBytes == kToy.bytesOf(want));
 }
 
 TEST_CASE("session: an aim elsewhere is a miss, and counted; older ones are replaced; a landing drops it") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   for (int x = 5; x >= 0; --x) pair.client.aim({static_cast<double>(x), 0, 0}, 1);
   pair.client.flushAim();
@@ -66,11 +50,11 @@ TEST_CASE("session: an aim elsewhere is a miss, and counted; older ones are repl
   CHECK(aims.landings == 1);
   CHECK(aims.hits == 0);
   CHECK(aims.usedBytes == 0);
-  CHECK(aims.prefetchedBytes == toy.bytesOf(toy.within({0, 0, 0}, 1)));
+  CHECK(aims.prefetchedBytes == kToy.bytesOf(kToy.within({0, 0, 0}, 1)));
 }
 
 TEST_CASE("session: an aim that comes wrong twice is given up") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   pair.spoil = flip;
   pair.client.aim({0, 0, 0}, 0.5);
@@ -82,14 +66,14 @@ TEST_CASE("session: an aim that comes wrong twice is given up") {
 }
 
 TEST_CASE("session: an aim that a cut ended is sent anew, and nothing comes twice (7, rule 4)") {
-  Pair pair(toy, withCredit(300));
+  Pair pair(kToy, withCredit(300));
   pair.connect().settle();
   pair.client.aim(kMiddle, 3);
   pair.client.flushAim();
   while (pair.received.size() < 2) REQUIRE(pair.step());
   pair.disconnect();
   pair.connect().settle(true);
-  CHECK(pair.receivedSorted() == toy.within(kMiddle, 3));
+  CHECK(pair.receivedSorted() == kToy.within(kMiddle, 3));
   CHECK(pair.of(EventKind::Prefetched).size() == 1);
   pair.client.land(kMiddle, 3, {});
   pair.settle();
@@ -97,7 +81,7 @@ TEST_CASE("session: an aim that a cut ended is sent anew, and nothing comes twic
 }
 
 TEST_CASE("session: an aim is not sent anew once all has come, or the user has landed") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   pair.client.aim(kMiddle, 3);
   pair.client.flushAim();
@@ -111,11 +95,11 @@ TEST_CASE("session: an aim is not sent anew once all has come, or the user has l
   pair.disconnect();
   pair.connect().settle();
   CHECK(!pair.client.hasAim());
-  CHECK(pair.of(EventKind::Ready).back().segments == toy.within(kMiddle, 3));
+  CHECK(pair.of(EventKind::Ready).back().segments == kToy.within(kMiddle, 3));
 }
 
 TEST_CASE("session: an aim after an unfinished landing comes behind it again") {
-  Pair pair(toy, withCredit(300));
+  Pair pair(kToy, withCredit(300));
   pair.connect().settle();
   pair.client.land(kMiddle, 3, {});
   pair.client.aim({0, 0, 0}, 2);

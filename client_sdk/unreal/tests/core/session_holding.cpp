@@ -10,8 +10,6 @@ namespace {
 
 using Ids = std::vector<std::uint32_t>;
 
-const ToyScene toy;
-
 PairOptions withCache(std::uint64_t cacheBytes) {
   PairOptions options;
   options.cacheBytes = cacheBytes;
@@ -32,7 +30,7 @@ std::vector<ClientMessage> said(ClientSession& client) {
 }  // namespace
 
 TEST_CASE("session: evictions are told before the next landing, and as events at once") {
-  Pair pair(toy, withCache(0));
+  Pair pair(kToy, withCache(0));
   pair.connect();
   for (const double at : {0.0, 10.0, 0.0}) {
     pair.client.land({at, 0, at}, 2, {});
@@ -43,7 +41,7 @@ TEST_CASE("session: evictions are told before the next landing, and as events at
   CHECK(planned[2].plan.loadBytes > 0);
   Ids dropped = pair.of(EventKind::Dropped).back().segments;
   std::sort(dropped.begin(), dropped.end());
-  CHECK(dropped == toy.within({10, 0, 10}, 2));
+  CHECK(dropped == kToy.within({10, 0, 10}, 2));
   Ids beyond;
   for (const auto& held : pair.server->held) {
     if (!pair.client.held().has(held.first)) beyond.push_back(held.first);
@@ -57,7 +55,7 @@ TEST_CASE("session: evictions are told before the next landing, and as events at
 }
 
 TEST_CASE("session: evictions never come between a landing and its plan (6.7, rule 2)") {
-  Pair pair(toy, withCache(0));
+  Pair pair(kToy, withCache(0));
   pair.connect();
   pair.client.land({0, 0, 0}, 2, {});
   pair.settle();
@@ -71,30 +69,30 @@ TEST_CASE("session: evictions never come between a landing and its plan (6.7, ru
   for (const EncodedMessage& one : data) pair.server->receive(one);
   CHECK(pair.server->heardTypes().back() == "land");
   pair.settle();
-  CHECK(pair.client.transfers().visible() == toy.within({10, 0, 10}, 2));
+  CHECK(pair.client.transfers().visible() == kToy.within({10, 0, 10}, 2));
 }
 
 TEST_CASE("session: evictions wait where a landing becomes ready while a newer one has no plan") {
-  Pair pair(toy, withCache(0));
+  Pair pair(kToy, withCache(0));
   pair.connect();
   pair.client.land({0, 0, 0}, 2, {});
   pair.settle();
   pair.client.land({10, 0, 10}, 2, {});
-  const std::size_t all = pair.received.size() + toy.within({10, 0, 10}, 2).size();
+  const std::size_t all = pair.received.size() + kToy.within({10, 0, 10}, 2).size();
   while (pair.received.size() < all) REQUIRE(pair.step());
   pair.client.land({0, 0, 0}, 2, {});
   const auto onTheirWay = pair.client.takeMessages();
   pair.give(*pair.server->next());
-  CHECK(pair.client.transfers().visible() == toy.within({10, 0, 10}, 2));
+  CHECK(pair.client.transfers().visible() == kToy.within({10, 0, 10}, 2));
   for (const EncodedMessage& data : onTheirWay) pair.server->receive(data);
   pair.settle();
   CHECK(pair.rejected().empty());
   CHECK(pair.of(EventKind::Planned).back().plan.loadBytes == 0);
-  CHECK(pair.client.transfers().visible() == toy.within({0, 0, 0}, 2));
+  CHECK(pair.client.transfers().visible() == kToy.within({0, 0, 0}, 2));
 }
 
 TEST_CASE("session: evictions are not told to a new connection: what it is not offered, it does not count on") {
-  Pair pair(toy, withCache(0));
+  Pair pair(kToy, withCache(0));
   pair.connect();
   for (const double at : {0.0, 10.0}) {
     pair.client.land({at, 0, at}, 2, {});
@@ -109,7 +107,7 @@ TEST_CASE("session: evictions are not told to a new connection: what it is not o
 }
 
 TEST_CASE("session: evictions spare what a degraded landing shows until it is ready") {
-  Pair pair(toy, withCache(0));
+  Pair pair(kToy, withCache(0));
   pair.connect().settle();
   LandOptions options;
   options.innerRadiusM = 1;
@@ -120,7 +118,7 @@ TEST_CASE("session: evictions spare what a degraded landing shows until it is re
   while (pair.of(EventKind::Degraded).empty()) REQUIRE(pair.step());
   pair.client.land({10, 0, 10}, 0.5, {});
   while (pair.of(EventKind::Planned).size() < 2) REQUIRE(pair.step());
-  const Ids inner = toy.within({0, 0, 0}, 1);
+  const Ids inner = kToy.within({0, 0, 0}, 1);
   REQUIRE(!inner.empty());
   for (const std::uint32_t segment : inner) CHECK(pair.client.held().has(segment));
   pair.settle();
@@ -128,7 +126,7 @@ TEST_CASE("session: evictions spare what a degraded landing shows until it is re
 }
 
 TEST_CASE("session: a flipped byte is rejected, and the segment sent again") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   int spoilt = 0;
   pair.spoil = [&spoilt](EncodedMessage& data) {
@@ -142,7 +140,7 @@ TEST_CASE("session: a flipped byte is rejected, and the segment sent again") {
 }
 
 TEST_CASE("session: a byte flipped twice leaves the segment missing; the next landing tries again") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   pair.spoil = [](EncodedMessage& data) {
     if (segmentOf(data) == 14) flip(data);
@@ -156,13 +154,13 @@ TEST_CASE("session: a byte flipped twice leaves the segment missing; the next la
   pair.spoil = nullptr;
   pair.client.land(kMiddle, 4, {});
   pair.settle();
-  CHECK(pair.client.transfers().visible() == toy.within(kMiddle, 4));
+  CHECK(pair.client.transfers().visible() == kToy.within(kMiddle, 4));
 }
 
 TEST_CASE("session: a reject that crosses the next landing is made once (6.4, rule 7)") {
   PairOptions options;
   options.lag = 5;
-  Pair pair(toy, options);
+  Pair pair(kToy, options);
   pair.connect();
   int frames = 0;
   pair.spoil = [&frames](EncodedMessage& data) {
@@ -179,7 +177,7 @@ TEST_CASE("session: a reject that crosses the next landing is made once (6.4, ru
 }
 
 TEST_CASE("session: an offer names what is held in hello, newest first, or nothing where that was too large") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   pair.client.land(kMiddle, 4, {});
   pair.settle();
@@ -193,8 +191,8 @@ TEST_CASE("session: an offer names what is held in hello, newest first, or nothi
   CHECK(hello.protocol.minorNumber == 0);
   REQUIRE(hello.held.has_value());
   CHECK(hello.held->front().segment == newest);
-  CHECK(hello.held->size() == toy.within(kMiddle, 4).size());
-  for (const HeldRow& row : *hello.held) CHECK(row.xxh3 == toy.facts[row.segment].xxh3);
+  CHECK(hello.held->size() == kToy.within(kMiddle, 4).size());
+  for (const HeldRow& row : *hello.held) CHECK(row.xxh3 == kToy.facts[row.segment].xxh3);
   pair.client.connected(false);
   messages = said(pair.client);
   CHECK(std::get<HelloMessage>(messages[0]).held->empty());
@@ -203,7 +201,7 @@ TEST_CASE("session: an offer names what is held in hello, newest first, or nothi
 TEST_CASE("session: an offer goes in as many tables as the server asks for, before the landing") {
   PairOptions options;
   options.maxHeldSegments = 5;
-  Pair pair(toy, options);
+  Pair pair(kToy, options);
   pair.connect();
   pair.client.land(kMiddle, 5, {});
   pair.settle();
@@ -212,7 +210,7 @@ TEST_CASE("session: an offer goes in as many tables as the server asks for, befo
   pair.client.land(kMiddle, 5, {});
   pair.connect().settle();
   std::vector<std::string> want{"hello"};
-  want.insert(want.end(), (toy.within(kMiddle, 5).size() + 4) / 5, "held");
+  want.insert(want.end(), (kToy.within(kMiddle, 5).size() + 4) / 5, "held");
   want.emplace_back("land");
   REQUIRE(want.size() > 4);
   CHECK(pair.server->heardTypes() == want);
@@ -223,7 +221,7 @@ TEST_CASE("session: an offer goes in as many tables as the server asks for, befo
 TEST_CASE("session: an offer is not made to a server that takes no table; what it does not know of is not held") {
   PairOptions options;
   options.maxHeldSegments = 0;
-  Pair pair(toy, options);
+  Pair pair(kToy, options);
   pair.connect();
   pair.client.land(kMiddle, 4, {});
   pair.settle();
@@ -231,16 +229,16 @@ TEST_CASE("session: an offer is not made to a server that takes no table; what i
   pair.offersHeld = false;
   pair.connect().settle();
   CHECK(pair.server->heardTypes() == std::vector<std::string>{"hello"});
-  CHECK(pair.of(EventKind::Dropped).back().segments.size() == toy.within(kMiddle, 4).size());
+  CHECK(pair.of(EventKind::Dropped).back().segments.size() == kToy.within(kMiddle, 4).size());
   CHECK(pair.client.held().count() == 0);
   pair.client.land(kMiddle, 4, {});
   pair.settle();
-  CHECK(pair.client.transfers().visible() == toy.within(kMiddle, 4));
+  CHECK(pair.client.transfers().visible() == kToy.within(kMiddle, 4));
   CHECK(pair.client.transfers().repeatedBytes() == 0);
 }
 
 TEST_CASE("session: a newer version hides all, drops what changed and keeps the rest (5, rules 3 and 4)") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   pair.client.land(kMiddle, 4, {});
   pair.settle();
@@ -270,7 +268,7 @@ TEST_CASE("session: a newer version hides all, drops what changed and keeps the 
 }
 
 TEST_CASE("session: picks are answered, and asked again after a lost connection") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   const std::uint32_t first = pair.client.pick({0, 1, 0}, {});
   pair.disconnect();
@@ -295,7 +293,7 @@ TEST_CASE("session: picks are answered, and asked again after a lost connection"
 TEST_CASE("session: picks that are refused are told") {
   PairOptions options;
   options.refusesPicks = true;
-  Pair pair(toy, options);
+  Pair pair(kToy, options);
   pair.connect();
   const std::uint32_t request = pair.client.pick({0, 0, 0}, {});
   pair.settle();
@@ -307,7 +305,7 @@ TEST_CASE("session: picks that are refused are told") {
 }
 
 TEST_CASE("session: news are passed on; groups, and what is not known, are skipped") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   NoticeMessage published;
   published.kind = "scene_published";

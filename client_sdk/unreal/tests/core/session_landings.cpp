@@ -13,47 +13,35 @@ namespace {
 
 using Ids = std::vector<std::uint32_t>;
 
-const ToyScene toy;
-
 std::vector<std::int64_t> landingsOf(const std::vector<StreamEvent>& events) {
   std::vector<std::int64_t> numbers;
   for (const StreamEvent& event : events) numbers.push_back(event.landing);
   return numbers;
 }
 
-bool isOnce(const Ids& ids) {
-  return std::set<std::uint32_t>(ids.begin(), ids.end()).size() == ids.size();
-}
-
-PairOptions withCredit(std::uint64_t creditBytes) {
-  PairOptions options;
-  options.creditBytes = creditBytes;
-  return options;
-}
-
 }  // namespace
 
 TEST_CASE("session: a landing shows exactly what brute force finds") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   const std::int64_t number = pair.client.land(kMiddle, 4, {});
   pair.settle();
-  const Ids want = toy.within(kMiddle, 4);
+  const Ids want = kToy.within(kMiddle, 4);
   REQUIRE(want.size() > 5);
   const auto ready = pair.of(EventKind::Ready);
   REQUIRE(ready.size() == 1);
   CHECK(ready[0].landing == number);
   CHECK(ready[0].segments == want);
   CHECK(ready[0].missing.empty());
-  CHECK(ready[0].payloadBytes == toy.bytesOf(want));
-  CHECK(pair.server->chunkBytes == toy.bytesOf(want));
-  CHECK(pair.client.transfers().payloadBytes() == toy.bytesOf(want));
+  CHECK(ready[0].payloadBytes == kToy.bytesOf(want));
+  CHECK(pair.server->chunkBytes == kToy.bytesOf(want));
+  CHECK(pair.client.transfers().payloadBytes() == kToy.bytesOf(want));
   CHECK(pair.client.transfers().visible() == want);
   for (const std::uint32_t segment : want) CHECK(pair.holds(segment));
 }
 
 TEST_CASE("session: a landing costs no bytes the second time") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   for (int visit = 0; visit < 2; ++visit) {
     pair.client.land(kMiddle, 4, {});
@@ -92,10 +80,10 @@ TEST_CASE("session: a landing keeps what lies a little beyond its radius, and do
 }
 
 TEST_CASE("session: a landing is not ready before the server says so, though it is whole (6.4, rule 5)") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   pair.client.land(kMiddle, 4, {});
-  while (pair.received.size() < toy.within(kMiddle, 4).size()) REQUIRE(pair.step());
+  while (pair.received.size() < kToy.within(kMiddle, 4).size()) REQUIRE(pair.step());
   CHECK(pair.of(EventKind::Ready).empty());
   CHECK(pair.client.transfers().visible().empty());
   pair.settle();
@@ -103,14 +91,14 @@ TEST_CASE("session: a landing is not ready before the server says so, though it 
 }
 
 TEST_CASE("session: a landing comes whole however small the credit, granted in steps of half of it") {
-  Pair tiny(toy, withCredit(1));
+  Pair tiny(kToy, withCredit(1));
   tiny.connect();
   tiny.client.land({0, 0, 0}, 0.5, {});
   tiny.settle();
   CHECK(tiny.client.transfers().visible() == Ids{0});
   PairOptions options = withCredit(4000);
   options.maxChunk = 100;
-  Pair pair(toy, options);
+  Pair pair(kToy, options);
   pair.connect();
   pair.client.land(kMiddle, 9, {});
   pair.settle();
@@ -121,11 +109,11 @@ TEST_CASE("session: a landing comes whole however small the credit, granted in s
       CHECK(credit->bytes < 2100);
     }
   }
-  CHECK(grants == toy.bytesOf(toy.within(kMiddle, 9)) / 2000);
+  CHECK(grants == kToy.bytesOf(kToy.within(kMiddle, 9)) / 2000);
 }
 
 TEST_CASE("session: grants that were not sent yet add up to one message") {
-  Pair pair(toy, withCredit(100));
+  Pair pair(kToy, withCredit(100));
   pair.connect();
   pair.settle();
   pair.client.land(kMiddle, 4, {});
@@ -142,7 +130,7 @@ TEST_CASE("session: a landing keeps to the budgets, and says what they left out"
     if (which == 0) options.budgets.maxSegments = 3;
     if (which == 1) options.budgets.maxTriangles = 39;
     if (which == 2) options.budgets.maxBytes = 2000;
-    Pair pair(toy, options);
+    Pair pair(kToy, options);
     pair.connect();
     pair.client.land(kMiddle, 4, {});
     pair.settle();
@@ -150,35 +138,35 @@ TEST_CASE("session: a landing keeps to the budgets, and says what they left out"
     const Ids visible = pair.client.transfers().visible();
     CHECK(!visible.empty());
     if (which < 2) CHECK(visible.size() == 3);
-    if (which == 2) CHECK(toy.bytesOf(visible) <= 2000);
+    if (which == 2) CHECK(kToy.bytesOf(visible) <= 2000);
     CHECK(plan.omittedBy == std::vector<const char*>{"max_segments", "max_triangles", "max_bytes"}[which]);
-    CHECK(plan.omittedSegments == toy.within(kMiddle, 4).size() - visible.size());
+    CHECK(plan.omittedSegments == kToy.within(kMiddle, 4).size() - visible.size());
     CHECK(plan.effectiveRadiusM < 4);
   }
 }
 
 TEST_CASE("session: a landing declares the inner set after its deadline, as soon as that is whole here, and goes on") {
-  Pair pair(toy, withCredit(2000));
+  Pair pair(kToy, withCredit(2000));
   pair.connect();
   pair.settle();
   LandOptions options;
   options.innerRadiusM = 1.5;
   options.deadlineMs = 100;
   pair.client.land(kMiddle, 5, options);
-  const Ids inner = toy.within(kMiddle, 1.5);
+  const Ids inner = kToy.within(kMiddle, 1.5);
   while (pair.received.size() < inner.size()) REQUIRE(pair.step());
   pair.server->isDeadlinePassed = true;
   pair.settle();
   const auto degraded = pair.of(EventKind::Degraded);
   REQUIRE(degraded.size() == 1);
   CHECK(degraded[0].segments == inner);
-  CHECK(pair.client.transfers().visible() == toy.within(kMiddle, 5));
+  CHECK(pair.client.transfers().visible() == kToy.within(kMiddle, 5));
 }
 
 TEST_CASE("session: a landing is not declared degraded with a segment that came wrong") {
   PairOptions pairOptions;
   pairOptions.lag = 30;
-  Pair pair(toy, pairOptions);
+  Pair pair(kToy, pairOptions);
   pair.connect();
   pair.settle();
   int spoilt = 0;
@@ -192,7 +180,7 @@ TEST_CASE("session: a landing is not declared degraded with a segment that came 
   pair.step();
   pair.server->isDeadlinePassed = true;
   pair.settle();
-  const Ids inner = toy.within(kMiddle, 1.5);
+  const Ids inner = kToy.within(kMiddle, 1.5);
   REQUIRE(pair.rejected().size() == 1);
   CHECK(std::count(inner.begin(), inner.end(), pair.rejected()[0]) == 1);
   std::set<std::uint32_t> before;
@@ -207,12 +195,12 @@ TEST_CASE("session: a landing is not declared degraded with a segment that came 
 }
 
 TEST_CASE("session: a landing without what the server cannot read is ready; the next one tries again (6.4, rule 6)") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   pair.server->unreadable.insert(14);
   pair.client.land(kMiddle, 4, {});
   pair.settle();
-  Ids want = toy.within(kMiddle, 4);
+  Ids want = kToy.within(kMiddle, 4);
   CHECK(pair.of(EventKind::Ready)[0].missing == Ids{14});
   Ids without = want;
   without.erase(std::find(without.begin(), without.end(), 14u));
@@ -252,7 +240,7 @@ TEST_CASE("session: a newer landing somewhere else makes the parts of the older 
 }
 
 TEST_CASE("session: a newer landing that is refused leaves the older one going (6.5, rule 5)") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   const std::int64_t good = pair.client.land(kMiddle, 4, {});
   for (int step = 0; step < 3; ++step) pair.step();
@@ -268,7 +256,7 @@ TEST_CASE("session: a newer landing that is refused leaves the older one going (
 }
 
 TEST_CASE("session: only the newest landing waits for a connection") {
-  Pair pair(toy);
+  Pair pair(kToy);
   const std::int64_t first = pair.client.land({0, 0, 0}, 1, {});
   const std::int64_t second = pair.client.land(kMiddle, 1, {});
   pair.connect().settle();
@@ -277,7 +265,7 @@ TEST_CASE("session: only the newest landing waits for a connection") {
 }
 
 TEST_CASE("session: a landing takes the place of one that never left: one `land` waits to be sent at most") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   for (int count = 0; count < 100; ++count) pair.client.land(kMiddle, 1 + count / 50.0, {});
   pair.client.pick({0, 0, 0}, {});
@@ -287,13 +275,13 @@ TEST_CASE("session: a landing takes the place of one that never left: one `land`
   pair.settle();
   CHECK(pair.of(EventKind::Superseded).size() == 99);
   CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{100});
-  CHECK(pair.client.transfers().visible() == toy.within(kMiddle, 1 + 99 / 50.0));
+  CHECK(pair.client.transfers().visible() == kToy.within(kMiddle, 1 + 99 / 50.0));
 }
 
 TEST_CASE("session: a landing that a cut ended is resumed, and no segment comes twice") {
   for (int steps = 0; steps < 60; steps += 2) {
     CAPTURE(steps);
-    Pair pair(toy, withCredit(300));
+    Pair pair(kToy, withCredit(300));
     pair.connect();
     const std::int64_t number = pair.client.land(kMiddle, 4, {});
     for (int step = 0; step < steps; ++step) pair.step();
@@ -301,7 +289,7 @@ TEST_CASE("session: a landing that a cut ended is resumed, and no segment comes 
     CHECK((pair.client.unfinished() == number || pair.of(EventKind::Ready).size() == 1));
     CHECK(pair.client.transfers().openParts() == 0);
     pair.connect().settle();
-    const Ids want = toy.within(kMiddle, 4);
+    const Ids want = kToy.within(kMiddle, 4);
     const auto ready = pair.of(EventKind::Ready);
     REQUIRE(!ready.empty());
     CHECK(ready.back().landing == number);
@@ -312,7 +300,7 @@ TEST_CASE("session: a landing that a cut ended is resumed, and no segment comes 
 }
 
 TEST_CASE("session: a lost connection makes what the old one said of ready void") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   int frames = 0;
   pair.spoil = [&frames](EncodedMessage& data) {
@@ -333,7 +321,7 @@ TEST_CASE("session: a lost connection makes what the old one said of ready void"
 }
 
 TEST_CASE("session: a lost connection leaves what is shown until the new landing is ready (10.3)") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect();
   pair.client.land({0, 0, 0}, 2, {});
   pair.settle();
@@ -344,5 +332,5 @@ TEST_CASE("session: a lost connection leaves what is shown until the new landing
   pair.connect();
   CHECK(pair.client.transfers().visible() == shown);
   pair.settle();
-  CHECK(pair.client.transfers().visible() == toy.within(kMiddle, 4));
+  CHECK(pair.client.transfers().visible() == kToy.within(kMiddle, 4));
 }

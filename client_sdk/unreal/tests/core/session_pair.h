@@ -11,6 +11,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,16 @@ struct PairOptions : ModelOptions {
   /// Messages of the server that are on their way before one arrives.
   std::size_t lag = 0;
 };
+
+inline PairOptions withCredit(std::uint64_t creditBytes) {
+  PairOptions options;
+  options.creditBytes = creditBytes;
+  return options;
+}
+
+inline bool isOnce(const std::vector<std::uint32_t>& ids) {
+  return std::set<std::uint32_t>(ids.begin(), ids.end()).size() == ids.size();
+}
 
 /// One client, over as many connections to one server as it takes.
 class Pair {

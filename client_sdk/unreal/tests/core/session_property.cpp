@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kSeeds = 150;
 
-void oneHistory(const ToyScene& toy, int seed, bool spoils) {
+void oneHistory(int seed, bool spoils) {
   CAPTURE(seed);
   CAPTURE(spoils);
   Seeded random(static_cast<std::uint32_t>(seed));
@@ -26,7 +26,7 @@ void oneHistory(const ToyScene& toy, int seed, bool spoils) {
   options.releaseFactor = random.one({1.0, 1.5});
   options.maxHeldSegments = random.one<std::uint32_t>({1, 5, 1000});
   options.random = [&random] { return random(); };
-  Pair pair(toy, options);
+  Pair pair(kToy, options);
   pair.offersHeld = random() < 0.5;
   pair.connect();
   bool spoilsNext = false;
@@ -63,14 +63,14 @@ void oneHistory(const ToyScene& toy, int seed, bool spoils) {
   std::set<std::uint32_t> wanted(plan.keep.begin(), plan.keep.end());
   for (const SegmentFacts& facts : plan.load) wanted.insert(facts.segment);
   CHECK(visible == std::vector<std::uint32_t>(wanted.begin(), wanted.end()));
-  CHECK(visible == toy.within(kMiddle, 3.3));
+  CHECK(visible == kToy.within(kMiddle, 3.3));
   CHECK(pair.client.unfinished() == kNoLanding);
   CHECK(pair.client.transfers().openParts() == 0);
   CHECK(pair.client.transfers().repeatedBytes() == 0);
   if (!spoils) CHECK(pair.rejected().empty());
   std::vector<std::uint32_t> pinned = visible;
   pinned.insert(pinned.end(), plan.nearby.begin(), plan.nearby.end());
-  CHECK(pair.client.held().bytes() <= std::max(options.cacheBytes, toy.bytesOf(pinned)));
+  CHECK(pair.client.held().bytes() <= std::max(options.cacheBytes, kToy.bytesOf(pinned)));
   for (const std::uint32_t segment : visible) CHECK(pair.holds(segment));
   // What was told as here and not as gone is here, and nothing else.
   std::set<std::uint32_t> told;
@@ -97,11 +97,9 @@ void oneHistory(const ToyScene& toy, int seed, bool spoils) {
 }  // namespace
 
 TEST_CASE("session: whatever happens, the visible set is that of the last landing") {
-  const ToyScene toy;
-  for (int seed = 0; seed < kSeeds; ++seed) oneHistory(toy, seed, false);
+  for (int seed = 0; seed < kSeeds; ++seed) oneHistory(seed, false);
 }
 
 TEST_CASE("session: whatever happens, and with flipped bits") {
-  const ToyScene toy;
-  for (int seed = 0; seed < kSeeds; ++seed) oneHistory(toy, seed + kSeeds, true);
+  for (int seed = 0; seed < kSeeds; ++seed) oneHistory(seed + kSeeds, true);
 }

@@ -107,6 +107,9 @@ struct ToyScene {
   }
 };
 
+/// The one that most tests land in.
+inline const ToyScene kToy;
+
 /// Of the toy scene, metres.
 constexpr Vec3 kMiddle{ToyScene::kGrid, 0, ToyScene::kGrid};
 

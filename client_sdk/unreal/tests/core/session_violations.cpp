@@ -11,8 +11,6 @@ using namespace terraport::testing;
 
 namespace {
 
-const ToyScene toy;
-
 EncodedMessage frameOf(std::uint32_t generation, std::uint32_t segment, std::uint32_t offset, std::uint32_t total) {
   static const std::uint8_t byte = 0;
   PayloadFrame frame;
@@ -80,7 +78,7 @@ TEST_CASE("session: what the protocol forbids is a violation") {
   prefetch.generation = 1;
   ReadyMessage ready;
   ready.generation = 9;
-  const std::uint32_t length = toy.facts[0].length;
+  const std::uint32_t length = kToy.facts[0].length;
   const std::vector<std::pair<std::string, EncodedMessage>> wrongs{
       {"got 0 bytes", EncodedMessage{""}},
       {"0xc1", EncodedMessage{"\xc1"}},
@@ -93,7 +91,7 @@ TEST_CASE("session: what the protocol forbids is a violation") {
       {"ready of generation 9", messageOf(ready)},
   };
   for (const auto& [text, data] : wrongs) {
-    Pair pair(toy);
+    Pair pair(kToy);
     pair.connect().settle();
     pair.client.land({0, 0, 0}, 1, {});
     while (pair.of(EventKind::Planned).empty()) REQUIRE(pair.step());
@@ -105,19 +103,19 @@ TEST_CASE("session: what the protocol forbids is a violation") {
 }
 
 TEST_CASE("session: a text message is a violation") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   const Status status = pair.client.receive(EncodedMessage{"{}"}.view(), true);
   CHECK(status.message().find("got a text message, expected a binary one") != std::string::npos);
 }
 
 TEST_CASE("session: a plan before the welcome, twice, beyond the budgets or with what was never held is a violation") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   pair.client.land(kMiddle, 1, {});
   for (const EncodedMessage& data : pair.client.takeMessages()) pair.server->receive(data);
   const EncodedMessage plan = *pair.server->next();
-  Pair other(toy);
+  Pair other(kToy);
   other.client.connected();
   other.give(plan);
   CHECK(other.violation.message().find("plan first") != std::string::npos);
@@ -127,23 +125,23 @@ TEST_CASE("session: a plan before the welcome, twice, beyond the budgets or with
   CHECK(pair.violation.message().find("plan of generation 1") != std::string::npos);
 
   PairOptions small;
-  small.budgets.maxBytes = toy.bytesOf(toy.within(kMiddle, 1)) - 1;
-  Pair bounded(toy, small);
+  small.budgets.maxBytes = kToy.bytesOf(kToy.within(kMiddle, 1)) - 1;
+  Pair bounded(kToy, small);
   bounded.connect().settle();
   bounded.client.land(kMiddle, 1, {});
   bounded.give(plan);
   CHECK(bounded.violation.message().find("budgets") != std::string::npos);
 
-  Pair keeps(toy);
+  Pair keeps(kToy);
   keeps.connect().settle();
-  keeps.server->held[7] = toy.facts[7].xxh3;
+  keeps.server->held[7] = kToy.facts[7].xxh3;
   keeps.client.land({2, 0, 2}, 1, {});
   keeps.settle();
   CHECK(keeps.violation.message().find("keeps segment 7, which was never held") != std::string::npos);
 }
 
 TEST_CASE("session: a server that sends the same wrong bytes for ever is left") {
-  Pair pair(toy);
+  Pair pair(kToy);
   pair.connect().settle();
   pair.client.land({0, 0, 0}, 0.5, {});
   while (pair.of(EventKind::Planned).empty()) REQUIRE(pair.step());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "Terraport/Transport.h"
+#include "Terraport/Xxh3.h"
 #include "session_model.h"
 
 #include <deque>
@@ -12,6 +13,9 @@
 #include <vector>
 
 namespace terraport::testing {
+
+/// The toy scene as a stream checks it.
+inline const ToyScene kStreamToy(900, "v1", &xxh3Hash64);
 
 /// What all connections of one stream share.
 struct FakeNetwork {

@@ -13,8 +13,6 @@ using namespace terraport::testing;
 
 namespace {
 
-const ToyScene toy(900, "v1", &xxh3Hash64);
-
 /// One stream with its network and a clock that the test moves.
 struct Setting {
   std::shared_ptr<FakeNetwork> network;
@@ -23,7 +21,7 @@ struct Setting {
   std::vector<StreamEvent> events;
 
   explicit Setting(StreamOptions options = {}, ModelOptions model = {}) {
-    network = std::make_shared<FakeNetwork>(toy, model);
+    network = std::make_shared<FakeNetwork>(kStreamToy, model);
     options.sceneUrl = "http://example.org/scenes/toy";
     auto made = SceneStream::make(options, std::make_shared<FakeTransports>(network), [] { return 0.0; });
     REQUIRE(made.isOk());
@@ -89,26 +87,26 @@ TEST_CASE("stream: lands, and tells what a stage needs") {
   REQUIRE(planned.size() == 1);
   CHECK(planned[0].plan.landing == landing);
   CHECK(planned[0].plan.effectiveRadiusM == 4);
-  const std::vector<std::uint32_t> want = toy.within(kMiddle, 4);
+  const std::vector<std::uint32_t> want = kStreamToy.within(kMiddle, 4);
   CHECK(setting.of(EventKind::Arrived).size() == want.size());
   const auto ready = setting.of(EventKind::Ready);
   REQUIRE(ready.size() == 1);
   CHECK(ready[0].landing == landing);
   CHECK(ready[0].segments == want);
   CHECK(ready[0].elapsedMs >= 0);
-  CHECK(ready[0].payloadBytes == toy.bytesOf(want));
+  CHECK(ready[0].payloadBytes == kStreamToy.bytesOf(want));
   for (const std::uint32_t segment : want) {
     const SharedPayload payload = setting.stream->payload(segment);
     REQUIRE(static_cast<bool>(payload));
-    CHECK(*payload == toy.payloads[segment]);
+    CHECK(*payload == kStreamToy.payloads[segment]);
   }
   CHECK(!setting.stream->payload(35));
   CHECK(setting.stream->stats().heldSegments == want.size());
-  CHECK(setting.stream->stats().heldBytes == toy.bytesOf(want));
+  CHECK(setting.stream->stats().heldBytes == kStreamToy.bytesOf(want));
 }
 
 TEST_CASE("stream: options that cannot be are refused") {
-  const auto network = std::make_shared<FakeNetwork>(toy);
+  const auto network = std::make_shared<FakeNetwork>(kStreamToy);
   const auto transports = std::make_shared<FakeTransports>(network);
   StreamOptions options;
   options.sceneUrl = "ftp://x/scenes/y";
@@ -162,7 +160,7 @@ TEST_CASE("stream: speaks no faster than the server allows, and lands last what 
   const std::int64_t last = setting.stream->land(kMiddle, 4, {});
   setting.run(2000);
   CHECK(setting.of(EventKind::Ready).back().landing == last);
-  CHECK(setting.of(EventKind::Ready).back().segments == toy.within(kMiddle, 4));
+  CHECK(setting.of(EventKind::Ready).back().segments == kStreamToy.within(kMiddle, 4));
 }
 
 TEST_CASE("stream: a cut connection is made again after the wait, and no segment comes twice") {
@@ -187,9 +185,9 @@ TEST_CASE("stream: a cut connection is made again after the wait, and no segment
   setting.run(300);
   CHECK(setting.network->opened == 2);
   CHECK(setting.of(EventKind::Ready).back().landing == landing);
-  CHECK(setting.of(EventKind::Ready).back().segments == toy.within(kMiddle, 4));
+  CHECK(setting.of(EventKind::Ready).back().segments == kStreamToy.within(kMiddle, 4));
   CHECK(setting.stream->stats().repeatedBytes == 0);
-  CHECK(setting.of(EventKind::Arrived).size() == toy.within(kMiddle, 4).size());
+  CHECK(setting.of(EventKind::Arrived).size() == kStreamToy.within(kMiddle, 4).size());
 }
 
 TEST_CASE("stream: waits double while the server is away, and are cut short by reconnect") {
@@ -332,10 +330,10 @@ TEST_CASE("stream: a flipped byte on the way is asked for again; the landing is 
   };
   setting.stream->land(kMiddle, 4, {});
   setting.run(100);
-  CHECK(setting.of(EventKind::Ready).back().segments == toy.within(kMiddle, 4));
+  CHECK(setting.of(EventKind::Ready).back().segments == kStreamToy.within(kMiddle, 4));
   CHECK(setting.of(EventKind::Ready).back().missing.empty());
-  for (const std::uint32_t segment : toy.within(kMiddle, 4)) {
-    CHECK(*setting.stream->payload(segment) == toy.payloads[segment]);
+  for (const std::uint32_t segment : kStreamToy.within(kMiddle, 4)) {
+    CHECK(*setting.stream->payload(segment) == kStreamToy.payloads[segment]);
   }
 }
 
@@ -378,7 +376,7 @@ TEST_CASE("stream: close says goodbye, keeps what is held, and is the end") {
   setting.stream->close();
   CHECK(setting.network->server->heardTypes().back() == "bye");
   CHECK(setting.network->clientCode == 1000);
-  CHECK(static_cast<bool>(setting.stream->payload(toy.within(kMiddle, 1)[0])));
+  CHECK(static_cast<bool>(setting.stream->payload(kStreamToy.within(kMiddle, 1)[0])));
   setting.stream->reconnect("x");
   setting.run(1000);
   CHECK(setting.network->opened == 1);

@@ -12,14 +12,8 @@
 using namespace terraport;
 using namespace terraport::testing;
 
-namespace {
-
-const ToyScene toy(900, "v1", &xxh3Hash64);
-
-}  // namespace
-
 TEST_CASE("stream thread: lands, picks and lets go, without a pump of ours") {
-  const auto network = std::make_shared<FakeNetwork>(toy);
+  const auto network = std::make_shared<FakeNetwork>(kStreamToy);
   StreamOptions options;
   options.sceneUrl = "http://example.org/scenes/toy";
   options.cacheBytes = 0;
@@ -57,12 +51,12 @@ TEST_CASE("stream thread: lands, picks and lets go, without a pump of ours") {
       visible = event.segments;
     }
   }
-  CHECK(visible == toy.within({10, 0, 10}, 2));
+  CHECK(visible == kStreamToy.within({10, 0, 10}, 2));
   CHECK(isPicked);
   CHECK(isRefused);
   for (const std::uint32_t segment : visible) {
     REQUIRE(static_cast<bool>(stream->payload(segment)));
-    CHECK(*stream->payload(segment) == toy.payloads[segment]);
+    CHECK(*stream->payload(segment) == kStreamToy.payloads[segment]);
   }
   CHECK(stream->stats().payloadBytes > 0);
   stream->close();

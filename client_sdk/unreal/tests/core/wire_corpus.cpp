@@ -28,7 +28,7 @@ std::string fileText(const std::filesystem::path& path) {
   return text;
 }
 
-ByteSpan spanOf(const std::string& bytes) {
+ByteSpan bytesOf(const std::string& bytes) {
   return {reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()};
 }
 
@@ -70,7 +70,7 @@ void expectGood(const Sample& sample) {
   MessageReader reader;
   Message message;
   DecodeError error;
-  const bool isRead = reader.read(spanOf(sample.bytes), message, error);
+  const bool isRead = reader.read(bytesOf(sample.bytes), message, error);
   CHECK_MESSAGE(isRead, error.message);
   if (!isRead) return;
   if (const std::optional<std::string_view> unknown = sample.facts.member("unknown").text()) {
@@ -89,7 +89,7 @@ void expectGood(const Sample& sample) {
 void expectGoodFrame(const Sample& sample) {
   PayloadFrame frame;
   DecodeError error;
-  const bool isRead = decodeFrame(spanOf(sample.bytes), frame, error);
+  const bool isRead = decodeFrame(bytesOf(sample.bytes), frame, error);
   CHECK_MESSAGE(isRead, error.message);
   if (!isRead) return;
   const JsonValue facts = sample.facts.member("frame");
@@ -134,7 +134,7 @@ template <typename Message>
 bool isRefused(const Sample& sample, DecodeError& error) {
   MessageReader reader;
   Message message;
-  return !reader.read(spanOf(sample.bytes), message, error);
+  return !reader.read(bytesOf(sample.bytes), message, error);
 }
 
 }  // namespace
@@ -164,7 +164,7 @@ TEST_CASE("wire: every bad message of the corpus is refused, with its code and f
     CAPTURE(sample.name);
     DecodeError error;
     PayloadFrame frame;
-    const bool refused = sample.kind == "frame" ? !decodeFrame(spanOf(sample.bytes), frame, error)
+    const bool refused = sample.kind == "frame" ? !decodeFrame(bytesOf(sample.bytes), frame, error)
         : sample.isFromClient                   ? isRefused<ClientMessage>(sample, error)
                                                 : isRefused<ServerMessage>(sample, error);
     CHECK(refused);

@@ -56,9 +56,9 @@ public:
 	bool bCancelled = false;
 };
 
-struct FStand
+struct FHttpStand
 {
-	FStand()
+	FHttpStand()
 	{
 		FHttpModule::Get().StubMake = [this]() -> TSharedRef<IHttpRequest, ESPMode::ThreadSafe> {
 			const TSharedRef<FFakeRequest> Made = MakeShared<FFakeRequest>();
@@ -75,7 +75,7 @@ struct FStand
 
 TEST_CASE("an answer comes with status and body, once; the token is a header")
 {
-	FStand Stand;
+	FHttpStand Stand;
 	FTerraportHttp Http;
 	terraport::HttpAnswer Answer;
 	const std::uint64_t Request = Http.get("http://host/scenes/q", "s3cret", 100);
@@ -96,7 +96,7 @@ TEST_CASE("an answer comes with status and body, once; the token is a header")
 
 TEST_CASE("a body that is longer than it may be is given up as soon as that is seen")
 {
-	FStand Stand;
+	FHttpStand Stand;
 	FTerraportHttp Http;
 	terraport::HttpAnswer Answer;
 	const std::uint64_t Slow = Http.get("http://host/a", "", 10);
@@ -113,7 +113,7 @@ TEST_CASE("a body that is longer than it may be is given up as soon as that is s
 
 TEST_CASE("without a connection there is a reason and no status")
 {
-	FStand Stand;
+	FHttpStand Stand;
 	FTerraportHttp Http;
 	terraport::HttpAnswer Answer;
 	const std::uint64_t Request = Http.get("http://host/a", "", 10);
@@ -129,7 +129,7 @@ TEST_CASE("without a connection there is a reason and no status")
 
 TEST_CASE("what was given up is heard of no more, and nothing is left of it")
 {
-	FStand Stand;
+	FHttpStand Stand;
 	std::weak_ptr<FFakeRequest> Left;
 	{
 		FTerraportHttp Http;

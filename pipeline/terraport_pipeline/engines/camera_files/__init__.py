@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.agisoft import read_agisoft
 from terraport_pipeline.engines.camera_files.bundler import MAGIC as BUNDLER_MAGIC
 from terraport_pipeline.engines.camera_files.bundler import read_bundler
@@ -25,7 +26,7 @@ from terraport_pipeline.engines.camera_files.pix4d import read_pix4d, read_pix4d
 from terraport_pipeline.engines.camera_files.raw_cameras import PhotoSize, RawCameras
 from terraport_pipeline.errors import PhotoError, ReadError
 from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.model import Crs, Float64
+from terraport_pipeline.model import Crs
 
 __all__ = ["CameraSet", "has_cameras", "read_cameras", "read_raw_cameras"]
 
@@ -52,7 +53,7 @@ _PLACES: Final = (
 
 @dataclass(frozen=True, slots=True)
 class CameraSet:
-    """The cameras of a survey's photos."""
+    """Views of a survey's photos in the scene frame, and how they were georeferenced."""
 
     views: tuple[View, ...]
     """Scene frame, in the order of the file."""
@@ -119,18 +120,18 @@ def read_raw_cameras(path: Path, photo_size: PhotoSize | None = None) -> RawCame
     ------
     ReadError
     """
-    found = path
+    source = path
     if path.is_dir():
         candidates = list(_inside(path))
         if not candidates:
             raise ReadError(path, "no file of cameras is in this folder", _ADVICE)
-        found = candidates[0]
+        source = candidates[0]
     elif not path.is_file():
         raise ReadError(path, "there is no such file", _ADVICE)
-    raw = _reader(found, photo_size)()
+    raw = _reader(source, photo_size)()
     (twice, times), *_ = Counter(camera.name for camera in raw.cameras).most_common(1)
     if times > 1:
-        raise ReadError(found, f"photo {twice!r} has two poses", "give one reconstruction")
+        raise ReadError(source, f"photo {twice!r} has two poses", "give one reconstruction")
     return raw
 
 
@@ -159,6 +160,7 @@ def _reader(path: Path, photo_size: PhotoSize | None) -> Callable[[], RawCameras
     """Choose by content, and by name where the content cannot tell."""
     name, head = path.name.lower(), _head(path)
     stem = name.rpartition(".")[0]
+    # (1) COLMAP's files have no first bytes of their own: by name.
     if stem in ("cameras", "images") and path.suffix in (".txt", ".bin"):
         for one in ("cameras", "images"):
             if not path.with_stem(one).is_file():
@@ -168,6 +170,7 @@ def _reader(path: Path, photo_size: PhotoSize | None) -> Callable[[], RawCameras
                     "give the whole model",
                 )
         return partial(read_colmap, path.parent, binary=path.suffix == ".bin")
+    # (2) The others by their first bytes.
     if head.startswith((b"{", b"[")):
         return partial(read_shots if b"FeatureCollection" in head else read_opensfm, path)
     if _looks_like_agisoft(head):
@@ -178,8 +181,10 @@ def _reader(path: Path, photo_size: PhotoSize | None) -> Callable[[], RawCameras
         return partial(read_pix4d, path)
     if head.startswith(PIX4D_EXTERNAL_MAGIC.encode()):
         return partial(read_pix4d_external, path)
-    told = "XML of another program" if head.startswith(b"<") else f"it begins with {head[:24]!r}"
-    raise ReadError(path, f"this is no file of cameras: {told}", _ADVICE)
+    contents = (
+        "XML of another program" if head.startswith(b"<") else f"it begins with {head[:24]!r}"
+    )
+    raise ReadError(path, f"this is no file of cameras: {contents}", _ADVICE)
 
 
 def _no_photos(path: Path, name: str) -> tuple[int, int]:

@@ -21,6 +21,7 @@ from xml.parsers import expat
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
     MAX_TEXT_BYTES,
@@ -34,7 +35,6 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
 )
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.lens import Lens
-from terraport_pipeline.model import Float64
 
 __all__ = ["read_agisoft"]
 
@@ -98,35 +98,37 @@ def _parse(path: Path) -> ET.Element:
 
 
 def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:
+    # (1) Sensors, and the transforms of components and chunk.
     lenses = {one.get("id", ""): one for one in chunk.findall("sensors/sensor")}
-    made: dict[str, Lens] = {}
+    lens_of_sensor: dict[str, Lens] = {}
     moves = {
         one.get("id", ""): _move(path, one.find("transform"), f"component {one.get('id')}")
         for one in chunk.findall("components/component")
     }
     whole = _move(path, chunk.find("transform"), "the chunk's transform")
+    # (2) Cameras; the component's transform stands in for the chunk's.
     cameras, unaligned = [], 0
     for one in chunk.iterfind("cameras//camera"):
         name = one.get("label") or f"camera {one.get('id')}"
-        place = f"camera {name!r}"
+        location = f"camera {name!r}"
         transform = one.find("transform")
         if transform is None or one.get("enabled", "true") in ("false", "0"):
             unaligned += 1
             continue
         sensor = one.get("sensor_id", "")
         if sensor not in lenses:
-            raise ReadError(path, f"sensor {sensor!r} is not in the file", AGAIN, place)
-        if sensor not in made:
-            made[sensor] = _lens(path, lenses[sensor])
-        matrix = _numbers(path, transform.text, 16, place).reshape(4, 4)
+            raise ReadError(path, f"sensor {sensor!r} is not in the file", AGAIN, location)
+        if sensor not in lens_of_sensor:
+            lens_of_sensor[sensor] = _lens(path, lenses[sensor])
+        matrix = _numbers(path, transform.text, 16, location).reshape(4, 4)
         scale, rotation, shift = moves.get(one.get("component_id", "")) or whole or _NOWHERE
-        check_position(path, place, [scale * np.abs(matrix[:3]).max(), *shift])
+        check_position(path, location, [scale * np.abs(matrix[:3]).max(), *shift])
         to_world = rotation @ matrix[:3, :3]
         if np.abs(to_world @ to_world.T - np.eye(3)).max() > 1e-6 or np.linalg.det(to_world) < 0:
-            raise ReadError(path, f"no rotation: {to_world.round(6).tolist()}", AGAIN, place)
+            raise ReadError(path, f"no rotation: {to_world.round(6).tolist()}", AGAIN, location)
         centre = scale * (rotation @ matrix[:3, 3]) + shift
-        cameras.append(RawCamera(name, made[sensor], to_world.T, centre))
-        check_count(path, len(cameras), place)
+        cameras.append(RawCamera(name, lens_of_sensor[sensor], to_world.T, centre))
+        check_count(path, len(cameras), location)
     return cameras, unaligned
 
 
@@ -135,27 +137,27 @@ _NOWHERE: Final = (1.0, np.eye(3), np.zeros(3))
 
 
 def _move(
-    path: Path, transform: ET.Element | None, place: str
+    path: Path, transform: ET.Element | None, location: str
 ) -> tuple[float, Float64, Float64] | None:
     """Read scale, rotation and translation of a chunk or component; None where it has none."""
     if transform is None or transform.find("rotation") is None:
         return None
-    rotation = _numbers(path, transform.findtext("rotation"), 9, place).reshape(3, 3)
-    shift = _numbers(path, transform.findtext("translation") or "0 0 0", 3, place)
-    (scale,) = _numbers(path, transform.findtext("scale") or "1", 1, place)
+    rotation = _numbers(path, transform.findtext("rotation"), 9, location).reshape(3, 3)
+    shift = _numbers(path, transform.findtext("translation") or "0 0 0", 3, location)
+    (scale,) = _numbers(path, transform.findtext("scale") or "1", 1, location)
     if scale <= 0.0:
-        raise ReadError(path, f"a scale of {scale}", AGAIN, place)
+        raise ReadError(path, f"a scale of {scale}", AGAIN, location)
     return float(scale), rotation, shift
 
 
-def _numbers(path: Path, text: str | None, expected: int, place: str) -> Float64:
+def _numbers(path: Path, text: str | None, expected: int, location: str) -> Float64:
     try:
         values = np.array([float(word) for word in (text or "").split()])
     except ValueError:
         values = np.empty(0)
     if len(values) != expected or not np.isfinite(values).all():
         raise ReadError(
-            path, f"{(text or '')[:80]!r} is not {expected} finite numbers", AGAIN, place
+            path, f"{(text or '')[:80]!r} is not {expected} finite numbers", AGAIN, location
         )
     return values
 
@@ -168,28 +170,30 @@ def _frame(chunk: ET.Element) -> Frame:
 
 
 def _lens(path: Path, sensor: ET.Element) -> Lens:
-    place = f"sensor {sensor.get('label') or sensor.get('id')!r}"
+    location = f"sensor {sensor.get('label') or sensor.get('id')!r}"
     kind = sensor.get("type", "frame")
-    found = sensor.findall("calibration")
-    adjusted = [one for one in found if one.get("class") == "adjusted"]
-    calibration = next(iter(adjusted or found), None)
+    calibrations = sensor.findall("calibration")
+    adjusted = [one for one in calibrations if one.get("class") == "adjusted"]
+    calibration = next(iter(adjusted or calibrations), None)
+    # (1) Kind and size; what is no perspective or fisheye lens is refused.
     if kind not in _MODELS:
         raise ReadError(
             path,
             f"a {kind} camera, expected {' or '.join(_MODELS)}",
             "export undistorted photos from Metashape",
-            place,
+            location,
         )
     if calibration is None:
-        raise ReadError(path, "no calibration", "align the photos, then export again", place)
+        raise ReadError(path, "no calibration", "align the photos, then export again", location)
     resolution = calibration.find("resolution")
     if resolution is None:
         resolution = sensor.find("resolution")
     size = () if resolution is None else (resolution.get("width"), resolution.get("height"))
-    width, height = (int(v) for v in _numbers(path, " ".join(map(str, size)), 2, place))
+    width, height = (int(v) for v in _numbers(path, " ".join(map(str, size)), 2, location))
 
+    # (2) Its numbers.
     values = {
-        one.tag: float(_numbers(path, one.text, 1, f"{place}, {one.tag}")[0])
+        one.tag: float(_numbers(path, one.text, 1, f"{location}, {one.tag}")[0])
         for one in calibration
         if one.text and one.tag[:1] in "fckpbs" and one.tag != "covariance"
     }
@@ -199,15 +203,17 @@ def _lens(path: Path, sensor: ET.Element) -> Lens:
             path,
             f"the lens has {', '.join(higher)}",
             "optimise the cameras in Metashape without p3 and p4, or export undistorted photos",
-            place,
+            location,
         )
+    # (3) PhotoScan before 1.2 wrote fx, fy, cx, cy and p1, p2 as OpenCV does; Metashape
+    # writes f, b1, b2, and cx, cy from the middle, p1 and p2 the other way round.
     old = "f" not in values
     middle = (0.0, 0.0) if old else (0.5 * width, 0.5 * height)
     focal = values.get("fy" if old else "f", 0.0)
     first, second = values.get("p1", 0.0), values.get("p2", 0.0)
     return make_lens(
         path,
-        place,
+        location,
         width=width,
         height=height,
         fx=values.get("fx", 0.0) if old else focal + values.get("b1", 0.0),

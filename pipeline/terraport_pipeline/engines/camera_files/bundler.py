@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.colmap import stated_offset
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
@@ -30,7 +31,6 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     text_lines,
 )
 from terraport_pipeline.errors import PhotoError, ReadError
-from terraport_pipeline.model import Float64
 
 __all__ = ["MAGIC", "read_bundler"]
 
@@ -61,6 +61,7 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     PhotoError
         No aligned camera has a photo.
     """
+    # (1) The header: how many cameras; as many names beside it.
     lines = ((n, text) for n, text in text_lines(path) if text and not text.startswith("#"))
     number, first = next(lines, (1, ""))
     words = first.split()
@@ -72,6 +73,8 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     if not 0 < count <= MAX_CAMERAS:
         check_count(path, count, f"line {number:,}")
     names = _read_names(path, count)
+    # (2) Five lines a camera. Invariant: every camera's five lines are read before it is judged,
+    # so a camera that is left out does not shift the next.
     cameras = []
     without_photo: list[PhotoError] = []
     unaligned = 0
@@ -101,6 +104,7 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
             radial=(k1, k2),
         )
         cameras.append(RawCamera(name, lens, _FLIP @ rotation, -rotation.T @ translation))
+    # (3) What was left out, and the frame.
     if without_photo and not cameras:
         raise without_photo[0]
     check_count(path, len(cameras))
@@ -138,18 +142,20 @@ def _read_names(path: Path, count: int) -> list[str]:
     tried = []
     for folder in (path.parent, path.parent.parent):
         for name in ("list.txt", f"{path.stem}.list.txt", f"{path.name}.list.txt"):
-            place = folder / name
-            if not place.is_file():
+            candidate = folder / name
+            if not candidate.is_file():
                 continue
-            check_size(place, _MAX_LIST_BYTES, "give Bundler's list of photos")
+            check_size(candidate, _MAX_LIST_BYTES, "give Bundler's list of photos")
             # "name", or "name 0 focal" where Bundler knew the focal length
-            names = [_photo_name(text) for _, text in text_lines(place) if text]
+            names = [_photo_name(text) for _, text in text_lines(candidate) if text]
             if len(names) == count:
                 return names
-            tried.append(f"{place} has {len(names):,}")
-    told = "; ".join(tried) or "no list.txt beside it or one folder above"
+            tried.append(f"{candidate} has {len(names):,}")
+    attempts = "; ".join(tried) or "no list.txt beside it or one folder above"
     raise ReadError(
-        path, f"{count:,} cameras need as many names ({told})", "put Bundler's list.txt beside it"
+        path,
+        f"{count:,} cameras need as many names ({attempts})",
+        "put Bundler's list.txt beside it",
     )
 
 

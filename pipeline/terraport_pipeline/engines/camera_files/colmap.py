@@ -115,16 +115,16 @@ def stated_offset(folder: Path) -> Frame | None:
     ReadError
         The file has no line with three numbers.
     """
-    for place in (folder, folder.parent):
+    for directory in (folder, folder.parent):
         for name in _OFFSET_NAMES:
-            path = place / name
+            path = directory / name
             if not path.is_file():
                 continue
             for line in read_small_text(path).splitlines():
                 # "EPSG:32615" is no number of an offset: only what follows a blank or bracket is
-                found = [m.group() for m in _NUMBER.finditer(line) if _stands_alone(line, m)]
-                if len(found) >= 3:
-                    east, north, up = (float(word) for word in found[:3])
+                numbers = [m.group() for m in _NUMBER.finditer(line) if _stands_alone(line, m)]
+                if len(numbers) >= 3:
+                    east, north, up = (float(word) for word in numbers[:3])
                     return Frame("offset", name, offset=(east, north, up))
             raise ReadError(
                 path, "no line has three numbers", "write the offset as one line: E N H, metres"
@@ -138,31 +138,31 @@ def _stands_alone(line: str, match: re.Match[str]) -> bool:
     return (not before or before in " \t,;([{=+") and (not after or after in " \t,;)]}")
 
 
-def _make_lens(path: Path, place: str, model: str, size: Sequence[int], values: Any) -> Lens:
-    found = dict(zip(MODELS[model][1].split(), (float(v) for v in values), strict=True))
+def _make_lens(path: Path, location: str, model: str, size: Sequence[int], values: Any) -> Lens:
+    parameters = dict(zip(MODELS[model][1].split(), (float(v) for v in values), strict=True))
     return make_lens(
         path,
-        place,
+        location,
         width=size[0],
         height=size[1],
-        fx=found.get("fx", found.get("f")),
-        fy=found.get("fy", found.get("f")),
-        cx=found["cx"],
-        cy=found["cy"],
+        fx=parameters.get("fx", parameters.get("f")),
+        fy=parameters.get("fy", parameters.get("f")),
+        cx=parameters["cx"],
+        cy=parameters["cy"],
         model="fisheye" if "FISHEYE" in model else "radial",
-        radial=tuple(found[k] for k in ("k1", "k2", "k3", "k4") if k in found),
-        tangential=(found.get("p1", 0.0), found.get("p2", 0.0)),
-        denominator=tuple(found[k] for k in ("d1", "d2", "d3") if k in found),
+        radial=tuple(parameters[k] for k in ("k1", "k2", "k3", "k4") if k in parameters),
+        tangential=(parameters.get("p1", 0.0), parameters.get("p2", 0.0)),
+        denominator=tuple(parameters[k] for k in ("d1", "d2", "d3") if k in parameters),
     )
 
 
-def _unknown_model(path: Path, name: str, place: str) -> ReadError:
+def _unknown_model(path: Path, name: str, location: str) -> ReadError:
     return ReadError(
         path,
         f"the camera model is {name}, expected one of {', '.join(MODELS)}",
         "run COLMAP with the model OPENCV or OPENCV_FISHEYE, or undistort the photos first "
         "(colmap image_undistorter)",
-        place,
+        location,
     )
 
 
@@ -171,25 +171,28 @@ def _lenses_text(path: Path) -> dict[int, Lens]:
     for number, line in text_lines(path):
         if not line or line.startswith("#"):
             continue
-        place = f"line {number:,}"
+        location = f"line {number:,}"
         words = line.split()
         if len(words) < 4 or not all(words[i].isdecimal() for i in (0, 2, 3)):
             raise ReadError(
-                path, f"{line[:80]!r} is no CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS", AGAIN, place
+                path,
+                f"{line[:80]!r} is no CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS",
+                AGAIN,
+                location,
             )
         if words[1] not in MODELS:
-            raise _unknown_model(path, words[1], place)
+            raise _unknown_model(path, words[1], location)
         expected = len(MODELS[words[1]][1].split())
         values = parse_numbers(path, number, words[4:], expected, f"the lens of {words[1]}")
-        size = _picture_size(path, int(words[2]), int(words[3]), place)
-        lenses[int(words[0])] = _make_lens(path, place, words[1], size, values)
-        check_count(path, len(lenses), place)
+        size = _picture_size(path, int(words[2]), int(words[3]), location)
+        lenses[int(words[0])] = _make_lens(path, location, words[1], size, values)
+        check_count(path, len(lenses), location)
     return lenses
 
 
-def _picture_size(path: Path, width: int, height: int, place: str) -> tuple[int, int]:
+def _picture_size(path: Path, width: int, height: int, location: str) -> tuple[int, int]:
     if not (0 < width < 1 << 20 and 0 < height < 1 << 20):
-        raise ReadError(path, f"a picture of {width} x {height} pixels", AGAIN, place)
+        raise ReadError(path, f"a picture of {width} x {height} pixels", AGAIN, location)
     return width, height
 
 
@@ -221,7 +224,7 @@ def _images_text(path: Path, lenses: dict[int, Lens]) -> tuple[RawCamera, ...]:
 
 def _camera(
     path: Path,
-    place: str,
+    location: str,
     pose: Sequence[float],
     camera: int,
     name: str,
@@ -232,12 +235,12 @@ def _camera(
             path,
             f"{name} has camera {camera}, which {path.with_stem('cameras').name} does not have",
             "give the files of one and the same model",
-            place,
+            location,
         )
     rotation = quaternion_to_matrix(pose[:4])
     if rotation is None or not np.isfinite(pose).all():
-        raise ReadError(path, f"the pose of {name} is {list(pose)}", AGAIN, place)
-    check_position(path, place, pose[4:])
+        raise ReadError(path, f"the pose of {name} is {list(pose)}", AGAIN, location)
+    check_position(path, location, pose[4:])
     centre = -rotation.T @ np.asarray(pose[4:])
     return RawCamera(name, lenses[camera], rotation, centre)
 
@@ -245,10 +248,10 @@ def _camera(
 def _take(file: BinaryIO, path: Path, layout: str) -> tuple[Any, ...]:
     """Read little endian values, or say at which byte the file ends."""
     size = struct.calcsize("<" + layout)
-    place = file.tell()
+    offset = file.tell()
     data = file.read(size)
     if len(data) < size:
-        raise ReadError(path, "the file ends", "copy or export it again", f"byte {place:,}")
+        raise ReadError(path, "the file ends", "copy or export it again", f"byte {offset:,}")
     return struct.unpack("<" + layout, data)
 
 
@@ -258,14 +261,14 @@ def _lenses_binary(path: Path) -> dict[int, Lens]:
         (count,) = _take(file, path, "Q")
         check_count(path, count)
         for _ in range(count):
-            place = f"byte {file.tell():,}"
+            location = f"byte {file.tell():,}"
             camera, model, width, height = _take(file, path, "IiQQ")
             if _NAMES.get(model) not in MODELS:
-                raise _unknown_model(path, _NAMES.get(model, f"number {model}"), place)
+                raise _unknown_model(path, _NAMES.get(model, f"number {model}"), location)
             name = _NAMES[model]
             values = _take(file, path, f"{len(MODELS[name][1].split())}d")
-            size = _picture_size(path, width, height, place)
-            lenses[camera] = _make_lens(path, place, name, size, values)
+            size = _picture_size(path, width, height, location)
+            lenses[camera] = _make_lens(path, location, name, size, values)
     return lenses
 
 
@@ -277,7 +280,7 @@ def _images_binary(path: Path, lenses: dict[int, Lens]) -> tuple[RawCamera, ...]
         if count > MAX_CAMERAS:
             check_count(path, count)
         for _ in range(count):
-            place = f"byte {file.tell():,}"
+            location = f"byte {file.tell():,}"
             _, *pose, camera = _take(file, path, "I7dI")
             name = _take_name(file, path)
             (points,) = _take(file, path, "Q")
@@ -288,10 +291,10 @@ def _images_binary(path: Path, lenses: dict[int, Lens]) -> tuple[RawCamera, ...]
                     f"{name} should have {points:,} tie points, but the file ends after "
                     f"{size:,} bytes",
                     "it is cut off: copy or export it again",
-                    place,
+                    location,
                 )
             file.seek(after)
-            cameras.append(_camera(path, place, pose, camera, name, lenses))
+            cameras.append(_camera(path, location, pose, camera, name, lenses))
     return tuple(cameras)
 
 

@@ -20,11 +20,12 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError, ProjError
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import Frame, RawCameras
 from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.geometry.lens import View
 from terraport_pipeline.geometry.view_cover import cover_points
-from terraport_pipeline.model import Crs, Float64, to_crs
+from terraport_pipeline.model import Crs, to_crs
 
 __all__ = ["CRS_TO_SCENE", "LEAST_SEEN", "Placed", "place_cameras"]
 
@@ -49,7 +50,7 @@ _Turned = tuple[Float64, Float64]
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """Cameras in the scene."""
+    """Views in the scene frame, and how their file's frame was understood."""
 
     views: tuple[View, ...]
     frame: Frame
@@ -111,11 +112,11 @@ def place_cameras(
     seen, frame, views, _ = best
     warnings = _height_warning(frame, crs)
     if seen < _FEW_SEEN:
-        told = (
+        warning = (
             f"Only {seen:.0%} of the cloud lies in any photo (cameras taken as {frame}); the rest "
             "keeps the colour of its points."
         )
-        warnings = (*warnings, told)
+        warnings = (*warnings, warning)
     return Placed(views, frame, seen, warnings)
 
 
@@ -174,9 +175,9 @@ def _to_crs_frame(frame: Frame, centres: Float64, crs: Crs | None) -> _Turned:
         raise _NotPossibleError("the survey states no coordinate reference system")
     target = CRS.from_wkt(crs.wkt) if crs.wkt else CRS.from_user_input(crs.epsg or crs.name)
     if frame.kind == "enu":
-        assert frame.place is not None  # readers give both
+        assert frame.geodetic is not None  # readers give both
         datum = CRS.from_epsg(4979)
-        turn, centre = _topocentric(frame.place)
+        turn, centre = _topocentric(frame.geodetic)
         return _through(lambda points: points @ turn.T + centre, datum, target, centres)
     source = CRS.from_user_input(frame.crs)
     if frame.kind == "geocentric":
@@ -220,11 +221,11 @@ def _linearised(convert: Callable[[Float64], Float64], centres: Float64) -> _Tur
     return placed, turns
 
 
-def _topocentric(place: tuple[float, float, float]) -> _Turned:
+def _topocentric(origin: tuple[float, float, float]) -> _Turned:
     """Rotation and shift of metres east, north, up to Earth-centred WGS 84."""
-    latitude, longitude = np.radians(place[:2])
+    latitude, longitude = np.radians(origin[:2])
     to_cart = Transformer.from_pipeline("+proj=cart +ellps=WGS84")
-    centre = np.array(to_cart.transform(longitude, latitude, place[2], radians=True))
+    centre = np.array(to_cart.transform(longitude, latitude, origin[2], radians=True))
     (ca, so, co, sa) = np.cos(latitude), np.sin(longitude), np.cos(longitude), np.sin(latitude)
     turn = np.array([[-so, -sa * co, ca * co], [co, -sa * so, ca * so], [0.0, ca, sa]])
     return turn, centre
@@ -242,9 +243,9 @@ def _height_warning(frame: Frame, crs: Crs | None) -> tuple[str, ...]:
         return ()
     if not CRS.from_wkt(crs.wkt).is_compound:
         return ()
-    told = (
-        f"The cameras' heights come from {frame.told_by} above the ellipsoid, the survey's "
+    warning = (
+        f"The cameras' heights come from {frame.source} above the ellipsoid, the survey's "
         f"({crs.name}) above a geoid; where PROJ has no grid for it the cameras are too high or "
         "low by the geoid's height. Export the cameras in the survey's own system to be sure."
     )
-    return (told,)
+    return (warning,)

@@ -21,6 +21,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
     MAX_TEXT_BYTES,
@@ -37,7 +38,6 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
 )
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.lens import Lens
-from terraport_pipeline.model import Float64
 
 __all__ = ["MODELS", "read_opensfm", "read_shots"]
 
@@ -69,28 +69,32 @@ def read_opensfm(path: Path) -> RawCameras:
     ReadError
         No JSON of this kind, a lens that is not understood, or numbers that are none.
     """
-    parts = _load(path)
+    reconstructions = _load(path)
     cameras: dict[str, RawCamera] = {}
     references: list[Mapping[str, Any]] = []
     warnings: list[str] = []
-    for index, part in enumerate(parts):
-        place = f"reconstruction {index}"
+    # (1) All reconstructions of the file; a photo in several keeps its first pose.
+    for index, reconstruction in enumerate(reconstructions):
+        location = f"reconstruction {index}"
         lenses = {
             name: _lens(path, f"camera {name!r}", values)
-            for name, values in _mapping(path, part, "cameras", place).items()
+            for name, values in _mapping(path, reconstruction, "cameras", location).items()
         }
-        for name, shot in _mapping(path, part, "shots", place).items():
+        for name, shot in _mapping(path, reconstruction, "shots", location).items():
             camera = _shot(path, name, shot, lenses)
             cameras.setdefault(name, camera)
             check_count(path, len(cameras))
-        reference = part.get("reference_lla") or _beside(path.parent / "reference_lla.json")
+        reference = reconstruction.get("reference_lla") or _beside(
+            path.parent / "reference_lla.json"
+        )
         if reference is not None and reference not in references:
             references.append(reference)
     check_count(path, len(cameras))
-    if len(parts) > 1:
+    # (2) Pieces that were never joined may lie in frames of their own.
+    if len(reconstructions) > 1:
         warnings.append(
-            f"{path.name} holds {len(parts)} reconstructions that OpenSfM could not join; they "
-            "are taken as lying in one frame."
+            f"{path.name} holds {len(reconstructions)} reconstructions that OpenSfM could not "
+            "join; they are taken as lying in one frame."
         )
     if len(references) > 1:
         raise ReadError(
@@ -114,29 +118,31 @@ def read_shots(path: Path) -> RawCameras:
     ReadError
         As :func:`read_opensfm`; also when no lens is of the size of a shot.
     """
-    found = _parse(path)
+    document = _parse(path)
     lenses, source = _lenses_beside(path)
     cameras = []
-    for feature in found.get("features") or ():
-        place = "a feature"
+    for feature in document.get("features") or ():
+        location = "a feature"
         try:
             values = feature["properties"]
             name = str(values["filename"])
-            place = f"shot {name!r}"
+            location = f"shot {name!r}"
             size = int(values["width"]), int(values["height"])
             pose = _floats(values["rotation"], 3), _floats(values["translation"], 3)
         except (KeyError, TypeError, ValueError) as error:
-            raise ReadError(path, f"no shot of OpenDroneMap ({error!r})", _FRESH, place) from error
+            raise ReadError(
+                path, f"no shot of OpenDroneMap ({error!r})", _FRESH, location
+            ) from error
         fitting = [one for one in lenses if (one.width, one.height) == size]
         if len(fitting) != 1:
             raise ReadError(
                 path,
                 f"{len(fitting)} lenses of {size[0]} x {size[1]} pixels in {source}, expected one",
                 "give opensfm/reconstruction.json of the same project instead",
-                place,
+                location,
             )
         rotation = rotation_vector_to_matrix(pose[0].tolist())
-        check_position(path, place, pose[1])
+        check_position(path, location, pose[1])
         cameras.append(RawCamera(name, fitting[0], rotation, pose[1]))
         check_count(path, len(cameras))
     check_count(path, len(cameras))
@@ -149,24 +155,26 @@ def _parse(path: Path) -> Any:
     try:
         return json.loads(path.read_bytes())
     except (ValueError, RecursionError) as error:
-        place = f"line {error.lineno:,}" if isinstance(error, json.JSONDecodeError) else None
-        raise ReadError(path, f"no JSON ({str(error)[:80]})", AGAIN, place) from error
+        location = f"line {error.lineno:,}" if isinstance(error, json.JSONDecodeError) else None
+        raise ReadError(path, f"no JSON ({str(error)[:80]})", AGAIN, location) from error
 
 
 def _load(path: Path) -> list[Mapping[str, Any]]:
-    found = _parse(path)
-    parts = found if isinstance(found, list) else [found]
-    if not parts or not all(isinstance(one, dict) and "shots" in one for one in parts):
+    document = _parse(path)
+    reconstructions = document if isinstance(document, list) else [document]
+    if not reconstructions or not all(
+        isinstance(one, dict) and "shots" in one for one in reconstructions
+    ):
         raise ReadError(
             path, "JSON without shots: no reconstruction of OpenSfM", "give reconstruction.json"
         )
-    return parts
+    return reconstructions
 
 
-def _mapping(path: Path, part: Mapping[str, Any], key: str, place: str) -> dict[str, Any]:
-    values = part.get(key)
+def _mapping(path: Path, parent: Mapping[str, Any], key: str, location: str) -> dict[str, Any]:
+    values = parent.get(key)
     if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
-        raise ReadError(path, f"{key!r} is no object of objects", _FRESH, place)
+        raise ReadError(path, f"{key!r} is no object of objects", _FRESH, location)
     return values
 
 
@@ -177,16 +185,17 @@ def _floats(values: Any, expected: int) -> Float64:
     return array
 
 
-def _lens(path: Path, place: str, values: Mapping[str, Any]) -> Lens:
+def _lens(path: Path, location: str, values: Mapping[str, Any]) -> Lens:
     kind = values.get("projection_type")
     if kind not in MODELS:
         raise ReadError(
             path,
             f"the projection type is {kind!r}, expected one of {', '.join(MODELS)}",
             "reconstruct with the camera model brown or fisheye_opencv",
-            place,
+            location,
         )
     model, terms = MODELS[kind]
+    # Lengths are in units of the photo's longer side, the principal point from its middle.
     try:
         width, height = int(values["width"]), int(values["height"])
         side = max(width, height)
@@ -198,10 +207,10 @@ def _lens(path: Path, place: str, values: Mapping[str, Any]) -> Lens:
             tangential = (float(values.get("p1", 0.0)), float(values.get("p2", 0.0)))
         middle = float(values.get("c_x", 0.0)), float(values.get("c_y", 0.0))
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise ReadError(path, f"no camera of OpenSfM ({error!r})", _FRESH, place) from error
+        raise ReadError(path, f"no camera of OpenSfM ({error!r})", _FRESH, location) from error
     return make_lens(
         path,
-        place,
+        location,
         width=width,
         height=height,
         fx=across * side,
@@ -215,22 +224,22 @@ def _lens(path: Path, place: str, values: Mapping[str, Any]) -> Lens:
 
 
 def _shot(path: Path, name: str, shot: Mapping[str, Any], lenses: Mapping[str, Lens]) -> RawCamera:
-    place = f"shot {name!r}"
+    location = f"shot {name!r}"
     try:
         rotation = rotation_vector_to_matrix(_floats(shot["rotation"], 3).tolist())
         translation = _floats(shot["translation"], 3)
         lens = lenses[shot["camera"]]
     except (KeyError, TypeError, ValueError) as error:
-        raise ReadError(path, f"no shot of OpenSfM ({error!r})", _FRESH, place) from error
-    check_position(path, place, translation)
+        raise ReadError(path, f"no shot of OpenSfM ({error!r})", _FRESH, location) from error
+    check_position(path, location, translation)
     return RawCamera(name, lens, rotation, -rotation.T @ translation)
 
 
 def _beside(path: Path) -> Mapping[str, Any] | None:
     if not path.is_file():
         return None
-    found = _parse(path)
-    return found if isinstance(found, dict) else None
+    document = _parse(path)
+    return document if isinstance(document, dict) else None
 
 
 def _enu(path: Path, reference: Mapping[str, Any]) -> Frame:
@@ -245,7 +254,7 @@ def _enu(path: Path, reference: Mapping[str, Any]) -> Frame:
         raise ReadError(
             path, f"no place on Earth: {latitude}, {longitude}", _FRESH, "reference_lla"
         )
-    return Frame("enu", "reference_lla", place=(latitude, longitude, height))
+    return Frame("enu", "reference_lla", geodetic=(latitude, longitude, height))
 
 
 def _odm_offset(path: Path) -> Iterator[Frame]:
@@ -269,10 +278,12 @@ def _lenses_beside(path: Path) -> tuple[list[Lens], str]:
     for folder in folders:
         cameras = folder / "cameras.json"
         if cameras.is_file():
-            found = _parse(cameras)
-            if not isinstance(found, dict) or not all(isinstance(v, dict) for v in found.values()):
+            document = _parse(cameras)
+            if not isinstance(document, dict) or not all(
+                isinstance(v, dict) for v in document.values()
+            ):
                 raise ReadError(cameras, "no object of cameras", _FRESH)
-            lenses = [_lens(cameras, f"camera {name!r}", one) for name, one in found.items()]
+            lenses = [_lens(cameras, f"camera {name!r}", one) for name, one in document.items()]
             return lenses, str(cameras)
     raise ReadError(
         path,

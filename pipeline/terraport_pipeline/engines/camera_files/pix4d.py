@@ -28,6 +28,7 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
     Frame,
@@ -42,7 +43,6 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
 )
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.lens import Lens
-from terraport_pipeline.model import Float64
 
 __all__ = ["EXTERNAL_MAGIC", "MAGIC", "omega_phi_kappa", "read_pix4d", "read_pix4d_external"]
 
@@ -74,21 +74,23 @@ def read_pix4d(path: Path) -> RawCameras:
     lines = _after_heading(path)
     cameras = []
     for number, text in lines:
+        # (1) Ten lines a photo: name and size, then K, distortion, position and rotation.
         words = text.rsplit(maxsplit=2)
         if len(words) != 3 or not (words[1].isdecimal() and words[2].isdecimal()):
             raise ReadError(
                 path, f"{text[:80]!r} is no name, width, height", AGAIN, f"line {number:,}"
             )
         rows = [_next(path, lines, what, count) for what, count in _BLOCK]
-        place = f"photo {words[0]!r} after line {number:,}"
+        location = f"photo {words[0]!r} after line {number:,}"
         k, rotation = np.array(rows[:3]), np.array(rows[6:])
+        # (2) Matrices that are none.
         if abs(k[2, 2] - 1.0) > 1e-9 or k[1, 0] != 0.0 or (k[2, :2] != 0.0).any():
-            raise ReadError(path, f"K is {k.tolist()}", AGAIN, place)
+            raise ReadError(path, f"K is {k.tolist()}", AGAIN, location)
         if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
-            raise ReadError(path, f"R is {rotation.tolist()}, no rotation", AGAIN, place)
+            raise ReadError(path, f"R is {rotation.tolist()}, no rotation", AGAIN, location)
         lens = make_lens(
             path,
-            place,
+            location,
             width=int(words[1]),
             height=int(words[2]),
             fx=float(k[0, 0]),
@@ -99,7 +101,7 @@ def read_pix4d(path: Path) -> RawCameras:
             radial=tuple(rows[3]),
             tangential=(rows[4][0], rows[4][1]),
         )
-        check_position(path, place, rows[5])
+        check_position(path, location, rows[5])
         cameras.append(RawCamera(words[0], lens, rotation, np.array(rows[5])))
         check_count(path, len(cameras), f"line {number:,}")
     check_count(path, len(cameras))
@@ -182,23 +184,28 @@ def _next(path: Path, lines: Iterator[tuple[int, str]], what: str, count: int) -
 def _offset(path: Path, ending: str) -> Frame | None:
     """Read ``<project>_offset.xyz``, or the only file of such a name."""
     own = path.with_name(path.name.removesuffix(ending) + "_offset.xyz")
-    found = [own] if own.is_file() else sorted(path.parent.glob("*offset.xyz"))
-    if len(found) != 1:
+    candidates = [own] if own.is_file() else sorted(path.parent.glob("*offset.xyz"))
+    if len(candidates) != 1:
         return None
-    east, north, up = parse_numbers(found[0], 1, read_small_text(found[0]).split(), 3, "an offset")
-    return Frame("offset", found[0].name, offset=(east, north, up))
+    east, north, up = parse_numbers(
+        candidates[0], 1, read_small_text(candidates[0]).split(), 3, "an offset"
+    )
+    return Frame("offset", candidates[0].name, offset=(east, north, up))
 
 
 def _internal(path: Path) -> Lens:
-    found = sorted(path.parent.glob("*pix4d_calibrated_internal_camera_parameters.cam"))
-    if len(found) != 1:
+    candidates = sorted(path.parent.glob("*pix4d_calibrated_internal_camera_parameters.cam"))
+    # (1) The one lens file of the project.
+    if len(candidates) != 1:
         raise ReadError(
             path,
-            f"{len(found)} files *pix4d_calibrated_internal_camera_parameters.cam beside it, "
+            f"{len(candidates)} files *pix4d_calibrated_internal_camera_parameters.cam beside it, "
             "expected one",
             "give the file *_calibrated_camera_parameters.txt instead, which needs no other",
         )
-    cam = found[0]
+    cam = candidates[0]
+    # (2) Its size, then its numbers by name; a second lens would overwrite the first and is
+    # refused.
     text = read_small_text(cam)
     values: dict[str, float] = {}
     sensor = _SENSOR.search(text)
@@ -224,6 +231,7 @@ def _internal(path: Path) -> Lens:
     missing = [name for name in ("F", "Px", "Py") if name not in values]
     if missing:
         raise ReadError(cam, f"no {', '.join(missing)}", AGAIN)
+    # (3) From micrometres on the sensor to pixels.
     size = parse_numbers(cam, 1, sensor.groups(), 2, "a sensor")
     return make_lens(
         cam,

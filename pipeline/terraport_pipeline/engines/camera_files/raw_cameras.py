@@ -16,9 +16,9 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from terraport_payload.types import Float64
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.lens import Lens
-from terraport_pipeline.model import Float64
 
 __all__ = [
     "AGAIN",
@@ -67,32 +67,32 @@ class Frame:
     kind: Literal["offset", "enu", "geocentric", "crs"]
     """``"offset"``: the survey's CRS less `offset`. ``"enu"``: metres east, north, up of a place on
     the ellipsoid. ``"geocentric"``: metres from the Earth's centre. ``"crs"``: another CRS."""
-    told_by: str
+    source: str
     """Where this comes from, for messages: ``"OFFSET.txt"``, ``"reference_lla"``."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Metres east, north, up."""
-    place: tuple[float, float, float] | None = None
+    geodetic: tuple[float, float, float] | None = None
     """Latitude and longitude in degrees and height in metres of ``"enu"``."""
     crs: str | None = None
     """Well-known text or code: of the datum for ``"geocentric"``, of the frame for ``"crs"``."""
 
     def __str__(self) -> str:
-        if self.kind == "enu" and self.place is not None:
-            latitude, longitude, height = self.place
-            return f"metres about {latitude:.6f}, {longitude:.6f}, {height:.1f} m ({self.told_by})"
+        if self.kind == "enu" and self.geodetic is not None:
+            latitude, longitude, height = self.geodetic
+            return f"metres about {latitude:.6f}, {longitude:.6f}, {height:.1f} m ({self.source})"
         if self.kind == "geocentric":
-            return f"Earth-centred metres ({self.told_by})"
+            return f"Earth-centred metres ({self.source})"
         if self.kind == "crs":
-            return f"coordinates of another system ({self.told_by})"
+            return f"coordinates of another system ({self.source})"
         if self.offset == (0.0, 0.0, 0.0):
-            return f"the survey's own coordinates ({self.told_by})"
+            return f"the survey's own coordinates ({self.source})"
         numbers = ", ".join(f"{value:,.3f}" for value in self.offset)
-        return f"the survey's coordinates less {numbers} m ({self.told_by})"
+        return f"the survey's coordinates less {numbers} m ({self.source})"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RawCamera:
-    """One photo in the file's world frame."""
+    """Lens and pose of one photo in the file's world frame."""
 
     name: str
     lens: Lens
@@ -104,7 +104,7 @@ class RawCamera:
 
 @dataclass(frozen=True, slots=True)
 class RawCameras:
-    """What a reader returns."""
+    """Cameras in the coordinates of their file, with every frame these may be in."""
 
     format: str
     cameras: tuple[RawCamera, ...]
@@ -124,7 +124,7 @@ def check_size(path: Path, most: int, advice: str) -> None:
         raise ReadError(path, f"it has {size:,} bytes, expected at most {most:,}", advice)
 
 
-def check_count(path: Path, count: int, place: str | None = None) -> None:
+def check_count(path: Path, count: int, location: str | None = None) -> None:
     """Refuse no cameras, and more than :data:`MAX_CAMERAS`.
 
     Raises
@@ -133,11 +133,11 @@ def check_count(path: Path, count: int, place: str | None = None) -> None:
     """
     if count < 1:
         raise ReadError(
-            path, "no camera in it has a pose", "export it after the photos are aligned", place
+            path, "no camera in it has a pose", "export it after the photos are aligned", location
         )
     if count > MAX_CAMERAS:
         raise ReadError(
-            path, f"it says {count:,} cameras, expected at most {MAX_CAMERAS:,}", AGAIN, place
+            path, f"it says {count:,} cameras, expected at most {MAX_CAMERAS:,}", AGAIN, location
         )
 
 
@@ -192,9 +192,12 @@ def parse_numbers(
     except ValueError:
         values = []
     if len(values) != expected or not np.isfinite(values).all():
-        told = " ".join(words)[:80]
+        excerpt = " ".join(words)[:80]
         raise ReadError(
-            path, f"{told!r} is not {what} ({expected} finite numbers)", AGAIN, f"line {number:,}"
+            path,
+            f"{excerpt!r} is not {what} ({expected} finite numbers)",
+            AGAIN,
+            f"line {number:,}",
         )
     return values
 
@@ -211,7 +214,7 @@ def read_small_text(path: Path) -> str:
     return path.read_bytes().decode("utf-8", errors="replace")
 
 
-def make_lens(path: Path, place: str, **fields: Any) -> Lens:
+def make_lens(path: Path, location: str, **fields: Any) -> Lens:
     """Make a lens; say where in the file the numbers are that make none.
 
     Raises
@@ -221,10 +224,10 @@ def make_lens(path: Path, place: str, **fields: Any) -> Lens:
     try:
         return Lens(**fields)
     except ValueError as error:
-        raise ReadError(path, f"no lens: {error}", AGAIN, place) from error
+        raise ReadError(path, f"no lens: {error}", AGAIN, location) from error
 
 
-def check_position(path: Path, place: str, numbers: npt.ArrayLike) -> None:
+def check_position(path: Path, location: str, numbers: npt.ArrayLike) -> None:
     """Refuse coordinates that are no place on Earth in any system.
 
     Raises
@@ -233,7 +236,7 @@ def check_position(path: Path, place: str, numbers: npt.ArrayLike) -> None:
     """
     farthest = float(np.abs(numbers).max())
     if not farthest < _MAX_COORDINATE_M:
-        raise ReadError(path, f"a coordinate of {farthest:g} m", AGAIN, place)
+        raise ReadError(path, f"a coordinate of {farthest:g} m", AGAIN, location)
 
 
 def quaternion_to_matrix(quaternion: Sequence[float]) -> Float64 | None:

@@ -36,7 +36,7 @@ def _run(samples: Samples, _work: Work) -> Surface:
 BALL_PIVOTING: Final = Reconstructor(
     key="ball-pivoting",
     title="Ball Pivoting",
-    made_by="terraport (numba)",
+    implementation="terraport (numba)",
     thesis_used="MeshLab",
     paper="Bernardini et al. 1999",
     one_sheet=False,

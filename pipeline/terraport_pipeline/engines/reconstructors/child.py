@@ -33,13 +33,15 @@ def main(key: str, folder: str, threads: int, depth: int) -> None:
     """Read ``samples.npz`` of a folder, reconstruct, write ``surface.npz`` and ``facts.json``.
 
     Leaves with an exit code that is not 0 when there is no surface; facts.json then says why, or
-    said.txt what was printed.
+    output.txt what was printed.
     """
-    place = Path(folder)
-    with (place / "said.txt").open("wb") as said:
-        os.dup2(said.fileno(), 2)
+    # (1) Standard error goes to a file from the start: a crash of native code prints there.
+    directory = Path(folder)
+    with (directory / "output.txt").open("wb") as log:
+        os.dup2(log.fileno(), 2)
     numba.set_num_threads(max(1, min(threads, os.cpu_count() or 1)))
-    with np.load(place / "samples.npz") as stored:
+    # (2) Input; kernels are compiled before the clock starts.
+    with np.load(directory / "samples.npz") as stored:
         samples = Samples(
             stored["points"],
             stored["normals"],
@@ -47,18 +49,20 @@ def main(key: str, folder: str, threads: int, depth: int) -> None:
             stored["local_spacing_m"],
             float(stored["spacing_m"]),
         )
-    work = Work(place, threads, depth or None)
+    work = Work(directory, threads, depth or None)
     algorithm = RECONSTRUCTORS[key]
     if key != "poisson":  # compiles, or loads what was compiled before
-        algorithm.run(_ball(), Work(place, 1))
+        algorithm.run(_ball(), Work(directory, 1))
+    # (3) The run itself, measured as what it adds.
     before_bytes = psutil.Process().memory_info().rss
     before_s = _cpu_s()
     try:
         with Measure() as measure:
             surface = algorithm.run(samples, work)
     except PipelineError as error:
-        (place / "facts.json").write_text(json.dumps({"error": str(error)}))
+        (directory / "facts.json").write_text(json.dumps({"error": str(error)}))
         sys.exit(_FAILED)
+    # (4) Surface and facts; the parent reads them only after exit code 0.
     facts = {
         "cpu_s": _cpu_s() - before_s,
         "wall_s": measure.seconds,
@@ -67,15 +71,15 @@ def main(key: str, folder: str, threads: int, depth: int) -> None:
         "solved_faces": surface.solved_faces,
     }
     if surface.sample is None:
-        np.savez(place / "surface.npz", vertices=surface.vertices, faces=surface.faces)
+        np.savez(directory / "surface.npz", vertices=surface.vertices, faces=surface.faces)
     else:
         np.savez(
-            place / "surface.npz",
+            directory / "surface.npz",
             vertices=surface.vertices,
             faces=surface.faces,
             sample=surface.sample,
         )
-    (place / "facts.json").write_text(json.dumps(facts))
+    (directory / "facts.json").write_text(json.dumps(facts))
 
 
 def _cpu_s() -> float:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from terraport_pipeline.model import Float32, Int32, UInt8
+from terraport_payload.types import Float32, Int32, UInt8
 
 __all__ = ["Reconstructor", "Samples", "Surface", "Work"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """An oriented, coloured cloud."""
+    """Oriented, coloured points, with their spacing: the input of every algorithm."""
 
     points: Float32
     """(N, 3) metres, Y up."""
@@ -41,7 +41,7 @@ class Work:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """What an algorithm made."""
+    """Mesh that a reconstruction algorithm returned, with what is needed to compare it."""
 
     vertices: Float32
     """(V, 3) metres."""
@@ -57,7 +57,7 @@ class Surface:
 
 
 class Run(Protocol):
-    """Reconstruct one cloud."""
+    """Call of an algorithm: samples in, a :class:`Surface` out."""
 
     def __call__(self, samples: Samples, work: Work, /) -> Surface:
         """Return the surface; raise a ``PipelineError`` that says why there is none."""
@@ -66,13 +66,13 @@ class Run(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Reconstructor:
-    """One algorithm."""
+    """A reconstruction algorithm of the comparison: names, origin, and how to run it."""
 
     key: str
     """Name on the command line."""
     title: str
     """As the thesis calls it."""
-    made_by: str
+    implementation: str
     """The implementation used here."""
     thesis_used: str
     """The implementation that the thesis used."""

@@ -35,7 +35,7 @@ def _run(samples: Samples, _work: Work) -> Surface:
 DELAUNAY: Final = Reconstructor(
     key="delaunay",
     title="Delaunay triangulation",
-    made_by="SciPy (Qhull), 2.5-D",
+    implementation="SciPy (Qhull), 2.5-D",
     thesis_used="CloudCompare",
     paper="Delaunay 1934",
     one_sheet=True,

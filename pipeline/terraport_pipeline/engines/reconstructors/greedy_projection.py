@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Int32
 from terraport_pipeline.engines.reconstructors.contract import (
     Reconstructor,
     Samples,
@@ -22,7 +23,6 @@ from terraport_pipeline.engines.reconstructors.contract import (
     Work,
 )
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.model import Int32
 
 __all__ = ["GREEDY_PROJECTION", "PROGRAM"]
 
@@ -53,9 +53,9 @@ def _run(samples: Samples, work: Work) -> Surface:
     except subprocess.TimeoutExpired as error:
         raise EngineError(f"{PROGRAM} did not end within {_TIMEOUT_S} s") from error
     if done.returncode or not target.is_file():
-        said = (done.stderr + done.stdout)[-500:].decode("utf-8", "replace").strip()
+        output = (done.stderr + done.stdout)[-500:].decode("utf-8", "replace").strip()
         raise EngineError(
-            f"{PROGRAM} ended with exit code {done.returncode}; it printed: {said or 'nothing'}"
+            f"{PROGRAM} ended with exit code {done.returncode}; it printed: {output or 'nothing'}"
         )
     faces = _read_vtk(target, len(samples.points))
     return Surface(
@@ -109,7 +109,7 @@ def _turned(faces: Int32, samples: Samples) -> Int32:
 GREEDY_PROJECTION: Final = Reconstructor(
     key="greedy-projection",
     title="Fast surface reconstruction",
-    made_by="Point Cloud Library (pcl_gp3_surface)",
+    implementation="Point Cloud Library (pcl_gp3_surface)",
     thesis_used="Point Cloud Library",
     paper="Marton, Rusu and Beetz 2009",
     one_sheet=False,

@@ -34,7 +34,7 @@ def _run(samples: Samples, work: Work) -> Surface:
 MARCHING_CUBES: Final = Reconstructor(
     key="marching-cubes",
     title="Marching cubes",
-    made_by="terraport (NumPy): narrow-band signed distance",
+    implementation="terraport (NumPy): narrow-band signed distance",
     thesis_used="MeshLab",
     paper="Lorensen and Cline 1987; Hoppe et al. 1992",
     one_sheet=False,

@@ -50,7 +50,7 @@ def _run(samples: Samples, work: Work) -> Surface:
 POISSON: Final = Reconstructor(
     key="poisson",
     title="Poisson surface reconstruction",
-    made_by="PoissonRecon 18.75 in pycolmap, trimmed by support",
+    implementation="PoissonRecon 18.75 in pycolmap, trimmed by support",
     thesis_used="CloudCompare",
     paper="Kazhdan and Hoppe 2013",
     one_sheet=False,

@@ -36,7 +36,7 @@ def _run(samples: Samples, _work: Work) -> Surface:
 VORONOI_FILTERING: Final = Reconstructor(
     key="voronoi-filtering",
     title="Voronoi filtering",
-    made_by="terraport on SciPy (Qhull)",
+    implementation="terraport on SciPy (Qhull)",
     thesis_used="MeshLab",
     paper="Amenta and Bern 1999",
     one_sheet=False,

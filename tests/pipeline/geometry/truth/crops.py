@@ -19,8 +19,9 @@ from typing import Final
 
 import laspy
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import Delaunay
+
+from terraport_payload.types import Bool, Float32, Float64, Int32, UInt8
 
 __all__ = ["CROPS", "SHARED_DATA", "TruthCrop", "inside_polygon", "load_crop"]
 
@@ -36,13 +37,13 @@ _LONGEST_CELLS: Final = 6.0
 class TruthCrop:
     """A piece of a survey."""
 
-    vertices: npt.NDArray[np.float32]
+    vertices: Float32
     """(V, 3) metres, x east, y up, z south of the box's corner."""
-    faces: npt.NDArray[np.int32]
+    faces: Int32
     """(F, 3) vertex indices, seen from above counter-clockwise."""
-    colours: npt.NDArray[np.uint8]
+    colours: UInt8
     """(V, 3) sRGB as photographed."""
-    truth: npt.NDArray[np.int32]
+    truth: Int32
     """(F,) number of the region in ``names``; -1 without truth."""
     names: tuple[str, ...]
     """Regions in the file's order."""
@@ -85,9 +86,7 @@ def load_crop(name: str, data: Path = SHARED_DATA) -> TruthCrop | None:
     )
 
 
-def inside_polygon(
-    points: npt.NDArray[np.float64], ring: npt.NDArray[np.float64]
-) -> npt.NDArray[np.bool_]:
+def inside_polygon(points: Float64, ring: Float64) -> Bool:
     """Say which points lie inside a closed ring, by the even-odd rule."""
     inside = np.zeros(len(points), np.bool_)
     x, y = points.T

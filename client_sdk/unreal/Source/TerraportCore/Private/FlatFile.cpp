@@ -11,7 +11,7 @@
 namespace terraport {
 namespace {
 
-constexpr std::size_t kHeaderBytes = 48;
+constexpr std::size_t kFlatHeaderBytes = 48;
 constexpr std::size_t kEntryBytes = 96;
 constexpr std::size_t kNameBytes = 72;
 constexpr std::size_t kChecked = 16;
@@ -35,7 +35,7 @@ std::string hex(std::uint64_t value) {
 Status FlatFile::read(ByteSpan file, const char* magic) {
   fieldCount_ = 0;
   rows_ = 0;
-  if (file.size < kHeaderBytes) {
+  if (file.size < kFlatHeaderBytes) {
     return Status::damaged(std::to_string(file.size) + " bytes, expected at least 48 for the header", 0);
   }
   if (std::memcmp(file.data, magic, 8) != 0) {
@@ -71,7 +71,7 @@ Status FlatFile::readDirectory(ByteSpan file) {
   const std::uint64_t start = readU32(file.data + 20);
   const std::uint64_t count = readU32(file.data + 32);
   const std::uint64_t entryBytes = readU32(file.data + 36);
-  if (count > kMaxFields || entryBytes < kEntryBytes || start < kHeaderBytes) {
+  if (count > kMaxFields || entryBytes < kEntryBytes || start < kFlatHeaderBytes) {
     return Status::damaged(std::to_string(count) + " fields of " + std::to_string(entryBytes) + " bytes at " +
             std::to_string(start) + ", expected a directory",
         32);

@@ -9,8 +9,8 @@ namespace {
 
 /// Bounds the parser's work on hostile bytes; our own documents have 2 to 4 KiB.
 constexpr std::size_t kMaxJsonBytes = std::size_t{1} << 20;
-constexpr std::size_t kHeaderBytes = 12;
-constexpr std::size_t kChunkBytes = 8;
+constexpr std::size_t kGlbHeaderBytes = 12;
+constexpr std::size_t kGlbChunkBytes = 8;
 // As little-endian numbers.
 constexpr std::uint32_t kGltf = 0x46546c67;
 constexpr std::uint32_t kJsonChunk = 0x4e4f534a;
@@ -18,25 +18,25 @@ constexpr std::uint32_t kBinChunk = 0x004e4942;
 
 Status chunkAt(ByteSpan payload, std::size_t at, std::uint32_t kind, const char* name, ByteSpan& out) {
   const std::size_t left = payload.size - at;
-  if (left < kChunkBytes) {
+  if (left < kGlbChunkBytes) {
     return Status::damaged(std::to_string(left) + " bytes left, expected a " + name + " chunk", static_cast<std::int64_t>(at));
   }
   if (readU32(payload.data + at + 4) != kind) {
     return Status::damaged(std::string("another type of chunk, expected ") + name, static_cast<std::int64_t>(at + 4));
   }
   const std::uint32_t length = readU32(payload.data + at);
-  if (length > left - kChunkBytes) {
-    return Status::damaged("chunk of " + std::to_string(length) + " bytes, " + std::to_string(left - kChunkBytes) + " left",
+  if (length > left - kGlbChunkBytes) {
+    return Status::damaged("chunk of " + std::to_string(length) + " bytes, " + std::to_string(left - kGlbChunkBytes) + " left",
         static_cast<std::int64_t>(at));
   }
-  out = {payload.data + at + kChunkBytes, length};
+  out = {payload.data + at + kGlbChunkBytes, length};
   return {};
 }
 
 }  // namespace
 
 Status splitGlb(ByteSpan payload, GlbChunks& chunks) {
-  if (payload.size < kHeaderBytes + kChunkBytes) {
+  if (payload.size < kGlbHeaderBytes + kGlbChunkBytes) {
     return Status::damaged(std::to_string(payload.size) + " bytes, expected a GLB of at least 20", 0);
   }
   if (readU32(payload.data) != kGltf) {
@@ -51,15 +51,15 @@ Status splitGlb(ByteSpan payload, GlbChunks& chunks) {
     return Status::damaged(std::to_string(payload.size) + " bytes, expected " + std::to_string(length) + " by the header", 8);
   }
   ByteSpan text;
-  TERRAPORT_RETURN_IF_ERROR(chunkAt(payload, kHeaderBytes, kJsonChunk, "JSON", text));
+  TERRAPORT_RETURN_IF_ERROR(chunkAt(payload, kGlbHeaderBytes, kJsonChunk, "JSON", text));
   if (text.size > kMaxJsonBytes) {
-    return Status::damaged("JSON chunk of " + std::to_string(text.size) + " bytes, expected at most 1 MiB", kHeaderBytes);
+    return Status::damaged("JSON chunk of " + std::to_string(text.size) + " bytes, expected at most 1 MiB", kGlbHeaderBytes);
   }
-  chunks.jsonOffset = kHeaderBytes + kChunkBytes;
+  chunks.jsonOffset = kGlbHeaderBytes + kGlbChunkBytes;
   chunks.json = {reinterpret_cast<const char*>(text.data), text.size};
   const std::size_t binaryAt = chunks.jsonOffset + text.size;
   TERRAPORT_RETURN_IF_ERROR(chunkAt(payload, binaryAt, kBinChunk, "BIN", chunks.binary));
-  chunks.binaryOffset = binaryAt + kChunkBytes;
+  chunks.binaryOffset = binaryAt + kGlbChunkBytes;
   const std::size_t end = chunks.binaryOffset + chunks.binary.size;
   if (end != payload.size) {
     return Status::damaged(

@@ -16,11 +16,11 @@
 namespace terraport {
 namespace {
 
-constexpr std::int64_t kNullCode = 65535;
+constexpr std::int64_t kStatedNullCode = 65535;
 /// Largest attribute code that is a value.
 constexpr double kLastCode = 65534.0;
 /// More than any survey has: bounds what the names of one payload take.
-constexpr std::uint32_t kMaxAttributes = 240;
+constexpr std::uint32_t kMaxPayloadAttributes = 240;
 constexpr std::string_view kKnown[] = {"KHR_mesh_quantization", "EXT_meshopt_compression", "EXT_mesh_features",
     "KHR_texture_transform", "EXT_texture_webp", "KHR_texture_basisu"};
 
@@ -33,10 +33,6 @@ JsonLimits glbJson() {
 
 Status noMemory() {
   return Status::failed("out_of_memory", "no memory for a payload's arrays");
-}
-
-std::string text(std::string_view label) {
-  return std::string(label);
 }
 
 }  // namespace
@@ -180,7 +176,7 @@ class GlbReading {
   Status findColumn(const GltfWanted& wanted, GltfRows& rows) {
     TERRAPORT_RETURN_IF_ERROR(reader_.findVertices(names_.member(wanted.label), wanted, rows));
     if (rows.count != mesh_.vertexCount) {
-      return Status::damaged(text(wanted.label) + " has " + std::to_string(rows.count) + " rows, expected " +
+      return Status::damaged(std::string(wanted.label) + " has " + std::to_string(rows.count) + " rows, expected " +
           std::to_string(mesh_.vertexCount) + ": one a vertex");
     }
     return {};
@@ -262,8 +258,9 @@ class GlbReading {
     TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(ours, "extras.terraport"));
     const JsonValue list = ours.member("attributes");
     TERRAPORT_RETURN_IF_ERROR(expectListOrAbsent(list, "extras.terraport.attributes"));
-    if (list.size() > kMaxAttributes) {
-      return Status::damaged(std::to_string(list.size()) + " attributes, expected at most " + std::to_string(kMaxAttributes));
+    if (list.size() > kMaxPayloadAttributes) {
+      return Status::damaged(
+          std::to_string(list.size()) + " attributes, expected at most " + std::to_string(kMaxPayloadAttributes));
     }
     for (const JsonValue row : list.items()) {
       TERRAPORT_RETURN_IF_ERROR(expectMap(row, "attribute"));
@@ -280,7 +277,7 @@ class GlbReading {
           ", expected text and _TEXT");
     }
     const JsonValue null = row.member("null");
-    if (null.exists() && null.integer().value_or(-1) != kNullCode) {
+    if (null.exists() && null.integer().value_or(-1) != kStatedNullCode) {
       return Status::damaged("null code " + shortly(null) + " of an attribute, expected 65535");
     }
     double offset = 0.0;

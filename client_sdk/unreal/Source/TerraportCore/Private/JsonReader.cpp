@@ -9,16 +9,16 @@ namespace {
 
 /// The longest integer that the Python side reads.
 constexpr std::size_t kLongestInteger = 4300;
-constexpr std::int64_t kMaxInteger = (std::int64_t{1} << 53) - 1;
+constexpr std::int64_t kLargestInteger = (std::int64_t{1} << 53) - 1;
 /// Beyond it the reader's own recursion would need too much of a small stack.
 constexpr std::uint32_t kDeepest = 256;
-constexpr std::uint32_t kNone = 0xFFFFFFFF;
+constexpr std::uint32_t kNoValue = 0xFFFFFFFF;
 
 bool isDigit(char letter) {
   return letter >= '0' && letter <= '9';
 }
 
-int hexDigit(char letter) {
+int jsonHexDigit(char letter) {
   if (isDigit(letter)) return letter - '0';
   if (letter >= 'a' && letter <= 'f') return letter - 'a' + 10;
   if (letter >= 'A' && letter <= 'F') return letter - 'A' + 10;
@@ -80,11 +80,11 @@ class JsonReader {
     return true;
   }
 
-  /// A new value at the end; kNone beyond the bound.
+  /// A new value at the end; kNoValue beyond the bound.
   std::uint32_t add(JsonKind kind) {
     if (document_.nodes_.size() >= limits_.maxValues) {
       fail("got too many values");
-      return kNone;
+      return kNoValue;
     }
     Node node;
     node.kind = kind;
@@ -117,7 +117,7 @@ class JsonReader {
   bool word(std::string_view name, JsonKind kind, std::uint8_t flags) {
     if (text_.substr(at_, name.size()) != name) return unexpected("a value");
     const std::uint32_t index = add(kind);
-    if (index == kNone) return false;
+    if (index == kNoValue) return false;
     document_.nodes_[index].flags = flags;
     at_ += name.size();
     return true;
@@ -154,7 +154,7 @@ class JsonReader {
       if (!digits()) return false;
     }
     const std::uint32_t index = add(isWhole ? JsonKind::Integer : JsonKind::Float);
-    if (index == kNone) return false;
+    if (index == kNoValue) return false;
     Node& node = document_.nodes_[index];
     node.offset = static_cast<std::uint32_t>(start);
     node.length = static_cast<std::uint32_t>(at_ - start);
@@ -169,7 +169,7 @@ class JsonReader {
     std::int64_t value = 0;
     for (const char letter : text.substr(isNegative ? 1 : 0)) {
       value = 10 * value + (letter - '0');
-      if (value > kMaxInteger) return false;
+      if (value > kLargestInteger) return false;
     }
     whole = isNegative ? -value : value;
     return true;
@@ -177,7 +177,7 @@ class JsonReader {
 
   bool map(std::uint32_t depth) {
     const std::uint32_t index = enter(JsonKind::Map, depth);
-    if (index == kNone) return false;
+    if (index == kNoValue) return false;
     std::uint32_t count = 0;
     if (!next('}')) {
       for (;;) {
@@ -197,7 +197,7 @@ class JsonReader {
 
   bool list(std::uint32_t depth) {
     const std::uint32_t index = enter(JsonKind::List, depth);
-    if (index == kNone) return false;
+    if (index == kNoValue) return false;
     std::uint32_t count = 0;
     if (!next(']')) {
       for (;;) {
@@ -214,7 +214,7 @@ class JsonReader {
   std::uint32_t enter(JsonKind kind, std::uint32_t depth) {
     if (depth > maxDepth_) {
       fail("got nesting beyond the limit");
-      return kNone;
+      return kNoValue;
     }
     ++at_;
     return add(kind);
@@ -227,7 +227,7 @@ class JsonReader {
 
   bool string() {
     const std::uint32_t index = add(JsonKind::Text);
-    if (index == kNone) return false;
+    if (index == kNoValue) return false;
     ++at_;
     const std::size_t start = at_;
     skipRun();
@@ -319,7 +319,7 @@ class JsonReader {
   bool hex4(unsigned long& unit) {
     unit = 0;
     for (int number = 0; number < 4; ++number) {
-      const int digit = hexDigit(peek());
+      const int digit = jsonHexDigit(peek());
       if (digit < 0) return false;
       unit = 16 * unit + static_cast<unsigned long>(digit);
       ++at_;

@@ -10,10 +10,9 @@ namespace {
 
 /// Scene format, section 12.
 constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 30;
-constexpr std::uint64_t kMaxRegionsBytes = std::uint64_t{1} << 28;
 /// A bound for arithmetic: faces are counted in 32 bits.
 constexpr std::uint64_t kMaxCount = (std::uint64_t{1} << 31) - 1;
-constexpr std::uint32_t kMaxAttributes = 4096;
+constexpr std::uint32_t kMaxSceneAttributes = 4096;
 
 bool isDigest(std::string_view text, std::size_t digits) {
   if (text.size() != digits) {
@@ -183,7 +182,7 @@ Status readKeys(JsonValue json, CheckedManifest& out) {
   TERRAPORT_RETURN_IF_ERROR(readPlace(json, manifest));
   const JsonValue attributes = json.member("attributes");
   TERRAPORT_RETURN_IF_ERROR(expectList(attributes, "attributes"));
-  if (attributes.size() > kMaxAttributes) {
+  if (attributes.size() > kMaxSceneAttributes) {
     return Status::damaged(std::to_string(attributes.size()) + " attributes, expected at most 4096");
   }
   for (const JsonValue attribute : attributes.items()) {

@@ -13,6 +13,9 @@
 
 namespace terraport {
 
+/// Of regions.json (scene format, section 12).
+constexpr std::size_t kMaxRegionsBytes = std::size_t{1} << 28;
+
 /// A file of a version.
 struct FileFacts {
   std::uint64_t bytes = 0;

@@ -4,7 +4,7 @@
 namespace terraport {
 namespace {
 
-constexpr std::size_t kTailBytes = 16;
+constexpr std::size_t kIndexTailBytes = 16;
 
 /// The most recent vertices and edges. What was never put in is no vertex: such a face is refused by its index.
 class Recent {
@@ -69,14 +69,14 @@ std::uint32_t readIndex(const std::uint8_t*& data, std::uint32_t& last) {
 
 bool meshoptDecodeTriangles(ByteSpan packed, std::size_t count, std::uint32_t* indices) {
   const std::size_t faces = count / 3;
-  if (count % 3 != 0 || packed.size < 1 + kTailBytes || packed.size - 1 - kTailBytes < faces ||
+  if (count % 3 != 0 || packed.size < 1 + kIndexTailBytes || packed.size - 1 - kIndexTailBytes < faces ||
       packed.data[0] != kMeshoptIndexCodec) {
     return false;
   }
   const std::uint8_t* code = packed.data + 1;
   const std::uint8_t* data = code + faces;
   // A face takes at most 16 bytes, as long as the table at the end: looking at the start of each face is enough.
-  const std::uint8_t* table = packed.data + packed.size - kTailBytes;
+  const std::uint8_t* table = packed.data + packed.size - kIndexTailBytes;
   Recent recent;
   std::uint32_t next = 0;
   std::uint32_t last = 0;

@@ -25,11 +25,11 @@ namespace {
 constexpr std::size_t kMaxStride = 16;
 constexpr std::size_t kGroupRows = 16;
 constexpr std::size_t kMaxBlockRows = 256;
-constexpr std::size_t kTailBytes = 32;
+constexpr std::size_t kVertexTailBytes = 32;
 /// What a group takes at most: 8 bytes of 4-bit codes and 16 bytes of their own. The stream's tail is longer, so that a group
 /// that starts before it never leads beyond the end.
 constexpr std::size_t kMaxGroupBytes = 24;
-static_assert(kMaxGroupBytes <= kTailBytes, "groups are checked at their start alone");
+static_assert(kMaxGroupBytes <= kVertexTailBytes, "groups are checked at their start alone");
 
 #if TERRAPORT_SSE2
 
@@ -181,7 +181,7 @@ void sumRows(const std::uint8_t* differences, std::size_t rows, std::size_t stri
 }  // namespace
 
 bool meshoptDecodeVertices(ByteSpan packed, std::size_t count, std::size_t stride, std::uint8_t* rows) {
-  if (stride < 4 || stride > kMaxStride || stride % 4 != 0 || packed.size < 1 + kTailBytes ||
+  if (stride < 4 || stride > kMaxStride || stride % 4 != 0 || packed.size < 1 + kVertexTailBytes ||
       packed.data[0] != kMeshoptVertexCodec) {
     return false;
   }
@@ -203,7 +203,7 @@ bool meshoptDecodeVertices(ByteSpan packed, std::size_t count, std::size_t strid
       sumRows(differences + channel * kMaxBlockRows, blockRows, stride, rows + first * stride + channel, last + channel);
     }
   }
-  return static_cast<std::size_t>(end - data) == kTailBytes;
+  return static_cast<std::size_t>(end - data) == kVertexTailBytes;
 }
 
 }  // namespace terraport

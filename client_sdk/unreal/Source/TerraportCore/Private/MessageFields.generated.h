@@ -51,6 +51,19 @@ struct FieldsOf<ServerLimitsPart> {
 };
 
 template <>
+struct FieldsOf<TimingsPart> {
+  static constexpr const char* kType = "timings";
+  template <typename Visitor, typename Message>
+  static bool visit(Visitor& visitor, Message& message) {
+    return visitor.field("plan_us", message.planUs, IntegerKind{0, 9007199254740991}) &&
+           visitor.field("first_byte_us", message.firstByteUs, IntegerKind{0, 9007199254740991}) &&
+           visitor.field("last_byte_us", message.lastByteUs, IntegerKind{0, 9007199254740991}) &&
+           visitor.field("ready_us", message.readyUs, IntegerKind{0, 9007199254740991}) &&
+           visitor.field("credit_wait_us", message.creditWaitUs, IntegerKind{0, 9007199254740991});
+  }
+};
+
+template <>
 struct FieldsOf<HitPart> {
   static constexpr const char* kType = "hit";
   template <typename Visitor, typename Message>
@@ -63,19 +76,6 @@ struct FieldsOf<HitPart> {
            visitor.field("label", message.label, TextKind{0, 256, TextPattern::Any}) &&
            visitor.field("height_m", message.heightM, NumberKind{-1000000000.0, 1000000000.0, false}) &&
            visitor.field("attributes", message.attributes, NumbersKind{64});
-  }
-};
-
-template <>
-struct FieldsOf<TimingsPart> {
-  static constexpr const char* kType = "timings";
-  template <typename Visitor, typename Message>
-  static bool visit(Visitor& visitor, Message& message) {
-    return visitor.field("plan_us", message.planUs, IntegerKind{0, 9007199254740991}) &&
-           visitor.field("first_byte_us", message.firstByteUs, IntegerKind{0, 9007199254740991}) &&
-           visitor.field("last_byte_us", message.lastByteUs, IntegerKind{0, 9007199254740991}) &&
-           visitor.field("ready_us", message.readyUs, IntegerKind{0, 9007199254740991}) &&
-           visitor.field("credit_wait_us", message.creditWaitUs, IntegerKind{0, 9007199254740991});
   }
 };
 
@@ -175,20 +175,20 @@ struct FieldsOf<PickMessage> {
 };
 
 template <>
-struct FieldsOf<ByeMessage> {
-  static constexpr const char* kType = "bye";
-  template <typename Visitor, typename Message>
-  static bool visit(Visitor&, Message&) {
-    return true;
-  }
-};
-
-template <>
 struct FieldsOf<HeldMessage> {
   static constexpr const char* kType = "held";
   template <typename Visitor, typename Message>
   static bool visit(Visitor& visitor, Message& message) {
     return visitor.field("segments", message.segments, RowsKind{32768});
+  }
+};
+
+template <>
+struct FieldsOf<ByeMessage> {
+  static constexpr const char* kType = "bye";
+  template <typename Visitor, typename Message>
+  static bool visit(Visitor&, Message&) {
+    return true;
   }
 };
 
@@ -250,6 +250,16 @@ struct FieldsOf<WelcomeMessage> {
            visitor.field("release_factor", message.releaseFactor, NumberKind{1.0, 4.0, false}) &&
            visitor.field("dropped", message.dropped, RowsKind{32768}) &&
            visitor.field("held_count", message.heldCount, IntegerKind{0, 32768});
+  }
+};
+
+template <>
+struct FieldsOf<HeldCheckedMessage> {
+  static constexpr const char* kType = "held_checked";
+  template <typename Visitor, typename Message>
+  static bool visit(Visitor& visitor, Message& message) {
+    return visitor.field("dropped", message.dropped, RowsKind{32768}) &&
+           visitor.field("held_count", message.heldCount, IntegerKind{0, 4294967295});
   }
 };
 
@@ -353,16 +363,6 @@ struct FieldsOf<ErrorMessage> {
            visitor.field("generation", message.generation, IntegerKind{0, 4294967295}) &&
            visitor.field("request", message.request, IntegerKind{0, 4294967295}) &&
            visitor.field("protocols", message.protocols, VersionsKind{16});
-  }
-};
-
-template <>
-struct FieldsOf<HeldCheckedMessage> {
-  static constexpr const char* kType = "held_checked";
-  template <typename Visitor, typename Message>
-  static bool visit(Visitor& visitor, Message& message) {
-    return visitor.field("dropped", message.dropped, RowsKind{32768}) &&
-           visitor.field("held_count", message.heldCount, IntegerKind{0, 4294967295});
   }
 };
 

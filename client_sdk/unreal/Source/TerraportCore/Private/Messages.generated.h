@@ -109,6 +109,20 @@ struct ServerLimitsPart {
   std::optional<std::string> groups;
 };
 
+/// When the server did what for one landing, in microseconds since it received land.
+struct TimingsPart {
+  /// Plan handed to the socket; absent where the plan was still waiting for that.
+  std::optional<std::uint64_t> planUs;
+  /// First chunk on its way; absent where there was none.
+  std::optional<std::uint64_t> firstByteUs;
+  /// Last chunk on its way; absent where there was none.
+  std::optional<std::uint64_t> lastByteUs;
+  /// Ready decided.
+  std::uint64_t readyUs = 0;
+  /// How long there was payload to send and no credit: time that the client took.
+  std::uint64_t creditWaitUs = 0;
+};
+
 /// What a pick met.
 struct HitPart {
   /// Point of the surface, metres of the scene frame.
@@ -127,20 +141,6 @@ struct HitPart {
   double heightM = 0;
   /// Survey attributes there, without gaps.
   std::vector<NamedNumber> attributes;
-};
-
-/// When the server did what for one landing, in microseconds since it received land.
-struct TimingsPart {
-  /// Plan handed to the socket; absent where the plan was still waiting for that.
-  std::optional<std::uint64_t> planUs;
-  /// First chunk on its way; absent where there was none.
-  std::optional<std::uint64_t> firstByteUs;
-  /// Last chunk on its way; absent where there was none.
-  std::optional<std::uint64_t> lastByteUs;
-  /// Ready decided.
-  std::uint64_t readyUs = 0;
-  /// How long there was payload to send and no credit: time that the client took.
-  std::uint64_t creditWaitUs = 0;
 };
 
 /// One seat of a group.
@@ -237,14 +237,14 @@ struct PickMessage {
   std::optional<Vec3> direction;
 };
 
-/// The client ends the session; the server closes with 1000.
-struct ByeMessage {
-};
-
 /// More of what the client holds, after hello and before the first aim or land.
 struct HeldMessage {
   /// Segments that the client holds whole, with their hashes.
   std::vector<HeldRow> segments;
+};
+
+/// The client ends the session; the server closes with 1000.
+struct ByeMessage {
 };
 
 /// Take a seat in a group of this scene; it is made if there is none of that name.
@@ -304,6 +304,14 @@ struct WelcomeMessage {
   /// Offered segments that this scene version does not have; the client frees them.
   std::vector<std::uint32_t> dropped;
   /// Offered segments that are accepted as held.
+  std::uint32_t heldCount = 0;
+};
+
+/// Answer to held: what of it is accepted.
+struct HeldCheckedMessage {
+  /// Offered segments that this scene version does not have; the client frees them.
+  std::vector<std::uint32_t> dropped;
+  /// Segments that are held by now.
   std::uint32_t heldCount = 0;
 };
 
@@ -417,14 +425,6 @@ struct ErrorMessage {
   std::optional<std::vector<ProtocolVersion>> protocols;
 };
 
-/// Answer to held: what of it is accepted.
-struct HeldCheckedMessage {
-  /// Offered segments that this scene version does not have; the client frees them.
-  std::vector<std::uint32_t> dropped;
-  /// Segments that are held by now.
-  std::uint32_t heldCount = 0;
-};
-
 /// Answer to join: the seat in the group.
 struct JoinedMessage {
   /// Request, as received.
@@ -485,8 +485,8 @@ using ClientMessage = std::variant<
     EvictMessage,
     RejectMessage,
     PickMessage,
-    ByeMessage,
     HeldMessage,
+    ByeMessage,
     JoinMessage,
     LeaveMessage,
     GatherMessage,
@@ -496,6 +496,7 @@ using ClientMessage = std::variant<
 using ServerMessage = std::variant<
     UnknownMessage,
     WelcomeMessage,
+    HeldCheckedMessage,
     PlanMessage,
     PrefetchMessage,
     ReadyMessage,
@@ -504,7 +505,6 @@ using ServerMessage = std::variant<
     PickedMessage,
     NoticeMessage,
     ErrorMessage,
-    HeldCheckedMessage,
     JoinedMessage,
     RosterMessage,
     GatheringMessage,

@@ -12,7 +12,7 @@ namespace {
 constexpr std::uint64_t kMaxInteger = (std::uint64_t{1} << 53) - 1;
 /// Items of one list or map.
 constexpr std::uint64_t kMaxItems = 16384;
-constexpr std::uint32_t kNone = 0xFFFFFFFF;
+constexpr std::uint32_t kNoNode = 0xFFFFFFFF;
 
 }  // namespace
 
@@ -201,7 +201,7 @@ class MsgpackReader {
 
   bool list(std::uint64_t count, std::uint32_t depth, std::size_t start) {
     const std::uint32_t index = enter(JsonKind::List, count, depth, start);
-    if (index == kNone) return false;
+    if (index == kNoNode) return false;
     for (std::uint64_t number = 0; number < count; ++number) {
       if (!value(depth + 1)) return false;
     }
@@ -211,7 +211,7 @@ class MsgpackReader {
 
   bool map(std::uint64_t count, std::uint32_t depth, std::size_t start) {
     const std::uint32_t index = enter(JsonKind::Map, count, depth, start);
-    if (index == kNone) return false;
+    if (index == kNoNode) return false;
     for (std::uint64_t number = 0; number < count; ++number) {
       const std::size_t at = at_;
       const std::size_t key = document_.nodes_.size();
@@ -226,14 +226,14 @@ class MsgpackReader {
   std::uint32_t enter(JsonKind kind, std::uint64_t count, std::uint32_t depth, std::size_t start) {
     if (count > kMaxItems) {
       fail("got " + std::to_string(count) + " items, expected at most " + std::to_string(kMaxItems), start);
-      return kNone;
+      return kNoNode;
     }
     if (depth + 1 > limits_.maxDepth) {
       fail("got nesting beyond " + std::to_string(limits_.maxDepth) + " levels", start);
-      return kNone;
+      return kNoNode;
     }
     Node* const node = add(kind);
-    if (node == nullptr) return kNone;
+    if (node == nullptr) return kNoNode;
     node->length = static_cast<std::uint32_t>(count);
     return node->after - 1;
   }

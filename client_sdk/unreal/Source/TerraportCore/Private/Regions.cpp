@@ -11,7 +11,6 @@ namespace {
 
 constexpr std::size_t kLongestLabel = 256;
 constexpr std::size_t kMaxLabelBytes = std::size_t{64} << 20;
-constexpr std::size_t kMaxRegionsBytes = std::size_t{256} << 20;
 
 std::optional<std::uint32_t> wholeOf(JsonValue value) {
   const auto whole = value.integer();

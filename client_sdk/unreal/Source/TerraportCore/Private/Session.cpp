@@ -23,7 +23,7 @@ HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> he
   return hello;
 }
 
-Status violation(std::string text) {
+Status malformed(std::string text) {
   return Status::failed("malformed", std::move(text));
 }
 
@@ -103,18 +103,18 @@ void ClientSession::connectionLost() {
 }
 
 Status ClientSession::receive(ByteSpan data, bool isText) {
-  if (isText) return violation("got a text message, expected a binary one");
+  if (isText) return malformed("got a text message, expected a binary one");
   DecodeError error;
   if (isPayload(data)) {
     PayloadFrame frame;
-    if (!decodeFrame(data, frame, error)) return violation(error.message);
+    if (!decodeFrame(data, frame, error)) return malformed(error.message);
     if (frame.unknownKind) return Status::ok();
     TERRAPORT_RETURN_IF_ERROR(transfers_.onFrame(frame));
     grant(frame.chunk.size);
     return Status::ok();
   }
   ServerMessage message;
-  if (!reader_.read(data, message, error)) return violation(error.message);
+  if (!reader_.read(data, message, error)) return malformed(error.message);
   return onMessage(message);
 }
 
@@ -166,7 +166,7 @@ Status ClientSession::onMessage(const ServerMessage& message) {
     onError(*error);
     return Status::ok();
   }
-  if (!isOpen_) return violation(std::string("got ") + typeOf(message) + " first, expected welcome or error");
+  if (!isOpen_) return malformed(std::string("got ") + typeOf(message) + " first, expected welcome or error");
   if (const auto* const plan = std::get_if<PlanMessage>(&message)) return transfers_.onPlan(*plan);
   if (const auto* const ready = std::get_if<ReadyMessage>(&message)) return transfers_.onReady(*ready);
   if (const auto* const prefetch = std::get_if<PrefetchMessage>(&message)) return transfers_.onPrefetch(*prefetch);
@@ -180,9 +180,9 @@ Status ClientSession::onMessage(const ServerMessage& message) {
 }
 
 Status ClientSession::onWelcome(const WelcomeMessage& welcome) {
-  if (isOpen_ || !isGreeting_) return violation("got a second welcome, expected one");
+  if (isOpen_ || !isGreeting_) return malformed("got a second welcome, expected one");
   if (welcome.protocol.majorNumber != kProtocol.majorNumber) {
-    return violation("got protocol " + std::to_string(welcome.protocol.majorNumber) + "." +
+    return malformed("got protocol " + std::to_string(welcome.protocol.majorNumber) + "." +
         std::to_string(welcome.protocol.minorNumber) + ", expected 1.x");
   }
   isOpen_ = true;

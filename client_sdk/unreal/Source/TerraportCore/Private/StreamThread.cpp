@@ -23,10 +23,10 @@ constexpr double kLongPauseMs = 10;
 constexpr double kQuietMs = 1000;
 
 /// As in SceneStream, which counts the picks that it knows; here are those on their way to it.
-constexpr std::size_t kMaxPicks = 64;
+constexpr std::size_t kMaxWaitingPicks = 64;
 
 /// Events that wait for the owner; the thread keeps the rest, and receives nothing more when that is full.
-constexpr std::size_t kMaxWaitingEvents = 8192;
+constexpr std::size_t kMaxKeptEvents = 8192;
 
 struct LandCommand {
   Vec3 position;
@@ -142,7 +142,7 @@ struct StreamThread::Impl {
     {
       const std::lock_guard<std::mutex> lock(mutex);
       stats = counted;
-      room = events.size() < kMaxWaitingEvents ? kMaxWaitingEvents - events.size() : 0;
+      room = events.size() < kMaxKeptEvents ? kMaxKeptEvents - events.size() : 0;
     }
     std::vector<StreamEvent> fresh = std::move(answers);
     answers.clear();
@@ -228,8 +228,8 @@ Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional
   {
     const std::lock_guard<std::mutex> lock(impl_->mutex);
     if (impl_->isStopping) return Status::failed("closed", "the stream was closed here");
-    if (impl_->openPicks >= kMaxPicks) {
-      return Status::failed("too_many", std::to_string(kMaxPicks) + " picks wait for an answer already");
+    if (impl_->openPicks >= kMaxWaitingPicks) {
+      return Status::failed("too_many", std::to_string(kMaxWaitingPicks) + " picks wait for an answer already");
     }
     impl_->openPicks += 1;
   }

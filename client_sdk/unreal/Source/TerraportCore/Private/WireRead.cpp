@@ -50,7 +50,7 @@ bool rowsOf(const JsonValue& raw, std::size_t rowBytes, const RowsKind& kind, By
   return true;
 }
 
-bool readU32(const JsonValue& raw, std::uint32_t& into, Refusal& refusal) {
+bool readRowU32(const JsonValue& raw, std::uint32_t& into, Refusal& refusal) {
   return readValue(raw, into, IntegerKind{0, kMaxU32}, refusal);
 }
 
@@ -160,8 +160,8 @@ bool readValue(const JsonValue& raw, Vec3& into, const PositionKind& kind, Refus
 bool readValue(const JsonValue& raw, ProtocolVersion& into, const VersionKind& kind, Refusal& refusal) {
   if (!raw.isList() || raw.size() != 2) return wrong(raw, "a version [major, minor]", refusal);
   auto item = raw.items().begin();
-  if (!readU32(*item, into.majorNumber, refusal)) return false;
-  return readU32(*++item, into.minorNumber, refusal) && checkValue(into, kind, refusal);
+  if (!readRowU32(*item, into.majorNumber, refusal)) return false;
+  return readRowU32(*++item, into.minorNumber, refusal) && checkValue(into, kind, refusal);
 }
 
 bool readValue(const JsonValue& raw, std::vector<ProtocolVersion>& into, const VersionsKind& kind, Refusal& refusal) {

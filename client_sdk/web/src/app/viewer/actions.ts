@@ -1,22 +1,41 @@
 /** What keys, buttons and messages ask for. */
 
-import type { Landings } from "../../three/types.ts";
+import type { Stream } from "../../core/types.ts";
+import type { HeadsetOptions } from "../../xr/types.ts";
 import type { Remedy } from "../failures.ts";
+import type { Shell } from "../shell.ts";
+import type { CameraDesk } from "./camera-desk.ts";
+import type { FrameLoop } from "./frame-loop.ts";
 import type { Going } from "./going.ts";
 import type { GroundTools } from "./ground-tools.ts";
-import { headsetOptions } from "./headset-options.ts";
+import type { HeadsetEntry } from "./headset-entry.ts";
 import type { KeyAction } from "./keys.ts";
-import type { Parts } from "./parts.ts";
-import type { Tool } from "./state.ts";
+import type { LandingDesk } from "./landing-desk.ts";
+import type { Markers } from "./markers.ts";
+import type { Notices } from "./notices.ts";
+import type { Tool, ViewerStore } from "./state.ts";
 import { renewToken } from "./stream-watch.ts";
 import type { ViewerPanel } from "./viewer-panel.ts";
 
 /** What the actions are done with. */
 export interface ActionOptions {
-  readonly parts: Parts;
+  readonly store: ViewerStore;
+  readonly stream: Stream;
+  readonly shell: Shell;
+  readonly camera: CameraDesk;
+  readonly desk: LandingDesk;
+  readonly markers: Markers;
+  readonly notices: Notices;
+  readonly loop: FrameLoop;
+  readonly headset: HeadsetEntry;
   readonly going: Going;
   readonly tools: GroundTools;
-  readonly landings: Landings;
+  /** What is drawn on. */
+  readonly canvas: HTMLElement;
+  /** What the headset is given of the page, as it is now. */
+  readonly headsetOptions: () => HeadsetOptions;
+  /** Load the scene anew. */
+  readonly reload: () => void;
   readonly panel: () => ViewerPanel;
   readonly openHelp: () => void;
   /** The user works with keys: the middle of the picture is marked. */
@@ -32,14 +51,14 @@ export interface Actions {
   enterHeadset(): Promise<void>;
 }
 
-/** Make them. */
+/** Make the actions. */
 export function createActions(options: ActionOptions): Actions {
-  const { parts, going, tools, landings, panel, openHelp, usesKeys } = options;
-  const { store, camera, world, notices, stream, shell, desk, headset, markers, loop } = parts;
+  const { store, stream, shell, camera, desk, markers, notices, loop, headset } = options;
+  const { going, tools, canvas, panel, openHelp, usesKeys } = options;
 
   function useToolAtCentre(): void {
     usesKeys();
-    tools.tap(world.canvas.clientWidth / 2, world.canvas.clientHeight / 2);
+    tools.tap(canvas.clientWidth / 2, canvas.clientHeight / 2);
   }
 
   return {
@@ -86,10 +105,10 @@ export function createActions(options: ActionOptions): Actions {
         stream.reconnect();
         return;
       }
-      if (remedy === "token") void renewToken(parts, true);
+      if (remedy === "token") void renewToken(options, true);
       else if (remedy === "scenes") window.location.assign("#list");
       else if (remedy === "reload-page") window.location.reload();
-      else if (remedy === "reload-scene") parts.reload();
+      else if (remedy === "reload-scene") options.reload();
       else if (remedy === "smaller-radius") {
         const { maxRadiusM } = store.get();
         if (maxRadiusM !== null) {
@@ -110,7 +129,7 @@ export function createActions(options: ActionOptions): Actions {
     },
     async enterHeadset() {
       try {
-        await headset.enter(headsetOptions(parts, landings, () => panel().keptPlaces()));
+        await headset.enter(options.headsetOptions());
         if (headset.session === null) return;
         store.set({ presenting: true, aim: null });
         markers.setVisible(false);

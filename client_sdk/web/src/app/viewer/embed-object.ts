@@ -1,21 +1,42 @@
-/** Puts `window.terraport` together from the viewer's parts. */
+/** Puts `window.terraport` together. */
 
 import { version } from "../../../package.json";
-import type { LandingStatus } from "../../three/types.ts";
+import type { Stage } from "../../three/stage.ts";
+import type { GroundHit, LandingStatus } from "../../three/types.ts";
+import type { CameraDesk, Ray } from "./camera-desk.ts";
 import { readDiagnostics } from "./diagnostics.ts";
-import type { Embed } from "./embed.ts";
-import type { Parts } from "./parts.ts";
+import type { Embed, EmbedListeners } from "./embed.ts";
+import type { FrameLoop } from "./frame-loop.ts";
+import type { Going } from "./going.ts";
+import type { HeadsetEntry } from "./headset-entry.ts";
+import type { LandingDesk } from "./landing-desk.ts";
+import type { Notices } from "./notices.ts";
+import type { ViewerStore } from "./state.ts";
+import type { World } from "./world.ts";
 
-/** What only the viewer itself knows. */
+/** What the object reads and drives. */
 export interface EmbedSources {
+  readonly store: ViewerStore;
+  readonly stage: Stage;
+  readonly world: World;
+  readonly camera: CameraDesk;
+  readonly desk: LandingDesk;
+  readonly going: Going;
+  readonly notices: Notices;
+  readonly headset: HeadsetEntry;
+  readonly listeners: EmbedListeners;
+  readonly loop: FrameLoop;
+  /** The ground along a ray, as far as anything is shown. */
+  cast(ray: Ray): GroundHit | null;
   readonly frameTimes: readonly number[];
   /** Resolves after the next frame was drawn. */
   nextFrame(): Promise<void>;
 }
 
 /** Make the object. */
-export function createEmbed(parts: Parts, { frameTimes, nextFrame }: EmbedSources): Embed {
-  const { store, stage, desk, going, world, listeners, loop, notices, headset } = parts;
+export function createEmbed(sources: EmbedSources): Embed {
+  const { store, stage, world, camera, desk, going, notices, headset, listeners, loop } = sources;
+  const { cast, frameTimes, nextFrame } = sources;
 
   const diagnostics = () =>
     readDiagnostics({
@@ -71,7 +92,7 @@ export function createEmbed(parts: Parts, { frameTimes, nextFrame }: EmbedSource
     setMode: (mode) => store.set({ mode }),
     setView: going.setView,
     async look(pose) {
-      parts.camera.setFree(pose);
+      camera.setFree(pose);
       await nextFrame();
     },
     async picture() {
@@ -84,7 +105,7 @@ export function createEmbed(parts: Parts, { frameTimes, nextFrame }: EmbedSource
         world.canvas.toBlob((blob) => (blob === null ? reject(new Error("no picture")) : resolve(blob)), "image/png");
       });
     },
-    cast: (origin, direction) => parts.cast({ origin, direction }),
+    cast: (origin, direction) => cast({ origin, direction }),
     diagnostics: async () => diagnostics(),
     on: listeners.on,
   };

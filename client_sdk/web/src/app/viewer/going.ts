@@ -1,15 +1,21 @@
 /** Going to places: landings that the user or the address asks for, and the address that follows. */
 
 import type { LandOptions, Vec3 } from "../../core/types.ts";
+import type { Stage } from "../../three/stage.ts";
+import type { Announcer } from "../announcer.ts";
 import { prefersLessMotion } from "../device.ts";
 import { outsideNotice } from "../failures.ts";
+import { formatBytes, formatCount, formatMs, formatRadius } from "../format.ts";
 import { outsideBy } from "../reach.ts";
 import { isSameLanding, type Route } from "../route.ts";
+import type { CameraDesk } from "./camera-desk.ts";
+import type { FrameLoop } from "./frame-loop.ts";
 import type { LandingOrder } from "./landing-desk.ts";
-import type { Parts } from "./parts.ts";
-import { landedText } from "./react.ts";
+import type { Markers } from "./markers.ts";
+import type { Notices } from "./notices.ts";
+import type { PlaceLink } from "./place-link.ts";
 import { modeOf, placeOf, routeModeOf } from "./route-state.ts";
-import type { Landed } from "./state.ts";
+import type { Landed, ViewerStore } from "./state.ts";
 
 /** The ways to go. */
 export interface Going {
@@ -32,34 +38,48 @@ export interface Going {
   settledRoute(): Route | null;
 }
 
-/** Make them. `parts` is asked when something happens, not before. */
-export function createGoing(parts: () => Parts): Going {
+/** What going needs. */
+export interface GoingOptions {
+  readonly store: ViewerStore;
+  readonly stage: Stage;
+  readonly camera: CameraDesk;
+  readonly markers: Markers;
+  readonly notices: Notices;
+  readonly link: PlaceLink;
+  readonly loop: FrameLoop;
+  readonly announcer: Announcer;
+  /** Give an order to the landing desk; returns the landing's number. */
+  readonly order: (order: LandingOrder, options?: LandOptions) => number;
+  /** Where to stand at a place, or near it; the place itself where nobody could. */
+  readonly stand: (at: Vec3) => Vec3;
+}
+
+/** Make the ways to go. */
+export function createGoing(options: GoingOptions): Going {
+  const { store, stage, camera, markers, notices, link, loop, announcer, stand } = options;
   /** Since the newest landing the user has walked: to walk again is to go back to where he stood. */
   let hasWalked = false;
   let newest: LandingOrder | null = null;
 
-  function land(order: LandingOrder, options?: LandOptions): number {
-    const { notices, desk, loop } = parts();
+  function land(order: LandingOrder, landOptions?: LandOptions): number {
     newest = order;
     notices.clear("landing");
     notices.clear("degraded");
     notices.clear("steep");
     sayIfOutside(order.place, order.radiusM);
-    const landing = desk.land(order, options);
+    const landing = options.order(order, landOptions);
     loop.request();
     return landing;
   }
 
   /** Say that nothing can be at a place; whether that is so. */
   function sayIfOutside(place: Vec3, radiusM: number): boolean {
-    const { notices, store } = parts();
     const outsideM = outsideBy(place, radiusM, store.get().manifest.bounds);
     if (outsideM !== null) notices.show(outsideNotice(outsideM, radiusM));
     return outsideM !== null;
   }
 
   function routeNow(): Route {
-    const { store, camera } = parts();
     const { manifest, landed, mode } = store.get();
     return {
       scene: manifest.id,
@@ -70,7 +90,6 @@ export function createGoing(parts: () => Parts): Going {
 
   /** Null while the user is on his way: back or forward have put that place into the address, and there it stays. */
   function settledRoute(): Route | null {
-    const { stage, store } = parts();
     const { phase, position, radiusM } = stage.status;
     const { landed } = store.get();
     const isThere =
@@ -79,14 +98,12 @@ export function createGoing(parts: () => Parts): Going {
   }
 
   function isBeyondDetail(): boolean {
-    const { store, camera } = parts();
     const { landed } = store.get();
     const [x, , z] = camera.focus;
     return landed !== null && Math.hypot(x - landed.place[0], z - landed.place[2]) > landed.effectiveRadiusM;
   }
 
   function moved(): void {
-    const { store, camera, link, loop } = parts();
     hasWalked ||= camera.view === "walk";
     store.set({ view: camera.view, outside: camera.view === "walk" && isBeyondDetail() });
     if (store.get().landed !== null) link.follow(settledRoute);
@@ -102,11 +119,10 @@ export function createGoing(parts: () => Parts): Going {
       if (newest !== null) land({ ...newest, radiusM });
     },
     landAim() {
-      const { aim } = parts().store.get();
+      const { aim } = store.get();
       if (aim !== null) land({ place: aim.place, radiusM: aim.radiusM, look: null, isEntry: true });
     },
     follow(route, isEntry) {
-      const { store, camera } = parts();
       const { manifest, landed } = store.get();
       store.set({ mode: modeOf(route.mode, manifest) });
       const { place } = route;
@@ -123,7 +139,6 @@ export function createGoing(parts: () => Parts): Going {
       land({ place: place.at, radiusM, look: place, isEntry });
     },
     arrived({ place, look }) {
-      const { store, camera, stand } = parts();
       const { bringsCamera } = store.get();
       // On what is shown now: an aim was at what was shown before. Feet that a link tells stood there already.
       const walks = (look?.view ?? camera.view) === "walk" && (look?.focus ?? null) === null;
@@ -135,7 +150,6 @@ export function createGoing(parts: () => Parts): Going {
       store.set({ view: camera.view, outside: false });
     },
     shown(landed, order, isCompletion) {
-      const { markers, notices, shell, link } = parts();
       markers.setEdge(landed.place, landed.effectiveRadiusM);
       if (landed.degraded) {
         notices.show({
@@ -147,18 +161,26 @@ export function createGoing(parts: () => Parts): Going {
         });
       } else {
         notices.clear("degraded");
-        shell.announcer.say(landedText(landed, isCompletion));
+        announcer.say(landedText(landed, isCompletion));
       }
       if (isCompletion) return;
       if (order.isEntry) link.push(routeNow());
       else link.follow(settledRoute);
     },
     setView(view) {
-      const { store, camera, stand } = parts();
       const { landed } = store.get();
       if (view === "walk") camera.setView("walk", hasWalked ? camera.stood : stand(landed?.place ?? camera.focus));
       else camera.setView("orbit", null);
       moved();
     },
   };
+}
+
+/** A landing that was shown, in words. */
+function landedText(landed: Landed, isCompletion: boolean): string {
+  const size = `${formatCount(landed.triangles)} triangles within ${formatRadius(landed.effectiveRadiusM)}`;
+  if (landed.degraded) return "The connection is slow: the middle of the landing is shown, the rest follows.";
+  if (isCompletion) return `The landing is complete: ${size}.`;
+  const bytes = landed.bytes === 0 ? "nothing had to be loaded" : `${formatBytes(landed.bytes)} loaded`;
+  return `Landed: ${size}, ${bytes}, ready after ${formatMs(landed.readyMs)}.`;
 }

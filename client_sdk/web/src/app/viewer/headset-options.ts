@@ -1,19 +1,38 @@
 /** What the headset is given of the page. */
 
+import type { Stage } from "../../three/stage.ts";
 import type { Landings } from "../../three/types.ts";
 import type { HeadsetOptions, Standpoint } from "../../xr/types.ts";
 import type { Bookmark } from "../bookmarks.ts";
 import { modesOf } from "../panel/look-tab.ts";
-import { parseRoute } from "../route.ts";
+import { parseRoute, type Route } from "../route.ts";
+import type { CameraDesk } from "./camera-desk.ts";
+import type { FrameLoop } from "./frame-loop.ts";
 import { waitingOf } from "./landing-desk.ts";
-import type { Parts } from "./parts.ts";
+import type { Markers } from "./markers.ts";
+import type { PlaceLink } from "./place-link.ts";
+import type { ViewerStore } from "./state.ts";
+import type { World } from "./world.ts";
 
-/** Make the options. `landings` counts the swaps. */
-export function headsetOptions(
-  { world, store, stage, camera, markers, loop, link, going }: Parts,
-  landings: Landings,
-  keptPlaces: () => readonly Bookmark[],
-): HeadsetOptions {
+/** What the page lends a headset. */
+export interface PageForHeadset {
+  readonly store: ViewerStore;
+  readonly world: World;
+  readonly stage: Stage;
+  readonly camera: CameraDesk;
+  readonly markers: Markers;
+  readonly loop: FrameLoop;
+  readonly link: PlaceLink;
+  /** With every swap counted. */
+  readonly landings: Landings;
+  /** The address of what is shown. */
+  readonly routeNow: () => Route;
+  readonly keptPlaces: () => readonly Bookmark[];
+}
+
+/** Make the headset's options from the page's modules. */
+export function headsetOptions(page: PageForHeadset): HeadsetOptions {
+  const { store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces } = page;
   const modes = modesOf(store.get().manifest).map(({ name, mode }) => ({ label: name, mode }));
   const pageBudgetMs = stage.uploadBudgetMs;
 
@@ -38,7 +57,7 @@ export function headsetOptions(
       },
     });
     camera.moveTo(place, { view: "walk", yawDeg, pitchDeg: -6, distanceM: null, focus: null }, false);
-    link.push(going.routeNow());
+    link.push(routeNow());
   }
 
   return {

@@ -1,26 +1,52 @@
 /** What follows from a change of the viewer's state: colours, markers, labels, words. */
 
 import type { Vec3 } from "../../core/types.ts";
-import { formatBytes, formatCount, formatMetres, formatMs, formatPercent, formatRadius } from "../format.ts";
+import type { Stage } from "../../three/stage.ts";
+import { formatMetres, formatPercent, formatRadius } from "../format.ts";
 import { measurePath } from "../measure.ts";
+import type { Route } from "../route.ts";
+import type { ThemeSwitch } from "../theme.ts";
+import type { CameraDesk } from "./camera-desk.ts";
+import type { EmbedListeners } from "./embed.ts";
+import type { FrameLoop } from "./frame-loop.ts";
 import type { Label, Labels } from "./labels.ts";
-import type { Parts } from "./parts.ts";
-import type { Landed, ViewerState } from "./state.ts";
+import type { LandingDesk } from "./landing-desk.ts";
+import type { Markers } from "./markers.ts";
+import type { Notices } from "./notices.ts";
+import type { PlaceLink } from "./place-link.ts";
+import type { ViewerState, ViewerStore } from "./state.ts";
 
-/** Follow the store. */
-export function reactToState(parts: Parts, labels: Labels): () => void {
-  return parts.store.subscribe((state, before) => {
-    const { stage, markers, loop, listeners, shell } = parts;
-    if (state.mode !== before.mode) stage.setMode(state.mode, shell.theme.theme);
+/** What a change of state reaches. */
+export interface Reactors {
+  readonly store: ViewerStore;
+  readonly stage: Stage;
+  readonly camera: CameraDesk;
+  readonly desk: LandingDesk;
+  readonly markers: Markers;
+  readonly labels: Labels;
+  readonly notices: Notices;
+  readonly link: PlaceLink;
+  readonly listeners: EmbedListeners;
+  readonly loop: FrameLoop;
+  readonly theme: ThemeSwitch;
+  /** The address of what is shown; null while the user is on his way elsewhere. */
+  readonly settledRoute: () => Route | null;
+}
+
+/** Follow the store; returns how to stop. */
+export function reactToState(reactors: Reactors): () => void {
+  const { store, stage, camera, desk, markers, labels, notices, link, listeners, loop, theme, settledRoute } = reactors;
+  return store.subscribe((state, before) => {
+    if (state.mode !== before.mode) stage.setMode(state.mode, theme.theme);
     if (state.highlightedRegion !== before.highlightedRegion) stage.highlightRegion(state.highlightedRegion);
-    if (state.aim?.place !== before.aim?.place) markers.setAim(state.aim, arcStart(parts, state), parts.camera.eye);
+    if (state.aim?.place !== before.aim?.place) markers.setAim(state.aim, arcStart(camera.eye, state), camera.eye);
     if (state.aim?.fraction !== before.aim?.fraction) markers.setFraction(state.aim?.fraction ?? null);
     if (state.radiusM !== before.radiusM && state.aim !== null && state.aim.radiusM !== state.radiusM) {
-      parts.desk.aim(state.aim.place, state.radiusM);
+      desk.aim(state.aim.place, state.radiusM);
     }
     if (state.measured !== before.measured) markers.setPath(state.measured);
-    if (state.tool !== before.tool && state.tool !== "land") parts.desk.cancelAim();
-    if (state.mode !== before.mode) parts.link.follow(parts.going.settledRoute);
+    if (state.tool !== before.tool && state.tool !== "land") desk.cancelAim();
+    if (state.mode !== before.mode) link.follow(settledRoute);
     if (
       state.aim !== before.aim ||
       state.picked?.place !== before.picked?.place ||
@@ -28,7 +54,7 @@ export function reactToState(parts: Parts, labels: Labels): () => void {
     ) {
       labels.set(labelsOf(state));
     }
-    if (state.outside !== before.outside || state.view !== before.view) sayWhereDetailEnds(parts, state);
+    if (state.outside !== before.outside || state.view !== before.view) sayWhereDetailEnds(notices, state);
     listeners.emit("state", state);
     loop.request();
   });
@@ -38,8 +64,8 @@ export function reactToState(parts: Parts, labels: Labels): () => void {
  * Where the arc to an aim begins: at the walker's eye. From above there is nobody to start from but where the last landing
  * was; without one it drops on the place from above.
  */
-function arcStart({ camera }: Parts, { aim, landed, view }: ViewerState): Vec3 {
-  if (view === "walk" || aim === null) return camera.eye;
+function arcStart(eye: Vec3, { aim, landed, view }: ViewerState): Vec3 {
+  if (view === "walk" || aim === null) return eye;
   const [x, y, z] = aim.place;
   return landed?.place ?? [x, y + aim.radiusM * 0.6, z];
 }
@@ -62,7 +88,7 @@ function labelsOf({ aim, picked, measured }: ViewerState): readonly Label[] {
   return labels;
 }
 
-function sayWhereDetailEnds({ notices }: Parts, { outside, view }: ViewerState): void {
+function sayWhereDetailEnds(notices: Notices, { outside, view }: ViewerState): void {
   if (!outside || view !== "walk") {
     notices.clear("edge");
     return;
@@ -74,15 +100,6 @@ function sayWhereDetailEnds({ notices }: Parts, { outside, view }: ViewerState):
     text: "Beyond this point only the base is shown. Click the ground ahead, and again to land there.",
     remedies: [],
   });
-}
-
-/** A landing that was shown, in words. */
-export function landedText(landed: Landed, isCompletion: boolean): string {
-  const size = `${formatCount(landed.triangles)} triangles within ${formatRadius(landed.effectiveRadiusM)}`;
-  if (landed.degraded) return "The connection is slow: the middle of the landing is shown, the rest follows.";
-  if (isCompletion) return `The landing is complete: ${size}.`;
-  const bytes = landed.bytes === 0 ? "nothing had to be loaded" : `${formatBytes(landed.bytes)} loaded`;
-  return `Landed: ${size}, ${bytes}, ready after ${formatMs(landed.readyMs)}.`;
 }
 
 function middle(a: Vec3, b: Vec3): Vec3 {

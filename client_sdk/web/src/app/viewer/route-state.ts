@@ -5,9 +5,9 @@ import type { ViewMode } from "../../three/types.ts";
 import { attributeMode } from "../panel/look-tab.ts";
 import type { Place, RouteMode } from "../route.ts";
 import type { Look } from "./camera-desk.ts";
-import type { ViewerOptions } from "./parts.ts";
 import { shortPlace } from "./place-link.ts";
 import type { Landed, ViewerState } from "./state.ts";
+import type { ViewerOptions } from "./viewer-options.ts";
 
 /** The state before anything has happened. */
 export function firstState({ files, budgets, route }: ViewerOptions): ViewerState {

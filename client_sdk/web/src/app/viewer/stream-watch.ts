@@ -1,32 +1,54 @@
 /** What the stream tells, put where the user sees it. */
 
 import type { StreamEvent } from "../../core/types.ts";
+import type { Stage } from "../../three/stage.ts";
 import { linkNotice, refusalNotice } from "../failures.ts";
-import type { Parts } from "./parts.ts";
+import type { Shell } from "../shell.ts";
+import type { ComfortWatch } from "./comfort.ts";
+import type { EmbedListeners } from "./embed.ts";
+import type { FrameLoop } from "./frame-loop.ts";
+import type { HeadsetEntry } from "./headset-entry.ts";
+import type { LandingDesk } from "./landing-desk.ts";
+import type { Notices } from "./notices.ts";
+import type { ViewerStore } from "./state.ts";
+import type { ViewerOptions } from "./viewer-options.ts";
 
 /** The first link that opens, or the last one that closed for good: decides which words are used. */
 interface Memory {
   everOpen: boolean;
 }
 
+/** Whom an event of the stream reaches. */
+export interface StreamListeners extends Pick<ViewerOptions, "stream" | "loadFiles" | "reload"> {
+  readonly store: ViewerStore;
+  readonly stage: Stage;
+  readonly desk: LandingDesk;
+  readonly headset: HeadsetEntry;
+  readonly comfort: ComfortWatch;
+  readonly notices: Notices;
+  readonly listeners: EmbedListeners;
+  readonly loop: FrameLoop;
+  readonly shell: Shell;
+}
+
 /** Make the listener of a stream. */
-export function watchStream(parts: Parts): (event: StreamEvent) => void {
+export function watchStream(hearers: StreamListeners): (event: StreamEvent) => void {
   const memory: Memory = { everOpen: false };
   return (event) => {
-    const neededBefore = parts.stage.neededVersion;
-    parts.stage.handle(event);
-    const { neededVersion } = parts.stage;
-    if (neededVersion !== null && neededVersion !== neededBefore) void takeVersion(parts, neededVersion);
-    parts.desk.handle(event);
-    parts.headset.handle(event);
-    tell(parts, memory, event);
-    parts.listeners.emit("stream", event);
-    parts.loop.request();
+    const neededBefore = hearers.stage.neededVersion;
+    hearers.stage.handle(event);
+    const { neededVersion } = hearers.stage;
+    if (neededVersion !== null && neededVersion !== neededBefore) void takeVersion(hearers, neededVersion);
+    hearers.desk.handle(event);
+    hearers.headset.handle(event);
+    showEvent(hearers, memory, event);
+    hearers.listeners.emit("stream", event);
+    hearers.loop.request();
   };
 }
 
-function tell(parts: Parts, memory: Memory, event: StreamEvent): void {
-  const { store, notices, shell } = parts;
+function showEvent(hearers: StreamListeners, memory: Memory, event: StreamEvent): void {
+  const { store, notices, shell } = hearers;
   switch (event.type) {
     case "link": {
       const before = store.get().link;
@@ -38,7 +60,8 @@ function tell(parts: Parts, memory: Memory, event: StreamEvent): void {
         if (memory.everOpen && before?.state !== "open") shell.announcer.say("Connected again");
         memory.everOpen = true;
       }
-      if (event.link.state === "closed" && event.link.code === "unauthorised") void renewToken(parts, memory.everOpen);
+      if (event.link.state === "closed" && event.link.code === "unauthorised")
+        void renewToken(hearers, memory.everOpen);
       break;
     }
     case "opened":
@@ -76,15 +99,18 @@ function tell(parts: Parts, memory: Memory, event: StreamEvent): void {
 }
 
 /** Ask for another token, and go on where the link broke. */
-export async function renewToken({ shell, stream }: Parts, everOpen: boolean): Promise<void> {
+export async function renewToken(
+  { shell, stream }: Pick<StreamListeners, "shell" | "stream">,
+  everOpen: boolean,
+): Promise<void> {
   const reason = everOpen ? "expired" : shell.token.token === undefined ? "missing" : "refused";
   const given = await shell.token.ask(reason);
   if (given !== null) stream.reconnect(given);
 }
 
 /** The session's scene is another version than the one that is shown (wire protocol, 5.4). */
-async function takeVersion(parts: Parts, version: string): Promise<void> {
-  const { headset, loadFiles, stage, comfort, reload, notices } = parts;
+async function takeVersion(hearers: StreamListeners, version: string): Promise<void> {
+  const { headset, loadFiles, stage, comfort, reload, notices } = hearers;
   if (headset.session === null) {
     reload(version);
     return;

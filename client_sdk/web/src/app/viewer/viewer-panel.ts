@@ -1,5 +1,7 @@
-/** The panel of a viewer, with its tabs joined to the viewer's parts. */
+/** The panel of a viewer: its tabs, and what they ask for. */
 
+import type { SceneFiles } from "../../core/types.ts";
+import type { Stage } from "../../three/stage.ts";
 import type { Bookmark } from "../bookmarks.ts";
 import { h, setText } from "../dom.ts";
 import { createFiguresTab } from "../panel/figures-tab.ts";
@@ -8,17 +10,25 @@ import { createLandingTab } from "../panel/landing-tab.ts";
 import { createLookTab } from "../panel/look-tab.ts";
 import { createPanel } from "../panel/panel.ts";
 import { createPlacesTab } from "../panel/places-tab.ts";
-import { formatRoute } from "../route.ts";
-import type { Parts } from "./parts.ts";
+import { formatRoute, type Route } from "../route.ts";
+import type { Shell } from "../shell.ts";
+import type { ViewerStore } from "./state.ts";
 
-/** What the panel needs of the viewer beside its parts. */
+/** What the panel needs of the viewer. */
 export interface ViewerPanelOptions {
+  readonly store: ViewerStore;
+  readonly stage: Stage;
+  readonly files: SceneFiles;
+  readonly shell: Shell;
   readonly frames: readonly number[];
   copy(text: string, what: string): void;
   landAim(): void;
+  cancelAim(): void;
   aimAtCentre(): void;
   undoPoint(): void;
   go(hash: string): void;
+  /** The address of what is shown. */
+  routeNow(): Route;
   diagnostics(): Promise<object>;
 }
 
@@ -38,9 +48,9 @@ export interface ViewerPanel {
 
 const FLASH_MS = 2500;
 
-/** Make it. */
-export function createViewerPanel(parts: Parts, options: ViewerPanelOptions): ViewerPanel {
-  const { store, stage, files, shell, desk, going } = parts;
+/** Make the panel. */
+export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
+  const { store, stage, files, shell } = options;
   const { manifest, regions } = files;
 
   const figures = createFiguresTab(store, {
@@ -53,7 +63,7 @@ export function createViewerPanel(parts: Parts, options: ViewerPanelOptions): Vi
   const places = createPlacesTab({
     storage: shell.storage,
     scene: manifest.id,
-    currentHash: () => (store.get().landed === null ? null : formatRoute(going.routeNow())),
+    currentHash: () => (store.get().landed === null ? null : formatRoute(options.routeNow())),
     go: options.go,
     say(text) {
       shell.announcer.say(text);
@@ -63,8 +73,8 @@ export function createViewerPanel(parts: Parts, options: ViewerPanelOptions): Vi
   const panel = createPanel(store, {
     landing: createLandingTab(store, {
       land: options.landAim,
-      cancel: () => desk.cancelAim(),
-      copyLink: () => options.copy(new URL(formatRoute(going.routeNow()), window.location.href).href, "Link"),
+      cancel: options.cancelAim,
+      copyLink: () => options.copy(new URL(formatRoute(options.routeNow()), window.location.href).href, "Link"),
       aimAtCentre: options.aimAtCentre,
     }),
     look: createLookTab(store, { regions, regionColour: (id) => stage.regionColour(id) }),

@@ -1,4 +1,4 @@
-/** The viewer of one scene: puts its parts together, and draws. */
+/** The viewer of one scene: makes its modules, gives each what it needs, and draws. */
 
 import type { Vec3 } from "../../core/types.ts";
 import { standNear } from "../../three/footing.ts";
@@ -23,18 +23,19 @@ import { listenToGestures } from "./gestures.ts";
 import { createGoing } from "./going.ts";
 import { createGroundTools } from "./ground-tools.ts";
 import { createHeadsetEntry } from "./headset-entry.ts";
+import { headsetOptions } from "./headset-options.ts";
 import { createHelpDialog } from "./help-dialog.ts";
 import { listenToKeys } from "./keys.ts";
 import { createLabels } from "./labels.ts";
 import { createLandingDesk } from "./landing-desk.ts";
 import { createMarkers } from "./markers.ts";
 import { createNotices } from "./notices.ts";
-import type { Parts, ViewerOptions } from "./parts.ts";
 import { createPlaceLink } from "./place-link.ts";
 import { reactToState } from "./react.ts";
 import { firstState } from "./route-state.ts";
 import type { ViewerState } from "./state.ts";
 import { watchStream } from "./stream-watch.ts";
+import type { ViewerOptions } from "./viewer-options.ts";
 import { createViewerPanel } from "./viewer-panel.ts";
 import { createWalkPad } from "./walk-pad.ts";
 import { createWorld } from "./world.ts";
@@ -55,9 +56,9 @@ const LINGER_MS = 250;
 /** The figures are read so often while they are shown. */
 const FIGURES_MS = 500;
 
-/** Make it. Throws where the browser has no WebGL 2; the stream is the caller's to close then. */
+/** Make a viewer. Throws where the browser has no WebGL 2; the stream is the caller's to close then. */
 export function createViewer(options: ViewerOptions): Viewer {
-  const { shell, files, stream } = options;
+  const { shell, files, stream, loadFiles, reload } = options;
   const { manifest } = files;
   const store = createStore<ViewerState>(firstState(options));
   const times = createFrameTimes();
@@ -86,16 +87,34 @@ export function createViewer(options: ViewerOptions): Viewer {
   const blink = createBlink();
 
   const maxDistanceM = farthest(manifest.bounds) * 2;
+  /** The ground along a ray, as far as anything is shown. */
   const cast = ({ origin, direction }: Ray) => stage.cast(origin, direction, maxDistanceM);
   const groundHeight = (x: number, z: number, fromY: number) => stage.groundAt(x, z, fromY)?.position[1] ?? null;
+  /** Where to stand at a place, or near it; the place itself where nobody could. */
   const stand = (at: Vec3) => standNear({ position: at, normal: [0, 1, 0] }, stage) ?? at;
+  /** The highest ground at (x, z). */
   const highest = (x: number, z: number) => groundHeight(x, z, manifest.bounds[4] + 1);
   const camera = createCameraDesk(world.rig, world.camera, manifest.bounds, groundHeight);
 
   // --- Who does what ------------------------------------------------------------------------------------------------
 
   const comfort = watchComfort(stage, store, (report) => listeners.emit("swap", report));
-  const going = createGoing(() => parts);
+  const notices = createNotices(shell.announcer, (remedy, key) => actions.mend(remedy, key));
+  const headset = createHeadsetEntry(() => bars.showHeadset(true));
+  const loop = createFrameLoop(world.renderer, times, frame);
+  const link = createPlaceLink();
+  const going = createGoing({
+    store,
+    stage,
+    camera,
+    markers,
+    notices,
+    link,
+    loop,
+    announcer: shell.announcer,
+    order: (order, landOptions) => desk.land(order, landOptions),
+    stand,
+  });
   const desk = createLandingDesk({
     store,
     stage: comfort.landings,
@@ -107,29 +126,20 @@ export function createViewer(options: ViewerOptions): Viewer {
     arrived: going.arrived,
     shown: going.shown,
   });
-  const notices = createNotices(shell.announcer, (remedy, key) => actions.mend(remedy, key));
-  const headset = createHeadsetEntry(() => bars.showHeadset(true));
-  const loop = createFrameLoop(world.renderer, times, frame);
-  const parts: Parts = {
-    ...options,
+  const watch = watchStream({
     store,
-    world,
+    stream,
     stage,
-    camera,
-    comfort,
     desk,
-    markers,
-    notices,
-    loop,
-    listeners,
     headset,
-    link: createPlaceLink(),
-    going,
-    cast,
-    stand,
-    highest,
-  };
-  const watch = watchStream(parts);
+    comfort,
+    notices,
+    listeners,
+    loop,
+    shell,
+    loadFiles,
+    reload,
+  });
   let lastEventMs = 0;
   stream.onEvent = (event) => {
     lastEventMs = performance.now();
@@ -151,11 +161,25 @@ export function createViewer(options: ViewerOptions): Viewer {
     },
   });
   const help = createHelpDialog();
+  const { landings } = comfort;
+  const { routeNow } = going;
+  const keptPlaces = () => panel.keptPlaces();
   const actions = createActions({
-    parts,
+    store,
+    stream,
+    shell,
+    camera,
+    desk,
+    markers,
+    notices,
+    loop,
+    headset,
     going,
     tools,
-    landings: comfort.landings,
+    canvas: world.canvas,
+    headsetOptions: () =>
+      headsetOptions({ store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces }),
+    reload,
     panel: () => panel,
     openHelp: help.open,
     usesKeys: () => setAttribute(element, "data-keys", true),
@@ -171,13 +195,19 @@ export function createViewer(options: ViewerOptions): Viewer {
     act: actions.act,
     enterHeadset: () => void actions.enterHeadset(),
   });
-  const panel = createViewerPanel(parts, {
+  const panel = createViewerPanel({
+    store,
+    stage,
+    files,
+    shell,
     frames: times.recent,
     copy: (text, what) => void actions.copy(text, what),
     landAim: going.landAim,
+    cancelAim: desk.cancelAim,
     aimAtCentre: () => actions.act("aim"),
     undoPoint: tools.undoPoint,
     go: (hash) => going.follow(parseRoute(hash), true),
+    routeNow,
     diagnostics: () => embed.diagnostics(),
   });
   view.append(
@@ -195,7 +225,21 @@ export function createViewer(options: ViewerOptions): Viewer {
     ),
   );
   const element = h("main", { id: "viewer", class: "viewer" }, view, panel.element, help.element);
-  const embed = createEmbed(parts, { frameTimes: times.recent, nextFrame });
+  const embed = createEmbed({
+    store,
+    stage,
+    world,
+    camera,
+    desk,
+    going,
+    notices,
+    headset,
+    listeners,
+    loop,
+    cast,
+    frameTimes: times.recent,
+    nextFrame,
+  });
   window.terraport = embed;
 
   function showState(state: ViewerState): void {
@@ -212,7 +256,20 @@ export function createViewer(options: ViewerOptions): Viewer {
     going.moved();
   };
   const stops = [
-    reactToState(parts, labels),
+    reactToState({
+      store,
+      stage,
+      camera,
+      desk,
+      markers,
+      labels,
+      notices,
+      link,
+      listeners,
+      loop,
+      theme: shell.theme,
+      settledRoute: going.settledRoute,
+    }),
     store.subscribe(showState),
     shell.theme.subscribe((theme) => {
       stage.setMode(store.get().mode, theme);
@@ -312,7 +369,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   return {
     element,
     get route() {
-      return going.routeNow();
+      return routeNow();
     },
     start() {
       stage.setMode(store.get().mode, shell.theme.theme);
@@ -328,7 +385,7 @@ export function createViewer(options: ViewerOptions): Viewer {
       window.clearInterval(figures);
       for (const stop of stops) stop();
       keys.dispose();
-      parts.link.dispose();
+      link.dispose();
       notices.dispose();
       loop.stop();
       stream.close();

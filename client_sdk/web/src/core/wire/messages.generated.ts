@@ -98,6 +98,20 @@ export interface ServerLimitsPart {
   readonly groups?: "none" | "here" | "query" | undefined;
 }
 
+/** When the server did what for one landing, in microseconds since it received land. */
+export interface TimingsPart {
+  /** Plan handed to the socket; absent where the plan was still waiting for that. */
+  readonly plan_us?: number | undefined;
+  /** First chunk on its way; absent where there was none. */
+  readonly first_byte_us?: number | undefined;
+  /** Last chunk on its way; absent where there was none. */
+  readonly last_byte_us?: number | undefined;
+  /** Ready decided. */
+  readonly ready_us: number;
+  /** How long there was payload to send and no credit: time that the client took. */
+  readonly credit_wait_us: number;
+}
+
 /** What a pick met. */
 export interface HitPart {
   /** Point of the surface, metres of the scene frame. */
@@ -116,20 +130,6 @@ export interface HitPart {
   readonly height_m: number;
   /** Survey attributes there, without gaps. */
   readonly attributes: Readonly<Record<string, number>>;
-}
-
-/** When the server did what for one landing, in microseconds since it received land. */
-export interface TimingsPart {
-  /** Plan handed to the socket; absent where the plan was still waiting for that. */
-  readonly plan_us?: number | undefined;
-  /** First chunk on its way; absent where there was none. */
-  readonly first_byte_us?: number | undefined;
-  /** Last chunk on its way; absent where there was none. */
-  readonly last_byte_us?: number | undefined;
-  /** Ready decided. */
-  readonly ready_us: number;
-  /** How long there was payload to send and no credit: time that the client took. */
-  readonly credit_wait_us: number;
 }
 
 /** One seat of a group. */
@@ -233,16 +233,16 @@ export interface PickMessage {
   readonly direction?: Vec3 | undefined;
 }
 
-/** The client ends the session; the server closes with 1000. */
-export interface ByeMessage {
-  readonly type: "bye";
-}
-
 /** More of what the client holds, after hello and before the first aim or land. */
 export interface HeldMessage {
   readonly type: "held";
   /** Segments that the client holds whole, with their hashes. */
   readonly segments: readonly HeldRow[];
+}
+
+/** The client ends the session; the server closes with 1000. */
+export interface ByeMessage {
+  readonly type: "bye";
 }
 
 /** Take a seat in a group of this scene; it is made if there is none of that name. */
@@ -307,6 +307,15 @@ export interface WelcomeMessage {
   /** Offered segments that this scene version does not have; the client frees them. */
   readonly dropped: readonly number[];
   /** Offered segments that are accepted as held. */
+  readonly held_count: number;
+}
+
+/** Answer to held: what of it is accepted. */
+export interface HeldCheckedMessage {
+  readonly type: "held_checked";
+  /** Offered segments that this scene version does not have; the client frees them. */
+  readonly dropped: readonly number[];
+  /** Segments that are held by now. */
   readonly held_count: number;
 }
 
@@ -428,15 +437,6 @@ export interface ErrorMessage {
   readonly protocols?: readonly Version[] | undefined;
 }
 
-/** Answer to held: what of it is accepted. */
-export interface HeldCheckedMessage {
-  readonly type: "held_checked";
-  /** Offered segments that this scene version does not have; the client frees them. */
-  readonly dropped: readonly number[];
-  /** Segments that are held by now. */
-  readonly held_count: number;
-}
-
 /** Answer to join: the seat in the group. */
 export interface JoinedMessage {
   readonly type: "joined";
@@ -500,8 +500,8 @@ export type ClientMessage =
   | EvictMessage
   | RejectMessage
   | PickMessage
-  | ByeMessage
   | HeldMessage
+  | ByeMessage
   | JoinMessage
   | LeaveMessage
   | GatherMessage
@@ -510,6 +510,7 @@ export type ClientMessage =
 /** Everything that is sent in one direction. */
 export type ServerMessage =
   | WelcomeMessage
+  | HeldCheckedMessage
   | PlanMessage
   | PrefetchMessage
   | ReadyMessage
@@ -518,7 +519,6 @@ export type ServerMessage =
   | PickedMessage
   | NoticeMessage
   | ErrorMessage
-  | HeldCheckedMessage
   | JoinedMessage
   | RosterMessage
   | GatheringMessage
@@ -550,6 +550,13 @@ export const PARTS = {
     { name: "idle_timeout_s", required: true, kind: { name: "number", low: 0.0, high: 1000000000.0, lowExcluded: true } },
     { name: "groups", required: false, kind: { name: "choice", options: ["none", "here", "query"] } },
   ],
+  timings: [
+    { name: "plan_us", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
+    { name: "first_byte_us", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
+    { name: "last_byte_us", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
+    { name: "ready_us", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
+    { name: "credit_wait_us", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
+  ],
   hit: [
     { name: "position", required: true, kind: { name: "position", bound: 10000000.0, nonzero: false } },
     { name: "normal", required: true, kind: { name: "position", bound: 1.5, nonzero: false } },
@@ -559,13 +566,6 @@ export const PARTS = {
     { name: "label", required: false, kind: { name: "text", shortest: 0, longest: 256, pattern: null } },
     { name: "height_m", required: true, kind: { name: "number", low: -1000000000.0, high: 1000000000.0, lowExcluded: false } },
     { name: "attributes", required: true, kind: { name: "numbers", most: 64 } },
-  ],
-  timings: [
-    { name: "plan_us", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
-    { name: "first_byte_us", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
-    { name: "last_byte_us", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
-    { name: "ready_us", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
-    { name: "credit_wait_us", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
   ],
   member: [
     { name: "member", required: true, kind: { name: "integer", low: 1, high: 4294967295 } },
@@ -619,10 +619,10 @@ export const MESSAGES: MessageTable = {
       { name: "origin", required: true, kind: { name: "position", bound: 10000000.0, nonzero: false } },
       { name: "direction", required: false, kind: { name: "position", bound: 10000000.0, nonzero: true } },
     ],
-    bye: [],
     held: [
       { name: "segments", required: true, kind: { name: "held", most: 32768 } },
     ],
+    bye: [],
     join: [
       { name: "request", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
       { name: "group", required: true, kind: { name: "text", shortest: 1, longest: 64, pattern: "[A-Za-z0-9_.~-]+" } },
@@ -653,6 +653,10 @@ export const MESSAGES: MessageTable = {
       { name: "release_factor", required: true, kind: { name: "number", low: 1.0, high: 4.0, lowExcluded: false } },
       { name: "dropped", required: true, kind: { name: "ids", most: 32768 } },
       { name: "held_count", required: true, kind: { name: "integer", low: 0, high: 32768 } },
+    ],
+    held_checked: [
+      { name: "dropped", required: true, kind: { name: "ids", most: 32768 } },
+      { name: "held_count", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
     ],
     plan: [
       { name: "generation", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
@@ -708,10 +712,6 @@ export const MESSAGES: MessageTable = {
       { name: "generation", required: false, kind: { name: "integer", low: 0, high: 4294967295 } },
       { name: "request", required: false, kind: { name: "integer", low: 0, high: 4294967295 } },
       { name: "protocols", required: false, kind: { name: "versions", most: 16 } },
-    ],
-    held_checked: [
-      { name: "dropped", required: true, kind: { name: "ids", most: 32768 } },
-      { name: "held_count", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
     ],
     joined: [
       { name: "request", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },

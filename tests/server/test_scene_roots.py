@@ -11,7 +11,7 @@ import pytest
 from server.grid_scene import write_grid_scene
 
 from terraport_server.errors import SettingsError
-from terraport_server.scene_places import FolderPlace, ObjectPlace, place_of
+from terraport_server.scene_roots import FolderRoot, ObjectRoot, root_of
 from terraport_server.settings import Settings
 from terraport_store import OriginError
 from terraport_store.object_files import ObjectStorage
@@ -37,55 +37,55 @@ def root(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def place(root: Path) -> Iterator[ObjectPlace]:
+def object_root(root: Path) -> Iterator[ObjectRoot]:
     Moody.silent = set()
-    made = ObjectPlace(
+    in_storage = ObjectRoot(
         f"file://{root}",
         ObjectStorage(make_origin=lambda url: Moody(url, ObjectOptions(timeout_s=1.0))),
     )
-    yield made
-    made.close()
+    yield in_storage
+    in_storage.close()
 
 
-def test_a_folder_and_an_address_show_the_same_scenes(root: Path, place: ObjectPlace) -> None:
-    assert list(FolderPlace(root).look()) == list(place.look()) == ["pit", "well"]
+def test_a_folder_and_an_address_show_the_same_scenes(root: Path, object_root: ObjectRoot) -> None:
+    assert list(FolderRoot(root).look()) == list(object_root.look()) == ["pit", "well"]
 
 
-def test_what_says_nothing_is_as_before(place: ObjectPlace) -> None:
-    before = place.look()
+def test_what_says_nothing_is_as_before(object_root: ObjectRoot) -> None:
+    before = object_root.look()
     Moody.silent = {"/pit"}
     for _ in range(3):
-        assert place.look() == before
+        assert object_root.look() == before
 
 
-def test_what_is_not_there_is_gone_when_looked_for_twice(root: Path, place: ObjectPlace) -> None:
-    assert list(place.look()) == ["pit", "well"]
+def test_what_is_gone_for_two_looks_is_gone(root: Path, object_root: ObjectRoot) -> None:
+    assert list(object_root.look()) == ["pit", "well"]
     shutil.rmtree(root / "pit")
-    assert list(place.look()) == ["pit", "well"]
-    assert list(place.look()) == ["well"]
+    assert list(object_root.look()) == ["pit", "well"]
+    assert list(object_root.look()) == ["well"]
     write_grid_scene(root / "pit", cells=2)
-    assert list(place.look()) == ["pit", "well"]
+    assert list(object_root.look()) == ["pit", "well"]
 
 
-def test_a_place_that_says_nothing_is_an_error(place: ObjectPlace) -> None:
+def test_a_root_that_says_nothing_is_an_error(object_root: ObjectRoot) -> None:
     Moody.silent = {"scenes/scene.json"}
     with pytest.raises(OriginError):
-        place.look()
+        object_root.look()
 
 
-def test_settings_name_the_place(root: Path, tmp_path: Path) -> None:
-    assert isinstance(place_of(Settings(scenes_dir=root)), FolderPlace)
-    made = place_of(Settings(scenes_url=f"file://{root}", object_cache_dir=tmp_path / "cache"))
-    assert isinstance(made, ObjectPlace)
-    assert made.ahead_bytes == 8 << 20
-    assert list(made.look()) == ["pit", "well"]
-    made.close()
+def test_settings_name_the_root(root: Path, tmp_path: Path) -> None:
+    assert isinstance(root_of(Settings(scenes_dir=root)), FolderRoot)
+    named = root_of(Settings(scenes_url=f"file://{root}", object_cache_dir=tmp_path / "cache"))
+    assert isinstance(named, ObjectRoot)
+    assert named.ahead_bytes == 8 << 20
+    assert list(named.look()) == ["pit", "well"]
+    named.close()
 
 
 def test_a_cache_that_cannot_be_written_is_refused(root: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(SettingsError, match=r"object_cache_dir: .* object_cache_bytes = 0"):
-        place_of(Settings(scenes_url="file:///x", object_cache_dir=tmp_path / "file" / "cache"))
+        root_of(Settings(scenes_url="file:///x", object_cache_dir=tmp_path / "file" / "cache"))
 
 
 def test_an_address_must_be_one() -> None:

@@ -1,4 +1,4 @@
-"""Where the scenes that are served lie: a folder, or a place in object storage."""
+"""Where the scenes that are served lie: a folder, or an address in object storage."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from terraport_store import FolderFiles, OriginError, SceneFiles, list_scenes
 if TYPE_CHECKING:
     from terraport_store.object_files import ObjectFiles, ObjectStorage
 
-__all__ = ["FolderPlace", "Look", "ObjectPlace", "ScenePlace", "place_of"]
+__all__ = ["FolderRoot", "Look", "ObjectRoot", "SceneRoot", "root_of"]
 
 _MANIFEST: Final = "scene.json"
 _LABELS: Final = "labels.json"
@@ -36,8 +36,8 @@ class Look:
     """None where nobody has set any."""
 
 
-class ScenePlace(Protocol):
-    """A place with scenes. :meth:`look` is called in a thread, by one at a time."""
+class SceneRoot(Protocol):
+    """A folder or an address with scenes. :meth:`look` is called in a thread, by one at a time."""
 
     @property
     def fetch_threads(self) -> int:
@@ -46,7 +46,7 @@ class ScenePlace(Protocol):
 
     @property
     def ahead_bytes(self) -> int:
-        """What is fetched ahead for each landing."""
+        """Payload bytes fetched ahead for each landing; 0 = nothing is."""
         ...
 
     def look(self) -> dict[str, Look]:
@@ -55,12 +55,12 @@ class ScenePlace(Protocol):
         Raises
         ------
         StoreError, OSError
-            When the place cannot be looked at.
+            When the scenes cannot be listed.
         """
         ...
 
     def show_counts(self, registry: CollectorRegistry) -> None:
-        """Add what the place counts to the metrics."""
+        """Register the counters of object storage, where it is one."""
         ...
 
     def interrupt(self) -> None:
@@ -68,11 +68,11 @@ class ScenePlace(Protocol):
         ...
 
     def close(self) -> None:
-        """Free what the place holds; may be called again."""
+        """Close what is open for looking; may be called again."""
         ...
 
 
-class FolderPlace:
+class FolderRoot:
     """A folder of scenes, or one scene."""
 
     fetch_threads = 0
@@ -82,26 +82,26 @@ class FolderPlace:
         self._directory = directory
 
     def look(self) -> dict[str, Look]:
-        """Look at every scene; see :class:`ScenePlace`."""
-        found = {}
+        """Look at every scene; see :class:`SceneRoot`."""
+        looks = {}
         for scene_id, directory in list_scenes(self._directory).items():
             files = FolderFiles(directory)
             manifest = files.stamp(_MANIFEST)
             if manifest is not None:  # else gone since it was listed
-                found[scene_id] = Look(files, manifest, files.stamp(_LABELS))
-        return found
+                looks[scene_id] = Look(files, manifest, files.stamp(_LABELS))
+        return looks
 
     def show_counts(self, registry: CollectorRegistry) -> None:
-        """Add nothing."""
+        """Register nothing: a folder counts nothing."""
 
     def interrupt(self) -> None:
-        """Do nothing."""
+        """Do nothing: a look at a folder waits for no network."""
 
     def close(self) -> None:
-        """Do nothing."""
+        """Do nothing: between two looks nothing is open."""
 
 
-class ObjectPlace:
+class ObjectRoot:
     """An address of scenes, or of one scene, in object storage.
 
     Parameters
@@ -121,12 +121,12 @@ class ObjectPlace:
 
     @property
     def fetch_threads(self) -> int:
-        """As many as requests may be under way."""
+        """As many threads as requests may be under way at once."""
         return self._storage.options.requests
 
     @property
     def ahead_bytes(self) -> int:
-        """As set."""
+        """Bytes, ``object_read_ahead_bytes``."""
         return self._storage.options.read_ahead_bytes
 
     @property
@@ -135,14 +135,14 @@ class ObjectPlace:
         return self._storage
 
     def look(self) -> dict[str, Look]:
-        """Look at every scene; see :class:`ScenePlace`.
+        """Look at every scene; see :class:`SceneRoot`.
 
         One that cannot be looked at is as it was before. One that is not there counts as gone when
-        it is not there twice in a row: the place may be vanishing as a whole, or its lists be late.
+        it is not there twice in a row: the root may be vanishing as a whole, or its lists be late.
         """
         urls = self._storage.folders(self._url)
         self._files = {url: self._files[url] for url in urls.values() if url in self._files}
-        found = {}
+        looks = {}
         for scene_id, url in urls.items():
             try:
                 files = self._files.get(url)
@@ -150,14 +150,14 @@ class ObjectPlace:
                     files = self._files[url] = self._storage.files(url)
                 manifest = files.stamp(_MANIFEST)
                 if manifest is not None:
-                    found[scene_id] = Look(files, manifest, files.stamp(_LABELS))
+                    looks[scene_id] = Look(files, manifest, files.stamp(_LABELS))
             except OriginError as error:
                 log("scene not looked at", level=logging.ERROR, scene=scene_id, reason=str(error))
                 if scene_id in self._seen:
-                    found[scene_id] = self._seen[scene_id]
-        doubted = {name for name in self._seen if name not in found} - self._doubted
-        found |= {name: self._seen[name] for name in doubted}
-        self._seen, self._doubted = dict(sorted(found.items())), doubted
+                    looks[scene_id] = self._seen[scene_id]
+        doubted = {name for name in self._seen if name not in looks} - self._doubted
+        looks |= {name: self._seen[name] for name in doubted}
+        self._seen, self._doubted = dict(sorted(looks.items())), doubted
         return self._seen
 
     def show_counts(self, registry: CollectorRegistry) -> None:
@@ -175,8 +175,8 @@ class ObjectPlace:
         self._storage.close()
 
 
-def place_of(settings: Settings) -> ScenePlace:
-    """Return the place that the settings name.
+def root_of(settings: Settings) -> SceneRoot:
+    """Return the folder or the address that the settings name.
 
     Raises
     ------
@@ -184,7 +184,7 @@ def place_of(settings: Settings) -> ScenePlace:
         When the package for object storage is missing, or the cache's folder cannot be written to.
     """
     if settings.scenes_url is None:
-        return FolderPlace(settings.scenes_dir)
+        return FolderRoot(settings.scenes_dir)
     try:
         from terraport_store.object_files import ObjectStorage  # needs an extra
         from terraport_store.origin import ObjectOptions
@@ -204,7 +204,7 @@ def place_of(settings: Settings) -> ScenePlace:
         timeout_s=settings.object_timeout_s,
     )
     try:
-        return ObjectPlace(settings.scenes_url, ObjectStorage(options))
+        return ObjectRoot(settings.scenes_url, ObjectStorage(options))
     except OSError as error:
         what = f"{error}; expected a folder to write to, or object_cache_bytes = 0 for none"
         raise SettingsError("object_cache_dir", what) from None

@@ -1,0 +1,55 @@
+"""Where a scene lies: a path, or an address in object storage, and which files that means."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from terraport_store.errors import OriginError
+from terraport_store.files import FolderFiles, SceneFiles
+
+__all__ = ["is_url", "scene_files"]
+
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
+
+
+def is_url(location: str | Path) -> bool:
+    """Tell an address (``s3://bucket/scene``) from a path.
+
+    Examples
+    --------
+    >>> is_url("s3://bucket/scene"), is_url("scenes/quarry"), is_url("C://x")
+    (True, False, False)
+    """
+    return isinstance(location, str) and _URL.match(location) is not None
+
+
+def scene_files(location: str | Path | SceneFiles) -> SceneFiles:
+    """Return the files of a scene by path, address, or as they are.
+
+    Raises
+    ------
+    OriginError
+        When an address cannot be used, or the package for it is not installed.
+    """
+    if isinstance(location, str) and is_url(location):
+        return _object_files(location)
+    if isinstance(location, str | Path):
+        return FolderFiles(Path(location))
+    return location
+
+
+def _object_files(url: str) -> SceneFiles:
+    try:
+        from terraport_store.object_files import ObjectStorage
+    except ModuleNotFoundError as missing:
+        if missing.name != "obstore":
+            raise
+        what = "needs the package obstore; install it with: pip install 'terraport[s3]'"
+        raise OriginError(url, what) from None
+    storage = ObjectStorage()
+    try:
+        return storage.files(url, owned=True)
+    except BaseException:
+        storage.close()
+        raise
