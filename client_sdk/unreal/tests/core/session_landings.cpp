@@ -59,18 +59,18 @@ TEST_CASE("session: a landing keeps what lies a little beyond its radius, and do
   PairOptions options;
   options.cacheBytes = 0;
   options.releaseFactor = 1.5;
-  Pair pair(toy, options);
+  Pair pair(kToy, options);
   pair.connect();
   for (const double radiusM : {6.0, 4.5, 6.0}) {
     pair.client.land(kMiddle, radiusM, {});
     pair.settle();
-    CHECK(pair.client.transfers().visible() == toy.within(kMiddle, radiusM));
+    CHECK(pair.client.transfers().visible() == kToy.within(kMiddle, radiusM));
   }
   const auto plans = pair.of(EventKind::Planned);
   REQUIRE(plans.size() == 3);
-  const Ids less = toy.within(kMiddle, 4.5);
+  const Ids less = kToy.within(kMiddle, 4.5);
   Ids nearby;
-  for (const std::uint32_t segment : toy.within(kMiddle, 6)) {
+  for (const std::uint32_t segment : kToy.within(kMiddle, 6)) {
     if (std::find(less.begin(), less.end(), segment) == less.end()) nearby.push_back(segment);
   }
   CHECK(plans[1].plan.nearby == nearby);
