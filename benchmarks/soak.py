@@ -12,7 +12,7 @@ given up in the middle by the next one, one in fifty loses its link in the middl
 with what it holds, and one client in twenty reads at 400 KB/s. Light clients check every byte and
 every plan; the SDK checks itself (hashes, repeats), and its landings are compared with brute force.
 
-After each landing a light client forgets half of what the plan released, and sometimes much more,
+After each landing a light client forgets half of what it does not show, and sometimes much more,
 so that there is always something to send and something to keep.
 
 Fails (exit status 1) where anything was wrong, lost or repeated, where the service's log has an
@@ -178,21 +178,22 @@ class Trial:
             landing = first
         segments = await landing.ready(LONGEST_LANDING_S)
         self.sdk["landings"] += 1
-        # Held segments stay a quarter longer; nothing may be missing within the radius itself.
         nothing = np.zeros(len(self.index), dtype=np.bool_)
         land = Land(generation=1, position=place, radius_m=RADIUS_M)
         wanted = expect(
             self.index,
             land,
             held=nothing,
-            shown=nothing,
             release_factor=1.0,
             max_segments=16_384,
         ).load
-        absent = set(wanted) - {segment.id for segment in segments}
+        shown = {segment.id for segment in segments}
+        absent = set(wanted) - shown
         if absent:
             self.findings.lost += len(absent)
             self.findings.say(f"SDK: {len(absent)} segments within the radius are not shown")
+        if beyond := shown - set(wanted):
+            self.findings.say(f"SDK: {len(beyond)} segments beyond the radius are shown")
 
     async def run(self, seconds: float) -> None:
         """All clients, until the time is over."""

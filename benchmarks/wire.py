@@ -55,7 +55,7 @@ def make_plan(segments: int) -> Plan:
         inner_count=segments // 8,
         load=load,
         keep=keep,
-        release=[],
+        nearby=[],
         load_bytes=load_bytes,
         load_triangles=faces,
         total_bytes=2 * load_bytes,

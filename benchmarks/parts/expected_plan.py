@@ -24,7 +24,7 @@ class Expected:
 
     load: list[int]
     keep: list[int]
-    release: list[int]
+    nearby: list[int]
 
 
 def expect(
@@ -32,11 +32,10 @@ def expect(
     land: Land,
     *,
     held: Bool,
-    shown: Bool,
     release_factor: float,
     max_segments: int,
 ) -> Expected:
-    """Compute load, keep and release of a landing.
+    """Compute load, keep and nearby of a landing.
 
     Parameters
     ----------
@@ -44,8 +43,8 @@ def expect(
         Of the scene.
     land : Land
         What was asked.
-    held, shown : ndarray of bool
-        What the client had when the server planned.
+    held : ndarray of bool
+        What the client held when the server planned.
     release_factor : float
         From ``welcome``.
     max_segments : int
@@ -62,11 +61,12 @@ def expect(
         if distance_m <= reach_m:
             order.append((distance_m, segment))
     order.sort()
-    wanted = [segment for _, segment in order[:max_segments]]
+    del order[max_segments:]
+    within = [segment for distance_m, segment in order if distance_m <= land.radius_m]
     return Expected(
-        load=[segment for segment in wanted if not held[segment]],
-        keep=sorted(segment for segment in wanted if held[segment]),
-        release=sorted(set(np.flatnonzero(shown).tolist()) - set(wanted)),
+        load=[segment for segment in within if not held[segment]],
+        keep=sorted(segment for segment in within if held[segment]),
+        nearby=sorted(segment for distance_m, segment in order if distance_m > land.radius_m),
     )
 
 
@@ -77,7 +77,7 @@ def differences(plan: Plan, expected: Expected, index: SegmentIndex) -> list[str
     for name, got in (
         ("load", ids.tolist()),
         ("keep", plan.keep.tolist()),
-        ("release", plan.release.tolist()),
+        ("nearby", plan.nearby.tolist()),
     ):
         want = getattr(expected, name)
         if got != want:

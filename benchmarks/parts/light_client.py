@@ -130,7 +130,7 @@ class LightClient:
         self._generation = 0
 
     async def connect(self) -> Welcome:
-        """Connect and say hello, offering what is held; nothing is shown then, for the server."""
+        """Connect and say hello, offering what is held."""
         loop = asyncio.get_running_loop()
         self._socket = raw = socket.socket()
         raw.setblocking(False)
@@ -320,7 +320,6 @@ class LightClient:
                 self._index,
                 land,
                 held=self.held,
-                shown=self.shown,
                 release_factor=self._welcome.release_factor,
                 max_segments=self._welcome.limits.max_plan_segments,
             )

@@ -73,8 +73,6 @@ class Deliveries:
         """Release radius / load radius in use."""
         self.held = IdSet()
         """What the client holds, in the server's view."""
-        self.shown = IdSet()
-        """What the client shows, in the server's view; a subset of held."""
         self._ahead = AimLedger(observer)
         self._may_offer = True
         """Whether no aim or landing has been computed with what is held."""
@@ -178,7 +176,6 @@ class Deliveries:
             if len(wrong):
                 return int(wrong.min())
         self.held.difference_update(segments)
-        self.shown.difference_update(segments)
         self._ahead.waste(segments.tolist())
         return None
 
@@ -187,7 +184,6 @@ class Deliveries:
         segment = reject.segment
         self._observer.rejected(reject)
         self.held.discard(segment)
-        self.shown.discard(segment)
         self._ahead.waste([segment])
         landing, aiming = self._landing, self._aiming
         if landing is not None and not landing.superseded and segment in landing.plan:
@@ -320,7 +316,6 @@ class Deliveries:
             timings=landing.timings(now_s) if self._timings else None,
         )
         landing.ready = True
-        self._show(landing.plan.array())
         self._say(message)
         if not landing.readied:
             landing.readied = True
@@ -328,13 +323,8 @@ class Deliveries:
 
     def _degrade(self, landing: Landing) -> None:
         landing.degraded = True
-        self._show(np.sort(landing.inner))
         ids = landing.inner[self.held.contains(landing.inner)]
         self._say(Degraded(generation=landing.generation, segments=ids))
-
-    def _show(self, segments: UInt32) -> None:
-        """Show what is held of these and nothing else: missing and evicted ones are not held."""
-        self.shown = IdSet.of_sorted(segments[self.held.contains(segments)])
 
     def _start_aim(self, aim: Aim) -> None:
         self._waiting_aim = None
@@ -386,7 +376,6 @@ class Deliveries:
             release_radius_m=release_radius_m,
             inner_radius_m=inner_radius_m,
             held=is_held,
-            shown=self.shown.array(),
             budgets=self._budgets,
         )
 

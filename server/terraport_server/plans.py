@@ -37,7 +37,7 @@ def make_plan(
         inner_count=len(chosen.inner),
         load=_load_table(chosen, table),
         keep=chosen.keep,
-        release=chosen.release,
+        nearby=chosen.nearby,
         load_bytes=chosen.load_bytes,
         load_triangles=chosen.load_triangles,
         total_bytes=chosen.total_bytes,

@@ -8,7 +8,6 @@ a *prefix*: what is left out is never nearer than what is in.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -50,7 +49,7 @@ class SegmentTable:
 
 @dataclass(frozen=True, slots=True)
 class Budgets:
-    """Hard upper bounds on everything a plan makes resident (loaded and kept together).
+    """Hard upper bounds on everything a plan makes resident (loaded, kept and nearby together).
 
     ``None`` means no bound.
     """
@@ -70,9 +69,9 @@ class Selection:
     load: UInt32
     """To be sent, nearest first."""
     keep: UInt32
-    """Wanted and already held by the client, ascending."""
-    release: UInt32
-    """Shown until now and not wanted any more, ascending."""
+    """Within the radius and already held by the client, ascending."""
+    nearby: UInt32
+    """Held beyond the radius and within the release radius: kept, not shown; ascending."""
     plan: IdSet
     """The ids of the plan, loaded and kept."""
     order: UInt32
@@ -84,12 +83,12 @@ class Selection:
     load_bytes: int
     load_triangles: int
     total_bytes: int
-    """Payload bytes of ``load`` and ``keep`` together; what ``max_bytes`` bounds."""
+    """Payload bytes of ``load`` and ``keep``; with those of ``nearby`` bounded by ``max_bytes``."""
     total_triangles: int
     omitted_segments: int
-    """Segments wanted and left out for a budget."""
+    """Segments within the radius that were left out for a budget."""
     omitted_by: str | None
-    """The budget that cut first, by its field name in :class:`Budgets`; ``None`` if none did."""
+    """The budget that left them out, by its field name in :class:`Budgets`; ``None`` for none."""
 
 
 def find_candidates(
@@ -150,13 +149,13 @@ def select(
     release_radius_m: float,
     inner_radius_m: float | None,
     held: Bool,
-    shown: UInt32,
     budgets: Budgets = NO_BUDGETS,
 ) -> Selection:
     """Choose the segments of one landing.
 
-    Wanted is everything within ``radius_m``, and of what is held also everything within
-    ``release_radius_m``; the budgets cut a strict prefix of it in the order (distance, id).
+    The plan is everything within ``radius_m``; of what is held, everything further within
+    ``release_radius_m`` is kept nearby. The budgets cut a strict prefix of both in the order
+    (distance, id), so what is nearby goes first.
     spec/wire-protocol.md, sections 6.1 to 6.3.
 
     Parameters
@@ -171,13 +170,11 @@ def select(
     radius_m
         Load within it; at least 0.
     release_radius_m
-        Keep within it; at least ``radius_m``.
+        Keep nearby within it; at least ``radius_m``.
     inner_radius_m
         The declared degraded set's radius; ``None`` = there is no such set.
     held
         True for each of ``candidates`` whose payload the client holds.
-    shown
-        Ids that the client shows, ascending.
     budgets
         Hard bounds.
 
@@ -188,11 +185,11 @@ def select(
 
     Notes
     -----
-    Invariant: within the plan and at its end, (distance, id) ascends; no segment left out for a
-    budget stands before one that is in.
+    Invariant: within the plan, (distance, id) ascends; no segment left out for a budget stands
+    before one that is in, and whatever is nearby stands behind the plan.
 
-    O(C log C) in the number of candidates and of what is shown; never of the whole scene. Where a
-    budget of segments cuts most of it off, O(C) and the sorting of what it leaves.
+    O(C log C) in the number of candidates; never of the whole scene. Where a budget of segments
+    cuts most of it off, O(C) and the sorting of what it leaves.
     """
     # What is wanted: near, or held and not yet far.
     ids = np.asarray(candidates, dtype=np.int64)
@@ -200,15 +197,14 @@ def select(
     in_radius = distances <= radius_m
     wanted = np.flatnonzero(in_radius | (held & (distances <= release_radius_m)))
 
-    # A plan is a prefix of the order: what comes behind the budget of segments need not be sorted.
-    beyond_m, beyond = math.inf, 0
+    # What is wanted is a prefix of the order: what comes behind the budget of segments need not be
+    # sorted.
+    omitted = 0
     most = budgets.max_segments
     if most is not None and len(wanted) > 2 * (most + 1):
         last_m = np.partition(distances[wanted], most)[most]
         head = distances[wanted] <= last_m
-        rest = wanted[~head]
-        beyond = len(rest)
-        beyond_m = float(distances[rest[in_radius[rest]]].min(initial=math.inf))
+        omitted = int(np.count_nonzero(in_radius[wanted[~head]]))
         wanted = wanted[head]
 
     # The order, and the longest prefix that keeps every budget.
@@ -216,25 +212,23 @@ def select(
     ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
     count, omitted_by = _budget_prefix(table, ids, budgets)
 
-    # How far the plan is whole: up to the nearest segment in the radius that was left out.
-    left_out_in_radius = np.flatnonzero(in_radius[count:])
-    effective_radius_m = float(radius_m)
-    if left_out_in_radius.size:
-        effective_radius_m = float(distances[count + left_out_in_radius[0]])
-    elif beyond_m < math.inf:
-        effective_radius_m = beyond_m
+    # Whatever is within the radius is nearer than all that is nearby: in the order it comes first.
+    within = int(np.count_nonzero(in_radius))
+    nearby = ids[within:count]
+    omitted += max(within - count, 0)
+    effective_radius_m = float(radius_m if within <= count else distances[count])
 
-    # Both halves, and what goes.
+    # Both halves of the plan.
+    count = min(within, count)
     plan, plan_distances = ids[:count], distances[:count]
     load, keep = plan[~held[:count]], plan[held[:count]]
     within_inner = plan_distances <= (-1.0 if inner_radius_m is None else inner_radius_m)
     plan_order = plan.astype(np.uint32)
-    plan_set = IdSet.of_sorted(np.sort(plan_order))
     return Selection(
         load=load.astype(np.uint32),
         keep=np.sort(keep).astype(np.uint32),
-        release=shown[~plan_set.contains(shown)],
-        plan=plan_set,
+        nearby=np.sort(nearby).astype(np.uint32),
+        plan=IdSet.of_sorted(np.sort(plan_order)),
         order=plan_order,
         inner=plan_order[within_inner],
         effective_radius_m=effective_radius_m,
@@ -242,8 +236,8 @@ def select(
         load_triangles=_total(table.faces, load),
         total_bytes=_total(table.lengths, plan),
         total_triangles=_total(table.faces, plan),
-        omitted_segments=len(ids) + beyond - count,
-        omitted_by=omitted_by,
+        omitted_segments=omitted,
+        omitted_by=omitted_by if omitted else None,
     )
 
 

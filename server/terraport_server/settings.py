@@ -134,7 +134,7 @@ class Settings(BaseSettings):
     """Averaged over 10 s."""
     max_radius_m: Annotated[float, Field(gt=0, le=MAX_RADIUS_M)] = 500.0
     release_factor: Annotated[float, Field(ge=1, le=MAX_RELEASE_FACTOR)] = 1.25
-    """Release radius / load radius where the client does not say."""
+    """Within so many radii of a landing what is held is kept, where the client does not say."""
     max_held_segments: Annotated[int, Field(ge=0, le=MAX_HELD_SEGMENTS)] = MAX_HELD_SEGMENTS
     max_plan_segments: Annotated[int, Field(ge=1, le=MAX_PLAN_SEGMENTS)] = MAX_PLAN_SEGMENTS
     max_credit_bytes: _Bytes = 64 << 20

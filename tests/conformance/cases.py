@@ -44,30 +44,30 @@ def good(message: Message, feature: str, data: bytes | None = None) -> Case:
     """Return a good case; without `data` the canonical bytes of the message."""
     canonical = encode(message)
     facts = {
-        "subprotocol": "msgpack",
+        "kind": "message",
         "direction": message.DIRECTION.value,
         "features": [feature],
         "message": readable(message),
     }
     if data is None or data == canonical:
         facts["canonical"] = True
-    return Case(f"msgpack-{message.TYPE}-{feature}", data or canonical, facts)
+    return Case(f"message-{message.TYPE}-{feature}", data or canonical, facts)
 
 
 def unknown(direction: Direction, feature: str, type_name: str, data: bytes) -> Case:
     """Return a good case that is to be skipped."""
     facts = {
-        "subprotocol": "msgpack",
+        "kind": "message",
         "direction": direction.value,
         "features": [feature],
         "unknown": type_name,
     }
-    return Case(f"msgpack-unknown-{feature}", data, facts)
+    return Case(f"message-unknown-{feature}", data, facts)
 
 
 def frame(feature: str, data: bytes, facts: dict[str, Any]) -> Case:
     """Return a payload frame's case; `facts` holds "frame" or "error"."""
-    head = {"subprotocol": "frame", "direction": S2C.value, "features": [feature]}
+    head = {"kind": "frame", "direction": S2C.value, "features": [feature]}
     return Case(f"frame-{feature}", data, {**head, **facts})
 
 
@@ -76,20 +76,20 @@ def bad(
 ) -> Case:
     """Return a case that is to be refused with `error`."""
     facts = {
-        "subprotocol": "msgpack",
+        "kind": "message",
         "direction": direction.value,
         "features": [feature],
         "error": error,
         **more,
     }
-    return Case(f"msgpack-{feature}", data, facts)
+    return Case(f"message-{feature}", data, facts)
 
 
 def observe(data: bytes, facts: dict[str, Any]) -> dict[str, Any]:
     """Decode a case as this package does, and say what came out in the corpus's terms."""
     data = data + bytes([facts.get("pad_byte", 0)]) * (facts.get("pad_to", 0) - len(data))
     try:
-        if facts["subprotocol"] == "frame":
+        if facts["kind"] == "frame":
             return {"frame": _frame_facts(decode_frame(data))}
         message = decode(data, Direction(facts["direction"]))
     except DecodeError as error:

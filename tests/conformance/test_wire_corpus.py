@@ -24,7 +24,7 @@ def test_every_message_type_is_in_the_corpus_both_ways() -> None:
         names = {path.stem for path in files}
         for messages in MESSAGES.values():
             for type_name in messages:
-                assert f"msgpack-{type_name}-{wanted}" in names
+                assert f"message-{type_name}-{wanted}" in names
 
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda path: path.stem)

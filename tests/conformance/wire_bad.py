@@ -234,7 +234,7 @@ _PACKED: list[tuple[str, str, str, dict[str, Any]]] = [
         {**_SUMS, "load": _packed_row(1, 5, 0, 0, 0, 1, 1e8, 1)},
     ),
     ("plan0", "load_and_keep", "load", {**_SUMS, "load": _packed_row(), "keep": _ID(1)}),
-    ("plan0", "keep_and_release", "release", {"keep": _ID(2), "release": _ID(2)}),
+    ("plan0", "keep_and_nearby", "nearby", {"keep": _ID(2), "nearby": _ID(2)}),
 ]
 _NOT_FINITE: list[tuple[str, str, str, dict[str, Any]]] = [
     ("small", "radius_nan", "radius_m", {"radius_m": math.nan}),

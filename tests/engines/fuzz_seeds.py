@@ -44,7 +44,7 @@ def seeds_of(target: str) -> Iterator[bytes]:
         case "wire_message":
             for path in sorted(CORPUS.glob("wire/*/*.json")):
                 case = json.loads(path.read_bytes())
-                if case["subprotocol"] != "frame":
+                if case["kind"] != "frame":
                     choice = case["direction"] == "client_to_server"
                     yield bytes([choice]) + path.with_suffix(".bin").read_bytes()
 

@@ -31,7 +31,7 @@ def test_a_wrong_expectation_is_noticed(client: Client, kind: str, tmp_path: Pat
         for folder in ("good", "bad"):
             (tmp_path / folder).mkdir()
         for suffix in (".bin", ".json"):
-            data = (CORPUS / "good" / f"msgpack-land-full{suffix}").read_bytes()
+            data = (CORPUS / "good" / f"message-land-full{suffix}").read_bytes()
             data = data.replace(b'"radius_m": ', b'"radius_m": 1')
             (tmp_path / "good" / f"land{suffix}").write_bytes(data)
     else:

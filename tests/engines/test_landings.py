@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from engines.conftest import TOKEN
 from engines.programs import Client
@@ -13,6 +14,7 @@ from faults.service import Service
 
 import terraport.sync
 from terraport_payload import SegmentMesh
+from terraport_store import Scene, box_distances_m
 
 HERE = "30,1,30"
 EVERYWHERE = "land:30,1,30,100"
@@ -65,14 +67,19 @@ def test_textures_colours_and_attributes_are_those_of_the_python_sdk(
 
 
 def test_visible_sets_of_a_walk_are_those_of_the_python_sdk(
-    client: Client, server: Service
+    client: Client, server: Service, scenes: Path
 ) -> None:
-    """Segments are kept within the release radius, whatever the way that led there."""
+    """That is what lies within each radius, by brute force, whatever the way that led there."""
     url = f"{server.url}/scenes/grid"
     walk = [(5.0 * step, 1.0, 7.0 * step % 55, 6.0 + step * 5 % 23) for step in range(12)]
     visible, _ = land_with_sdk(url, walk)
     landed = client.land(url, *(f"land:{x},{y},{z},{radius}" for x, y, z, radius in walk))
     assert [ready["visible"] for ready in landed.landings] == visible
+    with Scene.open(scenes / "grid") as scene:
+        bounds = scene.index.bounds
+    for shown, (*place, radius_m) in zip(visible, walk, strict=True):
+        assert shown == np.flatnonzero(box_distances_m(bounds, place) <= radius_m).tolist()
+    assert any(plan["nearby"] for plan in landed.of("planned")), "or there is nothing to tell apart"
     assert landed.stats["repeated_bytes"] == 0
 
 

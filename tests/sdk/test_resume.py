@@ -117,7 +117,8 @@ def test_more_than_one_table_takes() -> None:
     events = client.events()
     assert [d.segments for d in events if isinstance(d, Dropped)] == [(7,), (49_999,)]
     (planned,) = [event for event in events if isinstance(event, Planned)]
-    assert (len(planned.plan.load), len(planned.plan.keep)) == (0, 23), "two radii"
+    sizes = [len(ids) for ids in (planned.plan.load, planned.plan.keep, planned.plan.nearby)]
+    assert sizes == [0, 19, 4], "two radii"
 
 
 def test_a_server_that_takes_no_table_gets_no_held() -> None:

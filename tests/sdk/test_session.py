@@ -116,7 +116,7 @@ def _plan(generation: int) -> Plan:
         inner_count=0,
         load=[],
         keep=[7],
-        release=[],
+        nearby=[],
         load_bytes=0,
         load_triangles=0,
         total_bytes=0,

@@ -51,6 +51,24 @@ def test_a_second_visit_costs_no_bytes(pair: Pair) -> None:
     assert sorted(pair.received) == sorted(set(pair.received))
 
 
+def test_what_lies_a_little_beyond_the_radius_is_kept_and_not_shown(toy: ToyScene) -> None:
+    """Not even a cache of nothing lets it go, until a plan does (6.6)."""
+    pair = Pair(toy, cache_bytes=0, release_factor=1.5)
+    pair.connect()
+    for radius_m in (6.0, 4.5, 6.0):
+        pair.client.land(MIDDLE, radius_m)
+        pair.settle()
+        assert pair.client.visible == expected(toy, MIDDLE, radius_m)
+    _, less, again = (event.plan for event in pair.of(Planned))
+    rim = set(expected(toy, MIDDLE, 6.0)) - set(expected(toy, MIDDLE, 4.5))
+    assert less.nearby.tolist() == sorted(rim) != []
+    assert again.load_bytes == 0
+    pair.client.land(MIDDLE, 1.0)
+    pair.settle()
+    held = [segment for segment in range(len(toy.payloads)) if segment in pair.client.held]
+    assert tuple(held) == expected(toy, MIDDLE, 1.5)
+
+
 def test_whole_is_not_ready_before_the_server_says_so(toy: ToyScene) -> None:
     """The last byte is here, ``ready`` is not: nothing is shown (6.4, rule 5)."""
     pair = Pair(toy)

@@ -36,7 +36,6 @@ def test_every_plan_passes_the_checks_that_it_was_made_without(
         release_radius_m=radius_m * 1.25,
         inner_radius_m=wish.inner_radius_m,
         held=np.isin(candidates, sorted(held)),
-        shown=np.array(sorted(held), dtype=np.uint32),
         budgets=Budgets(max_segments=most),
     )
     plan = make_plan(wish, chosen, table, release_radius_m=radius_m * 1.25)

@@ -49,7 +49,6 @@ def run(
     factor: float = 1.25,
     inner_radius_m: float | None = None,
     held: set[int] = frozenset(),  # type: ignore[assignment]
-    shown: set[int] = frozenset(),  # type: ignore[assignment]
     budgets: Budgets | None = None,
 ) -> Selection:
     return select(
@@ -60,7 +59,6 @@ def run(
         release_radius_m=radius_m * factor,
         inner_radius_m=inner_radius_m,
         held=mask(len(table), held),
-        shown=np.array(sorted(shown), dtype=np.uint32),
         budgets=budgets or Budgets(),
     )
 
@@ -88,14 +86,15 @@ def brute_plan(
     release_radius_m: float,
     resident: set[int],
     budgets: Budgets,
-) -> tuple[list[int], int]:
+) -> tuple[list[int], list[int], int]:
+    """Return what is to be shown, nearest first, what is kept nearby, and how many are left out."""
     wanted = []
     for segment in range(len(table)):
         distance = brute_distance(table.bounds[segment], centre)
         if distance <= radius_m or (segment in resident and distance <= release_radius_m):
             wanted.append((distance, segment))
     wanted.sort()
-    plan: list[int] = []
+    fitting: list[int] = []
     triangles = size = 0
     for _, segment in wanted:
         triangles += int(table.faces[segment])
@@ -104,10 +103,13 @@ def brute_plan(
             break
         if budgets.max_bytes is not None and size > budgets.max_bytes:
             break
-        if budgets.max_segments is not None and len(plan) + 1 > budgets.max_segments:
+        if budgets.max_segments is not None and len(fitting) + 1 > budgets.max_segments:
             break
-        plan.append(segment)
-    return plan, len(wanted) - len(plan)
+        fitting.append(segment)
+    within = [segment for distance, segment in wanted if distance <= radius_m]
+    plan = [segment for segment in fitting if segment in within]
+    nearby = sorted(segment for segment in fitting if segment not in within)
+    return plan, nearby, len(within) - len(plan)
 
 
 def brute_first_exceeded(
@@ -158,8 +160,7 @@ def test_plan_equals_brute_force(
 ) -> None:
     ids = st.sets(st.integers(0, len(table) - 1))
     held = data.draw(ids, "held")
-    shown = data.draw(ids, "shown") & held
-    plan, omitted = brute_plan(table, centre, radius_m, radius_m * factor, held, budgets)
+    plan, nearby, omitted = brute_plan(table, centre, radius_m, radius_m * factor, held, budgets)
 
     chosen = run(
         table,
@@ -167,27 +168,25 @@ def test_plan_equals_brute_force(
         centre=centre,
         factor=factor,
         held=held,
-        shown=shown,
         budgets=budgets,
     )
 
     assert chosen.load.tolist() == [s for s in plan if s not in held]
     assert chosen.keep.tolist() == sorted(s for s in plan if s in held)
-    assert chosen.release.tolist() == sorted(shown - set(plan))
+    assert chosen.nearby.tolist() == nearby
     assert chosen.omitted_segments == omitted
     assert (chosen.omitted_by is None) == (omitted == 0)
     if omitted:
-        nearest = brute_plan(table, centre, radius_m, radius_m * factor, held, Budgets())[0][
-            len(plan)
-        ]
+        everything = brute_plan(table, centre, radius_m, radius_m * factor, held, Budgets())[0]
+        nearest = everything[len(plan)]
         assert chosen.omitted_by == brute_first_exceeded(table, plan, nearest, budgets)
     assert chosen.total_bytes == sum(int(table.lengths[s]) for s in plan)
     assert chosen.total_triangles == sum(int(table.faces[s]) for s in plan)
     assert chosen.load_bytes == sum(int(table.lengths[s]) for s in plan if s not in held)
     for limit_value, used in (
-        (budgets.max_triangles, chosen.total_triangles),
-        (budgets.max_bytes, chosen.total_bytes),
-        (budgets.max_segments, len(plan)),
+        (budgets.max_triangles, sum(int(table.faces[s]) for s in [*plan, *nearby])),
+        (budgets.max_bytes, sum(int(table.lengths[s]) for s in [*plan, *nearby])),
+        (budgets.max_segments, len(plan) + len(nearby)),
     ):
         assert limit_value is None or used <= limit_value
     outside = [
@@ -213,7 +212,6 @@ def test_superset_and_order_of_candidates_do_not_matter(
             release_radius_m=10.0,
             inner_radius_m=None,
             held=np.zeros(len(candidates), dtype=np.bool_),
-            shown=np.zeros(0, dtype=np.uint32),
         ).load.tolist()
         for candidates in (near, shuffled)
     ]
@@ -243,7 +241,6 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
     budgets: Budgets,
 ) -> None:
     held = IdSet(data.draw(st.lists(st.integers(0, len(table) - 1)), "held"))
-    shown = held.array()[::2]
     centre = (centre[0] + nudge, centre[1], centre[2] - nudge)
     distances = box_distances_m(table.bounds, centre)
     if data.draw(st.booleans(), "to the border"):
@@ -266,16 +263,16 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
             release_radius_m=release_radius_m,
             inner_radius_m=radius_m / 2,
             held=held.contains(ids),
-            shown=shown,
             budgets=budgets,
         )
         for ids in (everything, candidates)
     ]
     assert _facts(plans[0]) == _facts(plans[1])
-    in_full, omitted = brute_plan(
+    in_full, nearby, omitted = brute_plan(
         table, centre, radius_m, release_radius_m, set(held.array().tolist()), budgets
     )
     assert plans[1].order.tolist() == in_full
+    assert plans[1].nearby.tolist() == nearby
     assert plans[1].omitted_segments == omitted
 
 
@@ -303,12 +300,21 @@ def test_radius_is_inclusive() -> None:
     assert run(table, np.nextafter(10.0, 0.0)).load.tolist() == [0]
 
 
-def test_two_radii_keep_what_is_held_beyond_the_load_radius() -> None:
+def test_what_is_held_between_the_two_radii_is_kept_and_is_not_of_the_plan() -> None:
     table = row_of_boxes(5)
-    kept = run(table, 18.0, held={0, 1, 2, 3}, shown={0, 1, 2, 3})
+    kept = run(table, 18.0, held={0, 1, 2, 3})
     assert kept.load.tolist() == []
-    assert kept.keep.tolist() == [0, 1, 2]
-    assert kept.release.tolist() == [3]
+    assert kept.keep.tolist() == [0, 1]
+    assert kept.nearby.tolist() == [2]
+    assert kept.plan.array().tolist() == [0, 1]
+
+
+def test_what_is_nearby_gives_way_to_a_budget_and_is_not_left_out() -> None:
+    held = run(
+        row_of_boxes(5), 12.0, factor=4.0, held={0, 2, 3, 4}, budgets=Budgets(max_segments=3)
+    )
+    assert (held.load.tolist(), held.keep.tolist(), held.nearby.tolist()) == ([1], [0], [2])
+    assert (held.omitted_segments, held.omitted_by, held.effective_radius_m) == (0, None, 12.0)
 
 
 @pytest.mark.parametrize(
@@ -339,8 +345,8 @@ def test_inner_is_what_of_the_plan_lies_within_the_inner_radius() -> None:
 
 
 def test_nothing_near() -> None:
-    chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), shown={1})
+    chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), held={1})
     assert chosen.load.size == 0
     assert chosen.keep.size == 0
-    assert chosen.release.tolist() == [1]
+    assert chosen.nearby.size == 0
     assert chosen.effective_radius_m == 5.0

@@ -412,13 +412,15 @@ def _check_plan(
         for s in range(len(client.table))
         if distances[s] <= radius_m or (s in held and distances[s] <= radius_m * 1.25)
     )
-    expected: list[int] = []
+    fitting: list[int] = []
     for _, segment in wanted:
-        size = sum(int(client.table.lengths[s]) for s in [*expected, segment])
+        size = sum(int(client.table.lengths[s]) for s in [*fitting, segment])
         if budgets.max_bytes is not None and size > budgets.max_bytes:
             break
-        if budgets.max_segments is not None and len(expected) >= budgets.max_segments:
+        if budgets.max_segments is not None and len(fitting) >= budgets.max_segments:
             break
-        expected.append(segment)
+        fitting.append(segment)
+    expected = [s for s in fitting if distances[s] <= radius_m]
     assert plan.load["id"].tolist() == [s for s in expected if s not in held]
     assert plan.keep.tolist() == sorted(s for s in expected if s in held)
+    assert plan.nearby.tolist() == sorted(set(fitting) - set(expected))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from server.session_model import (
     Client,
+    ids,
     kinds,
     land,
     make_client,
@@ -20,6 +21,7 @@ from terraport_wire import (
     Budgets,
     Credit,
     Degraded,
+    Evict,
     Plan,
     Ready,
     Superseded,
@@ -50,29 +52,29 @@ def test_a_second_visit_loads_nothing() -> None:
     client.tell(land(3))
     plan, ready = client.run()
     assert (plan.load_bytes, plan.keep.tolist(), ready.payload_bytes) == (0, [0, 1, 2], 0)
-    assert plan.release.tolist() == [8, 9, 10, 11]
 
 
-def test_release_is_what_was_shown_and_is_not_wanted() -> None:
+def test_what_a_hop_leaves_behind_is_nearby_up_to_the_release_radius() -> None:
     client = make_client()
-    client.tell(land(1))
-    client.run()
-    client.tell(land(2, 40.0, radius_m=12.0))
+    client.tell(land(1, 40.0))
+    assert sorted(client.run()[0].load["id"].tolist()) == [2, 3, 4, 5, 6]
+    client.tell(land(2, 55.0, radius_m=20.0))  # segment 3 is 24 m away, 2 is 34 m
     plan = client.run()[0]
-    assert plan.release.tolist() == [0, 1, 2]
-    client.tell(land(3, 0.0, radius_m=5.0))  # superseded before ready: landing 2 was never shown
-    client.run()
-    assert client.messages[-2].release.tolist() == [3, 4, 5]
+    assert (plan.keep.tolist(), plan.load["id"].tolist()) == ([4, 5, 6], [7])
+    assert (plan.nearby.tolist(), plan.release_radius_m) == ([3], 25.0)
 
 
-def test_a_superseded_landing_is_not_shown() -> None:
+def test_what_is_nearby_may_be_evicted_while_the_landing_is_under_way() -> None:
     client = make_client()
-    client.tell(land(1))
-    client.run(most=2)
-    client.tell(land(2, 100.0, radius_m=5.0))
+    client.tell(land(1, 40.0))
     client.run()
-    plan = next(m for m in client.messages if isinstance(m, Plan) and m.generation == 2)
-    assert plan.release.tolist() == []
+    client.tell(land(2, 55.0, radius_m=20.0))
+    assert client.run(most=1)[0].nearby.tolist() == [3]
+    client.tell(Evict(segments=ids(3)))
+    client.held.discard(3)
+    assert kinds(client.run()) == ["SendChunk", "Ready"]
+    client.tell(land(3, 40.0))
+    assert client.run()[0].load["id"].tolist() == [3]
 
 
 def test_a_large_segment_goes_in_chunks_of_the_largest_frame() -> None:
@@ -113,7 +115,8 @@ def test_release_factor_of_the_client_wins() -> None:
     client.tell(land(1, radius_m=30.0))
     client.run()
     client.tell(land(2, radius_m=15.0))
-    assert client.run()[0].keep.tolist() == [0, 1, 2, 3]
+    plan = client.run()[0]
+    assert (plan.keep.tolist(), plan.nearby.tolist()) == ([0, 1], [2, 3])
 
 
 # Supersede.
@@ -201,8 +204,6 @@ def test_degraded_when_the_deadline_passes_with_the_inner_set_whole() -> None:
     client.credit += 5000
     client.tell(Credit(bytes=5000))
     assert kinds(client.run()) == ["SendChunk", "SendChunk", "Ready"]
-    client.tell(land(2, 100.0, radius_m=5.0))
-    assert client.run()[0].release.tolist() == [0, 1, 2]
 
 
 def test_degraded_comes_late_if_the_inner_set_is_late_and_only_once() -> None:

@@ -91,15 +91,16 @@ def test_the_plan_equals_brute_force_over_random_landings(
                 for s, d in enumerate(distances.tolist())
                 if d <= radius_m or (s in held and d <= radius_m * 1.25)
             )
-            expected, triangles = [], 0
-            for _, segment in order:
+            expected, nearby, triangles = [], [], 0
+            for distance_m, segment in order:
                 triangles += int(index.face_count[segment])
                 if triangles > 8000:
                     break
-                expected.append(segment)
+                (expected if distance_m <= radius_m else nearby).append(segment)
             load = plan.load["id"].tolist()
             assert load == [s for s in expected if s not in held]
             assert plan.keep.tolist() == sorted(s for s in expected if s in held)
+            assert plan.nearby.tolist() == sorted(nearby)
             assert sorted(assemble(frames)) == sorted(load)
             held |= set(load)
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from server.grid_scene import SIDE, STEP_M, TILE_M, GridScene, tile_mesh, write_grid_scene
 
 import terraport
@@ -96,7 +98,7 @@ def test_a_second_visit_costs_no_payload_bytes(server: BackgroundServer) -> None
     """Not even after a visit elsewhere; and the picture is the same."""
 
     async def work() -> None:
-        async with terraport.connect(server.scene_url("grid"), release_factor=1.0) as session:
+        async with terraport.connect(server.scene_url("grid")) as session:
             hashes = []
             for position in (CORNER, CENTRE, CORNER):
                 landing = await session.land(position, radius_m=12.0)
@@ -116,13 +118,44 @@ def test_the_visible_set_does_not_depend_on_what_was_before(server: BackgroundSe
     async def work() -> None:
         hashes = set()
         for history in ([], [CENTRE], [CENTRE, (55.0, 0.0, 5.0)]):
-            async with terraport.connect(server.scene_url("grid"), release_factor=1.0) as session:
+            async with terraport.connect(server.scene_url("grid")) as session:
                 for position in [*history, CORNER]:
                     for head in range(5):
                         session.aim((head, 0.0, head), 15.0)
                     await (await session.land(position, radius_m=15.0)).ready(10)
                 hashes.add(await session.visible_set_hash())
         assert len(hashes) == 1
+
+    run(work())
+
+
+place = st.tuples(st.floats(-5, 65), st.floats(-3, 9), st.floats(-5, 65))
+
+
+@settings(max_examples=20, deadline=None)
+@given(hops=st.lists(st.tuples(place, st.floats(0.5, 25)), min_size=2, max_size=6))
+@example(hops=[(CENTRE, 25.0), ((40.0, 1.0, 35.0), 20.0), (CENTRE, 25.0)])
+def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
+    server: BackgroundServer,
+    grid: GridScene,
+    hops: list[tuple[tuple[float, float, float], float]],
+) -> None:
+    """By brute force; and what is kept beside it comes back without a byte."""
+
+    async def work() -> None:
+        async with terraport.connect(server.scene_url("grid"), cache_bytes=0) as session:
+            for position, radius_m in hops:
+                landing = await session.land(position, radius_m)
+                segments = await landing.ready(10)
+                within = brute_force(grid, position, radius_m)
+                assert [segment.id for segment in segments] == within == list(session.visible)
+                reach = set(brute_force(grid, position, landing.plan.release_radius_m))
+                nearby = set(landing.plan.nearby.tolist())
+                assert nearby <= reach - set(within)
+            again = await session.land(position, landing.plan.release_radius_m)
+            await again.ready(10)
+            assert nearby | set(within) == set(again.plan.keep.tolist())
+            assert session.stats.repeated_bytes == 0
 
     run(work())
 
@@ -161,9 +194,7 @@ def test_a_newer_landing_supersedes_the_older(server: BackgroundServer, big: Gri
                 with pytest.raises(terraport.LandingSuperseded, match="superseded by landing 2"):
                     await task
             segments = await second.ready(20)
-            assert [one.id for one in segments] == sorted(
-                set(brute_force(big, CENTRE, 15.0)) | set(second.plan.keep.tolist())
-            )
+            assert [one.id for one in segments] == brute_force(big, CENTRE, 15.0)
             assert session.stats.repeated_bytes == 0
             assert len(first.segments) < len(big.payloads)
 

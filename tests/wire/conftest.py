@@ -89,7 +89,7 @@ def _consistent(part: type[m.Part]) -> Callable[[dict[str, Any]], dict[str, Any]
         load, seen = fields["load"], set(fields["load"]["id"].tolist())
         fields["keep"] = [segment for segment in fields["keep"] if segment not in seen]
         seen.update(fields["keep"])
-        fields["release"] = [segment for segment in fields["release"] if segment not in seen]
+        fields["nearby"] = [segment for segment in fields["nearby"] if segment not in seen]
         fields["load_bytes"] = int(load["length"].sum(dtype="u8"))
         fields["load_triangles"] = int(load["faces"].sum(dtype="u8"))
         fields["total_bytes"] = max(fields["total_bytes"], fields["load_bytes"])

@@ -138,13 +138,11 @@ def test_a_plan_sums_beyond_32_bits() -> None:
 
 
 @pytest.mark.parametrize(
-    ("keep", "release", "field"),
-    [([7], [], "load"), ([1], [1], "release"), ([], [7], "release")],
+    ("keep", "nearby", "field"),
+    [([7], [], "load"), ([1], [1], "nearby"), ([], [7], "nearby")],
 )
-def test_an_id_stands_in_one_list_of_a_plan(
-    keep: list[int], release: list[int], field: str
-) -> None:
+def test_an_id_stands_in_one_list_of_a_plan(keep: list[int], nearby: list[int], field: str) -> None:
     plan = next(message for message in FULL if isinstance(message, m.Plan))
     with pytest.raises(InvalidMessageError, match="to be disjoint") as caught:
-        dataclasses.replace(plan, keep=keep, release=release)
+        dataclasses.replace(plan, keep=keep, nearby=nearby)
     assert caught.value.field == field

@@ -140,32 +140,36 @@ class Plan(ServerMessage):
     release_radius_m: Annotated[
         float,
         Number(0.0, MAX_RADIUS_M * MAX_RELEASE_FACTOR, low_excluded=True),
-        "Radius in metres within which held segments stay",
+        "Radius in metres within which held segments are kept",
     ]
     effective_radius_m: Annotated[
         float,
         Number(0.0, MAX_RADIUS_M),
-        "Everything nearer than this is in the plan: radius_m, or less where a budget cut",
+        "Everything nearer than this is shown: radius_m, or less where a budget cut",
     ]
     inner_count: Annotated[
         int, Integer(0, MAX_PLAN_SEGMENTS), "Segments of the plan within inner_radius_m"
     ]
     load: Annotated[
-        NDArray[Any], LoadTable(MAX_PLAN_SEGMENTS), "Segments that follow, in sending order"
+        NDArray[Any],
+        LoadTable(MAX_PLAN_SEGMENTS),
+        "Segments within radius_m that follow, in sending order",
     ]
     keep: Annotated[
-        NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "Segments of the plan that the client holds"
+        NDArray[Any], Ids(MAX_PLAN_SEGMENTS), "Segments within radius_m that the client holds"
     ]
-    release: Annotated[
+    nearby: Annotated[
         NDArray[Any],
         Ids(MAX_PLAN_SEGMENTS),
-        "Segments of the plan before this one that are not in this one",
+        "Held segments beyond radius_m within release_radius_m: kept, not shown",
     ]
     load_bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes of load, whole segments"]
     load_triangles: Annotated[int, Integer(0, MAX_INTEGER), "Triangles of load"]
     total_bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes of load and keep"]
     total_triangles: Annotated[int, Integer(0, MAX_INTEGER), "Triangles of load and keep"]
-    omitted_segments: Annotated[int, Integer(0, _U32), "Candidates that a budget left out"]
+    omitted_segments: Annotated[
+        int, Integer(0, _U32), "Segments within radius_m that a budget left out"
+    ]
     omitted_by: Annotated[
         str | None,
         Choice("max_triangles", "max_bytes", "max_segments"),
@@ -173,7 +177,7 @@ class Plan(ServerMessage):
     ] = None
 
     def contradiction(self) -> tuple[str, str] | None:
-        """Check the sums and that load and keep share no id."""
+        """Check the sums and that load, keep and nearby share no id."""
         if int(self.load["length"].sum(dtype="u8")) != self.load_bytes:
             return ("load_bytes", f"got {self.load_bytes}, expected the sum of load's lengths")
         if int(self.load["faces"].sum(dtype="u8")) != self.load_triangles:
@@ -190,15 +194,15 @@ class Plan(ServerMessage):
 
     def _overlap(self) -> tuple[str, str] | None:
         # Each list holds an id once already, so a repetition is one across lists.
-        ids = np.sort(np.concatenate((self.load["id"], self.keep, self.release)))
+        ids = np.sort(np.concatenate((self.load["id"], self.keep, self.nearby)))
         if not (ids[1:] == ids[:-1]).any():
             return None
-        text = "got an id of {}, expected load, keep and release to be disjoint"
+        text = "got an id of {}, expected load, keep and nearby to be disjoint"
         if np.isin(self.load["id"], self.keep).any():
             return ("load", text.format("keep"))
-        if np.isin(self.release, self.keep).any():
-            return ("release", text.format("keep"))
-        return ("release", text.format("load"))
+        if np.isin(self.nearby, self.keep).any():
+            return ("nearby", text.format("keep"))
+        return ("nearby", text.format("load"))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -1,8 +1,9 @@
 """The client's memory of segments: a byte-bounded LRU with pins.
 
-What is pinned (the visible segments, and those of a plan on its way) is never evicted; everything
-else goes, least recently used first, as soon as the bound is exceeded. Pins may exceed the bound: a
-landing must be held whole, and its size is bounded by the budgets of the landing instead.
+What is pinned (the visible segments, those of a plan on its way, and what the newest plan has
+nearby) is never evicted; everything else goes, least recently used first, as soon as the bound is
+exceeded. Pins may exceed the bound: a landing must be held whole, and its size is bounded by the
+budgets of the landing instead.
 
 PURE: no I/O, no clock. "Recently" is counted in accesses, not in time.
 """

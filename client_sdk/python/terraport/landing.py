@@ -160,7 +160,9 @@ class Landing:
 
     @property
     def plan(self) -> Plan:
-        """The server's plan: load, keep, release, totals, and what a budget left out.
+        """The server's plan: load, keep, nearby, totals, and what a budget left out.
+
+        What is in `load` and `keep` is to be shown; what is in `nearby` is held, and is not.
 
         After a reconnect it is the newest one, whose `keep` has what had come before.
         """
@@ -244,7 +246,8 @@ class Landing:
         Returns
         -------
         tuple of Segment
-            Everything that is visible at this landing, ascending id.
+            Everything that is visible at this landing, ascending id: what lies within its radius,
+            or within the plan's ``effective_radius_m`` where a budget cut.
 
         Raises
         ------

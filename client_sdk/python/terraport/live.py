@@ -167,9 +167,9 @@ class Session:
             What came is not what the manifest promises.
         """
         async with self._base_lock:
-            version = self.scene.version
-            if self._base is None or self._base.version != version:
-                self._base = await self._http.base(version, self._disk)
+            # A reconnect may lead to another version while the files come: then once more (2.5).
+            while self._base is None or self._base.version != self.scene.version:
+                self._base = await self._http.base(self.scene.version, self._disk)
             return self._base
 
     # ---- commands

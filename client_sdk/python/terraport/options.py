@@ -43,7 +43,8 @@ class SessionOptions:
     messages (the server allows 60 per second), a smaller one bounds what lies in buffers when a
     landing is superseded."""
     release_factor: float | None = None
-    """Release radius / load radius; None takes the server's."""
+    """Within so many radii of a landing what is held is kept beside what is shown, so that a hop
+    back costs no bytes; None takes the server's."""
 
     def __post_init__(self) -> None:
         if self.credit_bytes < 1:

@@ -73,6 +73,7 @@ class Transfers:
         self._report = report
         self._asked: deque[LandingState] = deque()
         self._current: LandingState | None = None
+        self._nearby: tuple[int, ...] = ()
         self._prefetch: PrefetchState | None = None
         self._parts = Assembler()
         self._retried: set[int] = set()
@@ -125,7 +126,7 @@ class Transfers:
 
     def hide_all(self) -> None:
         """Show nothing: the served version is another one, so the ids mean other segments (5.4)."""
-        self.visible = ()
+        self.visible = self._nearby = ()
         self._pin_and_trim()
 
     # ---- messages
@@ -141,6 +142,7 @@ class Transfers:
         if self._current is not None and not self._current.done:
             self._report(Superseded(self._current.number, landing.number))
         self._current, self._prefetch = landing, None
+        self._nearby = tuple(plan.nearby.tolist())
         self._retried.clear()
         landing.begin(plan)
         self._parts.keep_only(landing.facts)
@@ -327,7 +329,7 @@ class Transfers:
             )
 
     def _pin(self) -> None:
-        self.held.pin((*self.visible, *self.open_plan))
+        self.held.pin((*self.visible, *self.open_plan, *self._nearby))
 
     def _pin_and_trim(self) -> None:
         self._pin()

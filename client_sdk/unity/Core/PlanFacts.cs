@@ -2,7 +2,7 @@ using System.Collections.Generic;
 
 namespace Terraport
 {
-    /// <summary>The plan of a landing: what comes, what stays, what may go.</summary>
+    /// <summary>The plan of a landing: what comes and what is here already, to be shown; and what is kept beside it.</summary>
     public sealed class PlanFacts
     {
         /// <summary>Landing number of the client; the same over reconnects.</summary>
@@ -20,11 +20,11 @@ namespace Terraport
         /// <summary>What will be sent, in that order: nearest first.</summary>
         public IReadOnlyList<SegmentFacts> Load { get; set; }
 
-        /// <summary>Ids that are wanted and held already.</summary>
+        /// <summary>Ids within the radius that are held already.</summary>
         public IReadOnlyList<uint> Keep { get; set; }
 
-        /// <summary>Ids that the server lets go.</summary>
-        public IReadOnlyList<uint> Release { get; set; }
+        /// <summary>Ids held beyond the radius: kept ready for a hop back, not shown.</summary>
+        public IReadOnlyList<uint> Nearby { get; set; }
 
         /// <summary>Payload bytes of <see cref="Load"/>.</summary>
         public long LoadBytes { get; set; }

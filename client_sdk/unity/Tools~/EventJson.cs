@@ -83,7 +83,7 @@ namespace Terraport.Tools
             json.Key("radius_m").Value(plan.RadiusM).Key("effective_radius_m").Value(plan.EffectiveRadiusM);
             json.Key("load").Open('[');
             foreach (SegmentFacts facts in plan.Load) DescribeFacts(json, facts);
-            json.Close(']').Key("keep").Values(plan.Keep).Key("release").Values(plan.Release);
+            json.Close(']').Key("keep").Values(plan.Keep).Key("nearby").Values(plan.Nearby);
             json.Key("load_bytes").Value(plan.LoadBytes).Key("total_bytes").Value(plan.TotalBytes);
             json.Key("total_triangles").Value(plan.TotalTriangles).Key("omitted_segments").Value(plan.OmittedSegments);
             json.Key("omitted_by").Value(plan.OmittedBy);

@@ -36,7 +36,7 @@ namespace Terraport.Tools
             ArraySegment<byte> data = Padded(File.ReadAllBytes(Path.ChangeExtension(path, ".bin")), facts);
             try
             {
-                return facts["subprotocol"].Text == "frame" ? Frame(data, facts) : Message(data, facts);
+                return facts["kind"].Text == "frame" ? Frame(data, facts) : Message(data, facts);
             }
             catch (DecodeException error)
             {

@@ -39,7 +39,7 @@ void describePlan(JsonText& json, const PlanFacts& plan) {
   for (const SegmentFacts& facts : plan.load) {
     describeFacts(json, facts);
   }
-  json.close(']').key("keep").integers(plan.keep).key("release").integers(plan.release);
+  json.close(']').key("keep").integers(plan.keep).key("nearby").integers(plan.nearby);
   json.key("load_bytes").integer(static_cast<std::int64_t>(plan.loadBytes));
   json.key("total_bytes").integer(static_cast<std::int64_t>(plan.totalBytes));
   json.key("total_triangles").integer(static_cast<std::int64_t>(plan.totalTriangles));

@@ -112,7 +112,7 @@ std::string whyNot(const std::string& stem) {
   if (size > data.size()) {
     data.resize(size, static_cast<std::uint8_t>(facts.member("pad_byte").integer().value_or(0)));
   }
-  if (textOf(facts.member("subprotocol")) == "frame") {
+  if (textOf(facts.member("kind")) == "frame") {
     return frameDifference(viewOf(data), facts);
   }
   return textOf(facts.member("direction")) == "client_to_server" ? messageDifference<ClientMessage>(viewOf(data), facts)

@@ -11,7 +11,12 @@ export function facts(segment: number): SegmentFacts {
 }
 
 /** The plan of a landing. */
-export function plan(landing: number, load: readonly number[], keep: readonly number[] = []): PlanFacts {
+export function plan(
+  landing: number,
+  load: readonly number[],
+  keep: readonly number[] = [],
+  nearby: readonly number[] = [],
+): PlanFacts {
   return {
     landing,
     position: [0, 0, 0],
@@ -19,7 +24,7 @@ export function plan(landing: number, load: readonly number[], keep: readonly nu
     effectiveRadiusM: 60,
     load: load.map(facts),
     keep,
-    release: [],
+    nearby,
     loadBytes: load.length * 10,
     totalBytes: (load.length + keep.length) * 10,
     totalTriangles: 0,

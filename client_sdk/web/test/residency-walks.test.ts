@@ -36,6 +36,7 @@ describe("whatever happens", () => {
           landing,
           wanted.filter((id) => !held.has(id)),
           wanted.filter((id) => held.has(id)),
+          ids().filter((id) => held.has(id) && !wanted.includes(id)),
         );
         residency.planned(asked);
       } else if (act === 2 && asked) {

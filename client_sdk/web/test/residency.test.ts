@@ -33,9 +33,14 @@ function work(except: readonly number[] = []): number[] {
   }
 }
 
-function land(landing: number, load: readonly number[], keep: readonly number[] = []): void {
+function land(
+  landing: number,
+  load: readonly number[],
+  keep: readonly number[] = [],
+  nearby: readonly number[] = [],
+): void {
   residency.land(landing, [0, 0, 0], 60, 0);
-  residency.planned(plan(landing, load, keep));
+  residency.planned(plan(landing, load, keep, nearby));
   for (const segment of load) {
     residency.arrived(facts(segment), landing);
   }
@@ -115,6 +120,30 @@ describe("a landing", () => {
     expect(work()).toEqual([1]);
     expect(residency.fraction()).toBe(1);
     expect(residency.swap()).toMatchObject({ shown: [1], hidden: [2] });
+  });
+
+  it("keeps on the GPU what is nearby, hidden, and shows it again at once", () => {
+    land(1, [1, 2, 3]);
+    work();
+    residency.swap();
+    land(2, [4], [1], [2]);
+    work();
+    expect(residency.swap()).toMatchObject({ visible: [1, 4], hidden: [2, 3] });
+    expect(residency.takeFreed()).toEqual([3]);
+    expect(residency.spareBytes).toBe(0);
+    land(3, [], [1, 2], [4]);
+    expect(work()).toEqual([]);
+    expect(residency.swap()).toMatchObject({ visible: [1, 2], shown: [2], hidden: [4] });
+    land(4, [5]);
+    work();
+    residency.swap();
+    expect(residency.takeFreed().sort()).toEqual([1, 2, 4]);
+  });
+
+  it("decodes nothing for the sake of what is nearby", () => {
+    residency.arrived(facts(2), 1);
+    land(2, [4], [], [2, 9]);
+    expect(work()).toEqual([4]);
   });
 
   it("of an empty place hides everything", () => {

@@ -14,7 +14,7 @@ const DECLINED: ReadonlyMap<string, string> = new Map();
 const CORPUS = new URL("../../../tests/conformance/wire/", import.meta.url);
 
 interface Facts {
-  readonly subprotocol: "msgpack" | "frame";
+  readonly kind: "message" | "frame";
   readonly direction: Direction;
   readonly message?: unknown;
   readonly unknown?: string;
@@ -59,8 +59,8 @@ it("runs the whole corpus, with every message", () => {
   expect(NAMES.good.length + NAMES.bad.length).toBeGreaterThan(500);
   for (const types of Object.values(MESSAGES)) {
     for (const type of Object.keys(types)) {
-      expect(NAMES.good).toContain(`msgpack-${type}-minimal`);
-      expect(NAMES.good).toContain(`msgpack-${type}-full`);
+      expect(NAMES.good).toContain(`message-${type}-minimal`);
+      expect(NAMES.good).toContain(`message-${type}-full`);
     }
   }
   for (const name of DECLINED.keys()) expect([...namesIn("good", true), ...namesIn("bad", true)]).toContain(name);
@@ -84,7 +84,7 @@ function readCase(folder: "good" | "bad", name: string): { facts: Facts; data: U
 
 function observe(data: Uint8Array<ArrayBuffer>, facts: Facts): Observed {
   try {
-    if (facts.subprotocol === "frame") return { frame: frameFacts(data) };
+    if (facts.kind === "frame") return { frame: frameFacts(data) };
     const message = decodeMessage(data, facts.direction);
     if (message.type === "unknown") return { unknown: message.name };
     const observed: Observed = { message: readable(message) };

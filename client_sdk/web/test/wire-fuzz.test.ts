@@ -23,7 +23,7 @@ const MUTATIONS = 80;
 
 interface Sample {
   readonly name: string;
-  readonly form: "msgpack" | "frame";
+  readonly kind: "message" | "frame";
   readonly direction: Direction;
   readonly bytes: Uint8Array<ArrayBuffer>;
 }
@@ -33,7 +33,7 @@ const SAMPLES: Sample[] = readdirSync(CORPUS)
   .map((name) => {
     const facts = JSON.parse(readFileSync(new URL(name, CORPUS), "utf-8"));
     const bytes = new Uint8Array(readFileSync(new URL(name.replace(/json$/, "bin"), CORPUS)));
-    return { name, form: facts.subprotocol, direction: facts.direction, bytes };
+    return { name, kind: facts.kind, direction: facts.direction, bytes };
   });
 
 it("mutated messages give a message or DecodeError", () => {
@@ -61,10 +61,10 @@ it("random bytes give DecodeError", () => {
   const chance = seeded(1);
   for (let round = 0; round < 5_000; round += 1) {
     const bytes = Uint8Array.from({ length: chance(64) }, () => chance(256));
-    for (const form of ["msgpack", "frame"] as const) {
+    for (const kind of ["message", "frame"] as const) {
       for (const direction of ["client_to_server", "server_to_client"] as const) {
         try {
-          checkOnce({ name: "random", form, direction, bytes });
+          checkOnce({ name: "random", kind, direction, bytes });
         } catch (error) {
           if (!(error instanceof DecodeError)) throw new Error(`round ${round}`, { cause: error });
         }
@@ -74,7 +74,7 @@ it("random bytes give DecodeError", () => {
 });
 
 it("every truncation of a plan is refused", () => {
-  for (const sample of SAMPLES.filter(({ name }) => name.startsWith("msgpack-plan-full"))) {
+  for (const sample of SAMPLES.filter(({ name }) => name.startsWith("message-plan-full"))) {
     for (let length = 0; length < sample.bytes.length; length += 1) {
       const bytes = sample.bytes.slice(0, length);
       expect(() => checkOnce({ ...sample, bytes }), `${sample.name} at ${length}`).toThrow(DecodeError);
@@ -96,8 +96,8 @@ it("nothing is reserved for lengths that are only declared", () => {
   }
 });
 
-function checkOnce({ form, direction, bytes }: Sample): void {
-  if (form === "frame") {
+function checkOnce({ kind, direction, bytes }: Sample): void {
+  if (kind === "frame") {
     decodeFrame(bytes);
     return;
   }

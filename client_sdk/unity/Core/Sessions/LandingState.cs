@@ -134,7 +134,7 @@ namespace Terraport.Sessions
                 EffectiveRadiusM = plan.EffectiveRadiusM,
                 Load = plan.Load,
                 Keep = plan.Keep,
-                Release = plan.Release,
+                Nearby = plan.Nearby,
                 LoadBytes = plan.LoadBytes,
                 TotalBytes = plan.TotalBytes,
                 TotalTriangles = plan.TotalTriangles,

@@ -23,6 +23,8 @@ namespace Terraport.Sessions
         private PrefetchState prefetch;
         // Shown perhaps, since a deadline passed: the newest declared inner set.
         private uint[] inner = new uint[0];
+        // Kept beside what is shown: of the newest plan (6.6, rule 3).
+        private uint[] nearby = new uint[0];
         // Chunk bytes taken, and those of them that belong to segments which were held already.
         private long payloadBytes;
         private long repeatedBytes;
@@ -116,6 +118,7 @@ namespace Terraport.Sessions
         {
             Visible = new uint[0];
             inner = new uint[0];
+            nearby = new uint[0];
             PinAndTrim();
         }
 
@@ -135,6 +138,7 @@ namespace Terraport.Sessions
             EndCurrent(landing.Number);
             current = landing;
             prefetch = null;
+            nearby = plan.Nearby;
             retried.Clear();
             landing.Begin(plan);
             assembler.KeepOnly(landing.Facts);
@@ -344,6 +348,7 @@ namespace Terraport.Sessions
             held.Cache.UnpinAll();
             held.Cache.Pin(Visible);
             held.Cache.Pin(inner);
+            held.Cache.Pin(nearby);
             if (OpenPlan != null) held.Cache.Pin(OpenPlan);
         }
 

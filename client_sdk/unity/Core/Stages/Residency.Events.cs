@@ -28,6 +28,8 @@ namespace Terraport
             {
                 shelf.Hold(plan.Keep[at], -1);
             }
+            nearbyIds.Clear();
+            nearbyIds.UnionWith(plan.Nearby);
             SetWanted(landing.Expected().ToArray());
             shelf.FreeUnneededMeshes();
         }
@@ -119,6 +121,7 @@ namespace Terraport
             Epoch++;
             shelf.Clear();
             prefetched.Clear();
+            nearbyIds.Clear();
             if (Newest != null)
             {
                 Newest.Restart();

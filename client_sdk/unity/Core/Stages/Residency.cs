@@ -20,6 +20,8 @@ namespace Terraport
         private readonly SegmentShelf shelf;
         private readonly HashSet<uint> visibleIds = new HashSet<uint>();
         private readonly HashSet<uint> wantedIds = new HashSet<uint>();
+        // What the newest plan keeps ready beside what is shown.
+        private readonly HashSet<uint> nearbyIds = new HashSet<uint>();
         private readonly List<uint> prefetched = new List<uint>();
         private readonly HashSet<uint> hiddenIds = new HashSet<uint>();
         private uint[] wanted = None;
@@ -29,7 +31,8 @@ namespace Terraport
 
         internal Residency(StageOptions options)
         {
-            shelf = new SegmentShelf(options, segment => wantedIds.Contains(segment) || visibleIds.Contains(segment));
+            shelf = new SegmentShelf(
+                options, segment => wantedIds.Contains(segment) || visibleIds.Contains(segment) || nearbyIds.Contains(segment));
             Visible = None;
         }
 

@@ -17,7 +17,7 @@ namespace Terraport
         private readonly List<KeyValuePair<uint, Entry>> scratch = new List<KeyValuePair<uint, Entry>>();
         private long tick;
 
-        /// <remarks>isNeeded: Whether a segment is visible, or wanted by the newest landing. After it changes: Trim.</remarks>
+        /// <remarks>isNeeded: Whether a segment is visible, or wanted or kept by the newest plan. After it changes: Trim.</remarks>
         internal SegmentShelf(StageOptions options, Func<uint, bool> isNeeded)
         {
             mostSpareBytes = options.SpareGpuBytes;

@@ -13,7 +13,7 @@ namespace Terraport
         public bool AutoShow { get; set; } = true;
 
         /// <summary>
-        /// GPU bytes of segments that are neither shown nor wanted by the newest landing (an aim brought them). Default
+        /// GPU bytes of segments that are neither shown nor of the newest plan (an aim brought them). Default
         /// 96 MiB.
         /// </summary>
         public long SpareGpuBytes { get; set; } = 96L * 1024 * 1024;

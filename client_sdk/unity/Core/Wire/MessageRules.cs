@@ -63,19 +63,19 @@ namespace Terraport.Wire
                 loaded.Add(facts.Segment);
                 if (kept.Contains(facts.Segment)) throw Overlap("keep", "load");
             }
-            foreach (uint segment in plan.Release)
+            foreach (uint segment in plan.Nearby)
             {
-                if (kept.Contains(segment)) throw Overlap("keep", "release");
+                if (kept.Contains(segment)) throw Overlap("keep", "nearby");
             }
-            foreach (uint segment in plan.Release)
+            foreach (uint segment in plan.Nearby)
             {
-                if (loaded.Contains(segment)) throw Overlap("load", "release");
+                if (loaded.Contains(segment)) throw Overlap("load", "nearby");
             }
         }
 
         private static RefusedException Overlap(string other, string field)
         {
-            return new RefusedException("got an id of " + other + ", expected load, keep and release to be disjoint", field);
+            return new RefusedException("got an id of " + other + ", expected load, keep and nearby to be disjoint", field);
         }
 
         private static long Bytes(SegmentFacts[] rows)

@@ -1357,7 +1357,7 @@ namespace Terraport.Wire
             new Field("inner_count", true, new IntegerKind(0L, 16384L)),
             new Field("load", true, new LoadKind(16384)),
             new Field("keep", true, new IdsKind(16384)),
-            new Field("release", true, new IdsKind(16384)),
+            new Field("nearby", true, new IdsKind(16384)),
             new Field("load_bytes", true, new IntegerKind(0L, 9007199254740991L)),
             new Field("load_triangles", true, new IntegerKind(0L, 9007199254740991L)),
             new Field("total_bytes", true, new IntegerKind(0L, 9007199254740991L)),
@@ -1381,23 +1381,23 @@ namespace Terraport.Wire
         /// <summary>Radius in metres around the centre.</summary>
         public double RadiusM { get; set; }
 
-        /// <summary>Radius in metres within which held segments stay.</summary>
+        /// <summary>Radius in metres within which held segments are kept.</summary>
         public double ReleaseRadiusM { get; set; }
 
-        /// <summary>Everything nearer than this is in the plan: radius_m, or less where a budget cut.</summary>
+        /// <summary>Everything nearer than this is shown: radius_m, or less where a budget cut.</summary>
         public double EffectiveRadiusM { get; set; }
 
         /// <summary>Segments of the plan within inner_radius_m.</summary>
         public int InnerCount { get; set; }
 
-        /// <summary>Segments that follow, in sending order.</summary>
+        /// <summary>Segments within radius_m that follow, in sending order.</summary>
         public SegmentFacts[] Load { get; set; }
 
-        /// <summary>Segments of the plan that the client holds.</summary>
+        /// <summary>Segments within radius_m that the client holds.</summary>
         public uint[] Keep { get; set; }
 
-        /// <summary>Segments of the plan before this one that are not in this one.</summary>
-        public uint[] Release { get; set; }
+        /// <summary>Held segments beyond radius_m within release_radius_m: kept, not shown.</summary>
+        public uint[] Nearby { get; set; }
 
         /// <summary>Payload bytes of load, whole segments.</summary>
         public long LoadBytes { get; set; }
@@ -1411,7 +1411,7 @@ namespace Terraport.Wire
         /// <summary>Triangles of load and keep.</summary>
         public long TotalTriangles { get; set; }
 
-        /// <summary>Candidates that a budget left out.</summary>
+        /// <summary>Segments within radius_m that a budget left out.</summary>
         public uint OmittedSegments { get; set; }
 
         /// <summary>Budget that the first omitted segment would exceed; absent if none was omitted. Null where absent.</summary>
@@ -1434,7 +1434,7 @@ namespace Terraport.Wire
                 case 5: return (long)InnerCount;
                 case 6: return Load;
                 case 7: return Keep;
-                case 8: return Release;
+                case 8: return Nearby;
                 case 9: return (long)LoadBytes;
                 case 10: return (long)LoadTriangles;
                 case 11: return (long)TotalBytes;
@@ -1457,7 +1457,7 @@ namespace Terraport.Wire
                 case 5: InnerCount = (int)(long)value; return;
                 case 6: Load = (SegmentFacts[])value; return;
                 case 7: Keep = (uint[])value; return;
-                case 8: Release = (uint[])value; return;
+                case 8: Nearby = (uint[])value; return;
                 case 9: LoadBytes = (long)(long)value; return;
                 case 10: LoadTriangles = (long)(long)value; return;
                 case 11: TotalBytes = (long)(long)value; return;

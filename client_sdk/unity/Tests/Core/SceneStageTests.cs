@@ -66,6 +66,28 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void Nearby_StaysUploaded_AndIsShownAgainAtOnce()
+        {
+            var bench = new StageBench();
+            bench.LandOn(1, 2, 3);
+            bench.Frames(60);
+            int hop = bench.Land();
+            bench.Plan(hop, new uint[] { 4 }, new uint[] { 1 }, new uint[] { 2 });
+            bench.Arrive(hop, 4);
+            bench.Ready(hop, 1, 4);
+            bench.Frames(60);
+            Assert.IsTrue(bench.Shows(1, 4));
+            Assert.AreEqual(3, bench.Renderer.Uploaded, "1, 4 and 2, which is not shown; 3 is freed");
+            bench.Stream.Drop(2);
+            int back = bench.Land();
+            bench.Plan(back, new uint[0], new uint[] { 1, 2 });
+            bench.Ready(back, 1, 2);
+            bench.Frames(60);
+            Assert.IsTrue(bench.Shows(1, 2), "2 needed no payload");
+            Assert.AreEqual(2, bench.Renderer.Uploaded);
+        }
+
+        [Test]
         public void Newer_TakesThePlaceOfOneThatWasNotShown()
         {
             var bench = new StageBench();

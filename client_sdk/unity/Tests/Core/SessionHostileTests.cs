@@ -128,7 +128,7 @@ namespace Terraport.Tests
                     EffectiveRadiusM = 1,
                     Load = load,
                     Keep = new uint[0],
-                    Release = new uint[0],
+                    Nearby = new uint[0],
                     LoadBytes = bytes,
                     LoadTriangles = load.Length,
                     TotalBytes = bytes,

@@ -57,6 +57,28 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void KeepsWhatLiesALittleBeyondItsRadiusAndDoesNotShowIt()
+        {
+            SessionPair pair = new SessionPair(toy, new SessionModelOptions { CacheBytes = 0, ReleaseFactor = 1.5 }).Connect();
+            foreach (double radiusM in new[] { 6, 4.5, 6 })
+            {
+                pair.Client.Land(Middle, radiusM);
+                pair.Settle();
+                Assert.AreEqual(toy.Within(Middle, radiusM), pair.Client.Visible);
+            }
+            PlanFacts[] plans = pair.Of(StreamEventKind.Planned).Select(one => one.Plan).ToArray();
+            Assert.AreEqual(toy.Within(Middle, 6).Except(toy.Within(Middle, 4.5)).ToArray(), plans[1].Nearby);
+            Assert.IsNotEmpty(plans[1].Nearby);
+            Assert.IsEmpty(plans[2].Load);
+            Assert.IsEmpty(pair.Of(StreamEventKind.Dropped));
+            pair.Client.Land(Middle, 1);
+            pair.Settle();
+            uint[] dropped = pair.Of(StreamEventKind.Dropped).SelectMany(one => one.Segments).ToArray();
+            Assert.IsNotEmpty(dropped);
+            Assert.IsEmpty(dropped.Intersect(toy.Within(Middle, 1.5)));
+        }
+
+        [Test]
         public void IsNotReadyBeforeTheServerSaysSoThoughItIsWhole()
         {
             SessionPair pair = new SessionPair(toy).Connect();

@@ -30,7 +30,6 @@ namespace Terraport.Tests
         private SessionModelSending landing;
         private SessionModelSending prefetch;
         private AimMessage waitingAim;
-        private uint[] shown = new uint[0];
 
         internal SessionModelServer(SessionToyScene scene, SessionModelOptions options)
         {
@@ -148,7 +147,6 @@ namespace Terraport.Tests
                     throw new InvalidOperationException("evicts " + segment + " of a plan that is not ready (6.7, rule 2)");
                 }
                 Held.Remove(segment);
-                shown = shown.Where(one => one != segment).ToArray();
             }
         }
 
@@ -202,29 +200,31 @@ namespace Terraport.Tests
             DeadlinePassed = false;
             uint[] order = Ordered(land.Position, land.RadiusM);
             string omittedBy;
-            uint[] wanted = Within(order, out omittedBy);
+            uint[] fitting = Within(order, out omittedBy);
+            uint[] near = order.Where(one => Far(land.Position, one) <= land.RadiusM).ToArray();
+            uint[] wanted = fitting.Take(near.Length).ToArray();
             uint[] load = wanted.Where(segment => !Held.Contains(segment)).ToArray();
             double innerRadiusM = land.InnerRadiusM ?? -1;
             uint[] inner = wanted.Where(one => Far(land.Position, one) <= innerRadiusM).ToArray();
             prefetch = null;
             landing = Begin(land.Generation, land, wanted, load, inner);
-            bool isCut = wanted.Length < order.Length;
+            bool isCut = wanted.Length < near.Length;
             Say(new PlanMessage {
                 Generation = land.Generation,
                 Position = land.Position,
                 RadiusM = land.RadiusM,
                 ReleaseRadiusM = land.RadiusM * releaseFactor,
-                EffectiveRadiusM = isCut ? Math.Min(land.RadiusM, Far(land.Position, order[wanted.Length])) : land.RadiusM,
+                EffectiveRadiusM = isCut ? Far(land.Position, near[wanted.Length]) : land.RadiusM,
                 InnerCount = inner.Length,
                 Load = load.Select(segment => scene.Facts[segment]).ToArray(),
                 Keep = wanted.Where(segment => Held.Contains(segment)).OrderBy(one => one).ToArray(),
-                Release = shown.Where(segment => !wanted.Contains(segment)).ToArray(),
+                Nearby = fitting.Skip(near.Length).OrderBy(one => one).ToArray(),
                 LoadBytes = scene.BytesOf(load),
                 LoadTriangles = SessionToyScene.FacesEach * load.Length,
                 TotalBytes = scene.BytesOf(wanted),
                 TotalTriangles = SessionToyScene.FacesEach * wanted.Length,
-                OmittedSegments = (uint)(order.Length - wanted.Length),
-                OmittedBy = omittedBy,
+                OmittedSegments = (uint)(near.Length - wanted.Length),
+                OmittedBy = isCut ? omittedBy : null,
             });
         }
 
@@ -361,7 +361,6 @@ namespace Terraport.Tests
             sending.IsReadySent = true;
             if (sending.Land != null)
             {
-                shown = sending.Order.Where(segment => !sending.Missing.Contains(segment)).ToArray();
                 Say(new ReadyMessage {
                     Generation = sending.Generation,
                     Delivered = sending.Delivered,

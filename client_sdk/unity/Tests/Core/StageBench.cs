@@ -58,10 +58,15 @@ namespace Terraport.Tests
 
         internal int Land() { return Stage.Land(new Vec3(1, 2, 3), 40); }
 
-        internal void Plan(int landing, uint[] load, uint[] keep = null)
+        internal void Plan(int landing, uint[] load, uint[] keep = null, uint[] nearby = null)
         {
             SegmentFacts[] rows = Array.ConvertAll(load, Facts);
-            var plan = new PlanFacts { Landing = landing, Load = rows, Keep = keep ?? new uint[0], Release = new uint[0] };
+            var plan = new PlanFacts {
+                Landing = landing,
+                Load = rows,
+                Keep = keep ?? new uint[0],
+                Nearby = nearby ?? new uint[0],
+            };
             Handle(new StreamEvent { Kind = StreamEventKind.Planned, Landing = landing, Plan = plan });
         }
 

@@ -43,7 +43,7 @@ namespace Terraport.Tests
         /// <summary>What differs in a case that decodes; null where nothing does.</summary>
         private static string Compare(JsonValue facts, byte[] data)
         {
-            if (facts["subprotocol"].Text == "frame") return CompareFrame(facts, data);
+            if (facts["kind"].Text == "frame") return CompareFrame(facts, data);
             Direction direction = facts["direction"].Text == "client_to_server" ? Direction.ClientToServer : Direction.ServerToClient;
             WireMessage message = WireCodec.Decode(new ArraySegment<byte>(data), direction);
             if (!facts["error"].IsNull) return "decoded to " + message.Type + ", expected an error";

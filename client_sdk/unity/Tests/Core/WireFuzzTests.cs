@@ -45,7 +45,7 @@ namespace Terraport.Tests
 
         private static void Decode(JsonValue facts, byte[] data)
         {
-            if (facts["subprotocol"].Text == "frame")
+            if (facts["kind"].Text == "frame")
             {
                 PayloadFrame frame;
                 PayloadFrame.TryDecode(new ArraySegment<byte>(data), out frame);

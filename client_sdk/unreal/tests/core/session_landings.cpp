@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <set>
 
 using namespace terraport;
@@ -52,6 +53,30 @@ TEST_CASE("session: a landing costs no bytes the second time") {
   CHECK(planned[1].plan.keep.size() == planned[0].plan.load.size());
   CHECK(pair.of(EventKind::Ready)[1].payloadBytes == 0);
   CHECK(isOnce(pair.received));
+}
+
+TEST_CASE("session: a landing keeps what lies a little beyond its radius, and does not show it (6.6)") {
+  PairOptions options;
+  options.cacheBytes = 0;
+  options.releaseFactor = 1.5;
+  Pair pair(kToy, options);
+  pair.connect();
+  for (const double radiusM : {6.0, 4.5, 6.0}) {
+    pair.client.land(kMiddle, radiusM, {});
+    pair.settle();
+    CHECK(pair.client.transfers().visible() == kToy.within(kMiddle, radiusM));
+  }
+  const auto plans = pair.of(EventKind::Planned);
+  REQUIRE(plans.size() == 3);
+  const Ids less = kToy.within(kMiddle, 4.5);
+  Ids nearby;
+  for (const std::uint32_t segment : kToy.within(kMiddle, 6)) {
+    if (std::find(less.begin(), less.end(), segment) == less.end()) nearby.push_back(segment);
+  }
+  CHECK(plans[1].plan.nearby == nearby);
+  CHECK_FALSE(nearby.empty());
+  CHECK(plans[2].plan.load.empty());
+  CHECK(pair.of(EventKind::Dropped).empty());
 }
 
 TEST_CASE("session: a landing is not ready before the server says so, though it is whole (6.4, rule 5)") {

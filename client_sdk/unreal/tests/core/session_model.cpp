@@ -118,7 +118,6 @@ void ModelServer::on(const EvictMessage& evict) {
     const bool isOfOpenPlan = landing_ != nullptr && !landing_->isReadySent && contains(landing_->order, segment);
     REQUIRE_MESSAGE(!isOfOpenPlan, "evicts a segment of a plan that is not ready (6.7, rule 2)");
     held.erase(segment);
-    shown_.erase(std::remove(shown_.begin(), shown_.end(), segment), shown_.end());
   }
 }
 
@@ -180,7 +179,17 @@ void ModelServer::on(const LandMessage& land) {
   isDeadlinePassed = false;
   const std::vector<std::uint32_t> order = ordered(land.position, land.radiusM);
   PlanMessage plan;
-  const std::vector<std::uint32_t> wanted = within(order, plan.omittedBy);
+  std::vector<std::uint32_t> wanted = within(order, plan.omittedBy);
+  const auto isNear = [this, &land](std::uint32_t segment) {
+    return distance(land.position, scene_.facts[segment].bounds) <= land.radiusM;
+  };
+  const auto near = static_cast<std::size_t>(std::count_if(order.begin(), order.end(), isNear));
+  if (wanted.size() > near) {
+    plan.nearby.assign(wanted.begin() + static_cast<std::ptrdiff_t>(near), wanted.end());
+    std::sort(plan.nearby.begin(), plan.nearby.end());
+    wanted.resize(near);
+  }
+  if (wanted.size() == near) plan.omittedBy.reset();
   prefetch_ = nullptr;
   landing_ = begin(land.generation, wanted);
   landing_->isLanding = true;
@@ -191,22 +200,19 @@ void ModelServer::on(const LandMessage& land) {
     if (held.count(segment) != 0) plan.keep.push_back(segment);
   }
   std::sort(plan.keep.begin(), plan.keep.end());
-  for (const std::uint32_t segment : shown_) {
-    if (!contains(wanted, segment)) plan.release.push_back(segment);
-  }
   plan.generation = land.generation;
   plan.position = land.position;
   plan.radiusM = land.radiusM;
   plan.releaseRadiusM = land.radiusM * releaseFactor_;
   plan.effectiveRadiusM =
-      wanted.size() == order.size() ? land.radiusM : distance(land.position, scene_.facts[order[wanted.size()]].bounds);
+      wanted.size() == near ? land.radiusM : distance(land.position, scene_.facts[order[wanted.size()]].bounds);
   plan.innerCount = static_cast<std::uint32_t>(landing_->inner.size());
   plan.load = rowsOf(landing_->queue);
   plan.loadBytes = scene_.bytesOf(landing_->queue);
   plan.loadTriangles = 10 * landing_->queue.size();
   plan.totalBytes = scene_.bytesOf(wanted);
   plan.totalTriangles = 10 * wanted.size();
-  plan.omittedSegments = static_cast<std::uint32_t>(order.size() - wanted.size());
+  plan.omittedSegments = static_cast<std::uint32_t>(near - wanted.size());
   say(std::move(plan));
 }
 
@@ -353,10 +359,6 @@ void ModelServer::settle(const std::shared_ptr<Sending>& sending) {
   if (!sending->queue.empty()) return;
   sending->isReadySent = true;
   if (sending->isLanding) {
-    shown_.clear();
-    for (const std::uint32_t segment : sending->order) {
-      if (sending->missing.count(segment) == 0) shown_.push_back(segment);
-    }
     ReadyMessage ready;
     ready.generation = sending->generation;
     ready.delivered = sending->delivered;

@@ -110,7 +110,6 @@ class ModelServer {
   std::shared_ptr<Sending> prefetch_;
   std::optional<AimMessage> waitingAim_;
   std::map<std::uint32_t, std::size_t> parts_;
-  std::vector<std::uint32_t> shown_;
 };
 
 }  // namespace terraport::testing

@@ -192,7 +192,7 @@ class Stand {
 
   std::int64_t land() { return stage->land({1.0, 2.0, 3.0}, 60.0, {}, clock.nowMs); }
 
-  void planned(std::int64_t landing, const SegmentSet& load, const SegmentSet& keep = {}) {
+  void planned(std::int64_t landing, const SegmentSet& load, const SegmentSet& keep = {}, const SegmentSet& nearby = {}) {
     terraport::StreamEvent event;
     event.kind = terraport::EventKind::Planned;
     event.landing = event.plan.landing = landing;
@@ -200,6 +200,7 @@ class Stand {
       event.plan.load.push_back(facts(segment));
     }
     event.plan.keep.assign(keep.begin(), keep.end());
+    event.plan.nearby.assign(nearby.begin(), nearby.end());
     stage->handle(event);
   }
 

@@ -44,6 +44,26 @@ TEST_SUITE("stage") {
     CHECK(stand.renderer.frees == 2);
   }
 
+  TEST_CASE("what is nearby stays uploaded, and is shown again at once") {
+    Stand stand;
+    stand.whole({1, 2, 3});
+    stand.frames(4);
+    const std::int64_t hop = stand.land();
+    stand.planned(hop, {4}, {1}, {2});
+    stand.arrived(hop, 4);
+    stand.ready(hop, {1, 4});
+    stand.frames(4);
+    CHECK(stand.renderer.shown == SegmentSet{1, 4});
+    CHECK(stand.renderer.uploaded == SegmentSet{1, 2, 4});
+    const std::int64_t back = stand.land();
+    stand.planned(back, {}, {1, 2});
+    stand.ready(back, {1, 2});
+    stand.frames(4);
+    CHECK(stand.renderer.shown == SegmentSet{1, 2});
+    CHECK(stand.renderer.uploaded == SegmentSet{1, 2});
+    CHECK(stand.renderer.uploads == 4);
+  }
+
   TEST_CASE("without autoShow it waits for show") {
     StageOptions options;
     options.autoShow = false;

@@ -48,7 +48,7 @@ struct Sample {
   std::string factsText;
   JsonDocument document;
   JsonValue facts;
-  std::string subprotocol;
+  std::string kind;
   bool isFromClient = false;
 
   explicit Sample(const std::filesystem::path& path) : name(path.stem().string()), bytes(fileText(path)) {
@@ -56,7 +56,7 @@ struct Sample {
     factsText = fileText(facts_path.replace_extension(".json"));
     REQUIRE(document.read(factsText).isOk());
     facts = document.root();
-    subprotocol = std::string(facts.member("subprotocol").text().value_or(""));
+    kind = std::string(facts.member("kind").text().value_or(""));
     isFromClient = facts.member("direction").text().value_or("") == "client_to_server";
     if (facts.member("pad_to").exists()) {
       bytes.resize(
@@ -146,7 +146,7 @@ TEST_CASE("wire: every good message of the corpus is read, and written again") {
   for (const auto& path : files) {
     const Sample sample(path);
     CAPTURE(sample.name);
-    if (sample.subprotocol == "frame") {
+    if (sample.kind == "frame") {
       expectGoodFrame(sample);
     } else if (sample.isFromClient) {
       expectGood<ClientMessage>(sample);
@@ -164,9 +164,9 @@ TEST_CASE("wire: every bad message of the corpus is refused, with its code and f
     CAPTURE(sample.name);
     DecodeError error;
     PayloadFrame frame;
-    const bool refused = sample.subprotocol == "frame" ? !decodeFrame(bytesOf(sample.bytes), frame, error)
-        : sample.isFromClient                          ? isRefused<ClientMessage>(sample, error)
-                                                       : isRefused<ServerMessage>(sample, error);
+    const bool refused = sample.kind == "frame" ? !decodeFrame(bytesOf(sample.bytes), frame, error)
+        : sample.isFromClient                   ? isRefused<ClientMessage>(sample, error)
+                                                : isRefused<ServerMessage>(sample, error);
     CHECK(refused);
     if (refused) expectError(sample, error);
   }

@@ -28,22 +28,30 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   let loading: AbortController | null = null;
   let disposed = false;
 
-  async function load(): Promise<void> {
+  /** Load that version, or the newest, and open a session of it. */
+  async function load(version?: string): Promise<void> {
     loading?.abort();
     const abort = new AbortController();
     loading = abort;
     const progress = showLoading();
     try {
-      const files = await loadFiles(abort.signal, progress);
+      const files = await loadFiles(version, abort.signal, progress);
       if (!abort.signal.aborted) open(files);
     } catch (error) {
-      if (!abort.signal.aborted) showFailure(error);
+      if (abort.signal.aborted) return;
+      // Gone already: the new session is one of the newest.
+      if (version !== undefined && shell.codeOf(error) === "unknown_scene") void load();
+      else showFailure(error);
     }
   }
 
-  function loadFiles(signal: AbortSignal, onProgress: (done: number, total: number) => void): Promise<SceneFiles> {
+  function loadFiles(
+    version: string | undefined,
+    signal: AbortSignal,
+    onProgress: (done: number, total: number) => void,
+  ): Promise<SceneFiles> {
     const { token } = shell.token;
-    return loadSceneInWorker(sceneUrl, { ...(token === undefined ? {} : { token }), onProgress, signal });
+    return loadSceneInWorker(sceneUrl, { ...(token === undefined ? {} : { token }), version, onProgress, signal });
   }
 
   function open(files: SceneFiles): void {
@@ -64,12 +72,12 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
         stream,
         budgets,
         route,
-        reload: () => {
+        reload: (version) => {
           route = viewer?.route ?? route;
           close();
-          void load();
+          void load(version);
         },
-        loadFiles: () => loadFiles(new AbortController().signal, () => undefined),
+        loadFiles: (version) => loadFiles(version, new AbortController().signal, () => undefined),
       });
     } catch (error) {
       stream.close();

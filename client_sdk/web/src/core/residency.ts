@@ -42,6 +42,7 @@ export class Residency {
   #visibleIds = new Set<number>();
   #wanted: readonly number[] = [];
   #wantedIds = new Set<number>();
+  #nearbyIds = new Set<number>();
   #prefetched: number[] = [];
   #newest: LandingRecord | null = null;
   #coming: readonly number[] | null = null;
@@ -51,7 +52,7 @@ export class Residency {
   #restoring = false;
 
   constructor(options: ResidencyOptions) {
-    this.#shelf = new SegmentShelf(options, (segment) => this.#wantedIds.has(segment) || this.#visibleIds.has(segment));
+    this.#shelf = new SegmentShelf(options, (segment) => this.#isNeeded(segment));
   }
 
   /** Segments shown, ascending. */
@@ -125,6 +126,7 @@ export class Residency {
     for (const segment of plan.keep) {
       this.#shelf.hold(segment, -1);
     }
+    this.#nearbyIds = new Set(plan.nearby);
     this.#setWanted([...plan.keep, ...plan.load.map((facts) => facts.segment)]);
     this.#shelf.freeUnneededMeshes();
   }
@@ -201,6 +203,7 @@ export class Residency {
     this.#epoch += 1;
     this.#shelf.clear();
     this.#prefetched = [];
+    this.#nearbyIds.clear();
     this.#restoring = false;
     this.#newest?.restart();
     this.#setWanted([]);
@@ -374,6 +377,11 @@ export class Residency {
 
   #landing(landing: number): LandingRecord | null {
     return this.#newest?.landing === landing && this.#newest.refusal === null ? this.#newest : null;
+  }
+
+  /** What is shown, what is to be, and what the newest plan keeps ready beside it. */
+  #isNeeded(segment: number): boolean {
+    return this.#wantedIds.has(segment) || this.#visibleIds.has(segment) || this.#nearbyIds.has(segment);
   }
 
   #isSettled(segment: number): boolean {

@@ -8,7 +8,7 @@ import { InFlight, type InFlightLimits } from "./in-flight.ts";
 
 /** How much is done at once, and kept. */
 export interface ShelfLimits extends InFlightLimits {
-  /** GPU bytes of segments that are neither visible nor wanted by the newest landing: what an aim brought. */
+  /** GPU bytes of segments that are neither visible nor of the newest plan: what an aim brought. */
   readonly spareBytes: number;
 }
 
@@ -35,7 +35,7 @@ export class SegmentShelf {
   #spareBytes = 0;
   #tick = 0;
 
-  /** @param isNeeded Whether a segment is visible, or wanted by the newest landing. After it changes: {@link trim}. */
+  /** @param isNeeded Whether a segment is visible, or wanted or kept by the newest plan. After it changes: {@link trim}. */
   constructor(limits: ShelfLimits, isNeeded: (segment: number) => boolean) {
     this.#limits = limits;
     this.#inFlight = new InFlight(limits);

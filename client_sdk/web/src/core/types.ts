@@ -170,7 +170,8 @@ export interface PlanFacts {
   readonly effectiveRadiusM: number;
   readonly load: readonly SegmentFacts[];
   readonly keep: readonly number[];
-  readonly release: readonly number[];
+  /** Held beyond the radius: kept ready for a hop back, not shown. */
+  readonly nearby: readonly number[];
   readonly loadBytes: number;
   readonly totalBytes: number;
   readonly totalTriangles: number;

@@ -91,6 +91,8 @@ export class Stage implements Landings {
   #digest: VisibleDigest | null = null;
   #isLost = false;
   #isOldVersion = false;
+  /** Version of the session; null before it is open. */
+  #servedVersion: string | null = null;
   #isDisposed = false;
   #streamStats: StreamStats | null = null;
   #statsAskedAtMs = Number.NEGATIVE_INFINITY;
@@ -180,7 +182,9 @@ export class Stage implements Landings {
     const residency = this.#residency;
     switch (event.type) {
       case "opened":
-        if (event.changed) {
+        this.#servedVersion = event.sceneVersion;
+        // Also where it was published between the files and the session: ids in a cover belong to one version (5.4).
+        if (event.changed || (event.sceneVersion !== this.#files.manifest.version && !this.#isOldVersion)) {
           this.#leaveVersion();
         }
         break;
@@ -345,8 +349,19 @@ export class Stage implements Landings {
     }
   }
 
-  /** Base, cover and regions of the version that an `opened` event with `changed` announced; what was shown of the old goes. */
+  /** Version whose files are to be given to {@link replaceFiles}; null where those that are here are the session's. */
+  get neededVersion(): string | null {
+    return this.#isOldVersion ? this.#servedVersion : null;
+  }
+
+  /**
+   * Base, cover and regions of {@link neededVersion}; what was shown of the old goes. Files of another version are not taken:
+   * the session went on meanwhile, and their ids would be taken for its.
+   */
   replaceFiles(files: SceneFiles): void {
+    if (this.#servedVersion !== null && files.manifest.version !== this.#servedVersion) {
+      return;
+    }
     this.#files = files;
     this.#isOldVersion = false;
     this.#digest = null;

@@ -38,6 +38,26 @@ describe("a landing", () => {
     expect(new Set(pair.received).size).toBe(pair.received.length);
   });
 
+  test("keeps what lies a little beyond its radius, and does not show it (6.6)", () => {
+    const pair = new Pair(toy, { cacheBytes: 0, releaseFactor: 1.5 }).connect();
+    for (const radiusM of [6, 4.5, 6]) {
+      pair.client.land(MIDDLE, radiusM);
+      pair.settle();
+      expect(pair.client.visible).toEqual(toy.within(MIDDLE, radiusM));
+    }
+    const [whole, less, again] = pair.of("planned").map((event) => event.plan);
+    expect(less?.nearby).toEqual(toy.within(MIDDLE, 6).filter((one) => !toy.within(MIDDLE, 4.5).includes(one)));
+    expect(less?.nearby.length).toBeGreaterThan(0);
+    expect(again?.load).toEqual([]);
+    expect(again?.keep.length).toBe(whole?.load.length);
+    expect(pair.of("dropped")).toEqual([]);
+    pair.client.land(MIDDLE, 1);
+    pair.settle();
+    const dropped = pair.of("dropped").flatMap((event) => event.segments);
+    expect(dropped).not.toEqual([]);
+    expect(dropped.filter((one) => toy.within(MIDDLE, 1.5).includes(one))).toEqual([]);
+  });
+
   test("is not ready before the server says so, though it is whole (6.4, rule 5)", () => {
     const pair = new Pair(toy).connect();
     pair.client.land(MIDDLE, 4);

@@ -65,7 +65,6 @@ export class ModelServer {
   #prefetch: Sending | null = null;
   #waitingAim: (ClientMessage & { type: "aim" }) | null = null;
   #parts = new Map<number, number>();
-  #shown: readonly number[] = [];
 
   constructor(scene: ToyScene, options: ModelOptions = {}) {
     this.#scene = scene;
@@ -169,7 +168,6 @@ export class ModelServer {
         throw new Error(`evicts ${segment} of a plan that is not ready (6.7, rule 2)`);
       }
       this.held.delete(segment);
-      this.#shown = this.#shown.filter((one) => one !== segment);
     }
   }
 
@@ -210,13 +208,15 @@ export class ModelServer {
     this.#supersede(land.generation);
     this.deadlinePassed = false;
     const order = this.#ordered(land.position, land.radius_m);
-    const { wanted, omittedBy } = this.#within(order);
+    const fitting = this.#within(order);
+    const isNear = (segment: number) => distance(land.position, this.#scene.facts[segment]!.bounds) <= land.radius_m;
+    const wanted = fitting.wanted.filter(isNear);
     const load = wanted.filter((segment) => !this.held.has(segment));
     const innerRadius = land.inner_radius_m ?? -1;
     const inner = wanted.filter((one) => distance(land.position, this.#scene.facts[one]!.bounds) <= innerRadius);
     this.#prefetch = null;
     this.#landing = this.#begin(land.generation, land, wanted, load, inner);
-    const omitted = order[wanted.length];
+    const omitted = order.filter(isNear).slice(wanted.length);
     this.say({
       type: "plan",
       generation: land.generation,
@@ -224,17 +224,17 @@ export class ModelServer {
       radius_m: land.radius_m,
       release_radius_m: land.radius_m * this.#releaseFactor,
       effective_radius_m:
-        omitted === undefined ? land.radius_m : distance(land.position, this.#scene.facts[omitted]!.bounds),
+        omitted[0] === undefined ? land.radius_m : distance(land.position, this.#scene.facts[omitted[0]]!.bounds),
       inner_count: inner.length,
       load: load.map((segment) => this.#scene.facts[segment]!),
       keep: wanted.filter((segment) => this.held.has(segment)).sort((a, b) => a - b),
-      release: this.#shown.filter((segment) => !wanted.includes(segment)),
+      nearby: fitting.wanted.filter((segment) => !isNear(segment)).sort((a, b) => a - b),
       load_bytes: this.#scene.bytesOf(load),
       load_triangles: 10 * load.length,
       total_bytes: this.#scene.bytesOf(wanted),
       total_triangles: 10 * wanted.length,
-      omitted_segments: order.length - wanted.length,
-      omitted_by: omittedBy,
+      omitted_segments: omitted.length,
+      omitted_by: omitted.length > 0 ? fitting.omittedBy : undefined,
     });
   }
 
@@ -362,7 +362,6 @@ export class ModelServer {
     sending.readySent = true;
     if (sending.land !== null) {
       const missing = [...sending.missing].sort((a, b) => a - b);
-      this.#shown = sending.order.filter((segment) => !sending.missing.has(segment));
       const { delivered, payloadBytes } = sending;
       this.say({ type: "ready", generation, delivered, payload_bytes: payloadBytes, missing });
     }

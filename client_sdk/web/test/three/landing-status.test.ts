@@ -12,7 +12,7 @@ const PLAN: PlanFacts = {
   effectiveRadiusM: 60,
   load: [SEGMENT],
   keep: [],
-  release: [],
+  nearby: [],
   loadBytes: 10,
   totalBytes: 10,
   totalTriangles: 1,

@@ -276,7 +276,7 @@ struct FieldsOf<PlanMessage> {
            visitor.field("inner_count", message.innerCount, IntegerKind{0, 16384}) &&
            visitor.field("load", message.load, RowsKind{16384}) &&
            visitor.field("keep", message.keep, RowsKind{16384}) &&
-           visitor.field("release", message.release, RowsKind{16384}) &&
+           visitor.field("nearby", message.nearby, RowsKind{16384}) &&
            visitor.field("load_bytes", message.loadBytes, IntegerKind{0, 9007199254740991}) &&
            visitor.field("load_triangles", message.loadTriangles, IntegerKind{0, 9007199254740991}) &&
            visitor.field("total_bytes", message.totalBytes, IntegerKind{0, 9007199254740991}) &&

@@ -323,18 +323,18 @@ struct PlanMessage {
   Vec3 position;
   /// Radius in metres around the centre.
   double radiusM = 0;
-  /// Radius in metres within which held segments stay.
+  /// Radius in metres within which held segments are kept.
   double releaseRadiusM = 0;
-  /// Everything nearer than this is in the plan: radius_m, or less where a budget cut.
+  /// Everything nearer than this is shown: radius_m, or less where a budget cut.
   double effectiveRadiusM = 0;
   /// Segments of the plan within inner_radius_m.
   std::uint32_t innerCount = 0;
-  /// Segments that follow, in sending order.
+  /// Segments within radius_m that follow, in sending order.
   std::vector<SegmentFacts> load;
-  /// Segments of the plan that the client holds.
+  /// Segments within radius_m that the client holds.
   std::vector<std::uint32_t> keep;
-  /// Segments of the plan before this one that are not in this one.
-  std::vector<std::uint32_t> release;
+  /// Held segments beyond radius_m within release_radius_m: kept, not shown.
+  std::vector<std::uint32_t> nearby;
   /// Payload bytes of load, whole segments.
   std::uint64_t loadBytes = 0;
   /// Triangles of load.
@@ -343,7 +343,7 @@ struct PlanMessage {
   std::uint64_t totalBytes = 0;
   /// Triangles of load and keep.
   std::uint64_t totalTriangles = 0;
-  /// Candidates that a budget left out.
+  /// Segments within radius_m that a budget left out.
   std::uint32_t omittedSegments = 0;
   /// Budget that the first omitted segment would exceed; absent if none was omitted.
   std::optional<std::string> omittedBy;

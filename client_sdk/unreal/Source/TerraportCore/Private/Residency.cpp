@@ -17,9 +17,7 @@ SegmentList sorted(SegmentList segments) {
 
 }  // namespace
 
-Residency::Residency(const ShelfLimits& limits)
-    : shelf_(limits,
-          [this](std::uint32_t segment) { return wantedPlaces_.count(segment) != 0 || visibleIds_.count(segment) != 0; }) {}
+Residency::Residency(const ShelfLimits& limits) : shelf_(limits, [this](std::uint32_t segment) { return isNeeded(segment); }) {}
 
 bool Residency::isBusy() const {
   const auto waits = [this](std::uint32_t segment) { return shelf_.stepOf(segment) == ShelfStep::Held; };
@@ -46,6 +44,7 @@ void Residency::planned(const PlanFacts& plan, std::int64_t landing) {
   for (const std::uint32_t segment : plan.keep) {
     shelf_.hold(segment, -1);
   }
+  nearbyIds_ = {plan.nearby.begin(), plan.nearby.end()};
   setWanted(*record->expected());
   shelf_.freeUnneededMeshes();
 }
@@ -120,6 +119,7 @@ void Residency::versionChanged() {
   ++epoch_;
   shelf_.clear();
   prefetched_.clear();
+  nearbyIds_.clear();
   if (newest_) {
     newest_->restart();
   }
@@ -266,6 +266,10 @@ SegmentList Residency::missing() const {
 
 LandingRecord* Residency::landingOf(std::int64_t landing) {
   return newest_ && newest_->landing == landing && !newest_->isRefused ? &*newest_ : nullptr;
+}
+
+bool Residency::isNeeded(std::uint32_t segment) const {
+  return wantedPlaces_.count(segment) != 0 || visibleIds_.count(segment) != 0 || nearbyIds_.count(segment) != 0;
 }
 
 void Residency::setWanted(SegmentList wanted) {

@@ -113,6 +113,7 @@ class Residency {
   LandingRecord* landingOf(std::int64_t landing);
   void setWanted(SegmentList wanted);
   void recompute();
+  bool isNeeded(std::uint32_t segment) const;
 
   SegmentShelf shelf_;
   SegmentList visible_;
@@ -120,6 +121,8 @@ class Residency {
   /// In the plan's order, nearest first; the places by id.
   SegmentList wanted_;
   std::unordered_map<std::uint32_t, std::size_t> wantedPlaces_;
+  /// What the newest plan keeps ready beside what is shown.
+  std::unordered_set<std::uint32_t> nearbyIds_;
   SegmentList prefetched_;
   std::optional<LandingRecord> newest_;
   std::optional<SegmentList> coming_;

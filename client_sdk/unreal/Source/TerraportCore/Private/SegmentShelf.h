@@ -18,7 +18,7 @@ struct ShelfLimits {
   std::size_t maxInFlight = 16;
   /// GPU bytes of those, as far as can be told before they are decoded: bounds the memory beside the GPU's.
   std::size_t maxInFlightBytes = 0;
-  /// GPU bytes of segments that are neither visible nor wanted by the newest landing: what an aim brought.
+  /// GPU bytes of segments that are neither visible nor of the newest plan: what an aim brought.
   std::size_t spareBytes = 0;
 };
 
@@ -55,7 +55,7 @@ enum class ShelfStep : std::uint8_t { Unknown, Held, Decoding, Decoded, Uploaded
 /// Segments by id. Which are needed is said from outside (Residency); what is not is *spare*, and bounded in bytes.
 class SegmentShelf {
  public:
-  /// `isNeeded` says whether a segment is visible, or wanted by the newest landing. After it changes: `trim`.
+  /// `isNeeded` says whether a segment is visible, or wanted or kept by the newest plan. After it changes: `trim`.
   SegmentShelf(const ShelfLimits& limits, std::function<bool(std::uint32_t)> isNeeded);
 
   std::size_t spareBytes() const { return spareBytes_; }

@@ -29,7 +29,7 @@ PlanFacts factsOf(std::int64_t landing, const PlanMessage& plan) {
   facts.effectiveRadiusM = plan.effectiveRadiusM;
   facts.load = plan.load;
   facts.keep = plan.keep;
-  facts.release = plan.release;
+  facts.nearby = plan.nearby;
   facts.loadBytes = plan.loadBytes;
   facts.totalBytes = plan.totalBytes;
   facts.totalTriangles = plan.totalTriangles;
@@ -88,6 +88,7 @@ Transfers::Landing Transfers::connectionLost() {
 void Transfers::hideAll() {
   visible_.clear();
   inner_.clear();
+  nearby_.clear();
   pinAndTrim();
 }
 
@@ -95,12 +96,14 @@ Status Transfers::onPlan(const PlanMessage& plan) {
   if (asked_.empty() || asked_.front()->generation != plan.generation) {
     return violation("got a plan of generation " + std::to_string(plan.generation) + ", which no landing waits for");
   }
-  TERRAPORT_RETURN_IF_ERROR(expectWithinBudgets(plan.totalBytes, plan.totalTriangles, plan.load.size() + plan.keep.size()));
+  TERRAPORT_RETURN_IF_ERROR(
+      expectWithinBudgets(plan.totalBytes, plan.totalTriangles, plan.load.size() + plan.keep.size() + plan.nearby.size()));
   const Landing landing = asked_.front();
   asked_.erase(asked_.begin());
   endCurrent(landing->number);
   current_ = landing;
   prefetch_.reset();
+  nearby_ = plan.nearby;
   landing->begin(plan);
   assembler_.keepOnly(landing->facts);
   aims_.planned(plan.keep, !plan.load.empty());
@@ -325,6 +328,7 @@ void Transfers::pin() {
   std::set<std::uint32_t> pinned = openPlan();
   pinned.insert(visible_.begin(), visible_.end());
   pinned.insert(inner_.begin(), inner_.end());
+  pinned.insert(nearby_.begin(), nearby_.end());
   held_.pin(std::move(pinned));
 }
 

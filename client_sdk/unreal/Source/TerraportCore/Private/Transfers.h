@@ -120,6 +120,8 @@ class Transfers {
   std::optional<PrefetchState> prefetch_;
   /// Shown perhaps, since a deadline passed: the newest declared inner set.
   std::vector<std::uint32_t> inner_;
+  /// Kept beside what is shown: of the newest plan (6.6, rule 3).
+  std::vector<std::uint32_t> nearby_;
 };
 
 }  // namespace terraport

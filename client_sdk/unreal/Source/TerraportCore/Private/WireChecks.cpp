@@ -244,10 +244,10 @@ bool checkRules(const PlanMessage& plan, Refusal& refusal) {
   }
   std::vector<std::uint32_t> load = idsOf(plan.load);
   std::vector<std::uint32_t> keep = plan.keep;
-  std::vector<std::uint32_t> release = plan.release;
-  const char* text = "got an id that stands in another list too, expected load, keep and release to be disjoint";
+  std::vector<std::uint32_t> nearby = plan.nearby;
+  const char* text = "got an id that stands in another list too, expected load, keep and nearby to be disjoint";
   if (overlap(load, keep)) return refuse(refusal, text, "load");
-  if (overlap(release, keep) || overlap(release, load)) return refuse(refusal, text, "release");
+  if (overlap(nearby, keep) || overlap(nearby, load)) return refuse(refusal, text, "nearby");
   return true;
 }
 

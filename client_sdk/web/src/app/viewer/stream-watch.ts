@@ -35,7 +35,10 @@ export interface StreamListeners extends Pick<ViewerOptions, "stream" | "loadFil
 export function watchStream(hearers: StreamListeners): (event: StreamEvent) => void {
   const memory: Memory = { everOpen: false };
   return (event) => {
+    const neededBefore = hearers.stage.neededVersion;
     hearers.stage.handle(event);
+    const { neededVersion } = hearers.stage;
+    if (neededVersion !== null && neededVersion !== neededBefore) void takeVersion(hearers, neededVersion);
     hearers.desk.handle(event);
     hearers.headset.handle(event);
     showEvent(hearers, memory, event);
@@ -64,7 +67,6 @@ function showEvent(hearers: StreamListeners, memory: Memory, event: StreamEvent)
     case "opened":
       store.set({ maxRadiusM: event.maxRadiusM, radiusM: Math.min(store.get().radiusM, event.maxRadiusM) });
       notices.clear("draining");
-      if (event.changed) void takeNewVersion(hearers);
       break;
     case "refused":
       // A refused aim has no words: the landing there will be refused too, and then it says why.
@@ -106,16 +108,16 @@ export async function renewToken(
   if (given !== null) stream.reconnect(given);
 }
 
-/** The served scene is another version than the one that is shown (wire protocol, 5.4). */
-async function takeNewVersion(hearers: StreamListeners): Promise<void> {
+/** The session's scene is another version than the one that is shown (wire protocol, 5.4). */
+async function takeVersion(hearers: StreamListeners, version: string): Promise<void> {
   const { headset, loadFiles, stage, comfort, reload, notices } = hearers;
   if (headset.session === null) {
-    reload();
+    reload(version);
     return;
   }
   // Whoever wears a headset is not thrown out of it: ground and cover change under him, the panel follows later.
   try {
-    stage.replaceFiles(await loadFiles());
+    stage.replaceFiles(await loadFiles(version));
     comfort.restart();
   } catch {
     notices.show({

@@ -15,7 +15,7 @@ export interface ViewerOptions {
   /** What the address says. */
   readonly route: Route;
   /** Leave this viewer and load the scene anew, at the same place. */
-  readonly reload: () => void;
-  /** The scene's files as they are served now, for a version that came while a headset is worn. */
-  readonly loadFiles: () => Promise<SceneFiles>;
+  readonly reload: (version?: string) => void;
+  /** The scene's files of a version, for one that came while a headset is worn. */
+  readonly loadFiles: (version: string) => Promise<SceneFiles>;
 }

@@ -231,7 +231,7 @@ function planFacts(landing: number, plan: PlanMessage) {
     effectiveRadiusM: plan.effective_radius_m,
     load: plan.load,
     keep: plan.keep,
-    release: plan.release,
+    nearby: plan.nearby,
     loadBytes: plan.load_bytes,
     totalBytes: plan.total_bytes,
     totalTriangles: plan.total_triangles,

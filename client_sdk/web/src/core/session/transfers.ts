@@ -58,6 +58,8 @@ export class Transfers {
   #prefetch: PrefetchState | null = null;
   /** Shown perhaps, since a deadline passed: the newest declared inner set. */
   #inner: readonly number[] = [];
+  /** Kept beside what is shown: of the newest plan (6.6, rule 3). */
+  #nearby: readonly number[] = [];
   #retried = new Set<number>();
 
   constructor(parts: TransferParts) {
@@ -126,6 +128,7 @@ export class Transfers {
   hideAll(): void {
     this.visible = [];
     this.#inner = [];
+    this.#nearby = [];
     this.#pinAndTrim();
   }
 
@@ -142,6 +145,7 @@ export class Transfers {
     this.#endCurrent(landing.number);
     this.#current = landing;
     this.#prefetch = null;
+    this.#nearby = plan.nearby;
     this.#retried.clear();
     landing.begin(plan);
     this.#assembler.keepOnly(landing.facts);
@@ -315,7 +319,7 @@ export class Transfers {
   }
 
   #pin(): void {
-    this.#parts.held.pin([...this.visible, ...this.#inner, ...this.openPlan]);
+    this.#parts.held.pin([...this.visible, ...this.#inner, ...this.openPlan, ...this.#nearby]);
   }
 
   #pinAndTrim(): void {

@@ -328,18 +328,18 @@ export interface PlanMessage {
   readonly position: Vec3;
   /** Radius in metres around the centre. */
   readonly radius_m: number;
-  /** Radius in metres within which held segments stay. */
+  /** Radius in metres within which held segments are kept. */
   readonly release_radius_m: number;
-  /** Everything nearer than this is in the plan: radius_m, or less where a budget cut. */
+  /** Everything nearer than this is shown: radius_m, or less where a budget cut. */
   readonly effective_radius_m: number;
   /** Segments of the plan within inner_radius_m. */
   readonly inner_count: number;
-  /** Segments that follow, in sending order. */
+  /** Segments within radius_m that follow, in sending order. */
   readonly load: readonly SegmentFacts[];
-  /** Segments of the plan that the client holds. */
+  /** Segments within radius_m that the client holds. */
   readonly keep: readonly number[];
-  /** Segments of the plan before this one that are not in this one. */
-  readonly release: readonly number[];
+  /** Held segments beyond radius_m within release_radius_m: kept, not shown. */
+  readonly nearby: readonly number[];
   /** Payload bytes of load, whole segments. */
   readonly load_bytes: number;
   /** Triangles of load. */
@@ -348,7 +348,7 @@ export interface PlanMessage {
   readonly total_bytes: number;
   /** Triangles of load and keep. */
   readonly total_triangles: number;
-  /** Candidates that a budget left out. */
+  /** Segments within radius_m that a budget left out. */
   readonly omitted_segments: number;
   /** Budget that the first omitted segment would exceed; absent if none was omitted. */
   readonly omitted_by?: "max_triangles" | "max_bytes" | "max_segments" | undefined;
@@ -667,7 +667,7 @@ export const MESSAGES: MessageTable = {
       { name: "inner_count", required: true, kind: { name: "integer", low: 0, high: 16384 } },
       { name: "load", required: true, kind: { name: "load", most: 16384 } },
       { name: "keep", required: true, kind: { name: "ids", most: 16384 } },
-      { name: "release", required: true, kind: { name: "ids", most: 16384 } },
+      { name: "nearby", required: true, kind: { name: "ids", most: 16384 } },
       { name: "load_bytes", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
       { name: "load_triangles", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
       { name: "total_bytes", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },

@@ -57,13 +57,13 @@ function checkInnerRadius({ inner_radius_m, radius_m }: LandMessage | GatherMess
   throw new Refused(`got ${inner_radius_m}, expected at most radius_m ${radius_m}`, "inner_radius_m");
 }
 
-function checkOverlap({ load, keep, release }: PlanMessage): void {
+function checkOverlap({ load, keep, nearby }: PlanMessage): void {
   const loaded = new Set(load.map((row) => row.segment));
   const kept = new Set(keep);
-  const text = (other: string) => `got an id of ${other}, expected load, keep and release to be disjoint`;
+  const text = (other: string) => `got an id of ${other}, expected load, keep and nearby to be disjoint`;
   if (load.some((row) => kept.has(row.segment))) throw new Refused(text("keep"), "load");
-  if (release.some((segment) => kept.has(segment))) throw new Refused(text("keep"), "release");
-  if (release.some((segment) => loaded.has(segment))) throw new Refused(text("load"), "release");
+  if (nearby.some((segment) => kept.has(segment))) throw new Refused(text("keep"), "nearby");
+  if (nearby.some((segment) => loaded.has(segment))) throw new Refused(text("load"), "nearby");
 }
 
 function sum(rows: PlanMessage["load"], name: "length" | "faces"): number {

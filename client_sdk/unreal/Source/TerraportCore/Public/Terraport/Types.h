@@ -88,10 +88,10 @@ struct PlanFacts {
   double effectiveRadiusM = 0.0;
   /// What will be sent, nearest first.
   std::vector<SegmentFacts> load;
-  /// What is here already and stays.
+  /// What of the rest within the radius is here already.
   std::vector<std::uint32_t> keep;
-  /// Shown before, and not wanted any more.
-  std::vector<std::uint32_t> release;
+  /// Held beyond the radius: kept ready for a hop back, not shown.
+  std::vector<std::uint32_t> nearby;
   std::uint64_t loadBytes = 0;
   std::uint64_t totalBytes = 0;
   std::uint64_t totalTriangles = 0;
