@@ -101,7 +101,6 @@ def test_here_a_change_reaches_its_own_test_first_and_leaves_most_out(
     paths = [one.path for one in picked.tests]
     assert paths[0] == "tests/store/test_spatial.py"
     for needed in (
-        "tests/server/test_selection.py",
         "tests/store/test_reader.py",
         "tests/socket/test_landings.py",
         "tests/end_to_end/test_whole_path.py",

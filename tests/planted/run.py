@@ -191,7 +191,7 @@ def existed(test: str, commit: str) -> bool:
     for prefix in ("", "client_sdk/web/"):
         text = _git(ROOT, "show", f"{commit}:{prefix}{path}")
         if text:
-            return name.rpartition("::")[2] in text
+            return re.split("::|[.]", name)[-1] in text
     return False
 
 
