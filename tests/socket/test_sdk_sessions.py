@@ -129,21 +129,18 @@ def test_the_visible_set_does_not_depend_on_what_was_before(server: BackgroundSe
     run(work())
 
 
-place = st.tuples(st.floats(-5, 65), st.floats(-3, 9), st.floats(-5, 65))
+place = st.tuples(st.floats(0, 60), st.floats(0, 2), st.floats(0, 60))
 
 
-@settings(max_examples=20, deadline=None)
-@given(hops=st.lists(st.tuples(place, st.floats(0.5, 25)), min_size=2, max_size=6))
-@example(hops=[(CENTRE, 25.0), ((40.0, 1.0, 35.0), 20.0), (CENTRE, 25.0)])
 def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
-    server: BackgroundServer,
-    grid: GridScene,
-    hops: list[tuple[tuple[float, float, float], float]],
+    server: BackgroundServer, grid: GridScene
 ) -> None:
     """By brute force; and what is kept beside it comes back without a byte."""
 
-    async def work() -> None:
-        async with terraport.connect(server.scene_url("grid"), cache_bytes=0) as session:
+    async def walk(hops: list[tuple[tuple[float, float, float], float]]) -> None:
+        async with terraport.connect(
+            server.scene_url("grid"), cache_bytes=0, max_bytes=1 << 30
+        ) as session:
             for position, radius_m in hops:
                 landing = await session.land(position, radius_m)
                 segments = await landing.ready(10)
@@ -157,7 +154,14 @@ def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
             assert nearby | set(within) == set(again.plan.keep.tolist())
             assert session.stats.repeated_bytes == 0
 
-    run(work())
+    # Inside: the scene's bytes are no argument to be printed.
+    @settings(max_examples=10, deadline=None)
+    @given(hops=st.lists(st.tuples(place, st.floats(3, 25)), min_size=2, max_size=6))
+    @example(hops=[(CENTRE, 25.0), ((40.0, 1.0, 35.0), 20.0), (CENTRE, 25.0)])
+    def check(hops: list[tuple[tuple[float, float, float], float]]) -> None:
+        run(walk(hops))
+
+    check()
 
 
 @pytest.mark.parametrize(
