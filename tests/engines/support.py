@@ -210,8 +210,8 @@ def missing_tests() -> list[str]:
 def matrix() -> str:
     """Return the table, each yes a link to the file of its test."""
     lines = [
-        "| | " + " | ".join(CLIENTS) + " |",
-        "|---" * (len(CLIENTS) + 1) + "|",
+        "|  | " + " | ".join(CLIENTS) + " |",
+        "| -- " * (len(CLIENTS) + 1) + "|",
     ]
     for feature, claims in FEATURES.items():
         cells = [_cell(claim) for claim in claims]
@@ -223,7 +223,7 @@ def page_text() -> str:
     """Return the page with the present matrix in its place."""
     text = PAGE.read_text(encoding="utf-8")
     head, rest = text.split(BEGIN)
-    return f"{head}{BEGIN}\n{matrix()}\n{END}{rest.split(END, 1)[1]}"
+    return f"{head}{BEGIN}\n\n{matrix()}\n\n{END}{rest.split(END, 1)[1]}"
 
 
 def _cell(claim: Claim) -> str:

@@ -13,8 +13,8 @@ from engines.sdk_arrays import NORMAL_STEP, digests, land_with_sdk, normals_apar
 from faults.service import Service
 
 import terraport.sync
-from terraport_payload import SegmentMesh
-from terraport_store import Scene, box_distances_m
+from terraport_payload import SegmentMesh, box_distances_m
+from terraport_store import Scene
 
 HERE = "30,1,30"
 EVERYWHERE = "land:30,1,30,100"

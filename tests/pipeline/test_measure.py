@@ -49,4 +49,4 @@ def test_steps_are_noted_with_their_time() -> None:
     clock.done({})
     assert [step.name for step in clock.steps] == ["one", "two"]
     assert clock.steps[0].seconds >= 0.05
-    assert clock.steps[1].cpu_seconds >= 0.04
+    assert clock.steps[1].cpu_seconds > 0.03  # its clock ticks in hundredths

@@ -308,6 +308,7 @@ def test_beyond_the_radius_only_what_is_held_is_looked_at() -> None:
     client.greet(release_factor=4.0, held=np.array([(7, 7007), (10, 7010)], dtype=HELD_DTYPE))
     client.tell(land(1, radius_m=20.0))
     plan = client.run()[0]
-    assert (plan.load["id"].tolist(), plan.keep.tolist()) == ([0, 1, 2], [7])
+    assert (plan.load["id"].tolist(), plan.keep.tolist()) == ([0, 1, 2], [])
+    assert plan.nearby.tolist() == [7]
     assert plan.release_radius_m == 80.0
     assert asked == [20.0]
