@@ -40,11 +40,11 @@ namespace Terraport
         /// <summary>
         /// Euclidean distance from a place to the box in float64, 0 inside: the distance that landings are planned by.
         /// </summary>
-        public double DistanceM(Vec3 place)
+        public double DistanceM(Vec3 point)
         {
-            double x = Outside(place.X, MinX, MaxX);
-            double y = Outside(place.Y, MinY, MaxY);
-            double z = Outside(place.Z, MinZ, MaxZ);
+            double x = OutsideBy(point.X, MinX, MaxX);
+            double y = OutsideBy(point.Y, MinY, MaxY);
+            double z = OutsideBy(point.Z, MinZ, MaxZ);
             return Math.Sqrt(x * x + y * y + z * z);
         }
 
@@ -68,6 +68,9 @@ namespace Terraport
             }
         }
 
-        private static double Outside(double at, float min, float max) { return at < min ? min - at : at > max ? at - max : 0; }
+        private static double OutsideBy(double coordinate, float min, float max)
+        {
+            return coordinate < min ? min - coordinate : coordinate > max ? coordinate - max : 0;
+        }
     }
 }

@@ -5,43 +5,52 @@ namespace Terraport.Tools
     /// <summary>Events and counts of a stream as JSON, in the words of tests/engines/README.md.</summary>
     internal static class EventJson
     {
-        public static void Describe(JsonText json, StreamEvent told)
+        public static void Describe(JsonText json, StreamEvent streamEvent)
         {
-            json.Open('{').Key("type").Value(Name(told.Kind)).Key("landing");
-            if (told.Landing.HasValue)
-                json.Value((long)told.Landing.Value);
+            json.Open('{').Key("type").Value(Name(streamEvent.Kind)).Key("landing");
+            if (streamEvent.Landing.HasValue)
+                json.Value((long)streamEvent.Landing.Value);
             else
                 json.Null();
-            switch (told.Kind)
+            switch (streamEvent.Kind)
             {
-                case StreamEventKind.Link: DescribeLink(json, told.Link); break;
+                case StreamEventKind.Link: DescribeLink(json, streamEvent.Link); break;
                 case StreamEventKind.Opened:
-                    json.Key("scene_version").Value(told.SceneVersion).Key("session").Value(told.Session);
-                    json.Key("changed").Value(told.IsChanged).Key("held_count").Value((long)told.HeldCount);
+                    json.Key("scene_version").Value(streamEvent.SceneVersion).Key("session").Value(streamEvent.Session);
+                    json.Key("changed").Value(streamEvent.IsChanged).Key("held_count").Value((long)streamEvent.HeldCount);
                     break;
-                case StreamEventKind.Planned: DescribePlan(json, told.Plan); break;
+                case StreamEventKind.Planned: DescribePlan(json, streamEvent.Plan); break;
                 case StreamEventKind.Arrived:
                     json.Key("facts");
-                    DescribeFacts(json, told.Facts);
+                    DescribeFacts(json, streamEvent.Facts);
                     break;
                 case StreamEventKind.Degraded:
-                case StreamEventKind.Dropped: json.Key("segments").Values(told.Segments); break;
+                case StreamEventKind.Dropped: json.Key("segments").Values(streamEvent.Segments); break;
                 case StreamEventKind.Ready:
-                    json.Key("visible").Values(told.Segments).Key("missing").Values(told.Missing);
-                    json.Key("elapsed_ms").Value(told.ElapsedMs).Key("payload_bytes").Value(told.Bytes);
+                    json.Key("visible").Values(streamEvent.Segments).Key("missing").Values(streamEvent.Missing);
+                    json.Key("elapsed_ms").Value(streamEvent.ElapsedMs).Key("payload_bytes").Value(streamEvent.Bytes);
                     break;
-                case StreamEventKind.Superseded: json.Key("by").Value((long)told.By); break;
+                case StreamEventKind.Superseded: json.Key("by").Value((long)streamEvent.By); break;
                 case StreamEventKind.Prefetching:
-                case StreamEventKind.Prefetched: json.Key("segments").Value((long)told.Count).Key("bytes").Value(told.Bytes); break;
+                case StreamEventKind.Prefetched:
+                    json.Key("segments").Value((long)streamEvent.Count).Key("bytes").Value(streamEvent.Bytes);
+                    break;
                 case StreamEventKind.Refused:
-                    json.Key("code").Value(told.Code).Key("message").Value(told.Message).Key("fatal").Value(told.IsFatal);
+                    json.Key("code")
+                        .Value(streamEvent.Code)
+                        .Key("message")
+                        .Value(streamEvent.Message)
+                        .Key("fatal")
+                        .Value(streamEvent.IsFatal);
                     break;
-                case StreamEventKind.Notice: json.Key("kind").Value(told.Notice); break;
+                case StreamEventKind.Notice: json.Key("kind").Value(streamEvent.Notice); break;
                 case StreamEventKind.Picked:
-                    json.Key("request").Value((long)told.Request);
-                    DescribeHit(json, told.Hit);
+                    json.Key("request").Value((long)streamEvent.Request);
+                    DescribeHit(json, streamEvent.Hit);
                     break;
-                case StreamEventKind.PickRefused: json.Key("request").Value((long)told.Request).Key("code").Value(told.Code); break;
+                case StreamEventKind.PickRefused:
+                    json.Key("request").Value((long)streamEvent.Request).Key("code").Value(streamEvent.Code);
+                    break;
             }
             json.Close('}');
         }
@@ -79,7 +88,7 @@ namespace Terraport.Tools
 
         private static void DescribePlan(JsonText json, PlanFacts plan)
         {
-            DescribePlace(json, plan.Position);
+            DescribePosition(json, plan.Position);
             json.Key("radius_m").Value(plan.RadiusM).Key("effective_radius_m").Value(plan.EffectiveRadiusM);
             json.Key("load").Open('[');
             foreach (SegmentFacts facts in plan.Load) DescribeFacts(json, facts);
@@ -98,16 +107,16 @@ namespace Terraport.Tools
                 return;
             }
             json.Open('{');
-            DescribePlace(json, hit.Position);
+            DescribePosition(json, hit.Position);
             json.Key("segment").Value((long)hit.Segment).Key("region").Value((long)hit.Region).Key("height_m").Value(hit.HeightM);
             json.Key("attributes").Open('{');
             foreach (KeyValuePair<string, double> attribute in hit.Attributes) json.Key(attribute.Key).Value(attribute.Value);
             json.Close('}').Close('}');
         }
 
-        private static void DescribePlace(JsonText json, Vec3 place)
+        private static void DescribePosition(JsonText json, Vec3 position)
         {
-            json.Key("position").Open('[').Value(place.X).Value(place.Y).Value(place.Z).Close(']');
+            json.Key("position").Open('[').Value(position.X).Value(position.Y).Value(position.Z).Close(']');
         }
     }
 }

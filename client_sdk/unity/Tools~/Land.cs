@@ -19,7 +19,7 @@ namespace Terraport.Tools
         private readonly JsonText events = new JsonText();
         private readonly JsonText landings = new JsonText();
         private readonly JsonText picks = new JsonText();
-        private readonly SortedSet<uint> held = new SortedSet<uint>();
+        private readonly SortedSet<uint> heldIds = new SortedSet<uint>();
         private int landing;
         private int planned;
         private int ready;
@@ -76,13 +76,13 @@ namespace Terraport.Tools
                 case "wait": Until(step, IsShown); break;
                 case "aim":
                     int before = prefetched;
-                    stream.Aim(step.Place(0), step.Numbers[3]);
+                    stream.Aim(step.Position(0), step.Numbers[3]);
                     Until(step, () => prefetched > before);
                     break;
                 case "pick":
-                    int asked = picked;
-                    stream.Pick(step.Place(0), step.Numbers.Length >= 6 ? (Vec3?)step.Place(3) : null);
-                    Until(step, () => picked > asked);
+                    int pickedBefore = picked;
+                    stream.Pick(step.Position(0), step.Numbers.Length >= 6 ? (Vec3?)step.Position(3) : null);
+                    Until(step, () => picked > pickedBefore);
                     break;
                 case "pause":
                     double end = Now() + step.Numbers[0];
@@ -103,8 +103,8 @@ namespace Terraport.Tools
                 options.InnerRadiusM = step.Numbers[4];
                 options.DeadlineMs = (int)step.Numbers[5];
             }
-            return staged == null ? stream.Land(step.Place(0), step.Numbers[3], options)
-                                  : staged.Land(step.Place(0), step.Numbers[3], options);
+            return staged == null ? stream.Land(step.Position(0), step.Numbers[3], options)
+                                  : staged.Land(step.Position(0), step.Numbers[3], options);
         }
 
         private bool IsShown() { return ready == landing && (staged == null || staged.IsShown); }
@@ -125,12 +125,12 @@ namespace Terraport.Tools
                 }
                 stream.Pump();
                 bool any = false;
-                StreamEvent told;
-                while (stream.TryNextEvent(out told))
+                StreamEvent streamEvent;
+                while (stream.TryNextEvent(out streamEvent))
                 {
                     any = true;
-                    Note(told);
-                    if (staged != null) staged.Handle(told);
+                    Note(streamEvent);
+                    if (staged != null) staged.Handle(streamEvent);
                 }
                 if (staged != null) staged.Frame();
                 if (!any) Thread.Sleep(1);
@@ -145,39 +145,39 @@ namespace Terraport.Tools
             return step.Kind != "pause" && closedCode != null ? "closed: " + closedCode : null;
         }
 
-        private void Note(StreamEvent told)
+        private void Note(StreamEvent streamEvent)
         {
-            EventJson.Describe(events, told);
-            switch (told.Kind)
+            EventJson.Describe(events, streamEvent);
+            switch (streamEvent.Kind)
             {
-                case StreamEventKind.Planned: planned = told.Landing.Value; break;
-                case StreamEventKind.Arrived: held.Add(told.Facts.Segment); break;
-                case StreamEventKind.Dropped: held.ExceptWith(told.Segments); break;
+                case StreamEventKind.Planned: planned = streamEvent.Landing.Value; break;
+                case StreamEventKind.Arrived: heldIds.Add(streamEvent.Facts.Segment); break;
+                case StreamEventKind.Dropped: heldIds.ExceptWith(streamEvent.Segments); break;
                 case StreamEventKind.Ready:
-                    ready = told.Landing.Value;
-                    EventJson.Describe(landings, told);
+                    ready = streamEvent.Landing.Value;
+                    EventJson.Describe(landings, streamEvent);
                     break;
                 case StreamEventKind.Refused:
                     // What ends the session is told by the link as well.
-                    if (told.Landing == landing && !told.IsFatal) refusedCode = told.Code;
+                    if (streamEvent.Landing == landing && !streamEvent.IsFatal) refusedCode = streamEvent.Code;
                     break;
                 case StreamEventKind.Prefetched: prefetched++; break;
                 case StreamEventKind.Picked:
                 case StreamEventKind.PickRefused:
                     picked++;
-                    EventJson.Describe(picks, told);
+                    EventJson.Describe(picks, streamEvent);
                     break;
-                case StreamEventKind.Link: closedCode = told.Link.Phase == LinkPhase.Closed ? told.Link.Code : null; break;
+                case StreamEventKind.Link: closedCode = streamEvent.Link.Phase == LinkPhase.Closed ? streamEvent.Link.Code : null; break;
             }
         }
 
-        private string DescribeHeld()
+        private string DescribeSegments()
         {
             var json = new JsonText();
             var decoder = new SegmentDecoder();
             var mesh = new SegmentMesh();
             json.Open('{');
-            foreach (uint segment in held)
+            foreach (uint segment in heldIds)
             {
                 PinnedPayload payload;
                 if (!stream.TryPin(segment, out payload)) continue;
@@ -209,7 +209,7 @@ namespace Terraport.Tools
 
         private void Print()
         {
-            string segments = DescribeHeld();
+            string segments = DescribeSegments();
             var stats = new JsonText();
             EventJson.Describe(stats, stream.Stats);
             Console.WriteLine("{\"events\":[" + events + "],\"landings\":[" + landings + "],\"picks\":[" + picks

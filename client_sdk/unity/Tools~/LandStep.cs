@@ -14,10 +14,10 @@ namespace Terraport.Tools
             Kind = colon < 0 ? text : text.Substring(0, colon);
             Argument = colon < 0 ? "" : text.Substring(colon + 1);
             var numbers = new List<double>();
-            foreach (string part in Argument.Split(','))
+            foreach (string field in Argument.Split(','))
             {
                 double number;
-                if (!double.TryParse(part, NumberStyles.Float, CultureInfo.InvariantCulture, out number)) break;
+                if (!double.TryParse(field, NumberStyles.Float, CultureInfo.InvariantCulture, out number)) break;
                 numbers.Add(number);
             }
             Numbers = numbers.ToArray();
@@ -57,6 +57,6 @@ namespace Terraport.Tools
         }
 
         /// <summary>Three of the numbers, from one on.</summary>
-        public Vec3 Place(int at) { return new Vec3(Numbers[at], Numbers[at + 1], Numbers[at + 2]); }
+        public Vec3 Position(int at) { return new Vec3(Numbers[at], Numbers[at + 1], Numbers[at + 2]); }
     }
 }

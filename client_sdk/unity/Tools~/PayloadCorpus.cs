@@ -56,21 +56,21 @@ namespace Terraport.Tools
             return Difference(new MeshArrays(mesh), expected);
         }
 
-        private static string Difference(MeshArrays found, JsonValue expected)
+        private static string Difference(MeshArrays decoded, JsonValue expected)
         {
-            return Apart("positions", found.Positions, expected["positions"], 0)
-                ?? Apart("faces", Doubles(found.Indices), expected["faces"], 0)
-                ?? Apart("normals", found.Normals, expected["normals"], Rounded)
-                ?? Apart("colours", found.Colours == null ? null : Doubles(found.Colours), expected["colours"], 0)
-                ?? Apart("region_ids", found.RegionIds == null ? null : Doubles(found.RegionIds), expected["region_ids"], 0)
-                ?? Apart("uvs", found.Uvs, expected["uvs"], Rounded) ?? Attributes(found, expected["attributes"])
-                ?? Texture(found, expected["texture"]);
+            return Apart("positions", decoded.Positions, expected["positions"], 0)
+                ?? Apart("faces", Doubles(decoded.Indices), expected["faces"], 0)
+                ?? Apart("normals", decoded.Normals, expected["normals"], Rounded)
+                ?? Apart("colours", decoded.Colours == null ? null : Doubles(decoded.Colours), expected["colours"], 0)
+                ?? Apart("region_ids", decoded.RegionIds == null ? null : Doubles(decoded.RegionIds), expected["region_ids"], 0)
+                ?? Apart("uvs", decoded.Uvs, expected["uvs"], Rounded) ?? Attributes(decoded, expected["attributes"])
+                ?? Texture(decoded, expected["texture"]);
         }
 
-        private static string Attributes(MeshArrays found, JsonValue expected)
+        private static string Attributes(MeshArrays decoded, JsonValue expected)
         {
-            if (expected.Count != found.Attributes.Count) return found.Attributes.Count + " attributes, expected " + expected.Count;
-            foreach (KeyValuePair<string, float[]> attribute in found.Attributes)
+            if (expected.Count != decoded.Attributes.Count) return decoded.Attributes.Count + " attributes, expected " + expected.Count;
+            foreach (KeyValuePair<string, float[]> attribute in decoded.Attributes)
             {
                 string difference = Apart("attribute " + attribute.Key, attribute.Value, expected[attribute.Key], 0);
                 if (difference != null) return difference;
@@ -78,33 +78,33 @@ namespace Terraport.Tools
             return null;
         }
 
-        private static string Texture(MeshArrays found, JsonValue expected)
+        private static string Texture(MeshArrays decoded, JsonValue expected)
         {
-            if (expected.IsNull) return found.Image == null ? null : "an image, expected none";
-            if (found.Image == null) return "no image, expected one";
+            if (expected.IsNull) return decoded.Image == null ? null : "an image, expected none";
+            if (decoded.Image == null) return "no image, expected one";
             long width, height;
             expected["width"].TryInteger(out width);
             expected["height"].TryInteger(out height);
-            if (found.MediaType != expected["media_type"].Text) return "media type " + found.MediaType;
-            if (found.Width != width || found.Height != height) return "an image of " + found.Width + " x " + found.Height;
+            if (decoded.MediaType != expected["media_type"].Text) return "media type " + decoded.MediaType;
+            if (decoded.Width != width || decoded.Height != height) return "an image of " + decoded.Width + " x " + decoded.Height;
             using (SHA256 digest = SHA256.Create())
             {
-                string hex = BitConverter.ToString(digest.ComputeHash(found.Image)).Replace("-", "").ToLowerInvariant();
+                string hex = BitConverter.ToString(digest.ComputeHash(decoded.Image)).Replace("-", "").ToLowerInvariant();
                 return hex == expected["sha256"].Text ? null : "an image with the digest " + hex;
             }
         }
 
         /// <summary>Compare with nested lists of numbers, null standing for NaN.</summary>
-        private static string Apart(string name, float[] found, JsonValue expected, double tolerance)
+        private static string Apart(string name, float[] decoded, JsonValue expected, double tolerance)
         {
-            if (found == null || expected.IsNull) return found == null && expected.IsNull ? null : name + " there or not";
-            var wanted = new List<double>();
-            Flatten(expected, wanted);
-            if (wanted.Count != found.Length) return name + ": " + found.Length + " numbers, expected " + wanted.Count;
-            for (int at = 0; at < found.Length; at++)
+            if (decoded == null || expected.IsNull) return decoded == null && expected.IsNull ? null : name + " there or not";
+            var numbers = new List<double>();
+            Flatten(expected, numbers);
+            if (numbers.Count != decoded.Length) return name + ": " + decoded.Length + " numbers, expected " + numbers.Count;
+            for (int at = 0; at < decoded.Length; at++)
             {
-                bool same = double.IsNaN(wanted[at]) ? float.IsNaN(found[at]) : Math.Abs(found[at] - wanted[at]) <= tolerance;
-                if (!same) return name + "[" + at + "] is " + found[at].ToString("R") + ", expected " + wanted[at].ToString("R");
+                bool same = double.IsNaN(numbers[at]) ? float.IsNaN(decoded[at]) : Math.Abs(decoded[at] - numbers[at]) <= tolerance;
+                if (!same) return name + "[" + at + "] is " + decoded[at].ToString("R") + ", expected " + numbers[at].ToString("R");
             }
             return null;
         }

@@ -71,14 +71,14 @@ namespace Terraport.Tools
 
         public bool IsDrawable(uint segment)
         {
-            int asked;
-            if (!uploaded.TryGetValue(segment, out asked))
+            int queries;
+            if (!uploaded.TryGetValue(segment, out queries))
             {
                 faults.Add("segment " + segment + " is asked about and was not uploaded");
                 return false;
             }
-            uploaded[segment] = ++asked;
-            return asked > 1;
+            uploaded[segment] = ++queries;
+            return queries > 1;
         }
 
         public void Free(uint segment)
@@ -98,8 +98,8 @@ namespace Terraport.Tools
             }
             foreach (uint segment in swap.Shown)
             {
-                int asked;
-                if (!uploaded.TryGetValue(segment, out asked) || asked < 2)
+                int queries;
+                if (!uploaded.TryGetValue(segment, out queries) || queries < 2)
                     faults.Add("segment " + segment + " is shown and cannot be drawn");
                 if (!shown.Add(segment)) faults.Add("segment " + segment + " is shown twice");
             }

@@ -25,7 +25,7 @@ namespace Terraport.Tools
 
         public int Land(Vec3 position, double radiusM, LandOptions options) { return stage.Land(position, radiusM, options); }
 
-        public void Handle(StreamEvent told) { stage.Handle(ref told); }
+        public void Handle(StreamEvent streamEvent) { stage.Handle(ref streamEvent); }
 
         /// <summary>One frame of the engine.</summary>
         public void Frame() { stage.Update(FrameMs); }

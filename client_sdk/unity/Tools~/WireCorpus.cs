@@ -65,10 +65,10 @@ namespace Terraport.Tools
         private static string Frame(ArraySegment<byte> data, JsonValue facts)
         {
             PayloadFrame frame;
-            bool isKnown = PayloadFrame.TryDecode(data, out frame);
+            bool isSupported = PayloadFrame.TryDecode(data, out frame);
             if (!facts["error"].IsNull) return "was taken; expected the error " + facts["error"]["code"].Text;
             JsonValue expected = facts["frame"];
-            if (!isKnown) return expected["unknown_kind"].IsNull ? "was skipped as of an unknown kind" : null;
+            if (!isSupported) return expected["unknown_kind"].IsNull ? "was skipped as of an unknown kind" : null;
             bool isLast;
             expected["last"].TryFlag(out isLast);
             if (isLast != frame.IsLast) return "last is " + frame.IsLast;
@@ -91,67 +91,67 @@ namespace Terraport.Tools
             return Number("generation", error.Generation, expected) ?? Number("request", error.Request, expected);
         }
 
-        private static string Number(string name, long? found, JsonValue expected)
+        private static string Number(string name, long? actual, JsonValue expected)
         {
-            long wanted;
-            bool isThere = expected[name].TryInteger(out wanted);
-            return found == (isThere ? (long?)wanted : null) ? null : name + " is " + found + ", expected " + expected[name].Show();
+            long stated;
+            bool isStated = expected[name].TryInteger(out stated);
+            return actual == (isStated ? (long?)stated : null) ? null : name + " is " + actual + ", expected " + expected[name].Show();
         }
 
-        private static string Difference(string place, JsonValue found, JsonValue expected)
+        private static string Difference(string path, JsonValue actual, JsonValue expected)
         {
-            double one, other;
-            if (found.TryNumber(out one) && expected.TryNumber(out other))
+            double left, right;
+            if (actual.TryNumber(out left) && expected.TryNumber(out right))
             {
-                return one.Equals(other) ? null : place + " is " + found.Show() + ", expected " + expected.Show();
+                return left.Equals(right) ? null : path + " is " + actual.Show() + ", expected " + expected.Show();
             }
-            if (found.Kind != expected.Kind) return place + " is a " + found.Kind + ", expected a " + expected.Kind;
-            switch (found.Kind)
+            if (actual.Kind != expected.Kind) return path + " is a " + actual.Kind + ", expected a " + expected.Kind;
+            switch (actual.Kind)
             {
                 case JsonKind.Text:
-                    return found.Text == expected.Text ? null : place + " is " + found.Show() + ", expected " + expected.Show();
+                    return actual.Text == expected.Text ? null : path + " is " + actual.Show() + ", expected " + expected.Show();
                 case JsonKind.Flag:
-                    bool left, right;
-                    found.TryFlag(out left);
-                    expected.TryFlag(out right);
-                    return left == right ? null : place + " is " + left;
-                case JsonKind.List: return ListDifference(place, found, expected);
-                case JsonKind.Object: return ObjectDifference(place, found.Members, expected.Members);
+                    bool flag, expectedFlag;
+                    actual.TryFlag(out flag);
+                    expected.TryFlag(out expectedFlag);
+                    return flag == expectedFlag ? null : path + " is " + flag;
+                case JsonKind.List: return ListDifference(path, actual, expected);
+                case JsonKind.Object: return ObjectDifference(path, actual.Members, expected.Members);
                 default: return null;
             }
         }
 
-        private static string ListDifference(string place, JsonValue found, JsonValue expected)
+        private static string ListDifference(string path, JsonValue actual, JsonValue expected)
         {
-            if (found.Count != expected.Count) return place + " has " + found.Count + " items, expected " + expected.Count;
-            for (int at = 0; at < found.Count; at++)
+            if (actual.Count != expected.Count) return path + " has " + actual.Count + " items, expected " + expected.Count;
+            for (int at = 0; at < actual.Count; at++)
             {
-                string difference = Difference(place + "[" + at + "]", found[at], expected[at]);
+                string difference = Difference(path + "[" + at + "]", actual[at], expected[at]);
                 if (difference != null) return difference;
             }
             return null;
         }
 
-        private static string ObjectDifference(string place, JsonObject found, JsonObject expected)
+        private static string ObjectDifference(string path, JsonObject actual, JsonObject expected)
         {
-            if (found.Count != expected.Count) return place + " has " + found.Count + " keys, expected " + expected.Count;
-            for (int at = 0; at < found.Count; at++)
+            if (actual.Count != expected.Count) return path + " has " + actual.Count + " keys, expected " + expected.Count;
+            for (int at = 0; at < actual.Count; at++)
             {
-                JsonValue wanted;
-                string name = found.NameAt(at);
-                if (!expected.TryGet(name, out wanted)) return place + " has the key " + name;
-                string difference = Difference(place + "." + name, found.ValueAt(at), wanted);
+                JsonValue member;
+                string name = actual.NameAt(at);
+                if (!expected.TryGet(name, out member)) return path + " has the key " + name;
+                string difference = Difference(path + "." + name, actual.ValueAt(at), member);
                 if (difference != null) return difference;
             }
             return null;
         }
 
-        private static bool Equal(ArraySegment<byte> one, ArraySegment<byte> other)
+        private static bool Equal(ArraySegment<byte> left, ArraySegment<byte> right)
         {
-            if (one.Count != other.Count) return false;
-            for (int at = 0; at < one.Count; at++)
+            if (left.Count != right.Count) return false;
+            for (int at = 0; at < left.Count; at++)
             {
-                if (one.Array[one.Offset + at] != other.Array[other.Offset + at]) return false;
+                if (left.Array[left.Offset + at] != right.Array[right.Offset + at]) return false;
             }
             return true;
         }

@@ -10,12 +10,12 @@ namespace Terraport.Json
         /// <param name="offset">Byte at which reading stopped.</param>
         public JsonException(string message, int offset) : base(message + " (at byte " + offset + ")")
         {
-            What = message;
+            Reason = message;
             Offset = offset;
         }
 
         /// <summary>What was found and what was expected, without the byte.</summary>
-        internal string What { get; }
+        internal string Reason { get; }
 
         /// <summary>Byte at which reading stopped, counted from the first one given.</summary>
         public int Offset { get; }

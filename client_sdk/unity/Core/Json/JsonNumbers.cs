@@ -10,15 +10,15 @@ namespace Terraport.Json
     /// </summary>
     internal sealed class JsonNumbers
     {
-        private const long MostExact = 1L << 53;
-        private const int MostExponent = 22;
-        private const int Places = 64;
+        private const long MaxExactInteger = 1L << 53;
+        private const int MaxExactExponent = 22;
+        private const int CacheSlots = 64;
 
         private static readonly double[] PowersOfTen = { 1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14,
             1e15, 1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22 };
 
-        private readonly byte[][] known = new byte[Places][];
-        private readonly double[] values = new double[Places];
+        private readonly byte[][] cachedDigits = new byte[CacheSlots][];
+        private readonly double[] cachedValues = new double[CacheSlots];
 
         /// <summary>Bytes of the number at a place by JSON's grammar; 0 where there is none.</summary>
         internal static int LengthAt(byte[] bytes, int at, int end)
@@ -58,7 +58,7 @@ namespace Terraport.Json
         internal double Get(byte[] bytes, int start, int length)
         {
             double value;
-            return TryExact(bytes, start, length, out value) ? value : Slowly(bytes, start, length);
+            return TryExact(bytes, start, length, out value) ? value : GetCached(bytes, start, length);
         }
 
         private static int DigitsAt(byte[] bytes, int at, int end)
@@ -90,7 +90,7 @@ namespace Terraport.Json
                 }
                 digits = digits * 10 + (bytes[at] - '0');
                 exponent -= isFraction ? 1 : 0;
-                if (digits > MostExact)
+                if (digits > MaxExactInteger)
                 {
                     return false;
                 }
@@ -98,20 +98,20 @@ namespace Terraport.Json
             if (at < end)
             {
                 at++;
-                bool isSmall = bytes[at] == '-';
-                at += isSmall || bytes[at] == '+' ? 1 : 0;
-                int written = 0;
+                bool isExponentNegative = bytes[at] == '-';
+                at += isExponentNegative || bytes[at] == '+' ? 1 : 0;
+                int statedExponent = 0;
                 for (; at < end; at++)
                 {
-                    written = written * 10 + (bytes[at] - '0');
-                    if (written > 1000)
+                    statedExponent = statedExponent * 10 + (bytes[at] - '0');
+                    if (statedExponent > 1000)
                     {
                         return false;
                     }
                 }
-                exponent += isSmall ? -written : written;
+                exponent += isExponentNegative ? -statedExponent : statedExponent;
             }
-            if (exponent < -MostExponent || exponent > MostExponent)
+            if (exponent < -MaxExactExponent || exponent > MaxExactExponent)
             {
                 return false;
             }
@@ -120,10 +120,10 @@ namespace Terraport.Json
             return true;
         }
 
-        private double Slowly(byte[] bytes, int start, int length)
+        private double GetCached(byte[] bytes, int start, int length)
         {
-            int place = JsonTexts.PlaceOf(bytes, start, length, Places);
-            if (!JsonTexts.IsSame(known[place], bytes, start, length))
+            int slot = JsonTexts.SlotOf(bytes, start, length, CacheSlots);
+            if (!JsonTexts.IsSame(cachedDigits[slot], bytes, start, length))
             {
                 double value;
                 string text = Encoding.ASCII.GetString(bytes, start, length);
@@ -132,10 +132,10 @@ namespace Terraport.Json
                     // The grammar was checked, so that what does not parse is beyond the range: .NET before 3.0 says so.
                     value = text[0] == '-' ? double.NegativeInfinity : double.PositiveInfinity;
                 }
-                known[place] = JsonTexts.CopyOf(bytes, start, length);
-                values[place] = value;
+                cachedDigits[slot] = JsonTexts.CopyOf(bytes, start, length);
+                cachedValues[slot] = value;
             }
-            return values[place];
+            return cachedValues[slot];
         }
     }
 }

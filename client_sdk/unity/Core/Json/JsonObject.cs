@@ -25,19 +25,19 @@ namespace Terraport.Json
         public int Count => names.Length;
 
         /// <summary>Name of a member, by its place.</summary>
-        public string NameAt(int place) { return names[place]; }
+        public string NameAt(int index) { return names[index]; }
 
         /// <summary>Value of a member, by its place.</summary>
-        public JsonValue ValueAt(int place) { return values[place]; }
+        public JsonValue ValueAt(int index) { return values[index]; }
 
         /// <summary>Look a member up; false where there is none of that name. Takes time in proportion to the members.</summary>
         public bool TryGet(string name, out JsonValue value)
         {
-            for (int place = 0; place < names.Length; place++)
+            for (int index = 0; index < names.Length; index++)
             {
-                if (string.Equals(names[place], name, StringComparison.Ordinal))
+                if (string.Equals(names[index], name, StringComparison.Ordinal))
                 {
-                    value = values[place];
+                    value = values[index];
                     return true;
                 }
             }
@@ -52,11 +52,11 @@ namespace Terraport.Json
             int count = list.Count - start;
             if (count <= 16)
             {
-                for (int one = start + 1; one < list.Count; one++)
+                for (int candidate = start + 1; candidate < list.Count; candidate++)
                 {
-                    for (int other = start; other < one; other++)
+                    for (int earlier = start; earlier < candidate; earlier++)
                     {
-                        if (string.Equals(list[one], list[other], StringComparison.Ordinal)) return list[one];
+                        if (string.Equals(list[candidate], list[earlier], StringComparison.Ordinal)) return list[candidate];
                     }
                 }
                 return null;
@@ -64,9 +64,9 @@ namespace Terraport.Json
             var sorted = new string[count];
             list.CopyTo(start, sorted, 0, count);
             Array.Sort(sorted, StringComparer.Ordinal);
-            for (int place = 1; place < count; place++)
+            for (int index = 1; index < count; index++)
             {
-                if (string.Equals(sorted[place], sorted[place - 1], StringComparison.Ordinal)) return sorted[place];
+                if (string.Equals(sorted[index], sorted[index - 1], StringComparison.Ordinal)) return sorted[index];
             }
             return null;
         }

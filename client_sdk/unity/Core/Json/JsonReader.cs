@@ -33,7 +33,7 @@ namespace Terraport.Json
             }
             catch (JsonException error)
             {
-                throw new JsonException(error.What, error.Offset - text.Offset);
+                throw new JsonException(error.Reason, error.Offset - text.Offset);
             }
         }
 
@@ -55,9 +55,9 @@ namespace Terraport.Json
         {
             var values = new JsonValue[tape.CountOf(list)];
             int node = tape.FirstOf(list);
-            for (int place = 0; place < values.Length; place++)
+            for (int index = 0; index < values.Length; index++)
             {
-                values[place] = Value(node);
+                values[index] = Value(node);
                 node = tape.After(node);
             }
             return JsonValue.OfList(values);
@@ -66,24 +66,24 @@ namespace Terraport.Json
         private JsonValue Object(int owner)
         {
             var values = new JsonValue[tape.CountOf(owner)];
-            int mark = names.Count;
+            int firstName = names.Count;
             int node = tape.FirstOf(owner);
-            for (int place = 0; place < values.Length; place++)
+            for (int index = 0; index < values.Length; index++)
             {
                 names.Add(tape.TextOf(node));
                 int value = tape.After(node);
-                values[place] = Value(value);
+                values[index] = Value(value);
                 node = tape.After(value);
             }
-            string repeated = JsonObject.FirstRepeated(names, mark);
+            string repeated = JsonObject.FirstRepeated(names, firstName);
             if (repeated != null)
             {
                 string shown = JsonValue.ShowText(repeated);
                 throw new JsonException("got key " + shown + " twice, expected each key once", tape.StartOf(owner));
             }
-            string[] taken = names.GetRange(mark, values.Length).ToArray();
-            names.RemoveRange(mark, values.Length);
-            return JsonValue.OfObject(new JsonObject(taken, values));
+            string[] ownNames = names.GetRange(firstName, values.Length).ToArray();
+            names.RemoveRange(firstName, values.Length);
+            return JsonValue.OfObject(new JsonObject(ownNames, values));
         }
     }
 }

@@ -14,15 +14,15 @@ namespace Terraport.Json
         /// <summary>No node: what a key that is not there gives.</summary>
         internal const int None = -1;
 
-        private const int MostDepth = 64;
-        private readonly int[] open = new int[MostDepth];
+        private const int MaxDepth = 64;
+        private readonly int[] open = new int[MaxDepth];
         private readonly JsonTexts texts = new JsonTexts();
         private readonly JsonNumbers numbers = new JsonNumbers();
         private JsonNode[] nodes = new JsonNode[512];
         private int count;
-        private int most;
+        private int maxNodes;
         private byte[] bytes;
-        private int at;
+        private int cursor;
         private int end;
 
         /// <summary>Read a document; its first node is 0. The bytes must stay as they are while nodes are asked for.</summary>
@@ -33,9 +33,9 @@ namespace Terraport.Json
         /// <exception cref="JsonException">It is no JSON, nested more than 64 deep, or has too many values.</exception>
         internal void Read(byte[] source, int offset, int length, int maxNodes = int.MaxValue)
         {
-            most = maxNodes;
+            this.maxNodes = maxNodes;
             bytes = source;
-            at = offset;
+            cursor = offset;
             end = offset + length;
             count = 0;
             if (!Utf8.IsValid(source, offset, length))
@@ -44,7 +44,7 @@ namespace Terraport.Json
             }
             Parse();
             SkipBlanks();
-            if (at != end)
+            if (cursor != end)
             {
                 throw Damaged("something behind the document");
             }
@@ -82,18 +82,18 @@ namespace Terraport.Json
         /// </summary>
         internal int Find(int owner, string key)
         {
-            int found = None;
+            int match = None;
             int name = owner + 1;
-            for (int left = nodes[owner].Count; left > 0; left--)
+            for (int remaining = nodes[owner].Count; remaining > 0; remaining--)
             {
                 int value = nodes[name].Next;
                 if (IsEqual(name, key))
                 {
-                    found = value;
+                    match = value;
                 }
                 name = nodes[value].Next;
             }
-            return found;
+            return match;
         }
 
         /// <summary>Entry of a list by its number, which must be there.</summary>
@@ -123,9 +123,9 @@ namespace Terraport.Json
             {
                 return false;
             }
-            for (int place = 0; place < ascii.Length; place++)
+            for (int index = 0; index < ascii.Length; index++)
             {
-                if (bytes[text.Start + place] != ascii[place])
+                if (bytes[text.Start + index] != ascii[index])
                 {
                     return false;
                 }
@@ -154,9 +154,9 @@ namespace Terraport.Json
         internal JsonValue WholeOrFloat(int node)
         {
             JsonNode number = nodes[node];
-            for (int place = number.Start; place < number.Start + number.Length; place++)
+            for (int offset = number.Start; offset < number.Start + number.Length; offset++)
             {
-                if (bytes[place] == '.' || (bytes[place] | 32) == 'e')
+                if (bytes[offset] == '.' || (bytes[offset] | 32) == 'e')
                 {
                     return JsonValue.OfFloat(NumberOf(node));
                 }
@@ -168,7 +168,7 @@ namespace Terraport.Json
         }
 
         /// <summary>A value for an error text, a few dozen characters of it at most.</summary>
-        internal string Shortly(int node)
+        internal string Describe(int node)
         {
             if (node < 0)
             {
@@ -179,12 +179,12 @@ namespace Terraport.Json
                 case JsonNodeKind.Object: return "an object";
                 case JsonNodeKind.List: return "a list";
                 case JsonNodeKind.Null: return "null";
-                case JsonNodeKind.Text: return "\"" + Shortened(TextOf(node)) + "\"";
-                default: return Shortened(Encoding.UTF8.GetString(bytes, nodes[node].Start, nodes[node].Length));
+                case JsonNodeKind.Text: return "\"" + Truncate(TextOf(node)) + "\"";
+                default: return Truncate(Encoding.UTF8.GetString(bytes, nodes[node].Start, nodes[node].Length));
             }
         }
 
-        private static string Shortened(string text) { return text.Length <= 48 ? text : text.Substring(0, 48); }
+        private static string Truncate(string text) { return text.Length <= 48 ? text : text.Substring(0, 48); }
 
         /// <summary>One value with everything in it, without recursion: hostile nesting must not use up a thread's stack.</summary>
         private void Parse()
@@ -200,7 +200,7 @@ namespace Terraport.Json
                     {
                         throw Damaged("a comma before an end");
                     }
-                    at++;
+                    cursor++;
                     nodes[owner].Next = count;
                     depth--;
                     EndEntry(depth > 0 ? open[depth - 1] : None);
@@ -213,12 +213,12 @@ namespace Terraport.Json
                 byte first = Peek();
                 if (first == '{' || first == '[')
                 {
-                    if (depth == MostDepth)
+                    if (depth == MaxDepth)
                     {
                         throw Damaged("nested more than 64 deep");
                     }
-                    open[depth++] = Add(first == '{' ? JsonNodeKind.Object : JsonNodeKind.List, at, 1);
-                    at++;
+                    open[depth++] = Add(first == '{' ? JsonNodeKind.Object : JsonNodeKind.List, cursor, 1);
+                    cursor++;
                     continue;
                 }
                 ReadScalar(first);
@@ -246,7 +246,7 @@ namespace Terraport.Json
             {
                 throw Damaged("a key without a colon");
             }
-            at++;
+            cursor++;
             SkipBlanks();
         }
 
@@ -255,7 +255,7 @@ namespace Terraport.Json
             SkipBlanks();
             if (owner != None && IsAt((byte)','))
             {
-                at++;
+                cursor++;
                 nodes[owner].IsExpecting = true;
             }
         }
@@ -274,19 +274,19 @@ namespace Terraport.Json
 
         private void ReadWord(string word, JsonNodeKind kind)
         {
-            if (end - at < word.Length)
+            if (end - cursor < word.Length)
             {
                 throw Damaged("cut short");
             }
-            for (int place = 0; place < word.Length; place++)
+            for (int index = 0; index < word.Length; index++)
             {
-                if (bytes[at + place] != word[place])
+                if (bytes[cursor + index] != word[index])
                 {
                     throw Damaged("no value");
                 }
             }
-            Add(kind, at, word.Length);
-            at += word.Length;
+            Add(kind, cursor, word.Length);
+            cursor += word.Length;
         }
 
         private void ReadText()
@@ -295,44 +295,44 @@ namespace Terraport.Json
             {
                 throw Damaged("no text");
             }
-            int start = ++at;
+            int start = ++cursor;
             int escapes = 0;
             while (Peek() != '"')
             {
-                if (bytes[at] < 0x20)
+                if (bytes[cursor] < 0x20)
                 {
                     throw Damaged("a control character in a text");
                 }
-                if (bytes[at] == '\\')
+                if (bytes[cursor] == '\\')
                 {
                     escapes++;
-                    at += JsonTexts.EscapeLength(bytes, at, end);
+                    cursor += JsonTexts.EscapeLength(bytes, cursor, end);
                 }
                 else
                 {
-                    at++;
+                    cursor++;
                 }
             }
-            nodes[Add(JsonNodeKind.Text, start, at - start)].Count = escapes;
-            at++;
+            nodes[Add(JsonNodeKind.Text, start, cursor - start)].Count = escapes;
+            cursor++;
         }
 
         private void ReadNumber()
         {
-            int length = JsonNumbers.LengthAt(bytes, at, end);
+            int length = JsonNumbers.LengthAt(bytes, cursor, end);
             if (length == 0)
             {
                 throw Damaged("no value");
             }
-            Add(JsonNodeKind.Number, at, length);
-            at += length;
+            Add(JsonNodeKind.Number, cursor, length);
+            cursor += length;
         }
 
         private int Add(JsonNodeKind kind, int start, int length)
         {
-            if (count == most)
+            if (count == maxNodes)
             {
-                throw Damaged("more than " + most + " values and keys");
+                throw Damaged("more than " + maxNodes + " values and keys");
             }
             if (count == nodes.Length)
             {
@@ -344,23 +344,23 @@ namespace Terraport.Json
 
         private void SkipBlanks()
         {
-            while (at < end && (bytes[at] == ' ' || bytes[at] == '\n' || bytes[at] == '\r' || bytes[at] == '\t'))
+            while (cursor < end && (bytes[cursor] == ' ' || bytes[cursor] == '\n' || bytes[cursor] == '\r' || bytes[cursor] == '\t'))
             {
-                at++;
+                cursor++;
             }
         }
 
-        private bool IsAt(byte mark) { return at < end && bytes[at] == mark; }
+        private bool IsAt(byte mark) { return cursor < end && bytes[cursor] == mark; }
 
         private byte Peek()
         {
-            if (at >= end)
+            if (cursor >= end)
             {
                 throw Damaged("cut short");
             }
-            return bytes[at];
+            return bytes[cursor];
         }
 
-        private JsonException Damaged(string what) { return new JsonException(what, at); }
+        private JsonException Damaged(string reason) { return new JsonException(reason, cursor); }
     }
 }

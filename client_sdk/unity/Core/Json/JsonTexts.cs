@@ -9,21 +9,21 @@ namespace Terraport.Json
     /// </summary>
     internal sealed class JsonTexts
     {
-        private const int Places = 64;
-        private readonly byte[][] known = new byte[Places][];
-        private readonly string[] texts = new string[Places];
+        private const int CacheSlots = 64;
+        private readonly byte[][] cachedBytes = new byte[CacheSlots][];
+        private readonly string[] cachedTexts = new string[CacheSlots];
 
         /// <summary>The text between two quotation marks, whose escapes were checked.</summary>
         internal string Get(byte[] bytes, int start, int length, bool hasEscapes)
         {
-            int place = PlaceOf(bytes, start, length, Places);
-            if (texts[place] == null || !IsSame(known[place], bytes, start, length))
+            int slot = SlotOf(bytes, start, length, CacheSlots);
+            if (cachedTexts[slot] == null || !IsSame(cachedBytes[slot], bytes, start, length))
             {
                 string text = Encoding.UTF8.GetString(bytes, start, length);
-                known[place] = CopyOf(bytes, start, length);
-                texts[place] = hasEscapes ? Unescaped(text) : text;
+                cachedBytes[slot] = CopyOf(bytes, start, length);
+                cachedTexts[slot] = hasEscapes ? Unescape(text) : text;
             }
-            return texts[place];
+            return cachedTexts[slot];
         }
 
         /// <summary>Bytes of the escape at a backslash.</summary>
@@ -39,9 +39,9 @@ namespace Terraport.Json
                 }
                 return 2;
             }
-            for (int place = at + 2; place < at + 6; place++)
+            for (int digitAt = at + 2; digitAt < at + 6; digitAt++)
             {
-                if (place >= end || !Uri.IsHexDigit((char)bytes[place]))
+                if (digitAt >= end || !Uri.IsHexDigit((char)bytes[digitAt]))
                 {
                     throw new JsonException("an escape of no four digits", at);
                 }
@@ -49,20 +49,20 @@ namespace Terraport.Json
             return 6;
         }
 
-        internal static int PlaceOf(byte[] bytes, int start, int length, int places)
+        internal static int SlotOf(byte[] bytes, int start, int length, int slots)
         {
-            return (int)(Xxh3.Hash64(bytes, start, length) % (uint)places);
+            return (int)(Xxh3.Hash64(bytes, start, length) % (uint)slots);
         }
 
-        internal static bool IsSame(byte[] known, byte[] bytes, int start, int length)
+        internal static bool IsSame(byte[] cached, byte[] bytes, int start, int length)
         {
-            if (known == null || known.Length != length)
+            if (cached == null || cached.Length != length)
             {
                 return false;
             }
             for (int at = 0; at < length; at++)
             {
-                if (known[at] != bytes[start + at])
+                if (cached[at] != bytes[start + at])
                 {
                     return false;
                 }
@@ -77,7 +77,7 @@ namespace Terraport.Json
             return copy;
         }
 
-        private static string Unescaped(string text)
+        private static string Unescape(string text)
         {
             var plain = new StringBuilder(text.Length);
             for (int at = 0; at < text.Length; at++)

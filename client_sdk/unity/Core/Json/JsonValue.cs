@@ -57,12 +57,12 @@ namespace Terraport.Json
         /// <summary>An item of a list.</summary>
         /// <exception cref="InvalidOperationException">It is no list.</exception>
         /// <exception cref="IndexOutOfRangeException">There is no such item.</exception>
-        public JsonValue this[int place]
+        public JsonValue this[int index]
         {
             get
             {
                 if (kind != JsonKind.List) throw new InvalidOperationException("got " + Show() + ", expected a list");
-                return ((JsonValue[])reference)[place];
+                return ((JsonValue[])reference)[index];
             }
         }
 

@@ -11,10 +11,10 @@ namespace Terraport
         private const int HeaderBytes = 48;
         private const int EntryBytes = 96;
         private const int NameBytes = 72;
-        private const int MostFields = 256;
+        private const int MaxFields = 256;
         private const int Major = 1;
         private const int Alignment = 8;
-        private const int ChecksumFrom = 16;
+        private const int ChecksumStart = 16;
 
         private Field[] fields = new Field[16];
         private ArraySegment<byte> file;
@@ -63,7 +63,7 @@ namespace Terraport
             {
                 throw new PayloadException(bytes.Count + " bytes, expected " + Long(24) + " by the header", 24);
             }
-            ulong actual = Xxh3.Hash64(bytes.Array, bytes.Offset + ChecksumFrom, bytes.Count - ChecksumFrom);
+            ulong actual = Xxh3.Hash64(bytes.Array, bytes.Offset + ChecksumStart, bytes.Count - ChecksumStart);
             if (actual != Long(8))
             {
                 throw new PayloadException("checksum " + actual.ToString("x16") + ", expected " + Long(8).ToString("x16"), 8);
@@ -127,7 +127,7 @@ namespace Terraport
             uint start = Word(20);
             uint count = Word(32);
             uint entryBytes = Word(36);
-            if (count > MostFields || entryBytes < EntryBytes || start < HeaderBytes)
+            if (count > MaxFields || entryBytes < EntryBytes || start < HeaderBytes)
             {
                 throw new PayloadException(count + " fields of " + entryBytes + " bytes at " + start + ", expected a directory", 32);
             }
@@ -175,9 +175,9 @@ namespace Terraport
             {
                 throw new PayloadException("a field's name is not UTF-8", at);
             }
-            for (int other = 0; other < FieldCount; other++)
+            for (int earlier = 0; earlier < FieldCount; earlier++)
             {
-                if (IsSameName(fields[other], field))
+                if (IsSameName(fields[earlier], field))
                 {
                     throw new PayloadException("a field's name appears twice", at);
                 }

@@ -51,15 +51,15 @@ namespace Terraport
         {
             JsonTape tape = document.Tape;
             CheckExtensions();
-            int gltfMesh = document.OnlyOne(0, "meshes");
-            int primitive = document.OnlyOne(gltfMesh, "primitives");
+            int gltfMesh = document.Single(0, "meshes");
+            int primitive = document.Single(gltfMesh, "primitives");
             int mode = tape.Find(primitive, "mode");
             if (mode >= 0 && (!tape.IsNumber(mode) || tape.NumberOf(mode) != 4))
             {
                 throw document.Wrong(mode, "primitive mode", null, "4 (triangles)");
             }
             int names = document.ExpectObject(tape.Find(primitive, "attributes"), "attributes", null);
-            ReadPlace(mesh);
+            ReadTransform(mesh);
             ReadPositions(mesh, tape.Find(names, "POSITION"));
             ReadIndices(mesh, tape.Find(primitive, "indices"));
             ReadNormals(mesh, tape.Find(names, "NORMAL"));
@@ -98,12 +98,12 @@ namespace Terraport
             }
             document.ExpectList(list, "extensionsRequired");
             int entry = list + 1;
-            for (int left = tape.CountOf(list); left > 0; left--)
+            for (int remaining = tape.CountOf(list); remaining > 0; remaining--)
             {
-                bool isKnown = tape.IsEqual(entry, "KHR_mesh_quantization") || tape.IsEqual(entry, "EXT_meshopt_compression")
+                bool isSupported = tape.IsEqual(entry, "KHR_mesh_quantization") || tape.IsEqual(entry, "EXT_meshopt_compression")
                     || tape.IsEqual(entry, "EXT_mesh_features") || tape.IsEqual(entry, GlbTexture.UvTransform)
                     || tape.IsEqual(entry, GlbTexture.WebpExtension) || tape.IsEqual(entry, GlbTexture.BasisExtension);
-                if (!isKnown)
+                if (!isSupported)
                 {
                     throw document.Wrong(entry, "required extension", null, "one that we know");
                 }
@@ -111,9 +111,9 @@ namespace Terraport
             }
         }
 
-        private void ReadPlace(SegmentMesh mesh)
+        private void ReadTransform(SegmentMesh mesh)
         {
-            int node = document.OnlyOne(0, "nodes");
+            int node = document.Single(0, "nodes");
             if (document.Tape.Find(node, "matrix") >= 0 || document.Tape.Find(node, "rotation") >= 0)
             {
                 throw new PayloadException("node has a matrix or rotation, expected translation and scale alone");
@@ -163,13 +163,14 @@ namespace Terraport
         private static Box BoundsOf(SegmentMesh mesh)
         {
             ushort[] codes = mesh.CodeBounds;
-            Vec3 at = mesh.Translation;
+            Vec3 translation = mesh.Translation;
             double step = mesh.StepM;
-            return new Box(Placed(at.X + step * codes[0]), Placed(at.Y + step * codes[1]), Placed(at.Z + step * codes[2]),
-                Placed(at.X + step * codes[3]), Placed(at.Y + step * codes[4]), Placed(at.Z + step * codes[5]));
+            return new Box(ToFloat32(translation.X + step * codes[0]), ToFloat32(translation.Y + step * codes[1]),
+                ToFloat32(translation.Z + step * codes[2]), ToFloat32(translation.X + step * codes[3]),
+                ToFloat32(translation.Y + step * codes[4]), ToFloat32(translation.Z + step * codes[5]));
         }
 
-        private static float Placed(double metres)
+        private static float ToFloat32(double metres)
         {
             float value = (float)metres;
             if (value - value != 0)
@@ -223,27 +224,27 @@ namespace Terraport
         private void ReadAttributes(SegmentMesh mesh, int names, int gltfMesh)
         {
             JsonTape tape = document.Tape;
-            int ours = document.OptionalObject(document.OptionalObject(gltfMesh, "extras"), "terraport");
-            int list = document.Find(ours, "attributes");
+            int terraport = document.OptionalObject(document.OptionalObject(gltfMesh, "extras"), "terraport");
+            int list = document.Find(terraport, "attributes");
             if (list < 0)
             {
                 return;
             }
             document.ExpectList(list, "extras.terraport.attributes");
             int row = list + 1;
-            for (int left = tape.CountOf(list); left > 0; left--)
+            for (int remaining = tape.CountOf(list); remaining > 0; remaining--)
             {
                 document.ExpectObject(row, "attribute", null);
                 int name = tape.Find(row, "name");
                 int gltfName = tape.Find(row, "gltf_name");
                 if (!tape.IsText(name) || !tape.IsText(gltfName) || !tape.StartsWith(gltfName, '_'))
                 {
-                    throw document.Wrong(gltfName, "attribute name", tape.Shortly(name), "text and _TEXT");
+                    throw document.Wrong(gltfName, "attribute name", tape.Describe(name), "text and _TEXT");
                 }
-                int none = tape.Find(row, "null");
-                if (none >= 0 && (!tape.IsNumber(none) || tape.NumberOf(none) != NullCode))
+                int nullCode = tape.Find(row, "null");
+                if (nullCode >= 0 && (!tape.IsNumber(nullCode) || tape.NumberOf(nullCode) != NullCode))
                 {
-                    throw document.Wrong(none, "null code", tape.Shortly(name), "65535");
+                    throw document.Wrong(nullCode, "null code", tape.Describe(name), "65535");
                 }
                 MeshAttribute attribute = mesh.AddAttribute();
                 attribute.Name = tape.TextOf(name);

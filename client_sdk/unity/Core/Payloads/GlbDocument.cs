@@ -9,7 +9,7 @@ namespace Terraport
     internal sealed class GlbDocument
     {
         /// <summary>Bounds the parser's work on hostile bytes; our own documents have 2 to 4 KiB.</summary>
-        private const int MostJsonBytes = 1 << 20;
+        private const int MaxJsonBytes = 1 << 20;
         private const int HeaderBytes = 12;
         private const int ChunkBytes = 8;
         // As little-endian numbers.
@@ -55,26 +55,26 @@ namespace Terraport
             {
                 throw new PayloadException(size + " bytes, expected " + Word(8) + " by the header", 8);
             }
-            int text = ChunkAt(HeaderBytes, size, JsonChunk, "JSON");
-            if (text > MostJsonBytes)
+            int jsonLength = ChunkAt(HeaderBytes, size, JsonChunk, "JSON");
+            if (jsonLength > MaxJsonBytes)
             {
-                throw new PayloadException("JSON chunk of " + text + " bytes, expected at most " + MostJsonBytes, HeaderBytes);
+                throw new PayloadException("JSON chunk of " + jsonLength + " bytes, expected at most " + MaxJsonBytes, HeaderBytes);
             }
-            int textStart = HeaderBytes + ChunkBytes;
-            BinaryLength = ChunkAt(textStart + text, size, BinaryChunk, "BIN");
-            int binary = textStart + text + ChunkBytes;
-            if (binary + BinaryLength != size)
+            int jsonStart = HeaderBytes + ChunkBytes;
+            BinaryLength = ChunkAt(jsonStart + jsonLength, size, BinaryChunk, "BIN");
+            int binaryStart = jsonStart + jsonLength + ChunkBytes;
+            if (binaryStart + BinaryLength != size)
             {
-                throw new PayloadException("something after the BIN chunk, expected nothing", binary + BinaryLength);
+                throw new PayloadException("something after the BIN chunk, expected nothing", binaryStart + BinaryLength);
             }
-            BinaryStart = payloadStart + binary;
+            BinaryStart = payloadStart + binaryStart;
             try
             {
-                Tape.Read(Bytes, payloadStart + textStart, text);
+                Tape.Read(Bytes, payloadStart + jsonStart, jsonLength);
             }
             catch (JsonException error)
             {
-                throw new PayloadException("JSON does not parse: " + error.What, OffsetOf(error.Offset));
+                throw new PayloadException("JSON does not parse: " + error.Reason, OffsetOf(error.Offset));
             }
             ExpectObject(0, "JSON chunk", null);
         }
@@ -87,26 +87,26 @@ namespace Terraport
         }
 
         /// <summary>Byte of the payload at a place of <see cref="Bytes"/>, for error texts.</summary>
-        internal long OffsetOf(int place) { return place - payloadStart; }
+        internal long OffsetOf(int index) { return index - payloadStart; }
 
         /// <summary>
         /// The node, if it is an object. The label of its part may be null; texts are put together for errors alone.
         /// </summary>
-        internal int ExpectObject(int node, string what, string label)
+        internal int ExpectObject(int node, string property, string label)
         {
             if (!Tape.IsObject(node))
             {
-                throw Wrong(node, what, label, "an object");
+                throw Wrong(node, property, label, "an object");
             }
             return node;
         }
 
         /// <summary>The node, if it is a list.</summary>
-        internal int ExpectList(int node, string what)
+        internal int ExpectList(int node, string property)
         {
             if (!Tape.IsList(node))
             {
-                throw Wrong(node, what, null, "a list");
+                throw Wrong(node, property, null, "a list");
             }
             return node;
         }
@@ -126,7 +126,7 @@ namespace Terraport
         internal int Find(int owner, string key) { return owner < 0 ? JsonTape.None : Tape.Find(owner, key); }
 
         /// <summary>The one object in the list under a key.</summary>
-        internal int OnlyOne(int owner, string key)
+        internal int Single(int owner, string key)
         {
             int list = ExpectList(Tape.Find(owner, key), key);
             if (Tape.CountOf(list) != 1)
@@ -137,37 +137,37 @@ namespace Terraport
         }
 
         /// <summary>The object of a list under the root, by a node that holds its number.</summary>
-        internal int Pick(string listKey, int numberNode, string what, string label)
+        internal int Pick(string listKey, int numberNode, string property, string label)
         {
             int list = ExpectList(Tape.Find(0, listKey), listKey);
             double number = Tape.IsNumber(numberNode) ? Tape.NumberOf(numberNode) : -1;
             if (number >= 0 && number < Tape.CountOf(list) && number == Math.Floor(number))
             {
-                return ExpectObject(Tape.Entry(list, (int)number), what, label);
+                return ExpectObject(Tape.Entry(list, (int)number), property, label);
             }
-            throw Wrong(numberNode, what, label, "0 to " + (Tape.CountOf(list) - 1));
+            throw Wrong(numberNode, property, label, "0 to " + (Tape.CountOf(list) - 1));
         }
 
-        /// <summary>A whole number of at least <paramref name="least"/>, below 2^31.</summary>
-        internal int ExpectWhole(int node, string what, string label, int least)
+        /// <summary>A whole number of at least <paramref name="min"/>, below 2^31.</summary>
+        internal int ExpectWhole(int node, string property, string label, int min)
         {
             double value = Tape.IsNumber(node) ? Tape.NumberOf(node) : double.NaN;
-            if (value >= least && value <= int.MaxValue && value == Math.Floor(value))
+            if (value >= min && value <= int.MaxValue && value == Math.Floor(value))
             {
                 return (int)value;
             }
-            throw Wrong(node, what, label, "a whole number of at least " + least);
+            throw Wrong(node, property, label, "a whole number of at least " + min);
         }
 
         /// <summary>A finite number.</summary>
-        internal double ExpectFinite(int node, string what, string label)
+        internal double ExpectFinite(int node, string property, string label)
         {
             double value = Tape.IsNumber(node) ? Tape.NumberOf(node) : double.NaN;
             if (value - value == 0)
             {
                 return value;
             }
-            throw Wrong(node, what, label, "a finite number");
+            throw Wrong(node, property, label, "a finite number");
         }
 
         /// <summary>Three finite numbers, or what they are without the key.</summary>
@@ -190,33 +190,33 @@ namespace Terraport
         }
 
         /// <summary>Says what a node is and what was expected.</summary>
-        internal PayloadException Wrong(int node, string what, string label, string expected)
+        internal PayloadException Wrong(int node, string property, string label, string expected)
         {
-            string name = label == null ? what : what + " of " + label;
-            return new PayloadException(name + " is " + Tape.Shortly(node) + ", expected " + expected);
+            string name = label == null ? property : property + " of " + label;
+            return new PayloadException(name + " is " + Tape.Describe(node) + ", expected " + expected);
         }
 
         private uint Word(int at)
         {
-            int place = payloadStart + at;
-            return Bytes[place] | ((uint)Bytes[place + 1] << 8) | ((uint)Bytes[place + 2] << 16) | ((uint)Bytes[place + 3] << 24);
+            int index = payloadStart + at;
+            return Bytes[index] | ((uint)Bytes[index + 1] << 8) | ((uint)Bytes[index + 2] << 16) | ((uint)Bytes[index + 3] << 24);
         }
 
         /// <summary>Length of the chunk at a place, within the payload.</summary>
         private int ChunkAt(int at, int size, uint kind, string name)
         {
-            int left = size - at - ChunkBytes;
-            if (left < 0)
+            int remaining = size - at - ChunkBytes;
+            if (remaining < 0)
             {
-                throw new PayloadException(left + ChunkBytes + " bytes left, expected a " + name + " chunk", at);
+                throw new PayloadException(remaining + ChunkBytes + " bytes left, expected a " + name + " chunk", at);
             }
             if (Word(at + 4) != kind)
             {
                 throw new PayloadException("chunk type " + Word(at + 4) + ", expected " + name, at + 4);
             }
-            if (Word(at) > (uint)left)
+            if (Word(at) > (uint)remaining)
             {
-                throw new PayloadException("chunk of " + Word(at) + " bytes, " + left + " left", at);
+                throw new PayloadException("chunk of " + Word(at) + " bytes, " + remaining + " left", at);
             }
             return (int)Word(at);
         }

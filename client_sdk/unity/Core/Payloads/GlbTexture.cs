@@ -14,7 +14,7 @@ namespace Terraport
         internal const string BasisExtension = "KHR_texture_basisu";
 
         /// <summary>Sides up to 32768 texels.</summary>
-        private const double LeastScale = 1.0 / 65536;
+        private const double MinScale = 1.0 / 65536;
 
         /// <summary>Node that holds the number of the image's bufferView.</summary>
         internal int View;
@@ -35,25 +35,25 @@ namespace Terraport
         {
             texture = new GlbTexture();
             JsonTape tape = document.Tape;
-            int number = tape.Find(primitive, "material");
-            if (number < 0)
+            int materialNode = tape.Find(primitive, "material");
+            if (materialNode < 0)
             {
                 return false;
             }
-            int material = document.Pick("materials", number, "material", null);
-            int place = document.Find(document.OptionalObject(material, "pbrMetallicRoughness"), "baseColorTexture");
-            if (place < 0)
+            int material = document.Pick("materials", materialNode, "material", null);
+            int textureInfo = document.Find(document.OptionalObject(material, "pbrMetallicRoughness"), "baseColorTexture");
+            if (textureInfo < 0)
             {
                 return false;
             }
-            document.ExpectObject(place, "baseColorTexture", null);
-            int set = tape.Find(place, "texCoord");
-            if (set >= 0 && (!tape.IsNumber(set) || tape.NumberOf(set) != 0))
+            document.ExpectObject(textureInfo, "baseColorTexture", null);
+            int texCoord = tape.Find(textureInfo, "texCoord");
+            if (texCoord >= 0 && (!tape.IsNumber(texCoord) || tape.NumberOf(texCoord) != 0))
             {
                 throw new PayloadException("baseColorTexture has another set, expected set 0");
             }
-            texture.FindImage(document, place);
-            texture.FindScale(document, place);
+            texture.FindImage(document, textureInfo);
+            texture.FindScale(document, textureInfo);
             return true;
         }
 
@@ -61,43 +61,44 @@ namespace Terraport
         {
             scale = document.Tape.IsNumber(node) ? document.Tape.NumberOf(node) : 0;
             // A power of two has no bits of mantissa.
-            return scale >= LeastScale && scale <= 1 && (BitConverter.DoubleToInt64Bits(scale) & 0xFFFFFFFFFFFFF) == 0;
+            return scale >= MinScale && scale <= 1 && (BitConverter.DoubleToInt64Bits(scale) & 0xFFFFFFFFFFFFF) == 0;
         }
 
-        private void FindImage(GlbDocument document, int place)
+        private void FindImage(GlbDocument document, int textureInfo)
         {
             JsonTape tape = document.Tape;
-            int used = document.Pick("textures", tape.Find(place, "index"), "texture", null);
-            int extensions = document.OptionalObject(used, "extensions");
-            int source = tape.Find(used, "source");
-            string first = "image/jpeg";
-            string second = "image/png";
+            int texture = document.Pick("textures", tape.Find(textureInfo, "index"), "texture", null);
+            int extensions = document.OptionalObject(texture, "extensions");
+            int source = tape.Find(texture, "source");
+            string mediaType = "image/jpeg";
+            string alternative = "image/png";
             int webp = document.OptionalObject(extensions, WebpExtension);
             if (webp >= 0)
             {
                 source = tape.Find(webp, "source");
-                first = second = "image/webp";
+                mediaType = alternative = "image/webp";
             }
             int basis = document.OptionalObject(extensions, BasisExtension);
             if (basis >= 0)
             {
                 source = tape.Find(basis, "source");
-                first = second = "image/ktx2";
+                mediaType = alternative = "image/ktx2";
             }
             int image = document.Pick("images", source, "image", null);
-            int type = tape.Find(image, "mimeType");
-            MediaType = tape.IsEqual(type, first) ? first : tape.IsEqual(type, second) ? second : null;
+            int mimeType = tape.Find(image, "mimeType");
+            MediaType = tape.IsEqual(mimeType, mediaType) ? mediaType : tape.IsEqual(mimeType, alternative) ? alternative : null;
             if (MediaType == null)
             {
-                throw document.Wrong(type, "mimeType", "image", first == second ? first : first + " or " + second);
+                throw document.Wrong(
+                    mimeType, "mimeType", "image", mediaType == alternative ? mediaType : mediaType + " or " + alternative);
             }
             View = tape.Find(image, "bufferView");
         }
 
-        private void FindScale(GlbDocument document, int place)
+        private void FindScale(GlbDocument document, int textureInfo)
         {
             JsonTape tape = document.Tape;
-            int extensions = document.OptionalObject(place, "extensions");
+            int extensions = document.OptionalObject(textureInfo, "extensions");
             if (extensions < 0 || tape.CountOf(extensions) == 0)
             {
                 return;

@@ -7,8 +7,8 @@ namespace Terraport
     /// </summary>
     internal struct ImageHeader
     {
-        private const int MostBaseSide = 4096;
-        private const int MostSegmentSide = 2048;
+        private const int MaxBaseSide = 4096;
+        private const int MaxSegmentSide = 2048;
         private static readonly byte[] JpegStart = { 0xFF, 0xD8, 0xFF };
         private static readonly byte[] PngStart = { 0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A };
         private static readonly byte[] KtxStart = { 0xAB, 0x4B, 0x54, 0x58, 0x20, 0x32, 0x30, 0xBB, 0x0D, 0x0A, 0x1A, 0x0A };
@@ -39,20 +39,20 @@ namespace Terraport
             else if (header.StartsWith(PngStart))
             {
                 header.MediaType = "image/png";
-                if (!header.HasLetters(12, "IHDR"))
+                if (!header.HasAscii(12, "IHDR"))
                 {
                     throw new PayloadException("PNG does not start with IHDR");
                 }
-                header.Width = header.Big(16, 4);
-                header.Height = header.Big(20, 4);
+                header.Width = header.BigEndian(16, 4);
+                header.Height = header.BigEndian(20, 4);
             }
             else if (header.StartsWith(KtxStart))
             {
                 header.MediaType = "image/ktx2";
-                header.Width = header.Little(20, 4);
-                header.Height = header.Little(24, 4);
+                header.Width = header.LittleEndian(20, 4);
+                header.Height = header.LittleEndian(24, 4);
             }
-            else if (length >= 12 && header.HasLetters(0, "RIFF") && header.HasLetters(8, "WEBP"))
+            else if (length >= 12 && header.HasAscii(0, "RIFF") && header.HasAscii(8, "WEBP"))
             {
                 header.MediaType = "image/webp";
                 header.ReadWebp();
@@ -67,14 +67,14 @@ namespace Terraport
         /// <summary>Check the sides: powers of two, at most 2048 in a segment and 4096 in a base.</summary>
         internal void CheckSides(bool isBase)
         {
-            uint most = isBase ? (uint)MostBaseSide : MostSegmentSide;
-            if (!IsSide(Width, most) || !IsSide(Height, most))
+            uint maxSide = isBase ? (uint)MaxBaseSide : MaxSegmentSide;
+            if (!IsSide(Width, maxSide) || !IsSide(Height, maxSide))
             {
-                throw new PayloadException("image of " + Width + " x " + Height + " pixels, expected powers of two, at most " + most);
+                throw new PayloadException("image of " + Width + " x " + Height + " pixels, expected powers of two, at most " + maxSide);
             }
         }
 
-        private static bool IsSide(uint side, uint most) { return side >= 1 && side <= most && (side & (side - 1)) == 0; }
+        private static bool IsSide(uint side, uint maxSide) { return side >= 1 && side <= maxSide && (side & (side - 1)) == 0; }
 
         private void ReadJpeg()
         {
@@ -101,13 +101,13 @@ namespace Terraport
                 }
                 else if (marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC)
                 {
-                    Height = Big(at + 5, 2); // DHT, JPG and DAC lie between the frames.
-                    Width = Big(at + 7, 2);
+                    Height = BigEndian(at + 5, 2); // DHT, JPG and DAC lie between the frames.
+                    Width = BigEndian(at + 7, 2);
                     return;
                 }
                 else
                 {
-                    uint size = Big(at + 2, 2);
+                    uint size = BigEndian(at + 2, 2);
                     at += 2 + (int)(size < 2 ? 2 : size);
                 }
             }
@@ -116,21 +116,21 @@ namespace Terraport
 
         private void ReadWebp()
         {
-            if (HasLetters(12, "VP8 "))
+            if (HasAscii(12, "VP8 "))
             {
-                Width = Little(26, 2) & 0x3FFF;
-                Height = Little(28, 2) & 0x3FFF;
+                Width = LittleEndian(26, 2) & 0x3FFF;
+                Height = LittleEndian(28, 2) & 0x3FFF;
             }
-            else if (HasLetters(12, "VP8L"))
+            else if (HasAscii(12, "VP8L"))
             {
-                uint bits = Little(21, 4);
+                uint bits = LittleEndian(21, 4);
                 Width = (bits & 0x3FFF) + 1;
                 Height = ((bits >> 14) & 0x3FFF) + 1;
             }
-            else if (HasLetters(12, "VP8X"))
+            else if (HasAscii(12, "VP8X"))
             {
-                Width = Little(24, 3) + 1;
-                Height = Little(27, 3) + 1;
+                Width = LittleEndian(24, 3) + 1;
+                Height = LittleEndian(27, 3) + 1;
             }
             else
             {
@@ -154,11 +154,11 @@ namespace Terraport
             return true;
         }
 
-        private bool HasLetters(int at, string letters)
+        private bool HasAscii(int at, string letters)
         {
-            for (int place = 0; place < letters.Length; place++)
+            for (int index = 0; index < letters.Length; index++)
             {
-                if (At(at + place) != letters[place])
+                if (At(at + index) != letters[index])
                 {
                     return false;
                 }
@@ -166,22 +166,22 @@ namespace Terraport
             return true;
         }
 
-        private uint Big(int at, int size)
+        private uint BigEndian(int at, int size)
         {
             uint value = 0;
-            for (int place = 0; place < size; place++)
+            for (int index = 0; index < size; index++)
             {
-                value = (value << 8) | At(at + place);
+                value = (value << 8) | At(at + index);
             }
             return value;
         }
 
-        private uint Little(int at, int size)
+        private uint LittleEndian(int at, int size)
         {
             uint value = 0;
-            for (int place = size - 1; place >= 0; place--)
+            for (int index = size - 1; index >= 0; index--)
             {
-                value = (value << 8) | At(at + place);
+                value = (value << 8) | At(at + index);
             }
             return value;
         }

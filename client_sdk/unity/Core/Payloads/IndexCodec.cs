@@ -13,7 +13,7 @@ namespace Terraport
         private const int TableBytes = 16;
 
         /// <summary>Least length of a buffer: header, a code a triangle, table.</summary>
-        internal static int LeastLength(int count) { return 1 + count / 3 + TableBytes; }
+        internal static int MinLength(int count) { return 1 + count / 3 + TableBytes; }
 
         /// <summary>
         /// Decode vertex numbers into the start of <paramref name="target"/>; safe on hostile bytes. False if they are no such
@@ -26,7 +26,7 @@ namespace Terraport
             {
                 return false;
             }
-            if (count < 0 || count % 3 != 0 || target.Length < count || length < LeastLength(count) || source[offset] != Header)
+            if (count < 0 || count % 3 != 0 || target.Length < count || length < MinLength(count) || source[offset] != Header)
             {
                 return false;
             }
@@ -48,8 +48,8 @@ namespace Terraport
             }
             uint *edges = fifos;
             uint *vertices = fifos + 32;
-            uint edge = 0;
-            uint vertex = 0;
+            uint edgeHead = 0;
+            uint vertexHead = 0;
             uint next = 0;
             uint last = 0;
             unchecked
@@ -66,49 +66,49 @@ namespace Terraport
                     uint c;
                     if (triangle < 0xF0)
                     {
-                        uint place = ((edge - 1 - (triangle >> 4)) & 15) << 1;
-                        a = edges[place];
-                        b = edges[place + 1];
+                        uint edgeAt = ((edgeHead - 1 - (triangle >> 4)) & 15) << 1;
+                        a = edges[edgeAt];
+                        b = edges[edgeAt + 1];
                         uint third = triangle & 15;
                         if (third == 0)
                         {
                             c = next++;
-                            vertices[vertex] = c;
-                            vertex = (vertex + 1) & 15;
+                            vertices[vertexHead] = c;
+                            vertexHead = (vertexHead + 1) & 15;
                         }
                         else if (third < 13)
                         {
-                            c = vertices[(vertex - 1 - third) & 15];
+                            c = vertices[(vertexHead - 1 - third) & 15];
                         }
                         else
                         {
                             // 13 and 14 are one less and one more than the last free vertex.
                             last = third == 15 ? last + Difference(ref data) : last + (third == 13 ? uint.MaxValue : 1);
                             c = last;
-                            vertices[vertex] = c;
-                            vertex = (vertex + 1) & 15;
+                            vertices[vertexHead] = c;
+                            vertexHead = (vertexHead + 1) & 15;
                         }
-                        edges[edge << 1] = c;
-                        edges[(edge << 1) + 1] = b;
-                        edge = (edge + 1) & 15;
-                        edges[edge << 1] = a;
-                        edges[(edge << 1) + 1] = c;
-                        edge = (edge + 1) & 15;
+                        edges[edgeHead << 1] = c;
+                        edges[(edgeHead << 1) + 1] = b;
+                        edgeHead = (edgeHead + 1) & 15;
+                        edges[edgeHead << 1] = a;
+                        edges[(edgeHead << 1) + 1] = c;
+                        edgeHead = (edgeHead + 1) & 15;
                     }
                     else
                     {
-                        bool isFree = triangle >= 0xFE;
-                        uint pair = isFree ? *data++ : table[triangle & 15];
-                        if (isFree && pair == 0)
+                        bool isExplicit = triangle >= 0xFE;
+                        uint pair = isExplicit ? *data++ : table[triangle & 15];
+                        if (isExplicit && pair == 0)
                         {
                             next = 0;
                         }
                         uint second = pair >> 4;
                         uint third = pair & 15;
                         a = triangle == 0xFF ? 0 : next++;
-                        b = second == 0 ? next++ : vertices[(vertex - second) & 15];
-                        c = third == 0 ? next++ : vertices[(vertex - third) & 15];
-                        if (isFree)
+                        b = second == 0 ? next++ : vertices[(vertexHead - second) & 15];
+                        c = third == 0 ? next++ : vertices[(vertexHead - third) & 15];
+                        if (isExplicit)
                         {
                             if (triangle == 0xFF)
                             {
@@ -123,27 +123,27 @@ namespace Terraport
                                 last = c = last + Difference(ref data);
                             }
                         }
-                        vertices[vertex] = a;
-                        vertex = (vertex + 1) & 15;
-                        if (second == 0 || (isFree && second == 15))
+                        vertices[vertexHead] = a;
+                        vertexHead = (vertexHead + 1) & 15;
+                        if (second == 0 || (isExplicit && second == 15))
                         {
-                            vertices[vertex] = b;
-                            vertex = (vertex + 1) & 15;
+                            vertices[vertexHead] = b;
+                            vertexHead = (vertexHead + 1) & 15;
                         }
-                        if (third == 0 || (isFree && third == 15))
+                        if (third == 0 || (isExplicit && third == 15))
                         {
-                            vertices[vertex] = c;
-                            vertex = (vertex + 1) & 15;
+                            vertices[vertexHead] = c;
+                            vertexHead = (vertexHead + 1) & 15;
                         }
-                        edges[edge << 1] = b;
-                        edges[(edge << 1) + 1] = a;
-                        edge = (edge + 1) & 15;
-                        edges[edge << 1] = c;
-                        edges[(edge << 1) + 1] = b;
-                        edge = (edge + 1) & 15;
-                        edges[edge << 1] = a;
-                        edges[(edge << 1) + 1] = c;
-                        edge = (edge + 1) & 15;
+                        edges[edgeHead << 1] = b;
+                        edges[(edgeHead << 1) + 1] = a;
+                        edgeHead = (edgeHead + 1) & 15;
+                        edges[edgeHead << 1] = c;
+                        edges[(edgeHead << 1) + 1] = b;
+                        edgeHead = (edgeHead + 1) & 15;
+                        edges[edgeHead << 1] = a;
+                        edges[(edgeHead << 1) + 1] = c;
+                        edgeHead = (edgeHead + 1) & 15;
                     }
                     target[0] = a & mask;
                     target[1] = b & mask;
@@ -159,12 +159,12 @@ namespace Terraport
         {
             unchecked
             {
-                uint one = *data++;
-                uint value = one & 127;
-                for (int shift = 7; one >= 128 && shift < 35; shift += 7)
+                uint octet = *data++;
+                uint value = octet & 127;
+                for (int shift = 7; octet >= 128 && shift < 35; shift += 7)
                 {
-                    one = *data++;
-                    value |= (one & 127) << shift;
+                    octet = *data++;
+                    value |= (octet & 127) << shift;
                 }
                 return (value >> 1) ^ (0u - (value & 1));
             }

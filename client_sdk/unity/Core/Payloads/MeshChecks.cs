@@ -9,18 +9,18 @@ namespace Terraport
         /// <summary>Every face uses vertices that are there.</summary>
         internal static void Indices(uint[] indices, int count, int vertices)
         {
-            uint last = 0;
+            uint highest = 0;
             for (int at = 0; at < count; at++)
             {
                 uint index = indices[at];
-                if (index > last)
+                if (index > highest)
                 {
-                    last = index;
+                    highest = index;
                 }
             }
-            if (last >= (uint)vertices)
+            if (highest >= (uint)vertices)
             {
-                throw new PayloadException("a face uses vertex " + last + ", expected below " + vertices);
+                throw new PayloadException("a face uses vertex " + highest + ", expected below " + vertices);
             }
         }
 
@@ -98,14 +98,14 @@ namespace Terraport
         /// <summary>No code of a pair (two entries each) leaves the image.</summary>
         internal static void UvCodes(ushort[] codes, int vertices, double scaleU, double scaleV)
         {
-            int mostU = 0;
-            int mostV = 0;
+            int maxU = 0;
+            int maxV = 0;
             for (int at = 0; at < vertices * 2; at += 2)
             {
-                mostU = codes[at] > mostU ? codes[at] : mostU;
-                mostV = codes[at + 1] > mostV ? codes[at + 1] : mostV;
+                maxU = codes[at] > maxU ? codes[at] : maxU;
+                maxV = codes[at + 1] > maxV ? codes[at + 1] : maxV;
             }
-            if (mostU * scaleU > 1 || mostV * scaleV > 1)
+            if (maxU * scaleU > 1 || maxV * scaleV > 1)
             {
                 throw new PayloadException("texture coordinates beyond the image, expected 0 to 1");
             }

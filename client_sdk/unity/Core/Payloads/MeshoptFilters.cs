@@ -31,8 +31,8 @@ namespace Terraport
                 {
                     uint value = *row;
                     uint size = (value >> 16) & 0xFF;
-                    uint found = size == FullSize ? results[value & 0xFFFF] : Turned((sbyte)value, (sbyte)(value >> 8), (sbyte)size);
-                    *row = (value & 0xFF000000) | found;
+                    uint decoded = size == FullSize ? results[value & 0xFFFF] : Unfold((sbyte)value, (sbyte)(value >> 8), (sbyte)size);
+                    *row = (value & 0xFF000000) | decoded;
                 }
             }
         }
@@ -59,13 +59,13 @@ namespace Terraport
             var results = new uint[1 << 16];
             for (int at = 0; at < results.Length; at++)
             {
-                results[at] = Turned((sbyte)at, (sbyte)(at >> 8), FullSize);
+                results[at] = Unfold((sbyte)at, (sbyte)(at >> 8), FullSize);
             }
             return results;
         }
 
         /// <summary>One row: three bytes, the lowest first. Rounded to float32 where meshoptimizer's decoder rounds.</summary>
-        private static uint Turned(int x, int y, int size)
+        private static uint Unfold(int x, int y, int size)
         {
             int z = size - Math.Abs(x) - Math.Abs(y);
             int fold = z >= 0 ? 0 : z;
@@ -73,9 +73,9 @@ namespace Terraport
             y += y >= 0 ? fold : -fold;
             int square = x * x + y * y + z * z;
             float scale = square > 0 ? 127f / (float)Math.Sqrt(square) : 0;
-            return Rounded(x * scale) | (Rounded(y * scale) << 8) | (Rounded(z * scale) << 16);
+            return RoundToByte(x * scale) | (RoundToByte(y * scale) << 8) | (RoundToByte(z * scale) << 16);
         }
 
-        private static uint Rounded(float value) { return (byte)(sbyte)(int)(value + (value >= 0 ? 0.5f : -0.5f)); }
+        private static uint RoundToByte(float value) { return (byte)(sbyte)(int)(value + (value >= 0 ? 0.5f : -0.5f)); }
     }
 }

@@ -15,26 +15,29 @@ namespace Terraport
                 {
                     continue;
                 }
-                int more = first >= 0xC2 && first <= 0xDF ? 1 : first >= 0xE0 && first <= 0xEF ? 2 : first >= 0xF0 && first <= 0xF4 ? 3 : 0;
-                if (more == 0 || end - at < more)
+                int trailing = first >= 0xC2 && first <= 0xDF ? 1
+                    : first >= 0xE0 && first <= 0xEF          ? 2
+                    : first >= 0xF0 && first <= 0xF4          ? 3
+                                                              : 0;
+                if (trailing == 0 || end - at < trailing)
                 {
                     return false;
                 }
                 byte second = bytes[at];
-                byte least = first == 0xE0 ? (byte)0xA0 : first == 0xF0 ? (byte)0x90 : (byte)0x80;
-                byte most = first == 0xED ? (byte)0x9F : first == 0xF4 ? (byte)0x8F : (byte)0xBF;
-                if (second < least || second > most)
+                byte minSecond = first == 0xE0 ? (byte)0xA0 : first == 0xF0 ? (byte)0x90 : (byte)0x80;
+                byte maxSecond = first == 0xED ? (byte)0x9F : first == 0xF4 ? (byte)0x8F : (byte)0xBF;
+                if (second < minSecond || second > maxSecond)
                 {
                     return false;
                 }
-                for (int place = at + 1; place < at + more; place++)
+                for (int index = at + 1; index < at + trailing; index++)
                 {
-                    if ((bytes[place] & 0xC0) != 0x80)
+                    if ((bytes[index] & 0xC0) != 0x80)
                     {
                         return false;
                     }
                 }
-                at += more;
+                at += trailing;
             }
             return true;
         }

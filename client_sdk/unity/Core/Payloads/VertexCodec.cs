@@ -13,15 +13,15 @@ namespace Terraport
     internal static unsafe class VertexCodec
     {
         private const byte Header = 0xA0;
-        private const int MostBlockBytes = 8192;
-        private const int MostBlockRows = 256;
+        private const int MaxBlockBytes = 8192;
+        private const int MaxBlockRows = 256;
         private const int GroupRows = 16;
         /// <summary>
         /// A group reads at most 24 bytes, and the end of a buffer has at least 32: one check serves a whole group.
         /// </summary>
         private const int GroupBytes = 24;
-        private const int LeastTail = 32;
-        private const int MostStride = 256;
+        private const int MinTailBytes = 32;
+        private const int MaxStride = 256;
 
         /// <summary>
         /// Decode rows into the start of <paramref name="target"/>; safe on hostile bytes. False if they are no such buffer.
@@ -33,25 +33,25 @@ namespace Terraport
             {
                 return false;
             }
-            if (count < 1 || stride < 4 || stride > MostStride || stride % 4 != 0 || target.Length / stride < count)
+            if (count < 1 || stride < 4 || stride > MaxStride || stride % 4 != 0 || target.Length / stride < count)
             {
                 return false;
             }
-            int tail = Math.Max(stride, LeastTail);
+            int tail = Math.Max(stride, MinTailBytes);
             if (length < 1 + tail || source[offset] != Header)
             {
                 return false;
             }
             fixed(byte *start = source) fixed(byte *rows = target)
             {
-                byte *deltas = stackalloc byte[4 * MostBlockRows];
-                uint *last = stackalloc uint[MostStride / 4];
+                byte *deltas = stackalloc byte[4 * MaxBlockRows];
+                uint *last = stackalloc uint[MaxStride / 4];
                 byte *end = start + offset + length;
-                for (int four = 0; four < stride / 4; four++)
+                for (int word = 0; word < stride / 4; word++)
                 {
-                    last[four] = *(uint *)(end - stride + 4 * four);
+                    last[word] = *(uint *)(end - stride + 4 * word);
                 }
-                int blockRows = Math.Min((MostBlockBytes / stride) & ~(GroupRows - 1), MostBlockRows);
+                int blockRows = Math.Min((MaxBlockBytes / stride) & ~(GroupRows - 1), MaxBlockRows);
                 byte *data = start + offset + 1;
                 for (int first = 0; first < count; first += blockRows)
                 {
@@ -74,7 +74,7 @@ namespace Terraport
                 for (int plane = 0; plane < 4; plane++)
                 {
                     bool hasAny;
-                    data = Channel(data, end, deltas + plane * MostBlockRows, count, out hasAny);
+                    data = Channel(data, end, deltas + plane * MaxBlockRows, count, out hasAny);
                     if (data == null)
                     {
                         return null;
@@ -82,8 +82,8 @@ namespace Terraport
                     hasDeltas |= hasAny;
                 }
                 uint *row = (uint *)(rows + channel);
-                uint before = last[channel >> 2];
-                last[channel >> 2] = hasDeltas ? Add(deltas, row, count, stride, before) : Repeat(row, count, stride, before);
+                uint previous = last[channel >> 2];
+                last[channel >> 2] = hasDeltas ? Add(deltas, row, count, stride, previous) : Repeat(row, count, stride, previous);
             }
             return data;
         }
@@ -136,8 +136,8 @@ namespace Terraport
                 int step = stride >> 2;
                 for (; deltas < stop; deltas++)
                 {
-                    uint delta = deltas[0] | ((uint)deltas[MostBlockRows] << 8) | ((uint)deltas[2 * MostBlockRows] << 16)
-                        | ((uint)deltas[3 * MostBlockRows] << 24);
+                    uint delta = deltas[0] | ((uint)deltas[MaxBlockRows] << 8) | ((uint)deltas[2 * MaxBlockRows] << 16)
+                        | ((uint)deltas[3 * MaxBlockRows] << 24);
                     // Four sums of bytes: the highest bits apart, so that nothing is carried from one to the next.
                     value = ((value & 0x7F7F7F7F) + (delta & 0x7F7F7F7F)) ^ ((value ^ delta) & 0x80808080);
                     *row = value;
@@ -168,51 +168,51 @@ namespace Terraport
                 wide[1] = ((ulong *)data)[1];
                 return data + GroupRows;
             }
-            return bits == 1 ? Quarters(data, deltas) : Halves(data, deltas);
+            return bits == 1 ? GroupOf2Bits(data, deltas) : GroupOf4Bits(data, deltas);
         }
 
         /// <summary>Sixteen differences of 2 bits, the highest first; a 3 stands for a byte behind the 4 bytes.</summary>
-        private static byte *Quarters(byte *data, byte *deltas)
+        private static byte *GroupOf2Bits(byte *data, byte *deltas)
         {
-            uint all = *(uint *)data;
-            uint full = all & (all >> 1) & 0x55555555;
-            byte *more = data + 4;
+            uint codes = *(uint *)data;
+            uint escaped = codes & (codes >> 1) & 0x55555555;
+            byte *escapes = data + 4;
             for (int at = 0; at < 4; at++)
             {
-                uint four = all & 0xFF;
+                uint four = codes & 0xFF;
                 *(uint *)deltas = (four >> 6) | ((four & 0x30) << 4) | ((four & 0x0C) << 14) | ((four & 3) << 24);
-                if ((full & 0xFF) != 0)
+                if ((escaped & 0xFF) != 0)
                 {
-                    deltas[0] = deltas[0] == 3 ? *more++ : deltas[0];
-                    deltas[1] = deltas[1] == 3 ? *more++ : deltas[1];
-                    deltas[2] = deltas[2] == 3 ? *more++ : deltas[2];
-                    deltas[3] = deltas[3] == 3 ? *more++ : deltas[3];
+                    deltas[0] = deltas[0] == 3 ? *escapes++ : deltas[0];
+                    deltas[1] = deltas[1] == 3 ? *escapes++ : deltas[1];
+                    deltas[2] = deltas[2] == 3 ? *escapes++ : deltas[2];
+                    deltas[3] = deltas[3] == 3 ? *escapes++ : deltas[3];
                 }
-                all >>= 8;
-                full >>= 8;
+                codes >>= 8;
+                escaped >>= 8;
                 deltas += 4;
             }
-            return more;
+            return escapes;
         }
 
         /// <summary>Sixteen differences of 4 bits, the higher half first; a 15 stands for a byte behind the 8 bytes.</summary>
-        private static byte *Halves(byte *data, byte *deltas)
+        private static byte *GroupOf4Bits(byte *data, byte *deltas)
         {
-            byte *more = data + 8;
+            byte *escapes = data + 8;
             for (int at = 0; at < 8; at += 2)
             {
                 uint four = *(ushort *)(data + at);
                 *(uint *)deltas = ((four >> 4) & 15) | ((four & 15) << 8) | ((four & 0xF000) << 4) | ((four & 0x0F00) << 16);
                 if ((four & (four >> 1) & (four >> 2) & (four >> 3) & 0x1111) != 0)
                 {
-                    deltas[0] = deltas[0] == 15 ? *more++ : deltas[0];
-                    deltas[1] = deltas[1] == 15 ? *more++ : deltas[1];
-                    deltas[2] = deltas[2] == 15 ? *more++ : deltas[2];
-                    deltas[3] = deltas[3] == 15 ? *more++ : deltas[3];
+                    deltas[0] = deltas[0] == 15 ? *escapes++ : deltas[0];
+                    deltas[1] = deltas[1] == 15 ? *escapes++ : deltas[1];
+                    deltas[2] = deltas[2] == 15 ? *escapes++ : deltas[2];
+                    deltas[3] = deltas[3] == 15 ? *escapes++ : deltas[3];
                 }
                 deltas += 4;
             }
-            return more;
+            return escapes;
         }
     }
 }

@@ -101,7 +101,7 @@ namespace Terraport
                 {
                     ulong low = *(ulong *)input ^ *(ulong *)(secret + 24) ^ *(ulong *)(secret + 32);
                     ulong high = *(ulong *)(input + length - 8) ^ *(ulong *)(secret + 40) ^ *(ulong *)(secret + 48);
-                    return Avalanche((ulong)length + Swapped(low) + high + Folded(low, high));
+                    return Avalanche((ulong)length + Swapped(low) + high + MultiplyFold(low, high));
                 }
                 if (length >= 4)
                 {
@@ -129,8 +129,8 @@ namespace Terraport
                 ulong sum = (ulong)length * Prime64A;
                 for (int pair = (length - 1) / 32; pair >= 0; pair--)
                 {
-                    sum += Mixed(input + 16 * pair, secret + 32 * pair);
-                    sum += Mixed(input + length - 16 * (pair + 1), secret + 32 * pair + 16);
+                    sum += Mix16(input + 16 * pair, secret + 32 * pair);
+                    sum += Mix16(input + length - 16 * (pair + 1), secret + 32 * pair + 16);
                 }
                 return Avalanche(sum);
             }
@@ -143,14 +143,14 @@ namespace Terraport
                 ulong sum = (ulong)length * Prime64A;
                 for (int at = 0; at < 8; at++)
                 {
-                    sum += Mixed(input + 16 * at, secret + 16 * at);
+                    sum += Mix16(input + 16 * at, secret + 16 * at);
                 }
                 sum = Avalanche(sum);
                 for (int at = 8; at < length / 16; at++)
                 {
-                    sum += Mixed(input + 16 * at, secret + 16 * (at - 8) + 3);
+                    sum += Mix16(input + 16 * at, secret + 16 * (at - 8) + 3);
                 }
-                return Avalanche(sum + Mixed(input + length - 16, secret + 136 - 17));
+                return Avalanche(sum + Mix16(input + length - 16, secret + 136 - 17));
             }
         }
 
@@ -177,14 +177,14 @@ namespace Terraport
                         sums[lane] = (sum ^ (sum >> 47) ^ ((ulong *)(secret + 128))[lane]) * Prime32A;
                     }
                 }
-                int rest = (length - 1 - blocks * BlockBytes) / StripeBytes;
-                Accumulate(sums, input + blocks * BlockBytes, secret, rest);
+                int remainingStripes = (length - 1 - blocks * BlockBytes) / StripeBytes;
+                Accumulate(sums, input + blocks * BlockBytes, secret, remainingStripes);
                 Accumulate(sums, input + length - StripeBytes, secret + 121, 1);
                 ulong hash = (ulong)length * Prime64A;
                 for (int pair = 0; pair < 4; pair++)
                 {
                     ulong *key = (ulong *)(secret + 11 + 16 * pair);
-                    hash += Folded(sums[2 * pair] ^ key[0], sums[2 * pair + 1] ^ key[1]);
+                    hash += MultiplyFold(sums[2 * pair] ^ key[0], sums[2 * pair + 1] ^ key[1]);
                 }
                 return Avalanche(hash);
             }
@@ -228,15 +228,15 @@ namespace Terraport
             }
         }
 
-        private static ulong Mixed(byte *input, byte *secret)
+        private static ulong Mix16(byte *input, byte *secret)
         {
             ulong *value = (ulong *)input;
             ulong *key = (ulong *)secret;
-            return Folded(value[0] ^ key[0], value[1] ^ key[1]);
+            return MultiplyFold(value[0] ^ key[0], value[1] ^ key[1]);
         }
 
         /// <summary>The two halves of the 128-bit product, by exclusive or.</summary>
-        private static ulong Folded(ulong left, ulong right)
+        private static ulong MultiplyFold(ulong left, ulong right)
         {
             unchecked
             {

@@ -10,12 +10,12 @@ namespace Terraport
         /// <summary>GET a file. Redirects are not followed: the token goes to that server alone.</summary>
         /// <param name="url">http(s) address.</param>
         /// <param name="token">Sent as <c>Authorization: Bearer</c>; none is sent where it is null or empty.</param>
-        /// <param name="mostBytes">Bound of the body, of whatever status.</param>
+        /// <param name="maxBytes">Bound of the body, of whatever status.</param>
         /// <param name="onBytes">Told of bytes that came, on whatever thread; may be null.</param>
         /// <param name="cancelled">Ends the request.</param>
         /// <returns>The answer, whatever its status.</returns>
         /// <exception cref="TerraportException">"unreachable" without an answer; "damaged" where more bytes come.</exception>
         /// <exception cref="OperationCanceledException">It was cancelled.</exception>
-        Task<HttpAnswer> GetAsync(string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled);
+        Task<HttpAnswer> GetAsync(string url, string token, int maxBytes, Action<int> onBytes, CancellationToken cancelled);
     }
 }

@@ -26,8 +26,8 @@ namespace Terraport
             }
             catch (JsonException error)
             {
-                string what = "manifest of scene " + id + " is no JSON; is this a terraport server?";
-                throw new TerraportException("damaged", what, null, error);
+                string message = "manifest of scene " + id + " is no JSON; is this a terraport server?";
+                throw new TerraportException("damaged", message, null, error);
             }
             CheckFormat(json);
             try
@@ -36,8 +36,8 @@ namespace Terraport
             }
             catch (PayloadException error)
             {
-                string what = "manifest of scene " + id + ": " + error.Message + "; the scene must be published anew";
-                throw new TerraportException("damaged", what, null, error);
+                string message = "manifest of scene " + id + ": " + error.Message + "; the scene must be published anew";
+                throw new TerraportException("damaged", message, null, error);
             }
         }
 
@@ -166,12 +166,12 @@ namespace Terraport
             return names;
         }
 
-        private static FileFacts ReadFile(JsonValue files, string key, int mostBytes)
+        private static FileFacts ReadFile(JsonValue files, string key, int maxBytes)
         {
             JsonValue file = SceneJson.ExpectObject(files[key], key);
             string digits = SceneJson.ExpectDigits(file["xxh3"], "xxh3 of " + key, 16);
             return new FileFacts {
-                Length = (int)SceneJson.ExpectWhole(file["bytes"], "bytes of " + key, 1, mostBytes),
+                Length = (int)SceneJson.ExpectWhole(file["bytes"], "bytes of " + key, 1, maxBytes),
                 Xxh3 = ulong.Parse(digits, NumberStyles.HexNumber, CultureInfo.InvariantCulture),
             };
         }

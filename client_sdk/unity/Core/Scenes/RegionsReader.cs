@@ -9,9 +9,9 @@ namespace Terraport
     /// </summary>
     public static class RegionsReader
     {
-        private const int LongestLabel = 256;
+        private const int MaxLabelLength = 256;
         /// <summary>A whole file of 256 MiB has fewer values that mean anything.</summary>
-        private const int MostValues = 1 << 24;
+        private const int MaxValues = 1 << 24;
 
         /// <summary>
         /// Read the regions. Everything but their order is informative: a fact that is missing, or not what it should be, is null.
@@ -24,7 +24,7 @@ namespace Terraport
             JsonValue json;
             try
             {
-                json = JsonReader.Read(regions, MostValues);
+                json = JsonReader.Read(regions, MaxValues);
             }
             catch (JsonException error)
             {
@@ -47,16 +47,16 @@ namespace Terraport
 
         private static RegionFacts ReadRegion(JsonValue region, int id, Dictionary<long, string> names)
         {
-            long number;
-            bool hasStable = region["stable_id"].TryInteger(out number) && number >= 0 && number <= uint.MaxValue;
+            long stableId;
+            bool hasStable = region["stable_id"].TryInteger(out stableId) && stableId >= 0 && stableId <= uint.MaxValue;
             string label = null;
-            if (!hasStable || !names.TryGetValue(number, out label))
+            if (!hasStable || !names.TryGetValue(stableId, out label))
             {
                 label = string.IsNullOrEmpty(region["label"].Text) ? null : region["label"].Text;
             }
             return new RegionFacts {
                 Id = id,
-                StableId = hasStable ? number : (long?)null,
+                StableId = hasStable ? stableId : (long?)null,
                 Label = label,
                 AreaM2 = SceneJson.NumberOrNull(region["area_m2"]),
                 MeanColour = SceneJson.TripleOrNull(region["mean_colour"]),
@@ -67,7 +67,7 @@ namespace Terraport
 
         private static Dictionary<long, string> ReadLabels(ArraySegment<byte> text)
         {
-            var none = new Dictionary<long, string>();
+            var noLabels = new Dictionary<long, string>();
             JsonValue json;
             try
             {
@@ -75,27 +75,27 @@ namespace Terraport
             }
             catch (JsonException)
             {
-                return none;
+                return noLabels;
             }
             string version = json["format_version"].Text;
             JsonValue rows = json["labels"];
             if (json["format"].Text != "terraport-labels" || version == null || version.Split('.')[0] != "1" || rows.Kind != JsonKind.List)
             {
-                return none;
+                return noLabels;
             }
             var labels = new Dictionary<long, string>();
-            long before = -1;
+            long previousId = -1;
             for (int at = 0; at < rows.Count; at++)
             {
-                long number;
-                bool isRight = rows[at]["stable_id"].TryInteger(out number) && number > before && number <= uint.MaxValue;
+                long stableId;
+                bool isValid = rows[at]["stable_id"].TryInteger(out stableId) && stableId > previousId && stableId <= uint.MaxValue;
                 string label = rows[at]["label"].Text;
-                if (!isRight || !IsLabel(label))
+                if (!isValid || !IsLabel(label))
                 {
-                    return none;
+                    return noLabels;
                 }
-                labels.Add(number, label);
-                before = number;
+                labels.Add(stableId, label);
+                previousId = stableId;
             }
             return labels;
         }
@@ -108,15 +108,15 @@ namespace Terraport
                 return false;
             }
             int points = 0;
-            foreach (char one in label)
+            foreach (char character in label)
             {
-                if (char.IsControl(one))
+                if (char.IsControl(character))
                 {
                     return false;
                 }
-                points += char.IsLowSurrogate(one) ? 0 : 1;
+                points += char.IsLowSurrogate(character) ? 0 : 1;
             }
-            return points <= LongestLabel;
+            return points <= MaxLabelLength;
         }
     }
 }

@@ -8,13 +8,13 @@ namespace Terraport
     /// <summary>Files of a scene over HTTP, with the server's own words where it refuses.</summary>
     internal sealed class SceneFetch
     {
-        private const int MostErrorCharacters = 1024;
+        private const int MaxErrorCharacters = 1024;
         private readonly IHttp http;
         private readonly string token;
         private readonly Action<long, long> onProgress;
         private readonly CancellationToken cancelled;
         private readonly Func<Action, Task> aside;
-        private long doneBytes;
+        private long receivedBytes;
         private long totalBytes;
 
         /// <remarks>aside: Runs the hashing elsewhere; null for here.</remarks>
@@ -31,14 +31,14 @@ namespace Terraport
         /// <summary>Count progress from 0 to that many bytes.</summary>
         internal void Begin(long bytes)
         {
-            doneBytes = 0;
+            receivedBytes = 0;
             totalBytes = bytes;
         }
 
         /// <summary>A file of at most that many bytes.</summary>
-        internal async Task<ArraySegment<byte>> GetAsync(string url, int mostBytes)
+        internal async Task<ArraySegment<byte>> GetAsync(string url, int maxBytes)
         {
-            return BodyOf(url, await http.GetAsync(url, token, mostBytes, null, cancelled));
+            return BodyOf(url, await http.GetAsync(url, token, maxBytes, null, cancelled));
         }
 
         /// <summary>A file whose length and hash are known.</summary>
@@ -46,22 +46,22 @@ namespace Terraport
         {
             Action<int> onBytes = onProgress == null ? (Action<int>)null : Count;
             // A refusal may be longer than a small file.
-            int mostBytes = Math.Max(facts.Length, 1 << 16);
-            ArraySegment<byte> body = BodyOf(url, await http.GetAsync(url, token, mostBytes, onBytes, cancelled));
+            int maxBytes = Math.Max(facts.Length, 1 << 16);
+            ArraySegment<byte> body = BodyOf(url, await http.GetAsync(url, token, maxBytes, onBytes, cancelled));
             if (body.Count != facts.Length)
             {
-                string what = url + " has " + body.Count + " bytes, expected " + facts.Length + " by the manifest; load it again";
-                throw new TerraportException("damaged", what);
+                string message = url + " has " + body.Count + " bytes, expected " + facts.Length + " by the manifest; load it again";
+                throw new TerraportException("damaged", message);
             }
             ulong hash = 0;
-            Action sum = () => hash = Xxh3.Hash64(body.Array, body.Offset, body.Count);
+            Action hashBody = () => hash = Xxh3.Hash64(body.Array, body.Offset, body.Count);
             if (aside == null)
             {
-                sum();
+                hashBody();
             }
             else
             {
-                await aside(sum); // Tens of MiB: on an engine's main thread that would be a frame lost.
+                await aside(hashBody); // Tens of MiB: on an engine's main thread that would be a frame lost.
             }
             if (hash != facts.Xxh3)
             {
@@ -71,11 +71,11 @@ namespace Terraport
         }
 
         /// <summary>A file that may be absent, and without which all goes on: empty where it does not come.</summary>
-        internal async Task<ArraySegment<byte>> GetOptionalAsync(string url, int mostBytes)
+        internal async Task<ArraySegment<byte>> GetOptionalAsync(string url, int maxBytes)
         {
             try
             {
-                return await GetAsync(url, mostBytes);
+                return await GetAsync(url, maxBytes);
             }
             catch (TerraportException)
             {
@@ -104,7 +104,7 @@ namespace Terraport
             }
             code = code ?? CodeOf(answer.Status);
             message = message ?? url + " was refused with HTTP status " + answer.Status;
-            message = message.Length > MostErrorCharacters ? message.Substring(0, MostErrorCharacters) : message;
+            message = message.Length > MaxErrorCharacters ? message.Substring(0, MaxErrorCharacters) : message;
             throw new TerraportException(code, message + AdviceOn(code), answer.Status, null);
         }
 
@@ -133,6 +133,6 @@ namespace Terraport
             }
         }
 
-        private void Count(int bytes) { onProgress(Interlocked.Add(ref doneBytes, bytes), totalBytes); }
+        private void Count(int bytes) { onProgress(Interlocked.Add(ref receivedBytes, bytes), totalBytes); }
     }
 }

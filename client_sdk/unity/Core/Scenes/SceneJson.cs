@@ -25,12 +25,12 @@ namespace Terraport
         internal static string ExpectDigits(JsonValue value, string label, int length)
         {
             string text = value.Text;
-            bool isRight = text != null && text.Length == length;
-            for (int at = 0; isRight && at < length; at++)
+            bool isValid = text != null && text.Length == length;
+            for (int at = 0; isValid && at < length; at++)
             {
-                isRight = (text[at] >= '0' && text[at] <= '9') || (text[at] >= 'a' && text[at] <= 'f');
+                isValid = (text[at] >= '0' && text[at] <= '9') || (text[at] >= 'a' && text[at] <= 'f');
             }
-            return isRight ? text : throw Wrong(value, label, length + " hexadecimal digits");
+            return isValid ? text : throw Wrong(value, label, length + " hexadecimal digits");
         }
 
         internal static double ExpectNumber(JsonValue value, string label)
@@ -39,11 +39,11 @@ namespace Terraport
             return value.TryNumber(out number) ? number : throw Wrong(value, label, "a finite number");
         }
 
-        internal static long ExpectWhole(JsonValue value, string label, long least, long most)
+        internal static long ExpectWhole(JsonValue value, string label, long min, long max)
         {
             long number;
-            bool isRight = value.TryInteger(out number) && number >= least && number <= most;
-            return isRight ? number : throw Wrong(value, label, "a whole number from " + least + " to " + most);
+            bool isValid = value.TryInteger(out number) && number >= min && number <= max;
+            return isValid ? number : throw Wrong(value, label, "a whole number from " + min + " to " + max);
         }
 
         internal static bool ExpectFlag(JsonValue value, string label)

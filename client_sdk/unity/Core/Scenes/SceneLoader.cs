@@ -12,8 +12,8 @@ namespace Terraport
     /// </summary>
     public static class SceneLoader
     {
-        private const int MostJsonBytes = 1 << 24;
-        private const int MostLabelBytes = 1 << 26;
+        private const int MaxJsonBytes = 1 << 24;
+        private const int MaxLabelBytes = 1 << 26;
 
         /// <summary>Load a scene.</summary>
         /// <param name="url">Scene URL; or a server URL, whose only scene is meant.</param>
@@ -65,7 +65,7 @@ namespace Terraport
         {
             SceneUrl server = SceneUrl.Parse(serverUrl);
             var fetch = new SceneFetch(http ?? new SystemHttp(), token, null, cancelled);
-            ArraySegment<byte> text = await fetch.GetAsync(server.ScenesUrl, MostJsonBytes);
+            ArraySegment<byte> text = await fetch.GetAsync(server.ScenesUrl, MaxJsonBytes);
             JsonValue rows;
             try
             {
@@ -96,23 +96,23 @@ namespace Terraport
 
         private static async Task<string> ResolveAsync(string url, string token, IHttp http, CancellationToken cancelled)
         {
-            SceneUrl parts = SceneUrl.Parse(url);
-            if (parts.Scene != null)
+            SceneUrl address = SceneUrl.Parse(url);
+            if (address.Scene != null)
             {
-                return parts.HttpUrl;
+                return address.HttpUrl;
             }
             IReadOnlyList<SceneSummary> scenes = await ListAsync(url, token, http, cancelled);
             if (scenes.Count == 1)
             {
                 return scenes[0].Url;
             }
-            string text = parts.Server + " serves " + scenes.Count + " scenes, expected one: name it as .../scenes/ID";
+            string text = address.Server + " serves " + scenes.Count + " scenes, expected one: name it as .../scenes/ID";
             throw new TerraportException("several_scenes", text);
         }
 
         private static async Task<SceneManifest> FetchManifestAsync(SceneFetch fetch, string sceneUrl, string version)
         {
-            ArraySegment<byte> text = await fetch.GetAsync(Versioned(sceneUrl, version), MostJsonBytes);
+            ArraySegment<byte> text = await fetch.GetAsync(Versioned(sceneUrl, version), MaxJsonBytes);
             return ManifestReader.Read(text, SceneUrl.Parse(sceneUrl).Scene);
         }
 
@@ -124,7 +124,7 @@ namespace Terraport
             Task<ArraySegment<byte>> glb = fetch.GetFileAsync(Versioned(sceneUrl + "/base.glb", version), manifest.BaseFile);
             Task<ArraySegment<byte>> cover = fetch.GetFileAsync(Versioned(sceneUrl + "/base.cover", version), manifest.CoverFile);
             Task<ArraySegment<byte>> regions = fetch.GetFileAsync(Versioned(sceneUrl + "/regions.json", version), manifest.RegionsFile);
-            Task<ArraySegment<byte>> labels = fetch.GetOptionalAsync(sceneUrl + "/labels.json", MostLabelBytes);
+            Task<ArraySegment<byte>> labels = fetch.GetOptionalAsync(sceneUrl + "/labels.json", MaxLabelBytes);
             await Task.WhenAll(glb, cover, regions, labels);
             SceneFiles files = null;
             Action decode = () => files = Decode(manifest, glb.Result, cover.Result, regions.Result, labels.Result);

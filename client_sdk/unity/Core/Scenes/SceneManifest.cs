@@ -74,11 +74,11 @@ namespace Terraport
         internal FileFacts RegionsFile { get; set; }
 
         /// <summary>East, north, height in the survey's CRS, metres, of a place in the scene frame.</summary>
-        public void ToSurvey(Vec3 place, out double east, out double north, out double height)
+        public void ToSurvey(Vec3 position, out double east, out double north, out double height)
         {
-            east = OriginEast + place.X;
-            north = OriginNorth - place.Z;
-            height = OriginHeight + place.Y;
+            east = OriginEast + position.X;
+            north = OriginNorth - position.Z;
+            height = OriginHeight + position.Y;
         }
 
         /// <summary>The place in the scene frame, metres, of a point in the survey's CRS.</summary>

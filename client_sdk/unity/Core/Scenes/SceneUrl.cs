@@ -42,28 +42,28 @@ namespace Terraport
         /// <exception cref="TerraportException">invalid_url: neither, or with credentials, a query or a fragment.</exception>
         public static SceneUrl Parse(string url)
         {
-            Uri parts;
-            int mark = url == null ? -1 : url.IndexOf("://", StringComparison.Ordinal);
-            string scheme = mark < 0 ? null : HttpOf(url.Substring(0, mark).ToLowerInvariant());
-            bool hasHost = mark >= 0 && mark + 3 < url.Length && url[mark + 3] != '/';
-            if (scheme == null || !hasHost || !Uri.TryCreate(url.Trim(), UriKind.Absolute, out parts) || parts.Host.Length == 0)
+            Uri uri;
+            int schemeEnd = url == null ? -1 : url.IndexOf("://", StringComparison.Ordinal);
+            string scheme = schemeEnd < 0 ? null : HttpOf(url.Substring(0, schemeEnd).ToLowerInvariant());
+            bool hasHost = schemeEnd >= 0 && schemeEnd + 3 < url.Length && url[schemeEnd + 3] != '/';
+            if (scheme == null || !hasHost || !Uri.TryCreate(url.Trim(), UriKind.Absolute, out uri) || uri.Host.Length == 0)
             {
                 throw Invalid("URL \"" + url + "\", expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)");
             }
-            if (parts.UserInfo.Length > 0 || url.IndexOf('?') >= 0 || url.IndexOf('#') >= 0 || url.IndexOf('@') >= 0)
+            if (uri.UserInfo.Length > 0 || url.IndexOf('?') >= 0 || url.IndexOf('#') >= 0 || url.IndexOf('@') >= 0)
             {
                 // The URL itself is not repeated: it may hold a secret.
-                throw Invalid("URL of " + parts.Host + " has credentials, a query or a fragment, expected none of them");
+                throw Invalid("URL of " + uri.Host + " has credentials, a query or a fragment, expected none of them");
             }
-            string origin = scheme + "://" + parts.Host + (parts.IsDefaultPort ? "" : ":" + parts.Port);
-            string path = parts.AbsolutePath;
-            int found = path.IndexOf(Folder, StringComparison.Ordinal);
-            string prefix = found < 0 ? path : path.Substring(0, found);
-            string rest = found < 0 ? "" : path.Substring(found + Folder.Length);
-            string scene = rest.Trim('/');
+            string origin = scheme + "://" + uri.Host + (uri.IsDefaultPort ? "" : ":" + uri.Port);
+            string path = uri.AbsolutePath;
+            int folderAt = path.IndexOf(Folder, StringComparison.Ordinal);
+            string prefix = folderAt < 0 ? path : path.Substring(0, folderAt);
+            string belowFolder = folderAt < 0 ? "" : path.Substring(folderAt + Folder.Length);
+            string scene = belowFolder.Trim('/');
             if (scene.EndsWith("/stream", StringComparison.Ordinal)) scene = scene.Substring(0, scene.Length - "/stream".Length);
             if (scene.Length == 0) return new SceneUrl(origin + prefix.TrimEnd('/'), null);
-            if (scene.IndexOf('/') >= 0 || rest[0] != '/')
+            if (scene.IndexOf('/') >= 0 || belowFolder[0] != '/')
             {
                 throw Invalid("URL path \"" + path + "\", expected [/prefix]/scenes/ID");
             }

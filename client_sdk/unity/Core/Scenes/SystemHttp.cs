@@ -12,13 +12,13 @@ namespace Terraport
     {
         /// <summary>How long nothing may come, milliseconds.</summary>
         private const int StallMs = 30000;
-        private const int PieceBytes = 1 << 16;
+        private const int ChunkBytes = 1 << 16;
 
         // One for the process: each client has connections of its own.
         private static readonly HttpClient Client = new HttpClient(new HttpClientHandler { AllowAutoRedirect = false });
 
         /// <inheritdoc/>
-        public async Task<HttpAnswer> GetAsync(string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled)
+        public async Task<HttpAnswer> GetAsync(string url, string token, int maxBytes, Action<int> onBytes, CancellationToken cancelled)
         {
             // Inside, continuations need no particular thread; the caller's come back on the caller's context.
             using (CancellationTokenSource stalled = CancellationTokenSource.CreateLinkedTokenSource(cancelled)) using (
@@ -32,34 +32,34 @@ namespace Terraport
                     }
                     stalled.CancelAfter(StallMs);
                     const HttpCompletionOption headersFirst = HttpCompletionOption.ResponseHeadersRead;
-                    Task<HttpResponseMessage> sent = Client.SendAsync(request, headersFirst, stalled.Token);
-                    using (HttpResponseMessage response = await sent.ConfigureAwait(false)) using (
+                    Task<HttpResponseMessage> responding = Client.SendAsync(request, headersFirst, stalled.Token);
+                    using (HttpResponseMessage response = await responding.ConfigureAwait(false)) using (
                         Stream stream = await response.Content.ReadAsStreamAsync().ConfigureAwait(false))
                     {
-                        long stated = response.Content.Headers.ContentLength ?? 0;
-                        var body = new byte[(int)Math.Max(1, Math.Min(stated > 0 ? stated + 1 : PieceBytes, mostBytes + 1L))];
+                        long declaredBytes = response.Content.Headers.ContentLength ?? 0;
+                        var body = new byte[(int)Math.Max(1, Math.Min(declaredBytes > 0 ? declaredBytes + 1 : ChunkBytes, maxBytes + 1L))];
                         int length = 0;
                         for (;;)
                         {
                             stalled.CancelAfter(StallMs);
-                            int left = Math.Min(PieceBytes, body.Length - length);
-                            int came = await stream.ReadAsync(body, length, left, stalled.Token).ConfigureAwait(false);
-                            if (came == 0)
+                            int room = Math.Min(ChunkBytes, body.Length - length);
+                            int receivedBytes = await stream.ReadAsync(body, length, room, stalled.Token).ConfigureAwait(false);
+                            if (receivedBytes == 0)
                             {
                                 return new HttpAnswer((int)response.StatusCode, body, length);
                             }
-                            length += came;
-                            if (length > mostBytes)
+                            length += receivedBytes;
+                            if (length > maxBytes)
                             {
-                                throw new TerraportException("damaged", url + " has more than " + mostBytes + " bytes, the most expected");
+                                throw new TerraportException("damaged", url + " has more than " + maxBytes + " bytes, the most expected");
                             }
                             if (onBytes != null)
                             {
-                                onBytes(came);
+                                onBytes(receivedBytes);
                             }
                             if (length == body.Length)
                             {
-                                Array.Resize(ref body, (int)Math.Min(2L * length, mostBytes + 1L));
+                                Array.Resize(ref body, (int)Math.Min(2L * length, maxBytes + 1L));
                             }
                         }
                     }
@@ -81,9 +81,9 @@ namespace Terraport
             }
         }
 
-        private static TerraportException Unreachable(string url, string why, Exception error)
+        private static TerraportException Unreachable(string url, string reason, Exception error)
         {
-            string text = "no answer from " + url + " (" + why + "); is the server running, and reachable from here?";
+            string text = "no answer from " + url + " (" + reason + "); is the server running, and reachable from here?";
             return new TerraportException("unreachable", text, null, error);
         }
     }

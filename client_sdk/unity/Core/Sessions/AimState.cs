@@ -9,31 +9,31 @@ namespace Terraport.Sessions
     /// </summary>
     internal sealed class AimState
     {
-        private Aim noted;
+        private Aim pending;
         private Aim sent;
         private long sentGeneration = -1;
 
         /// <summary>Whether an aim is to be sent.</summary>
-        internal bool Waits => noted.IsThere;
+        internal bool Waits => pending.IsSet;
 
         /// <summary>Check what an aim says; nothing is allocated where it is right, since it may come with every frame.</summary>
         /// <exception cref="ArgumentException">A number that the protocol does not allow.</exception>
         internal static void Check(Vec3 position, double radiusM)
         {
-            const double Most = WireLimits.MaxCoordinateM;
-            bool isRight = radiusM > 0 && radiusM <= WireLimits.MaxRadiusM && Math.Abs(position.X) <= Most && Math.Abs(position.Y) <= Most
-                && Math.Abs(position.Z) <= Most;
-            if (!isRight) WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
+            const double Max = WireLimits.MaxCoordinateM;
+            bool isValid = radiusM > 0 && radiusM <= WireLimits.MaxRadiusM && Math.Abs(position.X) <= Max && Math.Abs(position.Y) <= Max
+                && Math.Abs(position.Z) <= Max;
+            if (!isValid) WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
         }
 
         /// <summary>Note the newest one, in place of any that waits.</summary>
-        internal void Note(Vec3 position, double radiusM) { noted = new Aim { Position = position, RadiusM = radiusM, IsThere = true }; }
+        internal void Note(Vec3 position, double radiusM) { pending = new Aim { Position = position, RadiusM = radiusM, IsSet = true }; }
 
         /// <summary>The message to send now, under a generation of this connection; an aim must wait.</summary>
         internal AimMessage Take(uint generation)
         {
-            sent = noted;
-            noted = default(Aim);
+            sent = pending;
+            pending = default(Aim);
             sentGeneration = generation;
             return new AimMessage { Generation = generation, Position = sent.Position, RadiusM = sent.RadiusM };
         }
@@ -41,7 +41,7 @@ namespace Terraport.Sessions
         /// <summary>Forget it: the user has landed.</summary>
         internal void Clear()
         {
-            noted = default(Aim);
+            pending = default(Aim);
             sent = default(Aim);
         }
 
@@ -52,10 +52,10 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Send it anew on the next connection, unless all of it had come (7, rule 4).</summary>
-        /// <param name="done">Generation of the newest aim of which everything has come; -1 for none.</param>
-        internal void ConnectionLost(long done)
+        /// <param name="completedGeneration">Generation of the newest aim of which everything has come; -1 for none.</param>
+        internal void ConnectionLost(long completedGeneration)
         {
-            if (!noted.IsThere && sentGeneration != done) noted = sent;
+            if (!pending.IsSet && sentGeneration != completedGeneration) pending = sent;
             sentGeneration = -1;
         }
 
@@ -63,7 +63,7 @@ namespace Terraport.Sessions
         {
             internal Vec3 Position;
             internal double RadiusM;
-            internal bool IsThere;
+            internal bool IsSet;
         }
     }
 }

@@ -14,23 +14,23 @@ namespace Terraport.Sessions
     /// </remarks>
     public sealed class Assembler
     {
-        private const int Ahead = 4;
+        private const int GrowthFactor = 4;
 
         private readonly PayloadPool pool;
-        private readonly Dictionary<uint, Part> parts = new Dictionary<uint, Part>();
+        private readonly Dictionary<uint, PartialPayload> partials = new Dictionary<uint, PartialPayload>();
         private readonly List<uint> unwanted = new List<uint>();
 
         /// <summary>Make one whose payloads come from this pool.</summary>
         public Assembler(PayloadPool pool) { this.pool = pool; }
 
         /// <summary>Segments that are partly here.</summary>
-        public int Count => parts.Count;
+        public int Count => partials.Count;
 
         /// <summary>Bytes of one segment that are here already.</summary>
         public int Received(uint segment)
         {
-            Part part;
-            return parts.TryGetValue(segment, out part) ? part.Received : 0;
+            PartialPayload partial;
+            return partials.TryGetValue(segment, out partial) ? partial.Received : 0;
         }
 
         /// <summary>Take one chunk, which is copied; the payload when this was its last one, else null.</summary>
@@ -45,23 +45,23 @@ namespace Terraport.Sessions
                 throw new ProtocolViolationException(
                     "segment " + frame.Segment + " announces " + frame.Total + " bytes, expected " + length + " by the plan");
             }
-            Part part;
-            parts.TryGetValue(frame.Segment, out part);
-            if (frame.Offset != part.Received)
+            PartialPayload partial;
+            partials.TryGetValue(frame.Segment, out partial);
+            if (frame.Offset != partial.Received)
             {
                 throw new ProtocolViolationException(
-                    "segment " + frame.Segment + " continues at byte " + frame.Offset + ", expected " + part.Received);
+                    "segment " + frame.Segment + " continues at byte " + frame.Offset + ", expected " + partial.Received);
             }
-            int end = part.Received + frame.Chunk.Count;
-            PayloadBuffer buffer = Grown(part, end, length);
-            Buffer.BlockCopy(frame.Chunk.Array, frame.Chunk.Offset, buffer.Data, part.Received, frame.Chunk.Count);
+            int end = partial.Received + frame.Chunk.Count;
+            PayloadBuffer buffer = EnsureRoom(partial, end, length);
+            Buffer.BlockCopy(frame.Chunk.Array, frame.Chunk.Offset, buffer.Data, partial.Received, frame.Chunk.Count);
             if (frame.IsLast)
             {
-                parts.Remove(frame.Segment);
+                partials.Remove(frame.Segment);
                 buffer.SetLength(length);
                 return buffer;
             }
-            parts[frame.Segment] = new Part { Buffer = buffer, Received = end };
+            partials[frame.Segment] = new PartialPayload { Buffer = buffer, Received = end };
             return null;
         }
 
@@ -69,36 +69,36 @@ namespace Terraport.Sessions
         public void KeepOnly(Dictionary<uint, SegmentFacts> segments)
         {
             unwanted.Clear();
-            foreach (uint segment in parts.Keys)
+            foreach (uint segment in partials.Keys)
             {
                 if (!segments.ContainsKey(segment)) unwanted.Add(segment);
             }
             foreach (uint segment in unwanted)
             {
-                parts[segment].Buffer.Release();
-                parts.Remove(segment);
+                partials[segment].Buffer.Release();
+                partials.Remove(segment);
             }
         }
 
         /// <summary>Forget everything: the connection is gone.</summary>
         public void Clear()
         {
-            foreach (Part part in parts.Values) part.Buffer.Release();
-            parts.Clear();
+            foreach (PartialPayload partial in partials.Values) partial.Buffer.Release();
+            partials.Clear();
         }
 
         /// <summary>A buffer with room up to <paramref name="end"/> that holds what has come.</summary>
-        private PayloadBuffer Grown(Part part, int end, int length)
+        private PayloadBuffer EnsureRoom(PartialPayload partial, int end, int length)
         {
-            if (part.Buffer != null && part.Buffer.Data.Length >= end) return part.Buffer;
-            PayloadBuffer larger = pool.Rent((int)Math.Min(length, (long)Ahead * end));
-            if (part.Buffer == null) return larger;
-            Buffer.BlockCopy(part.Buffer.Data, 0, larger.Data, 0, part.Received);
-            part.Buffer.Release();
+            if (partial.Buffer != null && partial.Buffer.Data.Length >= end) return partial.Buffer;
+            PayloadBuffer larger = pool.Rent((int)Math.Min(length, (long)GrowthFactor * end));
+            if (partial.Buffer == null) return larger;
+            Buffer.BlockCopy(partial.Buffer.Data, 0, larger.Data, 0, partial.Received);
+            partial.Buffer.Release();
             return larger;
         }
 
-        private struct Part
+        private struct PartialPayload
         {
             internal PayloadBuffer Buffer;
             internal int Received;

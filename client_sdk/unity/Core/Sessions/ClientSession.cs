@@ -19,7 +19,7 @@ namespace Terraport.Sessions
         private readonly SessionOptions options;
         private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
         private readonly List<WireMessage> outbox = new List<WireMessage>();
-        private readonly Holdings held;
+        private readonly Holdings holdings;
         private readonly Transfers transfers;
         private readonly AimState aim = new AimState();
         private readonly HeldOffer offer = new HeldOffer();
@@ -32,7 +32,7 @@ namespace Terraport.Sessions
         private LandingState unsent;
         private LandingState queued;
         private long creditStep = 1;
-        private long takenBytes;
+        private long consumedBytes;
 
         /// <summary>Begin one, not connected.</summary>
         /// <exception cref="ArgumentException">An option that the protocol does not allow.</exception>
@@ -42,8 +42,8 @@ namespace Terraport.Sessions
             WireCodec.Check(options.Hello(new HeldRow[0]));
             this.options = options;
             Cache = new SegmentCache(options.CacheBytes);
-            held = new Holdings(Cache);
-            transfers = new Transfers(held, new PayloadPool(), outbox, events);
+            holdings = new Holdings(Cache);
+            transfers = new Transfers(holdings, new PayloadPool(), outbox, events);
             picks = new PickState(events);
         }
 
@@ -84,7 +84,7 @@ namespace Terraport.Sessions
         public int UnsentMessages => outbox.Count;
 
         /// <summary>Segments that are partly here.</summary>
-        public int OpenParts => transfers.OpenParts;
+        public int PartialSegments => transfers.PartialSegments;
 
         /// <summary>What has been counted over all connections.</summary>
         public StreamStats Stats => transfers.Stats;
@@ -92,9 +92,9 @@ namespace Terraport.Sessions
         /// <summary>Take the next event; false where none waits.</summary>
         public bool TryNextEvent(out StreamEvent next)
         {
-            bool isThere = events.Count > 0;
-            next = isThere ? events.Dequeue() : default(StreamEvent);
-            return isThere;
+            bool hasEvent = events.Count > 0;
+            next = hasEvent ? events.Dequeue() : default(StreamEvent);
+            return hasEvent;
         }
 
         /// <summary>Take the WebSocket messages to send, once, in order: binary ones.</summary>
@@ -106,15 +106,15 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Open a connection: the first message is hello with what is held.</summary>
-        /// <param name="offerHeld">
+        /// <param name="offersInHello">
         /// False after a server found the offer too large: it is made after its welcome, which says how large it may be.
         /// </param>
-        public void Connected(bool offerHeld = true)
+        public void Connected(bool offersInHello = true)
         {
             IsOpen = false;
             isGreeting = true;
             outbox.Clear();
-            outbox.Add(options.Hello(offer.First(held.Offer(), offerHeld)));
+            outbox.Add(options.Hello(offer.First(holdings.Offer(), offersInHello)));
         }
 
         /// <summary>
@@ -127,7 +127,7 @@ namespace Terraport.Sessions
             isGreeting = false;
             outbox.Clear();
             unsent = null;
-            takenBytes = 0;
+            consumedBytes = 0;
             generation = 0;
             aim.ConnectionLost(transfers.AimDone);
             LandingState landing = transfers.ConnectionLost();
@@ -210,7 +210,7 @@ namespace Terraport.Sessions
         public void RefusePick(int request, string code, string message)
         {
             outbox.RemoveAll(waiting => waiting is PickMessage && ((PickMessage)waiting).Request == request);
-            picks.RefuseOne((uint)request, code, message);
+            picks.RefuseRequest((uint)request, code, message);
         }
 
         /// <summary>End the session politely.</summary>
@@ -280,10 +280,10 @@ namespace Terraport.Sessions
                 HeldCount = welcome.HeldCount,
             });
             Drop(welcome.Dropped);
-            List<HeldRow> untold = offer.TellRest(welcome, outbox);
+            List<HeldRow> notOffered = offer.OfferRest(welcome, outbox);
             // A server that takes no table cannot be told: what it does not know of is not held (10.2).
-            Drop(untold.ConvertAll(row => row.Segment).ToArray());
-            picks.TellWaiting(outbox);
+            Drop(notOffered.ConvertAll(row => row.Segment).ToArray());
+            picks.Resend(outbox);
             LandingState landing = queued;
             queued = null;
             if (landing != null) SendLanding(landing);
@@ -293,7 +293,7 @@ namespace Terraport.Sessions
         private void Drop(uint[] segments)
         {
             if (segments.Length == 0) return;
-            foreach (uint segment in segments) held.Forget(segment);
+            foreach (uint segment in segments) holdings.Forget(segment);
             events.Enqueue(new StreamEvent { Kind = StreamEventKind.Dropped, Segments = segments });
         }
 
@@ -353,7 +353,7 @@ namespace Terraport.Sessions
         private void SendEvictions()
         {
             // What may not be told now (6.7, rule 2) is told before the next land or aim.
-            if (!transfers.AwaitsPlan) held.TellEvictions(transfers.OpenPlan, outbox);
+            if (!transfers.AwaitsPlan) holdings.ReportEvictions(transfers.OpenPlan, outbox);
         }
 
         private uint NextGeneration()
@@ -364,10 +364,10 @@ namespace Terraport.Sessions
 
         private void Grant(int bytes)
         {
-            takenBytes += bytes;
-            if (takenBytes < creditStep) return;
-            outbox.Add(new CreditMessage { Bytes = takenBytes });
-            takenBytes = 0;
+            consumedBytes += bytes;
+            if (consumedBytes < creditStep) return;
+            outbox.Add(new CreditMessage { Bytes = consumedBytes });
+            consumedBytes = 0;
         }
     }
 }

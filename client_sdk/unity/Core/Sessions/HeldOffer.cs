@@ -30,16 +30,16 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Say, once, the messages that go after the welcome; returns the rows that such a server cannot be told of.</summary>
-        internal List<HeldRow> TellRest(WelcomeMessage welcome, List<WireMessage> into)
+        internal List<HeldRow> OfferRest(WelcomeMessage welcome, List<WireMessage> into)
         {
             List<HeldRow> rows = rest;
             rest = new List<HeldRow>();
-            long fits = (welcome.Limits.MaxMessageBytes - AroundBytes) / RowBytes;
-            var most = (int)Math.Min(fits, welcome.Limits.MaxHeldSegments);
-            if (most < 1) return rows;
-            for (int at = 0; at < rows.Count; at += most)
+            long fittingRows = (welcome.Limits.MaxMessageBytes - AroundBytes) / RowBytes;
+            var rowsPerMessage = (int)Math.Min(fittingRows, welcome.Limits.MaxHeldSegments);
+            if (rowsPerMessage < 1) return rows;
+            for (int at = 0; at < rows.Count; at += rowsPerMessage)
             {
-                into.Add(new HeldMessage { Segments = rows.GetRange(at, Math.Min(most, rows.Count - at)).ToArray() });
+                into.Add(new HeldMessage { Segments = rows.GetRange(at, Math.Min(rowsPerMessage, rows.Count - at)).ToArray() });
             }
             return new List<HeldRow>();
         }

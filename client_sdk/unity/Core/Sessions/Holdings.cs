@@ -11,7 +11,7 @@ namespace Terraport.Sessions
     internal sealed class Holdings
     {
         // Dropped here, and the server not told yet.
-        private readonly Dictionary<uint, SegmentFacts> gone = new Dictionary<uint, SegmentFacts>();
+        private readonly Dictionary<uint, SegmentFacts> unreported = new Dictionary<uint, SegmentFacts>();
         private readonly List<SegmentFacts> evicted = new List<SegmentFacts>();
 
         internal Holdings(SegmentCache cache) { Cache = cache; }
@@ -21,12 +21,12 @@ namespace Terraport.Sessions
         /// <summary>Facts of what is held, or was until the server is told.</summary>
         internal bool TryGetFacts(uint segment, out SegmentFacts facts)
         {
-            return Cache.TryGetFacts(segment, out facts) || gone.TryGetValue(segment, out facts);
+            return Cache.TryGetFacts(segment, out facts) || unreported.TryGetValue(segment, out facts);
         }
 
         internal void Put(SegmentFacts facts, PayloadBuffer buffer)
         {
-            gone.Remove(facts.Segment);
+            unreported.Remove(facts.Segment);
             Cache.Put(facts, buffer);
         }
 
@@ -40,7 +40,7 @@ namespace Terraport.Sessions
             for (int number = 0; number < ids.Length; number++)
             {
                 SegmentFacts facts = evicted[number];
-                gone[facts.Segment] = facts;
+                unreported[facts.Segment] = facts;
                 ids[number] = facts.Segment;
             }
             return ids;
@@ -50,22 +50,22 @@ namespace Terraport.Sessions
         internal void Forget(uint segment)
         {
             Cache.Discard(segment);
-            gone.Remove(segment);
+            unreported.Remove(segment);
         }
 
         /// <summary>Say, once, the messages that tell the server what is gone.</summary>
         /// <param name="spared">Ids of a plan that is not ready: these must not be evicted now and are told later; or null.</param>
         /// <param name="into">Takes the messages.</param>
-        internal void TellEvictions(HashSet<uint> spared, List<WireMessage> into)
+        internal void ReportEvictions(HashSet<uint> spared, List<WireMessage> into)
         {
-            if (gone.Count == 0) return;
+            if (unreported.Count == 0) return;
             var ids = new List<uint>();
-            foreach (uint segment in gone.Keys)
+            foreach (uint segment in unreported.Keys)
             {
                 if (spared == null || !spared.Contains(segment)) ids.Add(segment);
             }
             ids.Sort();
-            foreach (uint segment in ids) gone.Remove(segment);
+            foreach (uint segment in ids) unreported.Remove(segment);
             for (int start = 0; start < ids.Count; start += WireLimits.MaxHeldSegments)
             {
                 int count = Math.Min(WireLimits.MaxHeldSegments, ids.Count - start);
@@ -76,7 +76,7 @@ namespace Terraport.Sessions
         /// <summary>Everything held, most recently used first; every eviction is told by what is not in it.</summary>
         internal List<HeldRow> Offer()
         {
-            gone.Clear();
+            unreported.Clear();
             return Cache.Rows();
         }
     }

@@ -42,7 +42,7 @@ namespace Terraport.Sessions
         internal Dictionary<uint, SegmentFacts> Crossed { get; } = new Dictionary<uint, SegmentFacts>();
 
         /// <summary>Ids of load and keep.</summary>
-        internal HashSet<uint> Wanted { get; } = new HashSet<uint>();
+        internal HashSet<uint> PlannedIds { get; } = new HashSet<uint>();
 
         /// <summary>Wanted ids whose payload is not here yet.</summary>
         internal HashSet<uint> Waiting { get; } = new HashSet<uint>();
@@ -81,7 +81,7 @@ namespace Terraport.Sessions
         internal void Begin(PlanMessage plan)
         {
             Facts.Clear();
-            Wanted.Clear();
+            PlannedIds.Clear();
             Waiting.Clear();
             Missing.Clear();
             Inner = null;
@@ -89,10 +89,10 @@ namespace Terraport.Sessions
             foreach (SegmentFacts facts in plan.Load)
             {
                 Facts.Add(facts.Segment, facts);
-                Wanted.Add(facts.Segment);
+                PlannedIds.Add(facts.Segment);
                 Waiting.Add(facts.Segment);
             }
-            Wanted.UnionWith(plan.Keep);
+            PlannedIds.UnionWith(plan.Keep);
         }
 
         /// <summary>Wait for a segment of keep that is not here after all.</summary>
@@ -105,8 +105,8 @@ namespace Terraport.Sessions
         /// <summary>What it shows once complete: all that is wanted and whole, ascending.</summary>
         internal uint[] Shown()
         {
-            var shown = new List<uint>(Wanted.Count);
-            foreach (uint segment in Wanted)
+            var shown = new List<uint>(PlannedIds.Count);
+            foreach (uint segment in PlannedIds)
             {
                 if (!Waiting.Contains(segment)) shown.Add(segment);
             }

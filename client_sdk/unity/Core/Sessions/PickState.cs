@@ -7,20 +7,20 @@ namespace Terraport.Sessions
     /// <summary>Picks that wait for an answer, over all connections of a session: asked again until answered or refused.</summary>
     internal sealed class PickState
     {
-        private readonly List<PickMessage> asked = new List<PickMessage>();
+        private readonly List<PickMessage> pending = new List<PickMessage>();
         private readonly Queue<StreamEvent> events;
 
         internal PickState(Queue<StreamEvent> events) { this.events = events; }
 
         /// <summary>How many wait.</summary>
-        internal int Count => asked.Count;
+        internal int Count => pending.Count;
 
-        internal void Ask(PickMessage pick) { asked.Add(pick); }
+        internal void Ask(PickMessage pick) { pending.Add(pick); }
 
         /// <summary>Say those that wait to a new connection.</summary>
-        internal void TellWaiting(List<WireMessage> into)
+        internal void Resend(List<WireMessage> into)
         {
-            foreach (PickMessage pick in asked) into.Add(pick);
+            foreach (PickMessage pick in pending) into.Add(pick);
         }
 
         internal void Answered(PickedMessage picked)
@@ -42,7 +42,7 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Refuse one that waits.</summary>
-        internal void RefuseOne(uint request, string code, string message)
+        internal void RefuseRequest(uint request, string code, string message)
         {
             if (Remove(request)) Refuse((int)request, code, message);
         }
@@ -50,8 +50,8 @@ namespace Terraport.Sessions
         /// <summary>Refuse all that wait: nobody answers any more.</summary>
         internal void RefuseAll(string code, string message)
         {
-            foreach (PickMessage pick in asked) Refuse((int)pick.Request, code, message);
-            asked.Clear();
+            foreach (PickMessage pick in pending) Refuse((int)pick.Request, code, message);
+            pending.Clear();
         }
 
         private void Refuse(int request, string code, string message)
@@ -66,9 +66,9 @@ namespace Terraport.Sessions
 
         private bool Remove(uint request)
         {
-            int place = asked.FindIndex(pick => pick.Request == request);
-            if (place >= 0) asked.RemoveAt(place);
-            return place >= 0;
+            int index = pending.FindIndex(pick => pick.Request == request);
+            if (index >= 0) pending.RemoveAt(index);
+            return index >= 0;
         }
 
         private static PickHit HitOf(HitPart hit)

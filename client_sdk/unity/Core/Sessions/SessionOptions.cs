@@ -21,7 +21,7 @@ namespace Terraport.Sessions
         public long CacheBytes { get; set; } = StreamOptions.DefaultCacheBytes;
 
         /// <summary>The message that opens a connection.</summary>
-        internal HelloMessage Hello(HeldRow[] held)
+        internal HelloMessage Hello(HeldRow[] heldRows)
         {
             return new HelloMessage {
                 Protocol = new ProtocolVersion(WireLimits.ProtocolMajor, WireLimits.ProtocolMinor),
@@ -35,7 +35,7 @@ namespace Terraport.Sessions
                     },
                 CreditBytes = CreditBytes,
                 ReleaseFactor = ReleaseFactor,
-                Held = held,
+                Held = heldRows,
             };
         }
     }

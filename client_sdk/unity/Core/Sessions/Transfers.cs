@@ -11,12 +11,12 @@ namespace Terraport.Sessions
     /// </summary>
     internal sealed class Transfers
     {
-        private readonly Holdings held;
+        private readonly Holdings holdings;
         private readonly List<WireMessage> outbox;
         private readonly Queue<StreamEvent> events;
         private readonly Assembler assembler;
         // Sent, and without a plan yet, oldest first.
-        private readonly List<LandingState> asked = new List<LandingState>();
+        private readonly List<LandingState> awaitingPlan = new List<LandingState>();
         private readonly HashSet<uint> retried = new HashSet<uint>();
         private readonly AimCounts aims = new AimCounts();
         private LandingState current;
@@ -29,9 +29,9 @@ namespace Terraport.Sessions
         private long payloadBytes;
         private long repeatedBytes;
 
-        internal Transfers(Holdings held, PayloadPool pool, List<WireMessage> outbox, Queue<StreamEvent> events)
+        internal Transfers(Holdings holdings, PayloadPool pool, List<WireMessage> outbox, Queue<StreamEvent> events)
         {
-            this.held = held;
+            this.holdings = holdings;
             this.outbox = outbox;
             this.events = events;
             assembler = new Assembler(pool);
@@ -47,8 +47,8 @@ namespace Terraport.Sessions
                 return new StreamStats {
                     PayloadBytes = payloadBytes,
                     RepeatedBytes = repeatedBytes,
-                    HeldSegments = held.Cache.Count,
-                    HeldBytes = held.Cache.Bytes,
+                    HeldSegments = holdings.Cache.Count,
+                    HeldBytes = holdings.Cache.Bytes,
                     AimedLandings = aims.Landings,
                     AimHits = aims.Hits,
                     PrefetchedBytes = aims.PrefetchedBytes,
@@ -64,33 +64,33 @@ namespace Terraport.Sessions
         internal LandingState Unfinished
         {
             get {
-                if (asked.Count > 0) return asked[asked.Count - 1];
+                if (awaitingPlan.Count > 0) return awaitingPlan[awaitingPlan.Count - 1];
                 return current != null && !current.IsDone ? current : null;
             }
         }
 
         /// <summary>Whether a land has no plan yet: then nothing may be evicted (6.7, rule 2).</summary>
-        internal bool AwaitsPlan => asked.Count > 0;
+        internal bool AwaitsPlan => awaitingPlan.Count > 0;
 
         /// <summary>Ids of the plan that is not ready: these must not be evicted (6.7, rule 2). Null for none.</summary>
-        internal HashSet<uint> OpenPlan => current != null && !current.IsDone ? current.Wanted : null;
+        internal HashSet<uint> OpenPlan => current != null && !current.IsDone ? current.PlannedIds : null;
 
         /// <summary>Segments that are partly here.</summary>
-        internal int OpenParts => assembler.Count;
+        internal int PartialSegments => assembler.Count;
 
         /// <summary>Note that a landing was sent.</summary>
-        internal void Ask(LandingState landing) { asked.Add(landing); }
+        internal void Ask(LandingState landing) { awaitingPlan.Add(landing); }
 
         /// <summary>Forget a landing that was never sent.</summary>
-        internal void Withdraw(LandingState landing) { asked.Remove(landing); }
+        internal void Withdraw(LandingState landing) { awaitingPlan.Remove(landing); }
 
         /// <summary>Forget a landing that the server refused; an older one goes on (6.5, rule 5). Null where it was none.</summary>
         internal LandingState Refused(uint? generation)
         {
-            int place = generation.HasValue ? asked.FindIndex(landing => landing.Generation == generation.Value) : -1;
-            if (place < 0) return null;
-            LandingState refused = asked[place];
-            asked.RemoveAt(place);
+            int index = generation.HasValue ? awaitingPlan.FindIndex(landing => landing.Generation == generation.Value) : -1;
+            if (index < 0) return null;
+            LandingState refused = awaitingPlan[index];
+            awaitingPlan.RemoveAt(index);
             PinAndTrim();
             return refused;
         }
@@ -103,12 +103,12 @@ namespace Terraport.Sessions
             AimDone = -1;
             LandingState newest = Unfinished;
             if (current != null && !current.IsDone && current != newest) ReportSuperseded(current.Number, newest.Number);
-            foreach (LandingState landing in asked)
+            foreach (LandingState landing in awaitingPlan)
             {
                 if (landing != newest) ReportSuperseded(landing.Number, newest.Number);
             }
             current = null;
-            asked.Clear();
+            awaitingPlan.Clear();
             Pin();
             return newest;
         }
@@ -128,13 +128,13 @@ namespace Terraport.Sessions
         /// <summary>Take the plan of the oldest landing that has none.</summary>
         internal void OnPlan(PlanMessage plan)
         {
-            if (asked.Count == 0 || asked[0].Generation != plan.Generation)
+            if (awaitingPlan.Count == 0 || awaitingPlan[0].Generation != plan.Generation)
             {
-                string expected = asked.Count == 0 ? "none" : asked[0].Generation.ToString();
+                string expected = awaitingPlan.Count == 0 ? "none" : awaitingPlan[0].Generation.ToString();
                 throw new ProtocolViolationException("got a plan of generation " + plan.Generation + ", expected " + expected);
             }
-            LandingState landing = asked[0];
-            asked.RemoveAt(0);
+            LandingState landing = awaitingPlan[0];
+            awaitingPlan.RemoveAt(0);
             EndCurrent(landing.Number);
             current = landing;
             prefetch = null;
@@ -143,16 +143,16 @@ namespace Terraport.Sessions
             landing.Begin(plan);
             assembler.KeepOnly(landing.Facts);
             aims.Planned(plan.Keep, plan.Load.Length > 0);
-            var gone = new List<uint>();
+            var absent = new List<uint>();
             foreach (uint segment in plan.Keep)
             {
-                if (held.Cache.Touch(segment)) continue;
+                if (holdings.Cache.Touch(segment)) continue;
                 SegmentFacts crossed;
                 // Rejected already, and on its way again in this generation (6.4, rule 7).
                 if (landing.Crossed.TryGetValue(segment, out crossed))
                     landing.ExpectAgain(crossed);
                 else
-                    gone.Add(segment);
+                    absent.Add(segment);
             }
             PinAndTrim();
             events.Enqueue(new StreamEvent {
@@ -160,7 +160,7 @@ namespace Terraport.Sessions
                 Landing = landing.Number,
                 Plan = landing.FactsOf(plan),
             });
-            foreach (uint segment in gone) AskAgain(landing, segment);
+            foreach (uint segment in absent) AskAgain(landing, segment);
         }
 
         /// <summary>Take one of the (one or more) ready of the present landing (6.4).</summary>
@@ -196,7 +196,7 @@ namespace Terraport.Sessions
             }
             else if (current != null && current.Generation == message.Generation)
             {
-                EndCurrent(asked.Count > 0 ? asked[0].Number : current.Number);
+                EndCurrent(awaitingPlan.Count > 0 ? awaitingPlan[0].Number : current.Number);
                 current = null;
             }
         }
@@ -221,7 +221,7 @@ namespace Terraport.Sessions
             int bytes = frame.Chunk.Count;
             if (landing != null) landing.PayloadBytes += bytes;
             payloadBytes += bytes;
-            if (held.Cache.Contains(frame.Segment)) repeatedBytes += bytes;
+            if (holdings.Cache.Contains(frame.Segment)) repeatedBytes += bytes;
             PayloadBuffer payload = assembler.Take(frame, facts.Length);
             if (payload == null) return;
             if (Xxh3.Hash64(payload.Data, 0, payload.Length) != facts.Xxh3)
@@ -231,7 +231,7 @@ namespace Terraport.Sessions
                 if (landing == null) GiveUpSecondTime(ahead, frame.Segment);
                 return;
             }
-            held.Put(facts, payload);
+            holdings.Put(facts, payload);
             events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Arrived,
                 Landing = landing == null ? (int?)null : landing.Number,
@@ -268,7 +268,7 @@ namespace Terraport.Sessions
         private void AskAgain(LandingState landing, uint segment)
         {
             SegmentFacts facts;
-            if (!held.TryGetFacts(segment, out facts))
+            if (!holdings.TryGetFacts(segment, out facts))
             {
                 throw new ProtocolViolationException("plan " + landing.Generation + " keeps segment " + segment + ", which was never held");
             }
@@ -279,8 +279,8 @@ namespace Terraport.Sessions
         /// <summary>Tell that a segment is not held; for a landing under way that crosses on the wire.</summary>
         private void Reject(uint generation, SegmentFacts facts, string reason)
         {
-            held.Forget(facts.Segment);
-            foreach (LandingState landing in asked) landing.Crossed[facts.Segment] = facts;
+            holdings.Forget(facts.Segment);
+            foreach (LandingState landing in awaitingPlan) landing.Crossed[facts.Segment] = facts;
             outbox.Add(new RejectMessage { Generation = generation, Segment = facts.Segment, Reason = reason });
         }
 
@@ -303,7 +303,7 @@ namespace Terraport.Sessions
             if (declared == null) return;
             foreach (uint segment in declared)
             {
-                if (landing.Waiting.Contains(segment) || !landing.Wanted.Contains(segment)) return;
+                if (landing.Waiting.Contains(segment) || !landing.PlannedIds.Contains(segment)) return;
             }
             landing.Inner = null;
             inner = declared;
@@ -345,11 +345,11 @@ namespace Terraport.Sessions
 
         private void Pin()
         {
-            held.Cache.UnpinAll();
-            held.Cache.Pin(Visible);
-            held.Cache.Pin(inner);
-            held.Cache.Pin(nearby);
-            if (OpenPlan != null) held.Cache.Pin(OpenPlan);
+            holdings.Cache.UnpinAll();
+            holdings.Cache.Pin(Visible);
+            holdings.Cache.Pin(inner);
+            holdings.Cache.Pin(nearby);
+            if (OpenPlan != null) holdings.Cache.Pin(OpenPlan);
         }
 
         private void PinAndTrim()
@@ -360,7 +360,7 @@ namespace Terraport.Sessions
 
         private void Trim()
         {
-            uint[] segments = held.Trim();
+            uint[] segments = holdings.Trim();
             if (segments != null) events.Enqueue(new StreamEvent { Kind = StreamEventKind.Dropped, Segments = segments });
         }
     }

@@ -25,10 +25,10 @@ namespace Terraport
         private readonly List<int> changed = new List<int>();
         private readonly List<uint> toAdd = new List<uint>();
         private readonly List<uint> toRemove = new List<uint>();
-        private readonly HashSet<uint> wanted = new HashSet<uint>();
+        private readonly HashSet<uint> targetIds = new HashSet<uint>();
         private readonly Action<int> touch;
-        private int wantedRevision = NoRevision;
-        private int next;
+        private int targetRevision = NoRevision;
+        private int nextTouched;
 
         internal BaseFaces(Cover cover, ISceneRenderer renderer, int blockFaces)
         {
@@ -59,27 +59,27 @@ namespace Terraport
         /// <summary>Make the lists ready for these segments; <see cref="Step"/> does the work.</summary>
         internal void Prepare(IReadOnlyList<uint> segments, int revision)
         {
-            if (revision == wantedRevision)
+            if (revision == targetRevision)
             {
                 return;
             }
-            wantedRevision = revision;
+            targetRevision = revision;
             PreparedRevision = NoRevision;
-            wanted.Clear();
+            targetIds.Clear();
             toAdd.Clear();
             toRemove.Clear();
             for (int at = 0; at < segments.Count; at++)
             {
-                wanted.Add(segments[at]);
+                targetIds.Add(segments[at]);
                 if (!counters.IsShown(segments[at]))
                 {
                     toAdd.Add(segments[at]);
                 }
             }
             counters.CopyShown(toRemove);
-            toRemove.RemoveAll(wanted.Contains);
-            touched.RemoveRange(0, next);
-            next = 0;
+            toRemove.RemoveAll(targetIds.Contains);
+            touched.RemoveRange(0, nextTouched);
+            nextTouched = 0;
             // Blocks that would change for the set before are looked at again.
             for (int at = 0; at < changed.Count; at++)
             {
@@ -91,7 +91,7 @@ namespace Terraport
         /// <summary>One slice of work: its bytes, or 0 where there is nothing to do.</summary>
         internal int Step()
         {
-            if (wantedRevision == NoRevision || PreparedRevision == wantedRevision)
+            if (targetRevision == NoRevision || PreparedRevision == targetRevision)
             {
                 return 0;
             }
@@ -103,9 +103,9 @@ namespace Terraport
             {
                 return 1 + counters.Add(TakeLast(toAdd), touch);
             }
-            while (next < touched.Count)
+            while (nextTouched < touched.Count)
             {
-                int block = touched[next++];
+                int block = touched[nextTouched++];
                 isTouched[block] = false;
                 FaceRange range = RangeOf(block);
                 if (IsEqual(drawn, range))
@@ -123,9 +123,9 @@ namespace Terraport
                 return range.Count * 12;
             }
             touched.Clear();
-            next = 0;
+            nextTouched = 0;
             changed.Sort();
-            PreparedRevision = wantedRevision;
+            PreparedRevision = targetRevision;
             return 1;
         }
 
@@ -143,7 +143,7 @@ namespace Terraport
             changed.Clear();
             DrawnHiddenCount = counters.Hidden.Count;
             DrawnHiddenHash = counters.Hidden.Hash;
-            wantedRevision = NoRevision;
+            targetRevision = NoRevision;
             PreparedRevision = NoRevision;
             return ranges;
         }

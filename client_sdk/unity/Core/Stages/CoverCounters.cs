@@ -14,7 +14,7 @@ namespace Terraport
     /// </remarks>
     public sealed class CoverCounters
     {
-        private readonly int[] missing;
+        private readonly int[] unshown;
         private readonly int[] starts;
         private readonly int[] faces;
         private readonly HashSet<uint> shown = new HashSet<uint>();
@@ -31,14 +31,14 @@ namespace Terraport
             uint[] segments = cover.Segments;
             CheckRows(offsets, segments);
             FaceCount = offsets.Length - 1;
-            missing = new int[FaceCount];
+            unshown = new int[FaceCount];
             Hidden = new HiddenFaces(new byte[FaceCount]);
-            uint most = 0;
+            uint highestId = 0;
             for (int entry = 0; entry < segments.Length; entry++)
             {
-                most = Math.Max(most, segments[entry]);
+                highestId = Math.Max(highestId, segments[entry]);
             }
-            starts = new int[segments.Length == 0 ? 1 : (int)most + 2];
+            starts = new int[segments.Length == 0 ? 1 : (int)highestId + 2];
             for (int entry = 0; entry < segments.Length; entry++)
             {
                 starts[segments[entry] + 1]++;
@@ -47,14 +47,14 @@ namespace Terraport
             {
                 starts[segment + 1] += starts[segment];
             }
-            var next = (int[])starts.Clone();
+            var fillAt = (int[])starts.Clone();
             faces = new int[segments.Length];
             for (int face = 0; face < FaceCount; face++)
             {
-                missing[face] = (int)(offsets[face + 1] - offsets[face]);
+                unshown[face] = (int)(offsets[face + 1] - offsets[face]);
                 for (uint entry = offsets[face]; entry < offsets[face + 1]; entry++)
                 {
-                    faces[next[segments[entry]]++] = face;
+                    faces[fillAt[segments[entry]]++] = face;
                 }
             }
         }
@@ -91,10 +91,10 @@ namespace Terraport
             for (int entry = starts[segment]; entry < starts[segment + 1]; entry++)
             {
                 int face = faces[entry];
-                missing[face]--;
-                if (missing[face] == 0)
+                unshown[face]--;
+                if (unshown[face] == 0)
                 {
-                    Turn(face, 1, onFace);
+                    SetHidden(face, 1, onFace);
                 }
             }
             return starts[segment + 1] - starts[segment];
@@ -111,10 +111,10 @@ namespace Terraport
             for (int entry = starts[segment]; entry < starts[segment + 1]; entry++)
             {
                 int face = faces[entry];
-                missing[face]++;
-                if (missing[face] == 1)
+                unshown[face]++;
+                if (unshown[face] == 1)
                 {
-                    Turn(face, 0, onFace);
+                    SetHidden(face, 0, onFace);
                 }
             }
             return starts[segment + 1] - starts[segment];
@@ -155,7 +155,7 @@ namespace Terraport
             }
         }
 
-        private void Turn(int face, byte isHidden, Action<int> onFace)
+        private void SetHidden(int face, byte isHidden, Action<int> onFace)
         {
             Hidden.Mask[face] = isHidden;
             Hidden.Count += isHidden == 1 ? 1 : -1;

@@ -7,7 +7,7 @@ namespace Terraport
     /// <summary>Decodes on threads of its own, below the priority of those that draw.</summary>
     public sealed class DecodeThreads : IDecodeQueue
     {
-        private const int MostThreads = 16;
+        private const int MaxThreads = 16;
         private const int JoinMs = 1000;
         private readonly Action<SegmentMesh> afterDecode;
         private readonly MeshPool pool = new MeshPool();
@@ -21,9 +21,9 @@ namespace Terraport
         /// <param name="afterDecode">Run after each decode, on its thread, before the mesh is handed out; may be null.</param>
         public DecodeThreads(int threads = 0, Action<SegmentMesh> afterDecode = null)
         {
-            if (threads < 0 || threads > MostThreads)
+            if (threads < 0 || threads > MaxThreads)
             {
-                throw new ArgumentOutOfRangeException("threads", threads + " threads, expected 0 to " + MostThreads);
+                throw new ArgumentOutOfRangeException("threads", threads + " threads, expected 0 to " + MaxThreads);
             }
             this.afterDecode = afterDecode;
             int count = threads > 0 ? threads : Math.Max(1, Math.Min(4, Environment.ProcessorCount / 2));

@@ -13,31 +13,31 @@ namespace Terraport
         /// <summary>How fast the guess follows what came.</summary>
         private const double GuessShare = 0.25;
 
-        private readonly int most;
-        private readonly long mostBytes;
+        private readonly int maxCount;
+        private readonly long maxBytes;
         private int decoding;
         private int waiting;
         private long waitingBytes;
         private double guessBytes = FirstGuessBytes;
 
-        internal InFlight(int most, long mostBytes)
+        internal InFlight(int maxCount, long maxBytes)
         {
-            this.most = most;
-            this.mostBytes = mostBytes;
+            this.maxCount = maxCount;
+            this.maxBytes = maxBytes;
         }
 
         internal int Count => decoding + waiting;
 
-        internal bool HasRoom => Count == 0 || (Count < most && waitingBytes + (decoding + 1) * guessBytes <= mostBytes);
+        internal bool HasRoom => Count == 0 || (Count < maxCount && waitingBytes + (decoding + 1) * guessBytes <= maxBytes);
 
         /// <summary>A segment was asked for.</summary>
-        internal void Ask() { decoding++; }
+        internal void BeginDecode() { decoding++; }
 
         /// <summary>It came, or not; it is not kept.</summary>
-        internal void Dismiss() { decoding--; }
+        internal void DropDecode() { decoding--; }
 
         /// <summary>It came, and waits.</summary>
-        internal void Wait(long bytes)
+        internal void Queue(long bytes)
         {
             decoding--;
             waiting++;
@@ -46,7 +46,7 @@ namespace Terraport
         }
 
         /// <summary>It waits no longer.</summary>
-        internal void Leave(long bytes)
+        internal void Dequeue(long bytes)
         {
             waiting--;
             waitingBytes -= bytes;

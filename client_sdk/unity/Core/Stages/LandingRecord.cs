@@ -11,20 +11,20 @@ namespace Terraport
     {
         private readonly Dictionary<uint, int> loadBytes = new Dictionary<uint, int>();
         private readonly HashSet<uint> arrived = new HashSet<uint>();
-        private IReadOnlyList<uint> inner;
-        private IReadOnlyList<uint> whole;
+        private IReadOnlyList<uint> innerSet;
+        private IReadOnlyList<uint> readySet;
 
-        internal LandingRecord(int landing, Vec3 position, double radiusM, double askedAtMs)
+        internal LandingRecord(int landing, Vec3 position, double radiusM, double requestedAtMs)
         {
             Landing = landing;
             Position = position;
             RadiusM = radiusM;
-            AskedAtMs = askedAtMs;
+            RequestedAtMs = requestedAtMs;
             Missing = Array.Empty<uint>();
         }
 
         /// <summary>What was shown of a landing.</summary>
-        internal enum Part
+        internal enum Extent
         {
             Nothing,
             Degraded,
@@ -37,7 +37,7 @@ namespace Terraport
 
         internal double RadiusM { get; private set; }
 
-        internal double AskedAtMs { get; private set; }
+        internal double RequestedAtMs { get; private set; }
 
         internal PlanFacts Plan { get; private set; }
 
@@ -51,7 +51,7 @@ namespace Terraport
 
         internal long PayloadBytes { get; private set; }
 
-        internal Part Swapped { get; set; }
+        internal Extent Swapped { get; set; }
 
         /// <summary>
         /// A plan came: the first, or another one after a reconnect. What was shown stays shown until the next ready.
@@ -59,8 +59,8 @@ namespace Terraport
         internal void Planned(PlanFacts plan)
         {
             Plan = plan;
-            inner = null;
-            whole = null;
+            innerSet = null;
+            readySet = null;
             loadBytes.Clear();
             for (int at = 0; at < plan.Load.Count; at++)
             {
@@ -71,17 +71,17 @@ namespace Terraport
         internal void Arrived(SegmentFacts facts)
         {
             arrived.Add(facts.Segment);
-            if (whole == null && loadBytes.ContainsKey(facts.Segment))
+            if (readySet == null && loadBytes.ContainsKey(facts.Segment))
             {
                 PayloadBytes += facts.Length;
             }
         }
 
-        internal void Degrade(IReadOnlyList<uint> segments) { inner = segments; }
+        internal void Degrade(IReadOnlyList<uint> segments) { innerSet = segments; }
 
         internal void Ready(IReadOnlyList<uint> visible, IReadOnlyList<uint> missing, double elapsedMs, long payloadBytes)
         {
-            whole = visible;
+            readySet = visible;
             Missing = missing ?? Array.Empty<uint>();
             ReadyMs = ReadyMs ?? elapsedMs;
             PayloadBytes = payloadBytes;
@@ -94,9 +94,9 @@ namespace Terraport
         {
             Plan = null;
             Missing = Array.Empty<uint>();
-            Swapped = Part.Nothing;
-            inner = null;
-            whole = null;
+            Swapped = Extent.Nothing;
+            innerSet = null;
+            readySet = null;
             loadBytes.Clear();
             arrived.Clear();
         }
@@ -107,12 +107,12 @@ namespace Terraport
         /// </summary>
         internal IReadOnlyList<uint> Target(out bool isWhole)
         {
-            isWhole = whole != null;
+            isWhole = readySet != null;
             if (Refusal != null)
             {
                 return null;
             }
-            return isWhole ? whole : Swapped == Part.Degraded ? null : inner;
+            return isWhole ? readySet : Swapped == Extent.Degraded ? null : innerSet;
         }
 
         /// <summary>What ready will presumably say: the plan's load and keep; null without a plan.</summary>
@@ -137,15 +137,15 @@ namespace Terraport
             {
                 return 0;
             }
-            long total = 0;
-            long done = 0;
+            long totalBytes = 0;
+            long drawableBytes = 0;
             foreach (KeyValuePair<uint, int> pair in loadBytes)
             {
-                total += 2L * pair.Value;
-                done += whole != null || arrived.Contains(pair.Key) ? pair.Value : 0;
-                done += shelf.StepOf(pair.Key) == SegmentStep.Resident ? pair.Value : 0;
+                totalBytes += 2L * pair.Value;
+                drawableBytes += readySet != null || arrived.Contains(pair.Key) ? pair.Value : 0;
+                drawableBytes += shelf.StepOf(pair.Key) == SegmentStep.Resident ? pair.Value : 0;
             }
-            return total > 0 ? done / (double)total : 1;
+            return totalBytes > 0 ? drawableBytes / (double)totalBytes : 1;
         }
     }
 }

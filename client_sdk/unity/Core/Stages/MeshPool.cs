@@ -6,7 +6,7 @@ namespace Terraport
     internal sealed class MeshPool
     {
         /// <summary>As many as a stage has in flight, and some; one more is left to the garbage collector.</summary>
-        private const int Most = 32;
+        private const int MaxSpares = 32;
         private readonly Stack<SegmentMesh> spare = new Stack<SegmentMesh>();
 
         internal SegmentMesh Take()
@@ -18,7 +18,7 @@ namespace Terraport
         {
             lock (spare)
             {
-                if (spare.Count < Most)
+                if (spare.Count < MaxSpares)
                 {
                     spare.Push(mesh);
                 }

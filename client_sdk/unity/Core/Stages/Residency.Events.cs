@@ -30,7 +30,7 @@ namespace Terraport
             }
             nearbyIds.Clear();
             nearbyIds.UnionWith(plan.Nearby);
-            SetWanted(landing.Expected().ToArray());
+            SetLandingIds(landing.Expected().ToArray());
             shelf.FreeUnneededMeshes();
         }
 
@@ -48,9 +48,9 @@ namespace Terraport
             {
                 Newest.Arrived(facts);
             }
-            if (landing == null && !wantedIds.Contains(facts.Segment))
+            if (landing == null && !landingIds.Contains(facts.Segment))
             {
-                if (prefetched.Count == MostPrefetched)
+                if (prefetched.Count == MaxPrefetched)
                 {
                     prefetched.RemoveAt(0); // Its payload stays held.
                 }
@@ -78,15 +78,15 @@ namespace Terraport
                 return;
             }
             uint[] sorted = SegmentIds.Sorted(visible);
-            bool isShown = landing.Swapped == LandingRecord.Part.Full && SegmentIds.IsSame(sorted, Visible);
+            bool isShown = landing.Swapped == LandingRecord.Extent.Full && SegmentIds.IsSame(sorted, Visible);
             landing.Ready(visible, absent, elapsedMs, payloadBytes);
             // After a reconnect the same set may be declared once more.
-            landing.Swapped = isShown ? LandingRecord.Part.Full : LandingRecord.Part.Nothing;
+            landing.Swapped = isShown ? LandingRecord.Extent.Full : LandingRecord.Extent.Nothing;
             for (int at = 0; at < sorted.Length; at++)
             {
                 shelf.Hold(sorted[at], -1);
             }
-            SetWanted(SegmentIds.InOrderOf(wanted, sorted)); // Nearest first, as in the plan.
+            SetLandingIds(SegmentIds.InOrderOf(landingOrder, sorted)); // Nearest first, as in the plan.
             shelf.FreeUnneededMeshes();
         }
 
@@ -97,7 +97,7 @@ namespace Terraport
             if (landing != null)
             {
                 landing.Refuse(message);
-                SetWanted(None);
+                SetLandingIds(None);
                 shelf.FreeUnneededMeshes();
             }
         }
@@ -126,7 +126,7 @@ namespace Terraport
             {
                 Newest.Restart();
             }
-            SetWanted(None);
+            SetLandingIds(None);
         }
 
         /// <summary>The base of the new version is drawn: nothing of the old one is shown any more.</summary>

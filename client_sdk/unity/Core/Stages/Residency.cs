@@ -15,16 +15,16 @@ namespace Terraport
     internal sealed partial class Residency
     {
         /// <summary>Segments of aims that wait for spare room; the oldest goes.</summary>
-        private const int MostPrefetched = 4096;
+        private const int MaxPrefetched = 4096;
         private static readonly uint[] None = Array.Empty<uint>();
         private readonly SegmentShelf shelf;
         private readonly HashSet<uint> visibleIds = new HashSet<uint>();
-        private readonly HashSet<uint> wantedIds = new HashSet<uint>();
+        private readonly HashSet<uint> landingIds = new HashSet<uint>();
         // What the newest plan keeps ready beside what is shown.
         private readonly HashSet<uint> nearbyIds = new HashSet<uint>();
         private readonly List<uint> prefetched = new List<uint>();
         private readonly HashSet<uint> hiddenIds = new HashSet<uint>();
-        private uint[] wanted = None;
+        private uint[] landingOrder = None;
         private int preparedRevision = -1;
         private bool mayDecode = true;
         private IReadOnlyList<uint> missing;
@@ -32,7 +32,7 @@ namespace Terraport
         internal Residency(StageOptions options)
         {
             shelf = new SegmentShelf(
-                options, segment => wantedIds.Contains(segment) || visibleIds.Contains(segment) || nearbyIds.Contains(segment));
+                options, segment => landingIds.Contains(segment) || visibleIds.Contains(segment) || nearbyIds.Contains(segment));
             Visible = None;
         }
 
@@ -67,11 +67,11 @@ namespace Terraport
             }
             if (Newest != null && Newest.Plan != null)
             {
-                for (int at = 0; at < wanted.Length; at++)
+                for (int at = 0; at < landingOrder.Length; at++)
                 {
-                    if (shelf.TryDecode(wanted[at]))
+                    if (shelf.TryDecode(landingOrder[at]))
                     {
-                        segment = wanted[at];
+                        segment = landingOrder[at];
                         return true;
                     }
                 }
@@ -108,17 +108,17 @@ namespace Terraport
         }
 
         /// <summary>The most urgent mesh that waits for its upload, none of those left out; false where there is none.</summary>
-        internal bool TryNextUpload(Dictionary<uint, SegmentMesh> waiting, HashSet<uint> leftOut, out uint segment)
+        internal bool TryNextUpload(Dictionary<uint, SegmentMesh> waiting, HashSet<uint> excluded, out uint segment)
         {
             segment = 0;
-            if (waiting.Count <= leftOut.Count)
+            if (waiting.Count <= excluded.Count)
             {
                 return false;
             }
-            for (int at = 0; at < wanted.Length; at++)
+            for (int at = 0; at < landingOrder.Length; at++)
             {
-                segment = wanted[at];
-                if (shelf.StepOf(segment) == SegmentStep.Decoded && !leftOut.Contains(segment))
+                segment = landingOrder[at];
+                if (shelf.StepOf(segment) == SegmentStep.Decoded && !excluded.Contains(segment))
                 {
                     return true;
                 }
@@ -126,7 +126,7 @@ namespace Terraport
             foreach (KeyValuePair<uint, SegmentMesh> pair in waiting)
             {
                 segment = pair.Key;
-                if (shelf.StepOf(segment) == SegmentStep.Decoded && !leftOut.Contains(segment))
+                if (shelf.StepOf(segment) == SegmentStep.Decoded && !excluded.Contains(segment))
                 {
                     return true;
                 }
@@ -151,25 +151,25 @@ namespace Terraport
         internal void TakeFreed(List<uint> target) { shelf.TakeFreed(target); }
 
         /// <summary>Whether a swap would show the newest landing: in full, the declared inner part of it, or nothing yet.</summary>
-        internal LandingRecord.Part Presentable()
+        internal LandingRecord.Extent Presentable()
         {
-            if (Newest == null || Coming == null || Newest.Swapped == LandingRecord.Part.Full || preparedRevision != ComingRevision)
+            if (Newest == null || Coming == null || Newest.Swapped == LandingRecord.Extent.Full || preparedRevision != ComingRevision)
             {
-                return LandingRecord.Part.Nothing;
+                return LandingRecord.Extent.Nothing;
             }
             bool isWhole;
             if (Newest.Target(out isWhole) == null)
             {
-                return LandingRecord.Part.Nothing;
+                return LandingRecord.Extent.Nothing;
             }
             for (int at = 0; at < Coming.Length; at++)
             {
                 if (shelf.StepOf(Coming[at]) != SegmentStep.Resident)
                 {
-                    return LandingRecord.Part.Nothing;
+                    return LandingRecord.Extent.Nothing;
                 }
             }
-            return isWhole ? LandingRecord.Part.Full : LandingRecord.Part.Degraded;
+            return isWhole ? LandingRecord.Extent.Full : LandingRecord.Extent.Degraded;
         }
 
         /// <summary>
@@ -177,37 +177,38 @@ namespace Terraport
         /// </summary>
         internal SceneSwap Swap()
         {
-            LandingRecord.Part part = Presentable();
-            return part == LandingRecord.Part.Nothing ? null : Show(part);
+            LandingRecord.Extent extent = Presentable();
+            return extent == LandingRecord.Extent.Nothing ? null : Show(extent);
         }
 
         /// <summary>Apart, since this makes garbage and the question is asked in every frame.</summary>
-        private SceneSwap Show(LandingRecord.Part part)
+        private SceneSwap Show(LandingRecord.Extent extent)
         {
-            uint[] before = Visible;
-            uint[] after = Coming;
-            uint[] shown = SegmentIds.Without(after, visibleIds);
-            Newest.Swapped = part;
-            Visible = after;
+            uint[] previous = Visible;
+            uint[] next = Coming;
+            uint[] shown = SegmentIds.Without(next, visibleIds);
+            Newest.Swapped = extent;
+            Visible = next;
             visibleIds.Clear();
-            visibleIds.UnionWith(after);
-            uint[] hidden = SegmentIds.Without(before, visibleIds);
+            visibleIds.UnionWith(next);
+            uint[] hidden = SegmentIds.Without(previous, visibleIds);
             hiddenIds.Clear();
             hiddenIds.UnionWith(hidden);
             int landing = Newest.Landing;
-            shelf.FreeLeftBehind(landing, hiddenIds);
+            shelf.FreeAfterSwap(landing, hiddenIds);
             prefetched.RemoveAll(segment => !shelf.IsAimedSince(segment, landing));
             mayDecode = true;
             Recompute();
-            return new SceneSwap { Landing = landing, IsDegraded = part == LandingRecord.Part.Degraded, Shown = shown, Hidden = hidden };
+            return new SceneSwap { Landing = landing, IsDegraded = extent == LandingRecord.Extent.Degraded, Shown = shown,
+                Hidden = hidden };
         }
 
         /// <summary>To be called once a frame: notes when the newest landing became presentable in full.</summary>
         internal void Settle(double nowMs)
         {
-            if (Newest != null && Newest.PresentableMs == null && Presentable() == LandingRecord.Part.Full)
+            if (Newest != null && Newest.PresentableMs == null && Presentable() == LandingRecord.Extent.Full)
             {
-                Newest.PresentableMs = nowMs - Newest.AskedAtMs;
+                Newest.PresentableMs = nowMs - Newest.RequestedAtMs;
             }
         }
 
@@ -243,11 +244,11 @@ namespace Terraport
             return Newest != null && Newest.Landing == landing && Newest.Refusal == null ? Newest : null;
         }
 
-        private void SetWanted(uint[] ids)
+        private void SetLandingIds(uint[] ids)
         {
-            wanted = ids;
-            wantedIds.Clear();
-            wantedIds.UnionWith(ids);
+            landingOrder = ids;
+            landingIds.Clear();
+            landingIds.UnionWith(ids);
             shelf.Trim();
             mayDecode = true;
             Recompute();
@@ -272,7 +273,7 @@ namespace Terraport
         {
             missing = null;
             uint[] next = null;
-            if (Newest != null && Newest.Swapped != LandingRecord.Part.Full)
+            if (Newest != null && Newest.Swapped != LandingRecord.Extent.Full)
             {
                 IReadOnlyList<uint> ids = ComingIds() ?? Newest.Expected();
                 if (ids != null)

@@ -69,14 +69,14 @@ namespace Terraport
             {
                 return LandingPhase.Refused;
             }
-            if (landing.Swapped == LandingRecord.Part.Full)
+            if (landing.Swapped == LandingRecord.Extent.Full)
             {
                 return LandingPhase.Shown;
             }
-            LandingRecord.Part part = CanSwap ? residency.Presentable() : LandingRecord.Part.Nothing;
-            if (part != LandingRecord.Part.Nothing)
+            LandingRecord.Extent extent = CanSwap ? residency.Presentable() : LandingRecord.Extent.Nothing;
+            if (extent != LandingRecord.Extent.Nothing)
             {
-                return part == LandingRecord.Part.Full ? LandingPhase.Presentable : LandingPhase.DegradedPresentable;
+                return extent == LandingRecord.Extent.Full ? LandingPhase.Presentable : LandingPhase.DegradedPresentable;
             }
             return landing.Plan == null ? LandingPhase.Planning : LandingPhase.Streaming;
         }

@@ -23,7 +23,7 @@ namespace Terraport
         /// <summary>Of a version whose base is not drawn yet.</summary>
         private BaseFaces nextBase;
         /// <summary>The base of <see cref="files"/> can be drawn; false until it was uploaded.</summary>
-        private bool isBaseThere;
+        private bool isBaseUploaded;
         private int landingToShow;
         private double updateMs;
         private double updateMaxMs;
@@ -45,7 +45,7 @@ namespace Terraport
             this.options.Check();
             AutoShow = this.options.AutoShow;
             residency = new Residency(this.options);
-            uploads = new StageUploads(residency, stream, renderer, decoders, TellFailed);
+            uploads = new StageUploads(residency, stream, renderer, decoders, RaiseDecodeFailed);
             baseFaces = new BaseFaces(files.Cover, renderer, this.options.BaseBlockFaces);
         }
 
@@ -210,11 +210,11 @@ namespace Terraport
                 return;
             }
             isDisposed = true;
-            uploads.FreeUnseen();
+            uploads.FreeAllButShown();
             uint[] visible = residency.Visible;
             residency.ClearVisible();
             renderer.Swap(new SceneSwap { Hidden = visible, BaseHidden = baseFaces.Hidden });
-            uploads.FreeSeen(visible);
+            uploads.FreeShown(visible);
         }
 
         private bool CanSwap => IsBaseDrawn && !NeedsFiles;
@@ -222,26 +222,26 @@ namespace Terraport
         /// <summary>Ids mean other segments now: all but what is shown is freed.</summary>
         private void LeaveVersion()
         {
-            uploads.FreeUnseen();
+            uploads.FreeAllButShown();
             residency.VersionChanged();
             NeedsFiles = NeededVersion != files.Manifest.Version;
             nextBase = NeedsFiles ? null : new BaseFaces(files.Cover, renderer, options.BaseBlockFaces);
-            isBaseThere = false;
+            isBaseUploaded = false;
             IsBaseDrawn = false;
         }
 
         /// <summary>One slice of work, most urgent first: its bytes, or 0 where there is nothing to do now.</summary>
         private long Step()
         {
-            long bytes = uploads.FreeOne();
+            long bytes = uploads.FreeNext();
             if (bytes > 0)
             {
                 return bytes;
             }
-            if (!NeedsFiles && !isBaseThere)
+            if (!NeedsFiles && !isBaseUploaded)
             {
-                isBaseThere = renderer.UploadBase(files);
-                if (isBaseThere)
+                isBaseUploaded = renderer.UploadBase(files);
+                if (isBaseUploaded)
                 {
                     ShowBase();
                 }
@@ -251,9 +251,9 @@ namespace Terraport
             if (bytes == 0 && IsBaseDrawn)
             {
                 bytes = baseFaces.Step();
-                bytes = bytes > 0 ? bytes : uploads.UploadOne();
+                bytes = bytes > 0 ? bytes : uploads.UploadNext();
             }
-            return bytes > 0 ? bytes : uploads.DecodeOne();
+            return bytes > 0 ? bytes : uploads.DecodeNext();
         }
 
         /// <summary>A new base takes the place of the one before, and of every segment that was shown over it.</summary>
@@ -264,11 +264,11 @@ namespace Terraport
                 baseFaces = nextBase;
                 nextBase = null;
             }
-            uint[] before = residency.Visible;
+            uint[] previous = residency.Visible;
             residency.ClearVisible();
             IsBaseDrawn = true;
-            Tell(new SceneSwap { IsNewBase = true, Hidden = before });
-            uploads.FreeSeen(before);
+            ApplySwap(new SceneSwap { IsNewBase = true, Hidden = previous });
+            uploads.FreeShown(previous);
         }
 
         private bool TrySwap()
@@ -279,11 +279,11 @@ namespace Terraport
                 return false;
             }
             swap.ChangedBlocks = baseFaces.Flip();
-            Tell(swap);
+            ApplySwap(swap);
             return true;
         }
 
-        private void TellFailed(uint segment, TerraportException error)
+        private void RaiseDecodeFailed(uint segment, TerraportException error)
         {
             if (DecodeFailed != null)
             {
@@ -291,7 +291,7 @@ namespace Terraport
             }
         }
 
-        private void Tell(SceneSwap swap)
+        private void ApplySwap(SceneSwap swap)
         {
             swap.BaseHidden = baseFaces.Hidden;
             renderer.Swap(swap);

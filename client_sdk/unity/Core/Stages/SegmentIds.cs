@@ -38,16 +38,16 @@ namespace Terraport
         /// <summary>The ids in the order of another list; those that it does not have last, as they were.</summary>
         internal static uint[] InOrderOf(uint[] order, uint[] ids)
         {
-            var places = new Dictionary<uint, int>();
+            var ranks = new Dictionary<uint, int>();
             for (int at = 0; at < order.Length; at++)
             {
-                places[order[at]] = at;
+                ranks[order[at]] = at;
             }
             var keys = new int[ids.Length];
             for (int at = 0; at < ids.Length; at++)
             {
-                int place;
-                keys[at] = places.TryGetValue(ids[at], out place) ? place : order.Length + at;
+                int rank;
+                keys[at] = ranks.TryGetValue(ids[at], out rank) ? rank : order.Length + at;
             }
             var ordered = (uint[])ids.Clone();
             Array.Sort(keys, ordered);
@@ -55,6 +55,6 @@ namespace Terraport
         }
 
         /// <summary>The ids that are not in a set, in their order.</summary>
-        internal static uint[] Without(uint[] ids, HashSet<uint> left) { return Array.FindAll(ids, id => !left.Contains(id)); }
+        internal static uint[] Without(uint[] ids, HashSet<uint> excluded) { return Array.FindAll(ids, id => !excluded.Contains(id)); }
     }
 }

@@ -9,7 +9,7 @@ namespace Terraport
     /// </summary>
     internal sealed class SegmentShelf
     {
-        private readonly long mostSpareBytes;
+        private readonly long maxSpareBytes;
         private readonly InFlight inFlight;
         private readonly Func<uint, bool> isNeeded;
         private readonly Dictionary<uint, Entry> entries = new Dictionary<uint, Entry>();
@@ -20,7 +20,7 @@ namespace Terraport
         /// <remarks>isNeeded: Whether a segment is visible, or wanted or kept by the newest plan. After it changes: Trim.</remarks>
         internal SegmentShelf(StageOptions options, Func<uint, bool> isNeeded)
         {
-            mostSpareBytes = options.SpareGpuBytes;
+            maxSpareBytes = options.SpareGpuBytes;
             inFlight = new InFlight(options.MaxInFlight, options.MaxInFlightBytes);
             this.isNeeded = isNeeded;
         }
@@ -28,7 +28,7 @@ namespace Terraport
         internal long SpareBytes { get; private set; }
 
         /// <summary>Whether an aim's segment may be decoded now.</summary>
-        internal bool HasSpareRoom => SpareBytes < mostSpareBytes;
+        internal bool HasSpareRoom => SpareBytes < maxSpareBytes;
 
         /// <summary>Segments being decoded, or decoded and not uploaded.</summary>
         internal int InFlightCount => inFlight.Count;
@@ -97,7 +97,7 @@ namespace Terraport
                 return false;
             }
             entry.Step = SegmentStep.Decoding;
-            inFlight.Ask();
+            inFlight.BeginDecode();
             return true;
         }
 
@@ -110,16 +110,16 @@ namespace Terraport
                 return false;
             }
             bool needed = isNeeded(segment);
-            if (!needed && (entry.AimedDuring < 0 || SpareBytes + bytes > mostSpareBytes))
+            if (!needed && (entry.AimedDuring < 0 || SpareBytes + bytes > maxSpareBytes))
             {
                 entry.Step = SegmentStep.Held;
-                inFlight.Dismiss();
+                inFlight.DropDecode();
                 return false;
             }
             entry.Step = SegmentStep.Decoded;
             entry.Bytes = bytes;
             entry.UsedAt = ++tick;
-            inFlight.Wait(bytes);
+            inFlight.Queue(bytes);
             SpareBytes += needed ? 0 : bytes;
             return true;
         }
@@ -134,11 +134,11 @@ namespace Terraport
             }
             if (entry.Step == SegmentStep.Decoding)
             {
-                inFlight.Dismiss();
+                inFlight.DropDecode();
             }
             else if (entry.Step == SegmentStep.Decoded)
             {
-                inFlight.Leave(entry.Bytes);
+                inFlight.Dequeue(entry.Bytes);
             }
             else if (entry.Step != SegmentStep.Uploaded)
             {
@@ -156,7 +156,7 @@ namespace Terraport
             if (Is(segment, SegmentStep.Decoded, out entry))
             {
                 entry.Step = SegmentStep.Uploaded;
-                inFlight.Leave(entry.Bytes);
+                inFlight.Dequeue(entry.Bytes);
             }
         }
 
@@ -177,7 +177,7 @@ namespace Terraport
         }
 
         /// <summary>After a swap: what it hid, and whatever came for earlier landings and aims.</summary>
-        internal void FreeLeftBehind(int landing, HashSet<uint> hidden)
+        internal void FreeAfterSwap(int landing, HashSet<uint> hidden)
         {
             FreeIf((segment, entry) => !isNeeded(segment) && (hidden.Contains(segment) || entry.AimedDuring < landing));
         }
@@ -210,7 +210,7 @@ namespace Terraport
                 }
             }
             scratch.Sort((left, right) => left.Value.UsedAt.CompareTo(right.Value.UsedAt));
-            for (int at = 0; at < scratch.Count && SpareBytes > mostSpareBytes; at++)
+            for (int at = 0; at < scratch.Count && SpareBytes > maxSpareBytes; at++)
             {
                 SpareBytes -= scratch[at].Value.Bytes;
                 Free(scratch[at].Key, scratch[at].Value);
@@ -228,11 +228,11 @@ namespace Terraport
             return entries.TryGetValue(segment, out entry) && entry.Step == step;
         }
 
-        private void FreeIf(Func<uint, Entry, bool> isToGo)
+        private void FreeIf(Func<uint, Entry, bool> shouldFree)
         {
             foreach (KeyValuePair<uint, Entry> pair in entries)
             {
-                if (IsOnGpu(pair.Value) && isToGo(pair.Key, pair.Value))
+                if (IsOnGpu(pair.Value) && shouldFree(pair.Key, pair.Value))
                 {
                     Free(pair.Key, pair.Value);
                 }
@@ -244,7 +244,7 @@ namespace Terraport
         {
             if (entry.Step == SegmentStep.Decoded)
             {
-                inFlight.Leave(entry.Bytes);
+                inFlight.Dequeue(entry.Bytes);
             }
             entry.Step = SegmentStep.Held; // The payload is still here.
             toFree.Add(segment);

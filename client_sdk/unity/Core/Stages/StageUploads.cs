@@ -60,7 +60,7 @@ namespace Terraport
         }
 
         /// <summary>Free a segment that nobody needs. Comes before any other slice: its id may be on its way again.</summary>
-        internal long FreeOne()
+        internal long FreeNext()
         {
             if (freed.Count == 0)
             {
@@ -99,7 +99,7 @@ namespace Terraport
         }
 
         /// <summary>Hand the most urgent mesh to the renderer: its GPU bytes the first time.</summary>
-        internal long UploadOne()
+        internal long UploadNext()
         {
             uint segment;
             if (!residency.TryNextUpload(waiting, paused, out segment))
@@ -131,12 +131,12 @@ namespace Terraport
         }
 
         /// <summary>A decode on this thread, where the queue has no threads.</summary>
-        internal long DecodeOne() { return decoders.Step() ? 1 : 0; }
+        internal long DecodeNext() { return decoders.Step() ? 1 : 0; }
 
         /// <summary>
-        /// Let go of all that waits, and of all that the renderer has but what is shown: of that <see cref="FreeSeen"/>.
+        /// Let go of all that waits, and of all that the renderer has but what is shown: of that <see cref="FreeShown"/>.
         /// </summary>
-        internal void FreeUnseen()
+        internal void FreeAllButShown()
         {
             foreach (KeyValuePair<uint, SegmentMesh> pair in waiting)
             {
@@ -156,7 +156,7 @@ namespace Terraport
         }
 
         /// <summary>Let go of what was shown, and is not any more.</summary>
-        internal void FreeSeen(uint[] segments)
+        internal void FreeShown(uint[] segments)
         {
             foreach (uint segment in segments)
             {

@@ -39,17 +39,17 @@ namespace Terraport
         private string token;
         private ITransport transport;
         private bool isGreeted;
-        private bool offersHeld = true;
+        private bool offersInHello = true;
         private bool hasLeft;
         private int attempt;
         private string refusalCode;
         private string refusalMessage;
-        private double firstWaitMs = -1;
+        private double serverWaitMs = -1;
         private double retryAtMs = Never;
         private double connectedMs;
         private double welcomedMs = Never;
-        private double heardMs;
-        private double owedSinceMs = Never;
+        private double lastReceivedMs;
+        private double awaitsSinceMs = Never;
         private double nextAimMs;
 
         internal Link(ClientSession session, LinkSettings settings)
@@ -67,12 +67,12 @@ namespace Terraport
                 if (transport == null) return retryAtMs;
                 double due = welcomedMs == Never ? connectedMs + ConnectMs : Never;
                 if (session.HasAim) due = Math.Min(due, nextAimMs);
-                if (owedSinceMs != Never && welcomedMs != Never) due = Math.Min(due, SilentSinceMs + SilenceMs);
+                if (awaitsSinceMs != Never && welcomedMs != Never) due = Math.Min(due, SilentSinceMs + SilenceMs);
                 return Math.Min(due, outgoing.DueMs);
             }
         }
 
-        private double SilentSinceMs => Math.Max(heardMs, Math.Max(owedSinceMs, welcomedMs));
+        private double SilentSinceMs => Math.Max(lastReceivedMs, Math.Max(awaitsSinceMs, welcomedMs));
 
         /// <summary>Connect for the first time.</summary>
         internal void Start(double nowMs) { Connect(nowMs); }
@@ -89,26 +89,26 @@ namespace Terraport
                 return false;
             }
             // Asked before the messages are taken: what came before the end must not be lost.
-            ITransport present = transport;
-            TransportState state = present.State;
+            ITransport pumped = transport;
+            TransportState state = pumped.State;
             if (!isGreeted && (state == TransportState.Open || state == TransportState.Closed)) Greet(state, nowMs);
-            bool isMore = true;
+            bool hasMore = true;
             bool isBlocked = session.UnsentMessages >= MaxUnsentMessages;
             if (mayReceive && !isBlocked)
-                isMore = Receive(nowMs);
+                hasMore = Receive(nowMs);
             else
-                heardMs = nowMs;
-            if (transport != present) return false;
-            if (state == TransportState.Closed && !isMore)
-                Lost(transport.CloseCode, transport.CloseReason, nowMs);
+                lastReceivedMs = nowMs;
+            if (transport != pumped) return false;
+            if (state == TransportState.Closed && !hasMore)
+                OnLost(transport.CloseCode, transport.CloseReason, nowMs);
             else if (welcomedMs == Never && nowMs - connectedMs > ConnectMs)
-                Cut(CloseCodes.Timeout, "no welcome in time", nowMs);
-            else if (owedSinceMs != Never && welcomedMs != Never && nowMs - SilentSinceMs > SilenceMs)
+                Abort(CloseCodes.Timeout, "no welcome in time", nowMs);
+            else if (awaitsSinceMs != Never && welcomedMs != Never && nowMs - SilentSinceMs > SilenceMs)
             {
-                Cut(CloseCodes.Timeout, "the server is silent", nowMs);
+                Abort(CloseCodes.Timeout, "the server is silent", nowMs);
             }
             Flush(nowMs);
-            return isMore && mayReceive && !isBlocked;
+            return hasMore && mayReceive && !isBlocked;
         }
 
         /// <summary>Send what the session has to say; to be called after every command.</summary>
@@ -127,9 +127,9 @@ namespace Terraport
             }
             outgoing.Send(transport, nowMs);
             if (!session.AwaitsAnswer)
-                owedSinceMs = Never;
-            else if (owedSinceMs == Never)
-                owedSinceMs = nowMs;
+                awaitsSinceMs = Never;
+            else if (awaitsSinceMs == Never)
+                awaitsSinceMs = nowMs;
         }
 
         /// <summary>Connect now, unless there is a connection already; another token makes a new one in any case.</summary>
@@ -139,9 +139,9 @@ namespace Terraport
             bool isNewer = newToken != null && newToken != token;
             if (isNewer) token = newToken;
             if (transport != null && !isNewer) return;
-            Drop(Closes.Normal, "");
+            Detach(Closes.Normal, "");
             attempt = 0;
-            firstWaitMs = -1;
+            serverWaitMs = -1;
             Connect(nowMs);
         }
 
@@ -152,7 +152,7 @@ namespace Terraport
             session.Bye();
             Flush(nowMs);
             hasLeft = true;
-            Drop(Closes.Normal, "");
+            Detach(Closes.Normal, "");
         }
 
         private void Connect(double nowMs)
@@ -164,9 +164,9 @@ namespace Terraport
             isGreeted = false;
             connectedMs = nowMs;
             welcomedMs = Never;
-            owedSinceMs = Never;
+            awaitsSinceMs = Never;
             outgoing.Begin(nowMs);
-            Tell(new LinkState { Phase = LinkPhase.Connecting, Attempt = attempt });
+            PublishLink(new LinkState { Phase = LinkPhase.Connecting, Attempt = attempt });
             transport = settings.Transports.Create();
             transport.Changed = settings.Changed;
             transport.Open(settings.Url, new[] { WireLimits.Subprotocol }, token);
@@ -175,8 +175,8 @@ namespace Terraport
         private void Greet(TransportState state, double nowMs)
         {
             isGreeted = true;
-            heardMs = nowMs;
-            session.Connected(offersHeld);
+            lastReceivedMs = nowMs;
+            session.Connected(offersInHello);
             if (state == TransportState.Open) Flush(nowMs);
         }
 
@@ -184,13 +184,13 @@ namespace Terraport
         private bool Receive(double nowMs)
         {
             int bytes = 0;
-            ITransport present = transport;
+            ITransport pumped = transport;
             TransportMessage message;
             while (bytes < MaxPumpBytes && session.UnsentMessages < MaxUnsentMessages)
             {
-                if (transport != present || !present.TryReceive(out message)) return false;
+                if (transport != pumped || !pumped.TryReceive(out message)) return false;
                 bytes += message.Bytes.Count;
-                heardMs = nowMs;
+                lastReceivedMs = nowMs;
                 Take(message, nowMs);
                 // What it has to say (credit above all) leaves before the next message is looked at.
                 Flush(nowMs);
@@ -217,7 +217,7 @@ namespace Terraport
             Report(nowMs);
             refusalCode = "malformed";
             refusalMessage = "the server broke the protocol: " + violation;
-            Cut(CloseCodes.Malformed, "malformed", nowMs);
+            Abort(CloseCodes.Malformed, "malformed", nowMs);
         }
 
         /// <summary>Hand the session's events on, and take what concerns the connection itself.</summary>
@@ -230,7 +230,7 @@ namespace Terraport
                 {
                     welcomedMs = nowMs;
                     outgoing.Allow(session.Limits.MaxMessagesPerS, nowMs);
-                    Tell(new LinkState { Phase = LinkPhase.Open });
+                    PublishLink(new LinkState { Phase = LinkPhase.Open });
                 }
                 else if (next.Kind == StreamEventKind.Ready)
                 {
@@ -243,29 +243,29 @@ namespace Terraport
                 }
                 else if (next.Kind == StreamEventKind.Notice && next.ReconnectAfterMs.HasValue)
                 {
-                    firstWaitMs = next.ReconnectAfterMs.Value;
+                    serverWaitMs = next.ReconnectAfterMs.Value;
                 }
-                settings.Tell(next);
+                settings.OnEvent(next);
             }
         }
 
         /// <summary>Close from this side, without waiting for the other: its answer may never come.</summary>
-        private void Cut(int closeCode, string reason, double nowMs)
+        private void Abort(int closeCode, string reason, double nowMs)
         {
             transport.Close(closeCode, reason);
-            Lost(closeCode, reason, nowMs);
+            OnLost(closeCode, reason, nowMs);
         }
 
-        private void Lost(int closeCode, string reason, double nowMs)
+        private void OnLost(int closeCode, string reason, double nowMs)
         {
             double livedMs = welcomedMs == Never ? 0 : nowMs - welcomedMs;
             bool wasWelcomed = welcomedMs != Never;
-            Drop(Closes.Normal, "");
+            Detach(Closes.Normal, "");
             Report(nowMs);
-            if (refusalCode == "too_large" && !wasWelcomed && offersHeld)
+            if (refusalCode == "too_large" && !wasWelcomed && offersInHello)
             {
                 // Once: offer nothing in hello from now on, since the server found that too large.
-                offersHeld = false;
+                offersInHello = false;
                 Connect(nowMs);
                 return;
             }
@@ -285,31 +285,31 @@ namespace Terraport
             {
                 state.Phase = LinkPhase.Waiting;
                 state.Attempt = attempt + 1;
-                state.RetryInMs = firstWaitMs >= 0 ? firstWaitMs : Backoff.WaitMs(Math.Max(0, attempt - 1), random.NextDouble());
-                firstWaitMs = -1;
+                state.RetryInMs = serverWaitMs >= 0 ? serverWaitMs : Backoff.WaitMs(Math.Max(0, attempt - 1), random.NextDouble());
+                serverWaitMs = -1;
                 retryAtMs = nowMs + state.RetryInMs;
             }
-            Tell(state);
+            PublishLink(state);
         }
 
         /// <summary>Part from the transport and from everything that was timed for it.</summary>
-        private void Drop(int closeCode, string reason)
+        private void Detach(int closeCode, string reason)
         {
             retryAtMs = Never;
-            owedSinceMs = Never;
+            awaitsSinceMs = Never;
             if (transport == null) return;
-            ITransport old = transport;
+            ITransport detached = transport;
             transport = null;
             outgoing.Waiting.Clear();
-            old.Changed = null;
-            old.Close(closeCode, reason);
+            detached.Changed = null;
+            detached.Close(closeCode, reason);
             TransportMessage message;
-            while (old.TryReceive(out message)) message.Release();
-            old.Dispose();
+            while (detached.TryReceive(out message)) message.Release();
+            detached.Dispose();
             session.ConnectionLost();
         }
 
-        private void Tell(LinkState state) { settings.Tell(new StreamEvent { Kind = StreamEventKind.Link, Link = state }); }
+        private void PublishLink(LinkState state) { settings.OnEvent(new StreamEvent { Kind = StreamEventKind.Link, Link = state }); }
 
         private static string TextOf(int closeCode)
         {

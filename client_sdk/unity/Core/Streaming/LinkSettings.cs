@@ -13,7 +13,7 @@ namespace Terraport
         internal ITransportFactory Transports { get; set; }
 
         /// <summary>Takes the events, in order.</summary>
-        internal Action<StreamEvent> Tell { get; set; }
+        internal Action<StreamEvent> OnEvent { get; set; }
 
         /// <summary>Called from any thread when there may be something to pump; may be null.</summary>
         internal Action Changed { get; set; }

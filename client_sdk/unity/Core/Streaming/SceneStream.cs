@@ -21,7 +21,7 @@ namespace Terraport
         private readonly Func<double> clockMs;
         private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
         // When each landing that is not over was asked for, by its number.
-        private readonly Dictionary<int, double> askedMs = new Dictionary<int, double>();
+        private readonly Dictionary<int, double> requestedMs = new Dictionary<int, double>();
         private bool isClosed;
         private string endedCode;
         private string endedMessage;
@@ -48,7 +48,7 @@ namespace Terraport
                     Url = new Uri(SceneUrl.Parse(options.SceneUrl).StreamUrl),
                     Token = options.Token,
                     Transports = transports ?? new WebSocketTransportFactory(),
-                    Tell = Tell,
+                    OnEvent = Publish,
                     Changed = changed,
                 });
             link.Start(this.clockMs());
@@ -88,9 +88,9 @@ namespace Terraport
         /// <inheritdoc/>
         public bool TryNextEvent(out StreamEvent next)
         {
-            bool isThere = events.Count > 0;
-            next = isThere ? events.Dequeue() : default(StreamEvent);
-            return isThere;
+            bool hasEvent = events.Count > 0;
+            next = hasEvent ? events.Dequeue() : default(StreamEvent);
+            return hasEvent;
         }
 
         /// <inheritdoc/>
@@ -128,7 +128,7 @@ namespace Terraport
         {
             int number = session.Land(position, radiusM, options);
             if (isClosed) return number;
-            askedMs[number] = atMs;
+            requestedMs[number] = atMs;
             Flush();
             return number;
         }
@@ -136,18 +136,18 @@ namespace Terraport
         private void Flush() { link.Flush(clockMs()); }
 
         /// <summary>Queue an event, with what only the stream knows of it.</summary>
-        private void Tell(StreamEvent next)
+        private void Publish(StreamEvent next)
         {
             if (next.Kind == StreamEventKind.Ready)
             {
-                double asked;
+                double startedMs;
                 next.ReadyAtMs = clockMs();
-                bool isKnown = askedMs.TryGetValue(next.Landing.Value, out asked);
-                next.ElapsedMs = isKnown ? Math.Max(0, next.ReadyAtMs - asked) : 0;
+                bool wasRequested = requestedMs.TryGetValue(next.Landing.Value, out startedMs);
+                next.ElapsedMs = wasRequested ? Math.Max(0, next.ReadyAtMs - startedMs) : 0;
             }
             bool isOver =
                 next.Kind == StreamEventKind.Ready || next.Kind == StreamEventKind.Superseded || next.Kind == StreamEventKind.Refused;
-            if (isOver && next.Landing.HasValue) askedMs.Remove(next.Landing.Value);
+            if (isOver && next.Landing.HasValue) requestedMs.Remove(next.Landing.Value);
             if (next.Kind == StreamEventKind.Link && next.Link.Phase == LinkPhase.Closed)
             {
                 endedCode = next.Link.Code;

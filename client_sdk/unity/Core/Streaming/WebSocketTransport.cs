@@ -193,8 +193,8 @@ namespace Terraport
                     Become(TransportState.Closed, CloseCodes.TooLarge, "a message of more than " + count + " bytes");
                     return;
                 }
-                var room = new ArraySegment<byte>(buffer, count, buffer.Length - count);
-                WebSocketReceiveResult result = await socket.ReceiveAsync(room, ended.Token);
+                var free = new ArraySegment<byte>(buffer, count, buffer.Length - count);
+                WebSocketReceiveResult result = await socket.ReceiveAsync(free, ended.Token);
                 if (result.MessageType == WebSocketMessageType.Close)
                 {
                     int code = result.CloseStatus.HasValue ? (int)result.CloseStatus.Value : Closes.Abnormal;
@@ -289,10 +289,10 @@ namespace Terraport
         /// </summary>
         private static int CodeOf(Exception error)
         {
-            for (Exception one = error; one != null; one = one.InnerException)
+            for (Exception cause = error; cause != null; cause = cause.InnerException)
             {
-                Match found = Status.Match(one.Message);
-                if (one is WebSocketException && found.Success) return Closes.OfHttpStatus(int.Parse(found.Groups[1].Value));
+                Match match = Status.Match(cause.Message);
+                if (cause is WebSocketException && match.Success) return Closes.OfHttpStatus(int.Parse(match.Groups[1].Value));
             }
             return Closes.Abnormal;
         }
@@ -301,9 +301,9 @@ namespace Terraport
         private static string TextOf(Exception error)
         {
             string text = error.Message;
-            for (Exception one = error.InnerException; one != null; one = one.InnerException)
+            for (Exception cause = error.InnerException; cause != null; cause = cause.InnerException)
             {
-                if (!text.Contains(one.Message)) text += ": " + one.Message;
+                if (!text.Contains(cause.Message)) text += ": " + cause.Message;
             }
             return text;
         }

@@ -30,9 +30,9 @@ namespace Terraport.Wire
         /// <summary>The error code that a close code stands for, where a close came without an error message; else "closed".</summary>
         public static string ErrorOf(int closeCode)
         {
-            foreach (KeyValuePair<string, int> known in CloseCodes.ByError)
+            foreach (KeyValuePair<string, int> entry in CloseCodes.ByError)
             {
-                if (known.Value == closeCode) return known.Key;
+                if (entry.Value == closeCode) return entry.Key;
             }
             return "closed";
         }
@@ -40,9 +40,9 @@ namespace Terraport.Wire
         /// <summary>The close code for a refused handshake's HTTP status (section 2.4); 1006 for a status that is none of them.</summary>
         public static int OfHttpStatus(int status)
         {
-            foreach (KeyValuePair<int, int> known in CloseCodes.ByHttpStatus)
+            foreach (KeyValuePair<int, int> entry in CloseCodes.ByHttpStatus)
             {
-                if (known.Key == status) return known.Value;
+                if (entry.Key == status) return entry.Value;
             }
             return Abnormal;
         }

@@ -29,13 +29,13 @@ namespace Terraport.Wire
         }
 
         /// <summary>Check the value of every field of our own part.</summary>
-        internal static void Check(WirePart part)
+        internal static void Check(WirePart map)
         {
-            Field[] fields = part.Fields;
+            Field[] fields = map.Fields;
             for (int number = 0; number < fields.Length; number++)
             {
                 Field field = fields[number];
-                object value = part.Get(number);
+                object value = map.Get(number);
                 if (value == null)
                 {
                     if (field.IsRequired) throw Missing(field);
@@ -53,31 +53,31 @@ namespace Terraport.Wire
         }
 
         /// <summary>Write checked fields, in the table's order, behind a type where there is one.</summary>
-        internal static JsonValue Write(WirePart part, string type)
+        internal static JsonValue Write(WirePart map, string type)
         {
-            Field[] fields = part.Fields;
-            var given = new object[fields.Length];
+            Field[] fields = map.Fields;
+            var fieldValues = new object[fields.Length];
             int count = type == null ? 0 : 1;
             for (int number = 0; number < fields.Length; number++)
             {
-                given[number] = part.Get(number);
-                if (given[number] != null) count++;
+                fieldValues[number] = map.Get(number);
+                if (fieldValues[number] != null) count++;
             }
             var names = new string[count];
             var values = new JsonValue[count];
-            int at = 0;
+            int member = 0;
             if (type != null)
             {
                 names[0] = "type";
                 values[0] = JsonValue.OfText(type);
-                at = 1;
+                member = 1;
             }
             for (int number = 0; number < fields.Length; number++)
             {
-                if (given[number] == null) continue;
-                names[at] = fields[number].Name;
-                values[at] = fields[number].Kind.Write(given[number]);
-                at++;
+                if (fieldValues[number] == null) continue;
+                names[member] = fields[number].Name;
+                values[member] = fields[number].Kind.Write(fieldValues[number]);
+                member++;
             }
             return JsonValue.OfObject(new JsonObject(names, values));
         }

@@ -98,9 +98,9 @@ namespace Terraport.Wire
             throw new RefusedException("got " + got + ", expected the sum over the segments, " + expected, field);
         }
 
-        private static void ExpectAtLeast(string field, long got, string part, long least)
+        private static void ExpectAtLeast(string field, long got, string lowerField, long min)
         {
-            if (got < least) throw new RefusedException("got " + got + ", expected at least " + part, field);
+            if (got < min) throw new RefusedException("got " + got + ", expected at least " + lowerField, field);
         }
     }
 }

@@ -106,7 +106,7 @@ namespace Terraport.Wire
         {
             int first = Take((uint)width);
             ulong value = 0;
-            for (int place = 0; place < width; place++) value = value << 8 | data[first + place];
+            for (int index = 0; index < width; index++) value = value << 8 | data[first + index];
             return value;
         }
 
@@ -134,7 +134,7 @@ namespace Terraport.Wire
             ExpectContainer(count, depth, first);
             int mark = values.Count;
             for (uint number = 0; number < count; number++) values.Add(Value(depth + 1));
-            return JsonValue.OfList(Taken(values, mark));
+            return JsonValue.OfList(PopFrom(values, mark));
         }
 
         private JsonValue Map(uint count, int depth, int first)
@@ -144,9 +144,9 @@ namespace Terraport.Wire
             int nameMark = names.Count;
             for (uint number = 0; number < count; number++)
             {
-                int place = at;
+                int keyStart = at;
                 JsonValue key = Value(depth + 1);
-                if (key.Text == null) throw Malformed("got key " + key.Show() + ", expected text", place);
+                if (key.Text == null) throw Malformed("got key " + key.Show() + ", expected text", keyStart);
                 names.Add(key.Text);
                 values.Add(Value(depth + 1));
             }
@@ -155,15 +155,15 @@ namespace Terraport.Wire
             {
                 throw Malformed("got key " + JsonValue.ShowText(repeated) + " twice, expected each key once", first);
             }
-            return JsonValue.OfObject(new JsonObject(Taken(names, nameMark), Taken(values, mark)));
+            return JsonValue.OfObject(new JsonObject(PopFrom(names, nameMark), PopFrom(values, mark)));
         }
 
-        private static T[] Taken<T>(List<T> stack, int mark)
+        private static T[] PopFrom<T>(List<T> stack, int mark)
         {
-            var taken = new T[stack.Count - mark];
-            stack.CopyTo(mark, taken, 0, taken.Length);
-            stack.RemoveRange(mark, taken.Length);
-            return taken;
+            var popped = new T[stack.Count - mark];
+            stack.CopyTo(mark, popped, 0, popped.Length);
+            stack.RemoveRange(mark, popped.Length);
+            return popped;
         }
 
         private void ExpectContainer(uint count, int depth, int first)
@@ -175,6 +175,6 @@ namespace Terraport.Wire
             if (depth + 1 > WireLimits.MaxDepth) throw Malformed("got nesting beyond " + WireLimits.MaxDepth + " levels", first);
         }
 
-        private DecodeException Malformed(string text, int place) { return new DecodeException("malformed", text, place - start); }
+        private DecodeException Malformed(string text, int offset) { return new DecodeException("malformed", text, offset - start); }
     }
 }

@@ -46,15 +46,15 @@ namespace Terraport.Wire
                     break;
                 case JsonKind.List:
                     Head((uint)value.Count, 0x90, 15, 0, 0xdc, into);
-                    for (int place = 0; place < value.Count; place++) Value(value[place], into);
+                    for (int index = 0; index < value.Count; index++) Value(value[index], into);
                     break;
                 case JsonKind.Object:
                     JsonObject members = value.Members;
                     Head((uint)members.Count, 0x80, 15, 0, 0xde, into);
-                    for (int place = 0; place < members.Count; place++)
+                    for (int index = 0; index < members.Count; index++)
                     {
-                        Text(members.NameAt(place), into);
-                        Value(members.ValueAt(place), into);
+                        Text(members.NameAt(index), into);
+                        Value(members.ValueAt(index), into);
                     }
                     break;
                 default: throw new InvalidOperationException("got " + value.Show() + ", which no message has");

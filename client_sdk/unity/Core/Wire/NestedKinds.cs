@@ -8,18 +8,18 @@ namespace Terraport.Wire
     /// <summary>A version: major and minor.</summary>
     internal sealed class VersionKind : FieldKind
     {
-        private const int Most = 65535;
+        private const int MaxComponent = 65535;
 
         internal override object Read(JsonValue raw, object layout)
         {
             if (raw.Kind != JsonKind.List || raw.Count != 2) throw Refuse(raw);
-            return new ProtocolVersion(Part(raw[0]), Part(raw[1]));
+            return new ProtocolVersion(Component(raw[0]), Component(raw[1]));
         }
 
         internal override void Check(object value)
         {
             var version = (ProtocolVersion)value;
-            if (version.Major < 0 || version.Major > Most || version.Minor < 0 || version.Minor > Most)
+            if (version.Major < 0 || version.Major > MaxComponent || version.Minor < 0 || version.Minor > MaxComponent)
             {
                 throw Refuse(version.ToString());
             }
@@ -33,29 +33,29 @@ namespace Terraport.Wire
 
         internal override string Describe() { return "a version [major, minor]"; }
 
-        private int Part(JsonValue raw)
+        private int Component(JsonValue raw)
         {
-            long part;
-            if (!raw.TryInteger(out part) || part < 0 || part > Most) throw Refuse(raw);
-            return (int)part;
+            long component;
+            if (!raw.TryInteger(out component) || component < 0 || component > MaxComponent) throw Refuse(raw);
+            return (int)component;
         }
     }
 
     /// <summary>A list of versions.</summary>
     internal sealed class VersionsKind : FieldKind
     {
-        private static readonly VersionKind One = new VersionKind();
-        private readonly int most;
+        private static readonly VersionKind Element = new VersionKind();
+        private readonly int maxCount;
 
-        internal VersionsKind(int most) { this.most = most; }
+        internal VersionsKind(int maxCount) { this.maxCount = maxCount; }
 
         internal override object Read(JsonValue raw, object layout)
         {
-            if (raw.Kind != JsonKind.List || raw.Count > most) throw Refuse(raw);
+            if (raw.Kind != JsonKind.List || raw.Count > maxCount) throw Refuse(raw);
             var versions = new ProtocolVersion[raw.Count];
             for (int number = 0; number < versions.Length; number++)
             {
-                versions[number] = (ProtocolVersion)One.Read(raw[number], null);
+                versions[number] = (ProtocolVersion)Element.Read(raw[number], null);
             }
             return versions;
         }
@@ -63,25 +63,25 @@ namespace Terraport.Wire
         internal override void Check(object value)
         {
             var versions = (ProtocolVersion[])value;
-            if (versions.Length > most) throw Refuse("a list of " + versions.Length);
-            foreach (ProtocolVersion version in versions) One.Check(version);
+            if (versions.Length > maxCount) throw Refuse("a list of " + versions.Length);
+            foreach (ProtocolVersion version in versions) Element.Check(version);
         }
 
         internal override JsonValue Write(object value)
         {
-            return JsonValue.OfList(Array.ConvertAll((ProtocolVersion[])value, version => One.Write(version)));
+            return JsonValue.OfList(Array.ConvertAll((ProtocolVersion[])value, version => Element.Write(version)));
         }
 
-        internal override string Describe() { return "a list of at most " + most + " versions"; }
+        internal override string Describe() { return "a list of at most " + maxCount + " versions"; }
     }
 
     /// <summary>A map of names to finite numbers.</summary>
     internal sealed class NumbersKind : FieldKind
     {
         private static readonly TextKind Name = new TextKind(1, 128, null);
-        private readonly int most;
+        private readonly int maxCount;
 
-        internal NumbersKind(int most) { this.most = most; }
+        internal NumbersKind(int maxCount) { this.maxCount = maxCount; }
 
         internal override object Layout(JsonValue raw)
         {
@@ -92,18 +92,18 @@ namespace Terraport.Wire
         internal override object Read(JsonValue raw, object layout)
         {
             JsonObject members = raw.Members;
-            if (members.Count > most) throw Refuse(raw);
+            if (members.Count > maxCount) throw Refuse(raw);
             var numbers = new KeyValuePair<string, double>[members.Count];
-            for (int place = 0; place < numbers.Length; place++)
+            for (int index = 0; index < numbers.Length; index++)
             {
-                string name = members.NameAt(place);
+                string name = members.NameAt(index);
                 Name.Check(name);
                 double number;
-                if (!members.ValueAt(place).TryNumber(out number))
+                if (!members.ValueAt(index).TryNumber(out number))
                 {
-                    throw new RefusedException("got " + members.ValueAt(place).Show() + ", expected a finite number", name);
+                    throw new RefusedException("got " + members.ValueAt(index).Show() + ", expected a finite number", name);
                 }
-                numbers[place] = new KeyValuePair<string, double>(name, number);
+                numbers[index] = new KeyValuePair<string, double>(name, number);
             }
             return numbers;
         }
@@ -111,7 +111,7 @@ namespace Terraport.Wire
         internal override void Check(object value)
         {
             var numbers = (KeyValuePair<string, double>[])value;
-            if (numbers.Length > most) throw Refuse(numbers.Length.ToString(CultureInfo.InvariantCulture));
+            if (numbers.Length > maxCount) throw Refuse(numbers.Length.ToString(CultureInfo.InvariantCulture));
             var names = new HashSet<string>(StringComparer.Ordinal);
             foreach (KeyValuePair<string, double> number in numbers)
             {
@@ -131,7 +131,7 @@ namespace Terraport.Wire
                 Array.ConvertAll(numbers, number => number.Key), Array.ConvertAll(numbers, number => JsonValue.OfFloat(number.Value))));
         }
 
-        internal override string Describe() { return "a map of at most " + most + " numbers"; }
+        internal override string Describe() { return "a map of at most " + maxCount + " numbers"; }
     }
 
     /// <summary>A map with fields of its own.</summary>
@@ -148,9 +148,9 @@ namespace Terraport.Wire
 
         internal override object Layout(JsonValue raw)
         {
-            WirePart part = create();
-            FieldTables.Read(part, raw);
-            return part;
+            WirePart map = create();
+            FieldTables.Read(map, raw);
+            return map;
         }
 
         internal override object Read(JsonValue raw, object layout) { return layout; }
@@ -166,44 +166,44 @@ namespace Terraport.Wire
     internal sealed class PartsKind : FieldKind
     {
         private readonly Func<WirePart> create;
-        private readonly int most;
+        private readonly int maxCount;
 
-        internal PartsKind(Func<WirePart> create, int most)
+        internal PartsKind(Func<WirePart> create, int maxCount)
         {
             this.create = create;
-            this.most = most;
+            this.maxCount = maxCount;
         }
 
         internal override object Layout(JsonValue raw)
         {
-            if (raw.Kind != JsonKind.List || raw.Count > most) throw Refuse(raw);
-            var parts = new WirePart[raw.Count];
-            for (int number = 0; number < parts.Length; number++)
+            if (raw.Kind != JsonKind.List || raw.Count > maxCount) throw Refuse(raw);
+            var maps = new WirePart[raw.Count];
+            for (int number = 0; number < maps.Length; number++)
             {
-                parts[number] = create();
+                maps[number] = create();
                 try
                 {
-                    FieldTables.Read(parts[number], raw[number]);
+                    FieldTables.Read(maps[number], raw[number]);
                 }
                 catch (RefusedException refused)
                 {
                     throw refused.Below(number.ToString(CultureInfo.InvariantCulture));
                 }
             }
-            return parts;
+            return maps;
         }
 
         internal override object Read(JsonValue raw, object layout) { return layout; }
 
         internal override void Check(object value)
         {
-            var parts = (WirePart[])value;
-            if (parts.Length > most) throw Refuse("a list of " + parts.Length);
-            for (int number = 0; number < parts.Length; number++)
+            var maps = (WirePart[])value;
+            if (maps.Length > maxCount) throw Refuse("a list of " + maps.Length);
+            for (int number = 0; number < maps.Length; number++)
             {
                 try
                 {
-                    FieldTables.Check(parts[number]);
+                    FieldTables.Check(maps[number]);
                 }
                 catch (RefusedException refused)
                 {
@@ -214,9 +214,9 @@ namespace Terraport.Wire
 
         internal override JsonValue Write(object value)
         {
-            return JsonValue.OfList(Array.ConvertAll((WirePart[])value, part => FieldTables.Write(part, null)));
+            return JsonValue.OfList(Array.ConvertAll((WirePart[])value, map => FieldTables.Write(map, null)));
         }
 
-        internal override string Describe() { return "a list of at most " + most + " maps"; }
+        internal override string Describe() { return "a list of at most " + maxCount + " maps"; }
     }
 }

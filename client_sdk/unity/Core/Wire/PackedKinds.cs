@@ -7,12 +7,12 @@ namespace Terraport.Wire
     /// <typeparam name="T">A row.</typeparam>
     internal abstract class PackedKind<T> : FieldKind
     {
-        private readonly int most;
+        private readonly int maxRows;
         private readonly int rowBytes;
 
-        protected PackedKind(int most, int rowBytes)
+        protected PackedKind(int maxRows, int rowBytes)
         {
-            this.most = most;
+            this.maxRows = maxRows;
             this.rowBytes = rowBytes;
         }
 
@@ -63,7 +63,7 @@ namespace Terraport.Wire
             return JsonValue.OfBinary(new ArraySegment<byte>(bytes));
         }
 
-        internal override string Describe() { return "a table of at most " + most + " rows"; }
+        internal override string Describe() { return "a table of at most " + maxRows + " rows"; }
 
         protected abstract uint IdOf(T row);
 
@@ -75,14 +75,14 @@ namespace Terraport.Wire
 
         private void ExpectCount(int count)
         {
-            if (count > most) throw new RefusedException("got " + count + " rows, expected at most " + most);
+            if (count > maxRows) throw new RefusedException("got " + count + " rows, expected at most " + maxRows);
         }
     }
 
     /// <summary>Segment ids.</summary>
     internal sealed class IdsKind : PackedKind<uint>
     {
-        internal IdsKind(int most) : base(most, 4) {}
+        internal IdsKind(int maxRows) : base(maxRows, 4) {}
 
         protected override uint IdOf(uint row) { return row; }
 
@@ -94,7 +94,7 @@ namespace Terraport.Wire
     /// <summary>Held segments with their hashes.</summary>
     internal sealed class HeldKind : PackedKind<HeldRow>
     {
-        internal HeldKind(int most) : base(most, 12) {}
+        internal HeldKind(int maxRows) : base(maxRows, 12) {}
 
         protected override uint IdOf(HeldRow row) { return row.Segment; }
 

@@ -12,9 +12,9 @@ namespace Terraport.Wire
         internal string Path { get; }
 
         /// <summary>The same, one level further out.</summary>
-        internal RefusedException Below(string place)
+        internal RefusedException Below(string outer)
         {
-            return new RefusedException(Message, Path.Length == 0 ? place : place + "." + Path);
+            return new RefusedException(Message, Path.Length == 0 ? outer : outer + "." + Path);
         }
     }
 }

@@ -117,12 +117,12 @@ namespace Terraport.Wire
             var text = (string)value;
             int points = 0;
             bool isLone = false;
-            for (int place = 0; place < text.Length; place++)
+            for (int index = 0; index < text.Length; index++)
             {
                 points++;
-                if (!char.IsSurrogate(text[place])) continue;
-                if (place + 1 < text.Length && char.IsSurrogatePair(text[place], text[place + 1]))
-                    place++;
+                if (!char.IsSurrogate(text[index])) continue;
+                if (index + 1 < text.Length && char.IsSurrogatePair(text[index], text[index + 1]))
+                    index++;
                 else
                     isLone = true;
             }

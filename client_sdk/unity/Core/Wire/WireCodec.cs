@@ -7,7 +7,7 @@ namespace Terraport.Wire
     /// <summary>Messages to bytes and back (wire protocol, section 3).</summary>
     public static class WireCodec
     {
-        private const int LongestType = 64;
+        private const int MaxTypeLength = 64;
 
         /// <summary>The subprotocol entry that carries a token where no header can be set (section 2.3).</summary>
         public static string TokenSubprotocol(string token)
@@ -51,13 +51,13 @@ namespace Terraport.Wire
         /// <exception cref="DecodeException">It is no message, too long, or has a field that is not allowed.</exception>
         public static WireMessage Decode(ArraySegment<byte> data, Direction direction, int maxBytes = int.MaxValue)
         {
-            int most = direction == Direction.ClientToServer ? WireLimits.MaxClientMessageBytes : WireLimits.MaxServerMessageBytes;
-            most = Math.Min(most, maxBytes);
-            if (data.Count > most)
+            int limit = direction == Direction.ClientToServer ? WireLimits.MaxClientMessageBytes : WireLimits.MaxServerMessageBytes;
+            limit = Math.Min(limit, maxBytes);
+            if (data.Count > limit)
             {
-                throw new DecodeException("too_large", "got a message of " + data.Count + " bytes, expected at most " + most);
+                throw new DecodeException("too_large", "got a message of " + data.Count + " bytes, expected at most " + limit);
             }
-            JsonValue plain = MsgpackReader.Read(data, MostValues(direction));
+            JsonValue plain = MsgpackReader.Read(data, MaxValues(direction));
             if (plain.Kind != JsonKind.Object)
             {
                 throw new DecodeException("malformed", "got " + plain.Show() + ", expected a map with a type");
@@ -68,7 +68,7 @@ namespace Terraport.Wire
                 throw new DecodeException("malformed", "got type " + plain["type"].Show() + ", expected text");
             }
             WireMessage message = MessageTypes.Create(direction, type);
-            if (message == null) return new UnknownMessage(Shortened(type));
+            if (message == null) return new UnknownMessage(Truncate(type));
             Read(message, plain);
             return message;
         }
@@ -88,7 +88,7 @@ namespace Terraport.Wire
         }
 
         /// <summary>The values of a server's message are bounded by its bytes.</summary>
-        private static int MostValues(Direction direction)
+        private static int MaxValues(Direction direction)
         {
             return direction == Direction.ClientToServer ? WireLimits.MaxClientValues : int.MaxValue;
         }
@@ -103,14 +103,14 @@ namespace Terraport.Wire
         }
 
         /// <summary>At most so many characters of a type, none cut in two.</summary>
-        private static string Shortened(string type)
+        private static string Truncate(string type)
         {
-            int place = 0;
-            for (int count = 0; count < LongestType && place < type.Length; count++)
+            int end = 0;
+            for (int count = 0; count < MaxTypeLength && end < type.Length; count++)
             {
-                place += place + 1 < type.Length && char.IsSurrogatePair(type[place], type[place + 1]) ? 2 : 1;
+                end += end + 1 < type.Length && char.IsSurrogatePair(type[end], type[end + 1]) ? 2 : 1;
             }
-            return type.Substring(0, place);
+            return type.Substring(0, end);
         }
     }
 }

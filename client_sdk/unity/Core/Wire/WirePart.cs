@@ -20,6 +20,6 @@ namespace Terraport.Wire
         }
 
         internal static T[] Parts<T>(object value)
-            where T : WirePart { return value == null ? null : Array.ConvertAll((WirePart[])value, part => (T)part); }
+            where T : WirePart { return value == null ? null : Array.ConvertAll((WirePart[])value, map => (T)map); }
     }
 }

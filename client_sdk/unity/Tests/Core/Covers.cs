@@ -51,9 +51,9 @@ namespace Terraport.Tests
         internal static int Sum(byte[] mask)
         {
             int sum = 0;
-            foreach (byte one in mask)
+            foreach (byte hidden in mask)
             {
-                sum += one;
+                sum += hidden;
             }
             return sum;
         }

@@ -53,9 +53,9 @@ namespace Terraport.Tests
         public void Dispose_LetsGoOfWhatWaits()
         {
             var pool = new PayloadPool();
-            PayloadBuffer one = pool.Rent(Good.Length);
-            long size = one.Data.Length;
-            one.Release();
+            PayloadBuffer buffer = pool.Rent(Good.Length);
+            long size = buffer.Data.Length;
+            buffer.Release();
             using (var gate = new ManualResetEvent(false))
             {
                 var queue = new DecodeThreads(1, mesh => gate.WaitOne());

@@ -23,7 +23,7 @@ namespace Terraport.Tests
 
         internal readonly List<string> Urls = new List<string>();
 
-        public Task<HttpAnswer> GetAsync(string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled)
+        public Task<HttpAnswer> GetAsync(string url, string token, int maxBytes, Action<int> onBytes, CancellationToken cancelled)
         {
             cancelled.ThrowIfCancellationRequested();
             Urls.Add(url);
@@ -38,12 +38,12 @@ namespace Terraport.Tests
                 return Answer(200, Encoding.UTF8.GetBytes("{\"scenes\":[{\"id\":\"tiny\",\"version\":\"1\",\"name\":\"\"}]}"));
             }
             string file = name == "tiny" ? "scene.json" : name == "labels.json" ? name : PathOf(name);
-            string place = Path.Combine(folder, file ?? "");
-            if (file == null || !File.Exists(place))
+            string filePath = Path.Combine(folder, file ?? "");
+            if (file == null || !File.Exists(filePath))
             {
                 return Answer(404, Encoding.UTF8.GetBytes("<html>not here</html>"));
             }
-            byte[] body = File.ReadAllBytes(place);
+            byte[] body = File.ReadAllBytes(filePath);
             if (name == Damaged)
             {
                 body[body.Length - 1] ^= 1;

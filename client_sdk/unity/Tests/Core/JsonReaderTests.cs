@@ -25,12 +25,12 @@ namespace Terraport.Tests
                 case JsonKind.Null: return "null";
                 case JsonKind.Text: return "'" + value.Text + "'";
                 case JsonKind.List:
-                    return "[" + string.Join(",", Enumerable.Range(0, value.Count).Select(place => Text(value[place]))) + "]";
+                    return "[" + string.Join(",", Enumerable.Range(0, value.Count).Select(index => Text(value[index]))) + "]";
                 case JsonKind.Object:
                     return "{"
                         + string.Join(",",
                             Enumerable.Range(0, value.Count)
-                                .Select(place => value.Members.NameAt(place) + ":" + Text(value.Members.ValueAt(place))))
+                                .Select(index => value.Members.NameAt(index) + ":" + Text(value.Members.ValueAt(index))))
                         + "}";
                 default: return value.Show();
             }
@@ -100,9 +100,9 @@ namespace Terraport.Tests
             var text = new StringBuilder("{");
             for (int number = 0; number < 400; number++) text.Append("\"k").Append(number).Append("\":").Append(number).Append(',');
             JsonValue value = Read(text + "\"z\":[]}");
-            long found;
-            Assert.IsTrue(value["k399"].TryInteger(out found));
-            Assert.AreEqual(399, found);
+            long last;
+            Assert.IsTrue(value["k399"].TryInteger(out last));
+            Assert.AreEqual(399, last);
             Assert.IsTrue(value["none"].IsNull);
             Assert.Throws<JsonException>(() => Read(text + "\"k17\":[]}"));
         }

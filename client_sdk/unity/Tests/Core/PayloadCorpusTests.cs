@@ -96,9 +96,9 @@ namespace Terraport.Tests
                 foreach (MeshAttribute attribute in mesh.Attributes)
                 {
                     JsonValue value = expected["attributes"][attribute.Name][vertex];
-                    float found = attribute.ValueAt(vertex);
-                    Assert.AreEqual(value.IsNull, float.IsNaN(found), name + " " + attribute.Name);
-                    Assert.IsTrue(value.IsNull || (float)Number(value) == found, name + " " + attribute.Name);
+                    float decoded = attribute.ValueAt(vertex);
+                    Assert.AreEqual(value.IsNull, float.IsNaN(decoded), name + " " + attribute.Name);
+                    Assert.IsTrue(value.IsNull || (float)Number(value) == decoded, name + " " + attribute.Name);
                 }
             }
             for (int face = 0; face < mesh.FaceCount; face++)
@@ -120,13 +120,14 @@ namespace Terraport.Tests
             }
         }
 
-        private static void CheckRow(JsonValue row, double tolerance, string name, params double[] found)
+        private static void CheckRow(JsonValue row, double tolerance, string name, params double[] decoded)
         {
-            Assert.AreEqual(row.Count, found.Length, name);
-            for (int at = 0; at < found.Length; at++)
+            Assert.AreEqual(row.Count, decoded.Length, name);
+            for (int at = 0; at < decoded.Length; at++)
             {
                 double expected = Number(row[at]);
-                Assert.IsTrue(Math.Abs((float)expected - found[at]) <= tolerance, name + ": expected " + expected + ", got " + found[at]);
+                Assert.IsTrue(
+                    Math.Abs((float)expected - decoded[at]) <= tolerance, name + ": expected " + expected + ", got " + decoded[at]);
             }
         }
 

@@ -74,10 +74,10 @@ namespace Terraport.Tests
         {
             byte[][] wrong = { new byte[] { 0xC0, 0x80 }, new byte[] { 0xED, 0xA0, 0x80 }, new byte[] { 0xF4, 0x90, 0x80, 0x80 },
                 new byte[] { 0xE2, 0x82 } };
-            foreach (byte[] one in wrong)
+            foreach (byte[] damaged in wrong)
             {
                 var text = new List<byte>(Encoding.ASCII.GetBytes("{\"a\":\""));
-                text.AddRange(one);
+                text.AddRange(damaged);
                 text.AddRange(Encoding.ASCII.GetBytes("\"}"));
                 var error = Assert.Throws<PayloadException>(() => Decode(Glb(text.ToArray())));
                 Assert.IsTrue(error.Message.Contains("UTF-8"), error.Message);

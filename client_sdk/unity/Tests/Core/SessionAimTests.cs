@@ -23,7 +23,7 @@ namespace Terraport.Tests
             Assert.AreEqual(want.Length, prefetching.Count);
             Assert.AreEqual(toy.BytesOf(want), prefetching.Bytes);
             Assert.AreEqual(want.Length, pair.Of(StreamEventKind.Prefetched).Single().Count);
-            Assert.IsTrue(pair.Of(StreamEventKind.Arrived).All(one => one.Landing == null));
+            Assert.IsTrue(pair.Of(StreamEventKind.Arrived).All(streamEvent => streamEvent.Landing == null));
             Assert.AreEqual(0, pair.Client.Visible.Count);
             pair.Client.Land(Middle, 3);
             pair.Settle();
@@ -57,7 +57,7 @@ namespace Terraport.Tests
             SessionPair pair = Open();
             for (int x = 0; x < 5; x++) pair.Client.Aim(new Vec3(x, 0, 0), 1);
             pair.Client.FlushAim();
-            Assert.AreEqual(1, pair.Said().Count);
+            Assert.AreEqual(1, pair.TakeSent().Count);
             pair.Client.Aim(Corner, 1);
             pair.Client.Land(Middle, 1);
             Assert.IsFalse(pair.Client.HasAim);
@@ -70,7 +70,7 @@ namespace Terraport.Tests
             pair.Spoil = SessionPair.Flipped;
             Aim(pair, Corner, 0.5);
             pair.Settle();
-            Assert.AreEqual(new uint[] { 0, 0 }, pair.Rejects.Select(one => one.Segment).ToArray());
+            Assert.AreEqual(new uint[] { 0, 0 }, pair.Rejects.Select(reject => reject.Segment).ToArray());
             Assert.AreEqual(1, pair.Of(StreamEventKind.Prefetched).Count);
             Assert.IsFalse(pair.Client.Cache.Contains(0));
         }
@@ -83,7 +83,7 @@ namespace Terraport.Tests
             pair.Until(() => pair.Received.Count >= 2);
             pair.Disconnect();
             pair.Connect().Settle(true);
-            Assert.AreEqual(toy.Within(Middle, 3), pair.Received.OrderBy(one => one).ToArray());
+            Assert.AreEqual(toy.Within(Middle, 3), pair.Received.OrderBy(segment => segment).ToArray());
             Assert.AreEqual(1, pair.Of(StreamEventKind.Prefetched).Count);
             pair.Client.Land(Middle, 3);
             pair.Settle();
@@ -116,9 +116,10 @@ namespace Terraport.Tests
             pair.Until(() => pair.Received.Count > 0);
             pair.Disconnect();
             pair.Connect().Settle(true);
-            List<StreamEvent> ends =
-                pair.Events.FindAll(one => one.Kind == StreamEventKind.Ready || one.Kind == StreamEventKind.Prefetched);
-            Assert.AreEqual(new[] { StreamEventKind.Ready, StreamEventKind.Prefetched }, ends.Select(one => one.Kind).ToArray());
+            List<StreamEvent> ends = pair.Events.FindAll(
+                streamEvent => streamEvent.Kind == StreamEventKind.Ready || streamEvent.Kind == StreamEventKind.Prefetched);
+            Assert.AreEqual(
+                new[] { StreamEventKind.Ready, StreamEventKind.Prefetched }, ends.Select(streamEvent => streamEvent.Kind).ToArray());
             Assert.AreEqual(number, ends[0].Landing);
             Assert.AreEqual(pair.Received.Count, pair.Received.Distinct().Count());
         }
@@ -134,7 +135,7 @@ namespace Terraport.Tests
             pair.Client.RefusePick(third, "too_many", "no more");
             pair.Connect().Settle();
             List<StreamEvent> answers = pair.Of(StreamEventKind.Picked);
-            Assert.AreEqual(new[] { first, second }, answers.Select(one => one.Request).ToArray());
+            Assert.AreEqual(new[] { first, second }, answers.Select(streamEvent => streamEvent.Request).ToArray());
             PickHit hit = answers[0].Hit;
             Assert.AreEqual(3, hit.Segment);
             Assert.AreEqual(9, hit.HeightM);

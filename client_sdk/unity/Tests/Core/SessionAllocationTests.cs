@@ -66,9 +66,9 @@ namespace Terraport.Tests
         {
             var server = new SessionModelServer(new SessionToyScene(), new SessionModelOptions());
             session.Connected();
-            var said = new Queue<byte[]>();
-            session.TakeMessages(said);
-            server.Receive(said.Dequeue());
+            var sent = new Queue<byte[]>();
+            session.TakeMessages(sent);
+            server.Receive(sent.Dequeue());
             Give(session, server.Next());
             session.Aim(new Vec3(0, 0, 0), 1);
             session.FlushAim();

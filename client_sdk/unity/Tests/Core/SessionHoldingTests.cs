@@ -24,11 +24,11 @@ namespace Terraport.Tests
             Assert.AreEqual(plans[0].Plan.LoadBytes, plans[2].Plan.LoadBytes);
             IReadOnlyList<uint> dropped = pair.Of(StreamEventKind.Dropped).Last().Segments;
             Assert.IsTrue(toy.Within(Far, 2).All(dropped.Contains));
-            uint[] beyond = pair.Server.Held.Where(segment => !pair.Client.Visible.Contains(segment)).OrderBy(one => one).ToArray();
+            uint[] beyond = pair.Server.Held.Where(segment => !pair.Client.Visible.Contains(segment)).OrderBy(segment => segment).ToArray();
             pair.Client.Land(Corner, 2);
-            List<WireMessage> said = Decoded(pair);
-            Assert.AreEqual(new[] { "evict", "land" }, said.Select(one => one.Type).ToArray());
-            Assert.AreEqual(beyond, ((EvictMessage)said[0]).Segments);
+            List<WireMessage> sent = Decoded(pair);
+            Assert.AreEqual(new[] { "evict", "land" }, sent.Select(message => message.Type).ToArray());
+            Assert.AreEqual(beyond, ((EvictMessage)sent[0]).Segments);
         }
 
         [Test]
@@ -36,9 +36,9 @@ namespace Terraport.Tests
         {
             SessionPair pair = Visited(Corner, Far);
             pair.Client.Land(Corner, 2);
-            foreach (byte[] data in pair.Said()) pair.Server.Receive(data);
+            foreach (byte[] data in pair.TakeSent()) pair.Server.Receive(data);
             pair.Client.Land(Far, 2);
-            List<byte[]> second = pair.Said();
+            List<byte[]> second = pair.TakeSent();
             Assert.AreEqual(1, second.Count);
             pair.Server.Receive(second[0]);
             Assert.AreEqual("land", pair.Server.Heard.Last().Type);
@@ -54,7 +54,7 @@ namespace Terraport.Tests
             int all = pair.Received.Count + toy.Within(Far, 2).Length;
             pair.Until(() => pair.Received.Count == all);
             pair.Client.Land(Corner, 2);
-            List<byte[]> onTheirWay = pair.Said();
+            List<byte[]> onTheirWay = pair.TakeSent();
             pair.Give(pair.Server.Next());
             Assert.AreEqual(toy.Within(Far, 2), pair.Client.Visible);
             foreach (byte[] data in onTheirWay) pair.Server.Receive(data);
@@ -73,7 +73,7 @@ namespace Terraport.Tests
             pair.Connect().Settle();
             pair.Client.Land(Corner, 2);
             pair.Settle();
-            Assert.AreEqual(new[] { "hello", "land" }, pair.Server.Heard.Select(one => one.Type).ToArray());
+            Assert.AreEqual(new[] { "hello", "land" }, pair.Server.Heard.Select(message => message.Type).ToArray());
         }
 
         [Test]
@@ -178,7 +178,7 @@ namespace Terraport.Tests
             var types = new List<string> { "hello" };
             types.AddRange(Enumerable.Repeat("held", tables));
             types.Add("land");
-            Assert.AreEqual(types, pair.Server.Heard.Select(one => one.Type).ToList());
+            Assert.AreEqual(types, pair.Server.Heard.Select(message => message.Type).ToList());
             Assert.AreEqual(0, pair.Of(StreamEventKind.Planned).Last().Plan.LoadBytes);
             Assert.AreEqual(0, pair.Client.Stats.RepeatedBytes);
         }
@@ -192,7 +192,7 @@ namespace Terraport.Tests
             pair.Disconnect();
             pair.OffersHeld = false;
             pair.Connect().Settle();
-            Assert.AreEqual(new[] { "hello" }, pair.Server.Heard.Select(one => one.Type).ToArray());
+            Assert.AreEqual(new[] { "hello" }, pair.Server.Heard.Select(message => message.Type).ToArray());
             Assert.AreEqual(toy.Within(Middle, 4).Length, pair.Of(StreamEventKind.Dropped).Last().Segments.Count);
             Assert.AreEqual(0, pair.Client.Cache.Count);
             pair.Client.Land(Middle, 4);
@@ -215,12 +215,12 @@ namespace Terraport.Tests
             pair.Scene = newer;
             pair.Received.Clear();
             pair.Connect().Settle();
-            Assert.AreEqual(new[] { false, true }, pair.Of(StreamEventKind.Opened).Select(one => one.IsChanged).ToArray());
-            Assert.AreEqual(changed, pair.Of(StreamEventKind.Dropped).Single().Segments.OrderBy(one => one).ToArray());
+            Assert.AreEqual(new[] { false, true }, pair.Of(StreamEventKind.Opened).Select(streamEvent => streamEvent.IsChanged).ToArray());
+            Assert.AreEqual(changed, pair.Of(StreamEventKind.Dropped).Single().Segments.OrderBy(segment => segment).ToArray());
             Assert.AreEqual(0, pair.Client.Visible.Count);
             pair.Client.Land(Middle, 4);
             pair.Settle();
-            Assert.AreEqual(changed, pair.Received.OrderBy(one => one).ToArray());
+            Assert.AreEqual(changed, pair.Received.OrderBy(segment => segment).ToArray());
             Assert.AreEqual(before, pair.Client.Visible);
         }
 
@@ -237,7 +237,7 @@ namespace Terraport.Tests
             pair.Give(new byte[] { 0x81, 0xa4, 0x74, 0x79, 0x70, 0x65, 0xa3, 0x6e, 0x65, 0x77 });
             pair.Give(new byte[] { 0x05, 1, 2, 3 });
             List<StreamEvent> notices = pair.Of(StreamEventKind.Notice);
-            Assert.AreEqual(new[] { "scene_published", "draining" }, notices.Select(one => one.Notice).ToArray());
+            Assert.AreEqual(new[] { "scene_published", "draining" }, notices.Select(streamEvent => streamEvent.Notice).ToArray());
             Assert.AreEqual("v9", notices[0].SceneVersion);
             Assert.AreEqual(null, notices[0].ReconnectAfterMs);
             Assert.AreEqual(1000, notices[1].ReconnectAfterMs);
@@ -245,13 +245,13 @@ namespace Terraport.Tests
         }
 
         /// <summary>A pair whose client keeps nothing but what is shown, after these landings.</summary>
-        private SessionPair Visited(params Vec3[] places)
+        private SessionPair Visited(params Vec3[] positions)
         {
             SessionPair pair = new SessionPair(toy, new SessionModelOptions { CacheBytes = 0 }).Connect();
             pair.Settle();
-            foreach (Vec3 place in places)
+            foreach (Vec3 position in positions)
             {
-                pair.Client.Land(place, 2);
+                pair.Client.Land(position, 2);
                 pair.Settle();
             }
             return pair;
@@ -259,7 +259,7 @@ namespace Terraport.Tests
 
         private static List<WireMessage> Decoded(SessionPair pair)
         {
-            return pair.Said().ConvertAll(data => WireCodec.Decode(new ArraySegment<byte>(data), Direction.ClientToServer));
+            return pair.TakeSent().ConvertAll(data => WireCodec.Decode(new ArraySegment<byte>(data), Direction.ClientToServer));
         }
     }
 }

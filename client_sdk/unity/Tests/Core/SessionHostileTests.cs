@@ -38,7 +38,7 @@ namespace Terraport.Tests
                 var error = Assert.Throws<InvalidMessageException>(() => call.Value(), call.Key);
                 Assert.AreEqual(field, error.Field, call.Key);
             }
-            Assert.AreEqual(0, pair.Said().Count);
+            Assert.AreEqual(0, pair.TakeSent().Count);
             Assert.IsFalse(client.AwaitsAnswer);
             Assert.IsFalse(client.HasAim);
             Assert.AreEqual(1, client.Land(Corner, 1));
@@ -84,7 +84,7 @@ namespace Terraport.Tests
             SessionPair pair = new SessionPair(toy).Connect();
             pair.Settle();
             pair.Client.Land(SessionToyScene.Middle, 1);
-            foreach (byte[] data in pair.Said()) pair.Server.Receive(data);
+            foreach (byte[] data in pair.TakeSent()) pair.Server.Receive(data);
             byte[] plan = pair.Server.Next();
             var other = new SessionPair(toy);
             other.Client.Connected();
@@ -112,7 +112,7 @@ namespace Terraport.Tests
             SessionPair pair = new SessionPair(toy).Connect();
             pair.Settle();
             pair.Client.Land(SessionToyScene.Middle, 1);
-            pair.Said();
+            pair.TakeSent();
             var load = new SegmentFacts[1000];
             for (uint segment = 0; segment < load.Length; segment++)
             {
@@ -135,7 +135,7 @@ namespace Terraport.Tests
                     TotalTriangles = load.Length,
                 });
             for (uint segment = 0; segment < load.Length; segment++) pair.Give(Frame(1, segment, 0, WireLimits.MaxSegmentBytes));
-            Assert.AreEqual(load.Length, pair.Client.OpenParts);
+            Assert.AreEqual(load.Length, pair.Client.PartialSegments);
             Assert.Less(GC.GetTotalMemory(true) - before, 16L * 1024 * 1024);
         }
 
@@ -150,7 +150,7 @@ namespace Terraport.Tests
                 pair.Settle();
                 pair.Client.Land(Corner, 2);
                 for (int step = random.Next(8); step >= 0; step--) pair.Step();
-                foreach (byte[] data in pair.Said()) pair.Server.Receive(data);
+                foreach (byte[] data in pair.TakeSent()) pair.Server.Receive(data);
                 byte[] next = pair.Server.Next() ?? Welcome(1);
                 for (int flips = random.Next(4); flips >= 0; flips--) next[random.Next(next.Length)] = (byte)random.Next(256);
                 if (random.Next(3) == 0) Array.Resize(ref next, random.Next(next.Length));
@@ -188,7 +188,7 @@ namespace Terraport.Tests
             var server = new SessionModelServer(toy, new SessionModelOptions());
             var client = new SessionPair(toy);
             client.Client.Connected();
-            foreach (byte[] data in client.Said()) server.Receive(data);
+            foreach (byte[] data in client.TakeSent()) server.Receive(data);
             var welcome = (WelcomeMessage)WireCodec.Decode(new ArraySegment<byte>(server.Next()), Direction.ServerToClient);
             welcome.Protocol = new ProtocolVersion(major, 1);
             return WireCodec.Encode(welcome);

@@ -66,14 +66,14 @@ namespace Terraport.Tests
                 pair.Settle();
                 Assert.AreEqual(toy.Within(Middle, radiusM), pair.Client.Visible);
             }
-            PlanFacts[] plans = pair.Of(StreamEventKind.Planned).Select(one => one.Plan).ToArray();
+            PlanFacts[] plans = pair.Of(StreamEventKind.Planned).Select(streamEvent => streamEvent.Plan).ToArray();
             Assert.AreEqual(toy.Within(Middle, 6).Except(toy.Within(Middle, 4.5)).ToArray(), plans[1].Nearby);
             Assert.IsNotEmpty(plans[1].Nearby);
             Assert.IsEmpty(plans[2].Load);
             Assert.IsEmpty(pair.Of(StreamEventKind.Dropped));
             pair.Client.Land(Middle, 1);
             pair.Settle();
-            uint[] dropped = pair.Of(StreamEventKind.Dropped).SelectMany(one => one.Segments).ToArray();
+            uint[] dropped = pair.Of(StreamEventKind.Dropped).SelectMany(streamEvent => streamEvent.Segments).ToArray();
             Assert.IsNotEmpty(dropped);
             Assert.IsEmpty(dropped.Intersect(toy.Within(Middle, 1.5)));
         }
@@ -158,10 +158,12 @@ namespace Terraport.Tests
             pair.Step();
             pair.Server.DeadlinePassed = true;
             pair.Settle();
-            int at = pair.Events.FindIndex(one => one.Kind == StreamEventKind.Degraded);
+            int at = pair.Events.FindIndex(streamEvent => streamEvent.Kind == StreamEventKind.Degraded);
             uint[] inner = toy.Within(Middle, 1.5);
-            List<uint> before =
-                pair.Events.Take(at).Where(one => one.Kind == StreamEventKind.Arrived).Select(one => one.Facts.Segment).ToList();
+            List<uint> before = pair.Events.Take(at)
+                                    .Where(streamEvent => streamEvent.Kind == StreamEventKind.Arrived)
+                                    .Select(streamEvent => streamEvent.Facts.Segment)
+                                    .ToList();
             Assert.IsTrue(inner.All(before.Contains));
             Assert.IsTrue(inner.Contains(pair.Rejects.Single().Segment));
         }
@@ -205,10 +207,10 @@ namespace Terraport.Tests
             SessionPair pair = new SessionPair(scene, new SessionModelOptions { CreditBytes = 100 }).Connect();
             pair.Client.Land(Corner, 1);
             pair.Until(() => pair.Server.ChunkBytes >= 300);
-            Assert.AreEqual(1, pair.Client.OpenParts);
+            Assert.AreEqual(1, pair.Client.PartialSegments);
             pair.Client.Land(SessionToyScene.FarCorner, 0.5);
             pair.Until(() => pair.Of(StreamEventKind.Planned).Count == 2);
-            Assert.AreEqual(0, pair.Client.OpenParts);
+            Assert.AreEqual(0, pair.Client.PartialSegments);
         }
 
         [Test]
@@ -246,9 +248,9 @@ namespace Terraport.Tests
             pair.Settle();
             for (int count = 0; count < 100; count++) pair.Client.Land(Middle, 1 + count / 50.0);
             pair.Client.Pick(Corner);
-            List<byte[]> said = pair.Said();
-            Assert.AreEqual(2, said.Count);
-            foreach (byte[] data in said) pair.Server.Receive(data);
+            List<byte[]> sent = pair.TakeSent();
+            Assert.AreEqual(2, sent.Count);
+            foreach (byte[] data in sent) pair.Server.Receive(data);
             pair.Settle();
             Assert.AreEqual(99, pair.Of(StreamEventKind.Superseded).Count);
             Assert.AreEqual(100, pair.Of(StreamEventKind.Ready).Single().Landing);
@@ -265,13 +267,13 @@ namespace Terraport.Tests
                 for (int step = 0; step < steps; step++) pair.Step();
                 pair.Disconnect();
                 Assert.IsTrue(pair.Client.Unfinished == number || pair.Of(StreamEventKind.Ready).Count == 1);
-                Assert.AreEqual(0, pair.Client.OpenParts);
+                Assert.AreEqual(0, pair.Client.PartialSegments);
                 pair.Connect().Settle();
                 uint[] want = toy.Within(Middle, 4);
                 StreamEvent ready = pair.Of(StreamEventKind.Ready).Last();
                 Assert.AreEqual(number, ready.Landing);
                 Assert.AreEqual(want, ready.Segments);
-                Assert.AreEqual(want, pair.Received.OrderBy(one => one).ToArray());
+                Assert.AreEqual(want, pair.Received.OrderBy(segment => segment).ToArray());
                 Assert.AreEqual(0, pair.Client.Stats.RepeatedBytes);
                 // What an old connection brought is no credit for the new one.
                 long granted = pair.Server.HeardOf<CreditMessage>().Sum(credit => credit.Bytes);

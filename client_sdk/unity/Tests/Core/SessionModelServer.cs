@@ -20,8 +20,8 @@ namespace Terraport.Tests
 
         private readonly SessionToyScene scene;
         private readonly SessionModelOptions options;
-        private readonly Queue<WireMessage> said = new Queue<WireMessage>();
-        private readonly Dictionary<uint, int> parts = new Dictionary<uint, int>();
+        private readonly Queue<WireMessage> outbox = new Queue<WireMessage>();
+        private readonly Dictionary<uint, int> sentBytes = new Dictionary<uint, int>();
         private bool isOpen;
         private bool hasMoved;
         private BudgetsPart budgets;
@@ -37,7 +37,7 @@ namespace Terraport.Tests
             this.options = options;
         }
 
-        internal void Say(WireMessage message) { said.Enqueue(message); }
+        internal void Say(WireMessage message) { outbox.Enqueue(message); }
 
         internal IEnumerable<T> HeardOf<T>()
             where T : WireMessage { return Heard.OfType<T>(); }
@@ -71,23 +71,23 @@ namespace Terraport.Tests
         /// <summary>The next WebSocket message; null where nothing can be sent now.</summary>
         internal byte[] Next()
         {
-            if (said.Count > 0) return Encoded();
+            if (outbox.Count > 0) return Encoded();
             foreach (SessionModelSending sending in new[] { landing, prefetch })
             {
                 if (sending == null || sending.IsReadySent) continue;
                 Degrade(sending);
-                if (said.Count > 0) return Encoded();
+                if (outbox.Count > 0) return Encoded();
                 byte[] chunk = Chunk(sending);
                 if (chunk != null) return chunk;
                 Settle(sending);
-                if (said.Count > 0) return Encoded();
+                if (outbox.Count > 0) return Encoded();
                 // An aim never disturbs a landing (7, rule 2).
                 if (!sending.IsReadySent) return null;
             }
             return null;
         }
 
-        private byte[] Encoded() { return WireCodec.Encode(said.Dequeue()); }
+        private byte[] Encoded() { return WireCodec.Encode(outbox.Dequeue()); }
 
         private void Hello(HelloMessage hello)
         {
@@ -165,7 +165,7 @@ namespace Terraport.Tests
             }
             sending.IsReadySent = false;
             sending.Queue.Add(segment);
-            sending.Queue = sending.Queue.OrderBy(one => parts.ContainsKey(one) ? -1 : Array.IndexOf(sending.Order, one)).ToList();
+            sending.Queue = sending.Queue.OrderBy(id => sentBytes.ContainsKey(id) ? -1 : Array.IndexOf(sending.Order, id)).ToList();
         }
 
         private void Pick(uint request)
@@ -201,29 +201,29 @@ namespace Terraport.Tests
             uint[] order = Ordered(land.Position, land.RadiusM);
             string omittedBy;
             uint[] fitting = Within(order, out omittedBy);
-            uint[] near = order.Where(one => Far(land.Position, one) <= land.RadiusM).ToArray();
-            uint[] wanted = fitting.Take(near.Length).ToArray();
-            uint[] load = wanted.Where(segment => !Held.Contains(segment)).ToArray();
+            uint[] near = order.Where(segment => Far(land.Position, segment) <= land.RadiusM).ToArray();
+            uint[] planned = fitting.Take(near.Length).ToArray();
+            uint[] load = planned.Where(segment => !Held.Contains(segment)).ToArray();
             double innerRadiusM = land.InnerRadiusM ?? -1;
-            uint[] inner = wanted.Where(one => Far(land.Position, one) <= innerRadiusM).ToArray();
+            uint[] inner = planned.Where(segment => Far(land.Position, segment) <= innerRadiusM).ToArray();
             prefetch = null;
-            landing = Begin(land.Generation, land, wanted, load, inner);
-            bool isCut = wanted.Length < near.Length;
+            landing = Begin(land.Generation, land, planned, load, inner);
+            bool isCut = planned.Length < near.Length;
             Say(new PlanMessage {
                 Generation = land.Generation,
                 Position = land.Position,
                 RadiusM = land.RadiusM,
                 ReleaseRadiusM = land.RadiusM * releaseFactor,
-                EffectiveRadiusM = isCut ? Far(land.Position, near[wanted.Length]) : land.RadiusM,
+                EffectiveRadiusM = isCut ? Far(land.Position, near[planned.Length]) : land.RadiusM,
                 InnerCount = inner.Length,
                 Load = load.Select(segment => scene.Facts[segment]).ToArray(),
-                Keep = wanted.Where(segment => Held.Contains(segment)).OrderBy(one => one).ToArray(),
-                Nearby = fitting.Skip(near.Length).OrderBy(one => one).ToArray(),
+                Keep = planned.Where(segment => Held.Contains(segment)).OrderBy(segment => segment).ToArray(),
+                Nearby = fitting.Skip(near.Length).OrderBy(segment => segment).ToArray(),
                 LoadBytes = scene.BytesOf(load),
                 LoadTriangles = SessionToyScene.FacesEach * load.Length,
-                TotalBytes = scene.BytesOf(wanted),
-                TotalTriangles = SessionToyScene.FacesEach * wanted.Length,
-                OmittedSegments = (uint)(near.Length - wanted.Length),
+                TotalBytes = scene.BytesOf(planned),
+                TotalTriangles = SessionToyScene.FacesEach * planned.Length,
+                OmittedSegments = (uint)(near.Length - planned.Length),
                 OmittedBy = isCut ? omittedBy : null,
             });
         }
@@ -244,9 +244,9 @@ namespace Terraport.Tests
             if (aim == null) return;
             waitingAim = null;
             string omittedBy;
-            uint[] wanted = Within(Ordered(aim.Position, aim.RadiusM), out omittedBy);
-            uint[] load = wanted.Where(segment => !Held.Contains(segment)).ToArray();
-            prefetch = Begin(aim.Generation, null, wanted, load, new uint[0]);
+            uint[] planned = Within(Ordered(aim.Position, aim.RadiusM), out omittedBy);
+            uint[] load = planned.Where(segment => !Held.Contains(segment)).ToArray();
+            prefetch = Begin(aim.Generation, null, planned, load, new uint[0]);
             Say(new PrefetchMessage {
                 Generation = aim.Generation,
                 Segments = load.Select(segment => scene.Facts[segment]).ToArray(),
@@ -256,9 +256,9 @@ namespace Terraport.Tests
 
         private SessionModelSending Begin(uint number, LandMessage land, uint[] order, uint[] load, uint[] inner)
         {
-            foreach (uint segment in parts.Keys.ToList())
+            foreach (uint segment in sentBytes.Keys.ToList())
             {
-                if (!load.Contains(segment)) parts.Remove(segment);
+                if (!load.Contains(segment)) sentBytes.Remove(segment);
             }
             return new SessionModelSending {
                 Generation = number,
@@ -294,9 +294,9 @@ namespace Terraport.Tests
         private uint[] Ordered(Vec3 centre, double radiusM)
         {
             return scene.Facts.Select(facts => facts.Segment)
-                .Where(one => Far(centre, one) <= (Held.Contains(one) ? radiusM * releaseFactor : radiusM))
-                .OrderBy(one => Far(centre, one))
-                .ThenBy(one => one)
+                .Where(segment => Far(centre, segment) <= (Held.Contains(segment) ? radiusM * releaseFactor : radiusM))
+                .OrderBy(segment => Far(centre, segment))
+                .ThenBy(segment => segment)
                 .ToArray();
         }
 
@@ -328,16 +328,16 @@ namespace Terraport.Tests
             uint segment = sending.Queue[0];
             byte[] payload = scene.Payloads[segment];
             int offset;
-            parts.TryGetValue(segment, out offset);
+            sentBytes.TryGetValue(segment, out offset);
             int most = options.Random == null ? options.MaxChunk : 1 + options.Random.Next(options.MaxChunk);
             var length = (int)Math.Min(Math.Min(most, Credit), payload.Length - offset);
             Credit -= length;
             ChunkBytes += length;
             sending.PayloadBytes += length;
-            parts[segment] = offset + length;
+            sentBytes[segment] = offset + length;
             if (offset + length == payload.Length)
             {
-                parts.Remove(segment);
+                sentBytes.Remove(segment);
                 sending.Queue.RemoveAt(0);
                 sending.Delivered++;
                 Held.Add(segment);
@@ -365,7 +365,7 @@ namespace Terraport.Tests
                     Generation = sending.Generation,
                     Delivered = sending.Delivered,
                     PayloadBytes = sending.PayloadBytes,
-                    Missing = sending.Missing.OrderBy(one => one).ToArray(),
+                    Missing = sending.Missing.OrderBy(segment => segment).ToArray(),
                 });
             }
             if (sending == landing) StartAim();

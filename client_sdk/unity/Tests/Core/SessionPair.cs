@@ -57,12 +57,12 @@ namespace Terraport.Tests
         }
 
         /// <summary>What the client has to send now.</summary>
-        internal List<byte[]> Said()
+        internal List<byte[]> TakeSent()
         {
             Client.TakeMessages(up);
-            List<byte[]> said = up.ToList();
+            List<byte[]> sent = up.ToList();
             up.Clear();
-            return said;
+            return sent;
         }
 
         /// <summary>Let one thing happen; whether anything did.</summary>
@@ -70,7 +70,7 @@ namespace Terraport.Tests
         {
             Collect();
             if (Server == null) return false;
-            List<byte[]> sent = Said();
+            List<byte[]> sent = TakeSent();
             int heard = Server.Heard.Count;
             foreach (byte[] data in sent) Server.Receive(data);
             Rejects.AddRange(Server.Heard.Skip(heard).OfType<RejectMessage>());
@@ -88,7 +88,7 @@ namespace Terraport.Tests
             var buffer = new byte[data.Length + 5];
             Buffer.BlockCopy(data, 0, buffer, 3, data.Length);
             Client.Receive(new ArraySegment<byte>(buffer, 3, data.Length), false);
-            for (int place = 0; place < buffer.Length; place++) buffer[place] = 0xee;
+            for (int index = 0; index < buffer.Length; index++) buffer[index] = 0xee;
             Collect();
         }
 
@@ -116,7 +116,7 @@ namespace Terraport.Tests
         internal List<StreamEvent> Of(StreamEventKind kind)
         {
             Collect();
-            return Events.FindAll(one => one.Kind == kind);
+            return Events.FindAll(streamEvent => streamEvent.Kind == kind);
         }
 
         /// <summary>A copy of a held payload; null where it is not held.</summary>

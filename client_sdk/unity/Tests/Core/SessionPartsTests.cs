@@ -25,25 +25,25 @@ namespace Terraport.Tests
                 for (int step = 0; step < 40; step++)
                 {
                     var id = (uint)random.Next(7);
-                    bool isHeld = model.Exists(one => one.Segment == id);
+                    bool isHeld = model.Exists(entry => entry.Segment == id);
                     switch (random.Next(5))
                     {
                         case 0:
                             SegmentFacts facts = Facts(id, 1 + random.Next(50));
                             cache.Put(facts, pool.Rent(facts.Length));
-                            model.RemoveAll(one => one.Segment == id);
+                            model.RemoveAll(entry => entry.Segment == id);
                             model.Add(facts);
                             break;
                         case 1:
                             Assert.AreEqual(isHeld, cache.Touch(id));
                             if (!isHeld) break;
-                            SegmentFacts found = model.Find(one => one.Segment == id);
-                            model.RemoveAll(one => one.Segment == id);
-                            model.Add(found);
+                            SegmentFacts touched = model.Find(entry => entry.Segment == id);
+                            model.RemoveAll(entry => entry.Segment == id);
+                            model.Add(touched);
                             break;
                         case 2:
                             Assert.AreEqual(isHeld, cache.Discard(id));
-                            model.RemoveAll(one => one.Segment == id);
+                            model.RemoveAll(entry => entry.Segment == id);
                             break;
                         case 3:
                             pinned = new[] { id, (id + 1) % 7 };
@@ -53,11 +53,11 @@ namespace Terraport.Tests
                         default:
                             var gone = new List<SegmentFacts>();
                             cache.Trim(gone);
-                            Assert.AreEqual(Trimmed(model, pinned, maxBytes), gone.Select(one => one.Segment).ToList());
+                            Assert.AreEqual(Trimmed(model, pinned, maxBytes), gone.Select(entry => entry.Segment).ToList());
                             break;
                     }
-                    Assert.AreEqual(Enumerable.Reverse(model).Select(one => one.Segment), cache.Rows().Select(row => row.Segment));
-                    Assert.AreEqual(model.Sum(one => one.Length), cache.Bytes);
+                    Assert.AreEqual(Enumerable.Reverse(model).Select(entry => entry.Segment), cache.Rows().Select(row => row.Segment));
+                    Assert.AreEqual(model.Sum(entry => entry.Length), cache.Bytes);
                 }
             }
         }
@@ -220,7 +220,7 @@ namespace Terraport.Tests
             var gone = new List<uint>();
             foreach (SegmentFacts facts in model.ToList())
             {
-                if (model.Sum(one => one.Length) <= maxBytes) break;
+                if (model.Sum(entry => entry.Length) <= maxBytes) break;
                 if (pinned.Contains(facts.Segment)) continue;
                 model.Remove(facts);
                 gone.Add(facts.Segment);

@@ -49,9 +49,9 @@ namespace Terraport.Tests
             {
                 switch (random.Next(6))
                 {
-                    case 0: pair.Client.Land(Place(random), 0.5 + 7.5 * random.NextDouble()); break;
+                    case 0: pair.Client.Land(RandomPosition(random), 0.5 + 7.5 * random.NextDouble()); break;
                     case 1:
-                        pair.Client.Aim(Place(random), 0.5 + 7.5 * random.NextDouble());
+                        pair.Client.Aim(RandomPosition(random), 0.5 + 7.5 * random.NextDouble());
                         pair.Client.FlushAim();
                         break;
                     case 2:
@@ -74,30 +74,32 @@ namespace Terraport.Tests
         {
             uint[] visible = pair.Client.Visible.ToArray();
             PlanFacts plan = pair.Of(StreamEventKind.Planned).Last().Plan;
-            uint[] wanted = plan.Load.Select(facts => facts.Segment).Concat(plan.Keep).OrderBy(one => one).ToArray();
-            Assert.AreEqual(wanted, visible, where);
+            uint[] planned = plan.Load.Select(facts => facts.Segment).Concat(plan.Keep).OrderBy(segment => segment).ToArray();
+            Assert.AreEqual(planned, visible, where);
             Assert.AreEqual(toy.Within(SessionToyScene.Middle, 3.3), visible, where);
             Assert.IsNull(pair.Client.Unfinished, where);
-            Assert.AreEqual(0, pair.Client.OpenParts, where);
+            Assert.AreEqual(0, pair.Client.PartialSegments, where);
             Assert.AreEqual(0, pair.Client.Stats.RepeatedBytes, where);
             if (!spoils) Assert.AreEqual(0, pair.Rejects.Count, where);
             Assert.LessOrEqual(pair.Client.Cache.Bytes, Math.Max(cacheBytes, toy.BytesOf(visible.Concat(plan.Nearby))), where);
             foreach (uint segment in visible) Assert.AreEqual(toy.Payloads[segment], pair.Payload(segment), where);
             // What was told as here and not as gone is here, and nothing else.
-            var told = new HashSet<uint>();
-            foreach (StreamEvent one in pair.Events)
+            var reported = new HashSet<uint>();
+            foreach (StreamEvent streamEvent in pair.Events)
             {
-                if (one.Kind == StreamEventKind.Arrived)
-                    told.Add(one.Facts.Segment);
-                else if (one.Kind == StreamEventKind.Dropped)
-                    told.ExceptWith(one.Segments);
+                if (streamEvent.Kind == StreamEventKind.Arrived)
+                    reported.Add(streamEvent.Facts.Segment);
+                else if (streamEvent.Kind == StreamEventKind.Dropped)
+                    reported.ExceptWith(streamEvent.Segments);
             }
-            Assert.IsTrue(told.All(pair.Client.Cache.Contains), where);
-            Assert.AreEqual(pair.Client.Cache.Count, told.Count, where);
+            Assert.IsTrue(reported.All(pair.Client.Cache.Contains), where);
+            Assert.AreEqual(pair.Client.Cache.Count, reported.Count, where);
             // Every landing ends in one way: ready, superseded, or the last one.
-            List<int?> ends = pair.Events.Where(one => one.Kind == StreamEventKind.Ready || one.Kind == StreamEventKind.Superseded)
-                                  .Select(one => one.Landing)
-                                  .ToList();
+            List<int?> ends =
+                pair.Events
+                    .Where(streamEvent => streamEvent.Kind == StreamEventKind.Ready || streamEvent.Kind == StreamEventKind.Superseded)
+                    .Select(streamEvent => streamEvent.Landing)
+                    .ToList();
             Assert.AreEqual(ends.Count, ends.Distinct().Count(), where);
             // What the server believes held is here, once the next landing has told the evictions.
             pair.Client.Land(SessionToyScene.Middle, 3.3);
@@ -107,6 +109,9 @@ namespace Terraport.Tests
 
         private static long Pick(Random random, params long[] values) { return values[random.Next(values.Length)]; }
 
-        private static Vec3 Place(Random random) { return new Vec3(16 * random.NextDouble() - 2, 0, 16 * random.NextDouble() - 2); }
+        private static Vec3 RandomPosition(Random random)
+        {
+            return new Vec3(16 * random.NextDouble() - 2, 0, 16 * random.NextDouble() - 2);
+        }
     }
 }

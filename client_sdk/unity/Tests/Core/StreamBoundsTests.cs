@@ -107,8 +107,8 @@ namespace Terraport.Tests
                 Network.Last.Inject(WireCodec.Encode(new NoticeMessage { Kind = "news" }));
             }
             for (int count = 0; count < 10; count++) stream.Pump();
-            int taken = Take(stream);
-            Assert.That(taken, Is.InRange(SceneStream.MaxWaitingEvents, 3 * SceneStream.MaxWaitingEvents));
+            int events = Take(stream);
+            Assert.That(events, Is.InRange(SceneStream.MaxWaitingEvents, 3 * SceneStream.MaxWaitingEvents));
             Pump(stream);
             Assert.AreEqual(3 * SceneStream.MaxWaitingEvents, Of(StreamEventKind.Notice).Count);
         }
@@ -127,11 +127,11 @@ namespace Terraport.Tests
             byte[] wrong = new PayloadFrame(1, 0, 0, facts.Length, chunk).Encode();
             for (int count = 0; count < 5000; count++) Network.Last.Inject(wrong);
             Pump(stream);
-            int told = Network.Last.Server.HeardOf<RejectMessage>().Count();
-            Assert.That(Network.Last.Left, Is.InRange(5000 - told - 600, 5000 - told));
+            int rejects = Network.Last.Server.HeardOf<RejectMessage>().Count();
+            Assert.That(Network.Last.Left, Is.InRange(5000 - rejects - 600, 5000 - rejects));
             Network.NowMs += 60000;
             Pump(stream);
-            Assert.Greater(Network.Last.Server.HeardOf<RejectMessage>().Count(), told);
+            Assert.Greater(Network.Last.Server.HeardOf<RejectMessage>().Count(), rejects);
         }
 
         [Test]
@@ -141,7 +141,8 @@ namespace Terraport.Tests
             for (int count = 0; count < SceneStream.MaxPicks + 3; count++) Assert.AreEqual(count + 1, stream.Pick(Middle));
             Pump(stream);
             Assert.AreEqual(SceneStream.MaxPicks, Of(StreamEventKind.Picked).Count);
-            Assert.IsTrue(Of(StreamEventKind.PickRefused).All(one => one.Code == "too_many" && one.Request > SceneStream.MaxPicks));
+            Assert.IsTrue(Of(StreamEventKind.PickRefused)
+                    .All(streamEvent => streamEvent.Code == "too_many" && streamEvent.Request > SceneStream.MaxPicks));
             Assert.AreEqual(3, Of(StreamEventKind.PickRefused).Count);
             Assert.AreEqual(SceneStream.MaxPicks, Network.Last.Server.HeardOf<PickMessage>().Count());
         }

@@ -11,7 +11,7 @@ namespace Terraport.Tests
     internal sealed class StreamFakeNetwork : ITransportFactory
     {
         internal readonly SessionModelOptions Options = new SessionModelOptions { CreditBytes = 1 << 20 };
-        internal readonly List<StreamFakeTransport> Made = new List<StreamFakeTransport>();
+        internal readonly List<StreamFakeTransport> Connections = new List<StreamFakeTransport>();
         internal SessionToyScene Scene = new SessionToyScene();
         internal double NowMs = 1000;
         // Where set, connections are closed with it at once.
@@ -24,12 +24,12 @@ namespace Terraport.Tests
         // Called before a connection is made, on the thread that makes it.
         internal Action Creating;
 
-        internal StreamFakeTransport Last => Made[Made.Count - 1];
+        internal StreamFakeTransport Last => Connections[Connections.Count - 1];
 
         public ITransport Create()
         {
             if (Creating != null) Creating();
-            Made.Add(new StreamFakeTransport(this));
+            Connections.Add(new StreamFakeTransport(this));
             return Last;
         }
 

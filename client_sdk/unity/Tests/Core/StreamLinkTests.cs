@@ -53,7 +53,7 @@ namespace Terraport.Tests
                 "invalid_url", Assert.Throws<TerraportException>(() => Network.Stream(options => options.SceneUrl = "http://h")).Code);
             Assert.Catch<ArgumentException>(() => Network.Stream(options => options.CreditBytes = 0));
             Assert.Catch<ArgumentException>(() => Network.Stream(options => options.ReleaseFactor = 9));
-            Assert.AreEqual(0, Network.Made.Count);
+            Assert.AreEqual(0, Network.Connections.Count);
         }
 
         [Test]
@@ -72,7 +72,7 @@ namespace Terraport.Tests
             double[] least = { 250, 500, 1000, 2000, 4000, 8000, 15000, 15000 };
             foreach (double waitMs in least)
             {
-                int made = Network.Made.Count;
+                int attempts = Network.Connections.Count;
                 Pump(stream);
                 LinkState link = Links().Last();
                 Assert.AreEqual(LinkPhase.Waiting, link.Phase);
@@ -80,10 +80,10 @@ namespace Terraport.Tests
                 Assert.AreEqual(Network.NowMs + link.RetryInMs, stream.DueMs, 1e-6);
                 Network.NowMs += link.RetryInMs - 0.5;
                 Pump(stream);
-                Assert.AreEqual(made, Network.Made.Count);
+                Assert.AreEqual(attempts, Network.Connections.Count);
                 Network.NowMs += 1;
                 Pump(stream);
-                Assert.AreEqual(made + 1, Network.Made.Count);
+                Assert.AreEqual(attempts + 1, Network.Connections.Count);
             }
             Network.RefuseWith = 0;
             Network.NowMs += 30001;
@@ -93,7 +93,7 @@ namespace Terraport.Tests
             Assert.AreEqual(Network.Scene.Within(Middle, 4), ready.Segments);
             Assert.AreEqual(0, stream.Stats.RepeatedBytes);
             Assert.AreEqual(3, Of(StreamEventKind.Opened).Last().HeldCount);
-            Assert.IsTrue(Network.Made.All(one => one.Lent == 0));
+            Assert.IsTrue(Network.Connections.All(transport => transport.Lent == 0));
         }
 
         [Test]
@@ -129,7 +129,7 @@ namespace Terraport.Tests
             Assert.AreEqual(request, Of(StreamEventKind.PickRefused).Single().Request);
             Network.NowMs += 1e6;
             Pump(stream);
-            Assert.AreEqual(1, Network.Made.Count);
+            Assert.AreEqual(1, Network.Connections.Count);
             Assert.IsTrue(double.IsPositiveInfinity(stream.DueMs));
             Assert.AreEqual(request + 1, stream.Pick(Middle));
             Pump(stream);
@@ -149,11 +149,11 @@ namespace Terraport.Tests
             Pump(stream);
             stream.Reconnect("old");
             stream.Reconnect();
-            Assert.AreEqual(1, Network.Made.Count);
+            Assert.AreEqual(1, Network.Connections.Count);
             stream.Reconnect("new");
             Pump(stream);
-            Assert.AreEqual(2, Network.Made.Count);
-            Assert.IsTrue(Network.Made[0].IsDisposed);
+            Assert.AreEqual(2, Network.Connections.Count);
+            Assert.IsTrue(Network.Connections[0].IsDisposed);
             Assert.AreEqual(Network.Scene.Within(Middle, 3).Length, Of(StreamEventKind.Opened).Last().HeldCount);
         }
 
@@ -163,7 +163,7 @@ namespace Terraport.Tests
             SceneStream stream = Network.Stream();
             stream.Land(Middle, 3);
             Pump(stream);
-            int held = stream.Stats.HeldSegments;
+            int heldSegments = stream.Stats.HeldSegments;
             Network.RefuseWith = 4413;
             Network.RefuseError = new ErrorMessage { Code = "too_large", Message = "too much", Fatal = true };
             Network.Last.Break(1006);
@@ -172,10 +172,10 @@ namespace Terraport.Tests
             stream.Pump();
             Network.RefuseWith = 0;
             Pump(stream);
-            List<string> heard = Network.Last.Server.Heard.ConvertAll(one => one.Type);
+            List<string> heard = Network.Last.Server.Heard.ConvertAll(message => message.Type);
             Assert.AreEqual(new[] { "hello", "held" }, heard.Take(2).ToArray());
             Assert.AreEqual(0, ((HelloMessage)Network.Last.Server.Heard[0]).Held.Length);
-            Assert.AreEqual(held, Network.Last.Server.Held.Count);
+            Assert.AreEqual(heldSegments, Network.Last.Server.Held.Count);
         }
 
         [Test]
@@ -221,7 +221,7 @@ namespace Terraport.Tests
             stream.Pump();
             Take(stream);
             Assert.AreEqual(request, Of(StreamEventKind.PickRefused).Single().Request);
-            Assert.AreEqual(1, Network.Made.Count);
+            Assert.AreEqual(1, Network.Connections.Count);
         }
     }
 }

@@ -78,7 +78,7 @@ namespace Terraport.Tests
                 for (; more > 0; more--) length = length << 8 | (uint)ReadByte();
                 byte[] mask = ReadBytes(4);
                 byte[] data = ReadBytes((int)length);
-                for (int place = 0; place < data.Length; place++) data[place] ^= mask[place % 4];
+                for (int index = 0; index < data.Length; index++) data[index] ^= mask[index % 4];
                 if (opcode != 9 && opcode != 10) return data;
             }
         }

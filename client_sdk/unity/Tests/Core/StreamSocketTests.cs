@@ -103,8 +103,8 @@ namespace Terraport.Tests
             {
                 WebSocketTransport transport = Opened(server, "x");
                 Until(() => transport.State == TransportState.Closed);
-                bool isTold = transport.CloseReason.Contains("'" + status + "'");
-                Assert.AreEqual(isTold ? closeCode : 1006, transport.CloseCode, transport.CloseReason);
+                bool isStated = transport.CloseReason.Contains("'" + status + "'");
+                Assert.AreEqual(isStated ? closeCode : 1006, transport.CloseCode, transport.CloseReason);
                 Assert.AreNotEqual("", transport.CloseReason);
             }
         }

@@ -40,8 +40,8 @@ namespace Terraport.Tests
             return count;
         }
 
-        internal List<StreamEvent> Of(StreamEventKind kind) { return Events.FindAll(one => one.Kind == kind); }
+        internal List<StreamEvent> Of(StreamEventKind kind) { return Events.FindAll(streamEvent => streamEvent.Kind == kind); }
 
-        internal List<LinkState> Links() { return Of(StreamEventKind.Link).ConvertAll(one => one.Link); }
+        internal List<LinkState> Links() { return Of(StreamEventKind.Link).ConvertAll(streamEvent => streamEvent.Link); }
     }
 }

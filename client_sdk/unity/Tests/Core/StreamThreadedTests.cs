@@ -29,12 +29,12 @@ namespace Terraport.Tests
             }
             int request = stream.Pick(Middle);
             Until(stream, events,
-                () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == last)
-                    && events.Exists(one => one.Kind == StreamEventKind.Picked));
-            StreamEvent ready = events.FindLast(one => one.Kind == StreamEventKind.Ready);
+                () => events.Exists(streamEvent => streamEvent.Kind == StreamEventKind.Ready && streamEvent.Landing == last)
+                    && events.Exists(streamEvent => streamEvent.Kind == StreamEventKind.Picked));
+            StreamEvent ready = events.FindLast(streamEvent => streamEvent.Kind == StreamEventKind.Ready);
             Assert.AreEqual(network.Scene.Within(Middle, 1 + 20 % 5), ready.Segments);
             Assert.GreaterOrEqual(ready.ElapsedMs, 0);
-            Assert.AreEqual(request, events.Find(one => one.Kind == StreamEventKind.Picked).Request);
+            Assert.AreEqual(request, events.Find(streamEvent => streamEvent.Kind == StreamEventKind.Picked).Request);
             foreach (uint segment in ready.Segments)
             {
                 PinnedPayload pin;
@@ -58,8 +58,9 @@ namespace Terraport.Tests
             network.Creating = () => throw new PlatformNotSupportedException("no sockets here");
             stream.Reconnect("another token");
             var events = new List<StreamEvent>();
-            Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Link && one.Link.Phase == LinkPhase.Closed));
-            LinkState end = events.FindLast(one => one.Kind == StreamEventKind.Link).Link;
+            Until(stream, events,
+                () => events.Exists(streamEvent => streamEvent.Kind == StreamEventKind.Link && streamEvent.Link.Phase == LinkPhase.Closed));
+            LinkState end = events.FindLast(streamEvent => streamEvent.Kind == StreamEventKind.Link).Link;
             Assert.AreEqual("internal", end.Code);
             StringAssert.Contains("no sockets here", end.Message);
             Assert.IsTrue(network.Last.IsDisposed);
@@ -90,9 +91,12 @@ namespace Terraport.Tests
             using (var stream = new ThreadedStream(network.StreamOptions(), network))
             {
                 int landing = stream.Land(Middle, 2);
-                Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Link && one.Link.Phase == LinkPhase.Waiting));
+                Until(stream, events,
+                    () => events.Exists(
+                        streamEvent => streamEvent.Kind == StreamEventKind.Link && streamEvent.Link.Phase == LinkPhase.Waiting));
                 network.RefuseWith = 0;
-                Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == landing));
+                Until(stream, events,
+                    () => events.Exists(streamEvent => streamEvent.Kind == StreamEventKind.Ready && streamEvent.Landing == landing));
             }
         }
 
@@ -105,7 +109,7 @@ namespace Terraport.Tests
             var mayGoOn = new ManualResetEvent(false);
             using (var stream = new ThreadedStream(network.StreamOptions(), network))
             {
-                Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Opened));
+                Until(stream, events, () => events.Exists(streamEvent => streamEvent.Kind == StreamEventKind.Opened));
                 network.Creating = () =>
                 {
                     isBusy.Set();
@@ -116,7 +120,8 @@ namespace Terraport.Tests
                 stream.Aim(new Vec3(0, 0, 0), 1);
                 int landing = stream.Land(Middle, 1);
                 mayGoOn.Set();
-                Until(stream, events, () => events.Exists(one => one.Kind == StreamEventKind.Ready && one.Landing == landing));
+                Until(stream, events,
+                    () => events.Exists(streamEvent => streamEvent.Kind == StreamEventKind.Ready && streamEvent.Landing == landing));
                 Thread.Sleep(150);
                 Assert.AreEqual(0, network.Last.Server.HeardOf<WireMessage>().Count(message => message.Type == "aim"));
             }

@@ -32,7 +32,7 @@ namespace Terraport.Tests
             facts["pad_byte"].TryInteger(out with);
             int stored = data.Length;
             Array.Resize(ref data, (int)size);
-            for (int place = stored; place < data.Length; place++) data[place] = (byte)with;
+            for (int index = stored; index < data.Length; index++) data[index] = (byte)with;
             return facts;
         }
 

@@ -26,16 +26,16 @@ namespace Terraport.Tests
             {
                 byte[] data;
                 JsonValue facts = WireCorpus.Read(kind, name, out data);
-                string found;
+                string difference;
                 try
                 {
-                    found = Compare(facts, data);
+                    difference = Compare(facts, data);
                 }
                 catch (DecodeException error)
                 {
-                    found = CompareError(facts["error"], error);
+                    difference = CompareError(facts["error"], error);
                 }
-                if (found != null) wrong.Append("\n").Append(name).Append(": ").Append(found);
+                if (difference != null) wrong.Append("\n").Append(name).Append(": ").Append(difference);
             }
             Assert.AreEqual("", wrong.ToString());
         }
@@ -65,10 +65,10 @@ namespace Terraport.Tests
             var within = new byte[data.Length + 7];
             Buffer.BlockCopy(data, 0, within, 3, data.Length);
             PayloadFrame frame;
-            bool isKnown = PayloadFrame.TryDecode(new ArraySegment<byte>(within, 3, data.Length), out frame);
+            bool isSupported = PayloadFrame.TryDecode(new ArraySegment<byte>(within, 3, data.Length), out frame);
             if (!facts["error"].IsNull) return "decoded, expected an error";
             JsonValue expected = facts["frame"];
-            if (!isKnown) return expected["unknown_kind"].Show() == data[0].ToString() ? null : "unknown kind";
+            if (!isSupported) return expected["unknown_kind"].Show() == data[0].ToString() ? null : "unknown kind";
             var chunk = new byte[frame.Chunk.Count];
             Buffer.BlockCopy(frame.Chunk.Array, frame.Chunk.Offset, chunk, 0, chunk.Length);
             string hex = BitConverter.ToString(chunk).Replace("-", "").ToLowerInvariant();
@@ -104,40 +104,40 @@ namespace Terraport.Tests
         private static string Number(JsonValue number) { return number.IsNull ? "" : number.Show(); }
 
         /// <summary>The same values, whatever the order of members; numbers by value.</summary>
-        private static bool SameTree(JsonValue one, JsonValue other)
+        private static bool SameTree(JsonValue left, JsonValue right)
         {
             double number;
             double otherNumber;
-            if (one.TryNumber(out number)) return other.TryNumber(out otherNumber) && number == otherNumber;
-            if (one.Kind != other.Kind || one.Count != other.Count) return false;
-            switch (one.Kind)
+            if (left.TryNumber(out number)) return right.TryNumber(out otherNumber) && number == otherNumber;
+            if (left.Kind != right.Kind || left.Count != right.Count) return false;
+            switch (left.Kind)
             {
-                case JsonKind.Text: return one.Text == other.Text;
-                case JsonKind.Flag: return one.Show() == other.Show();
+                case JsonKind.Text: return left.Text == right.Text;
+                case JsonKind.Flag: return left.Show() == right.Show();
                 case JsonKind.List:
-                    for (int place = 0; place < one.Count; place++)
+                    for (int index = 0; index < left.Count; index++)
                     {
-                        if (!SameTree(one[place], other[place])) return false;
+                        if (!SameTree(left[index], right[index])) return false;
                     }
                     return true;
                 case JsonKind.Object:
-                    for (int place = 0; place < one.Count; place++)
+                    for (int index = 0; index < left.Count; index++)
                     {
-                        JsonValue found;
-                        if (!other.Members.TryGet(one.Members.NameAt(place), out found)) return false;
-                        if (!SameTree(one.Members.ValueAt(place), found)) return false;
+                        JsonValue member;
+                        if (!right.Members.TryGet(left.Members.NameAt(index), out member)) return false;
+                        if (!SameTree(left.Members.ValueAt(index), member)) return false;
                     }
                     return true;
                 default: return true;
             }
         }
 
-        private static bool Same(byte[] one, byte[] other)
+        private static bool Same(byte[] left, byte[] right)
         {
-            if (one.Length != other.Length) return false;
-            for (int place = 0; place < one.Length; place++)
+            if (left.Length != right.Length) return false;
+            for (int index = 0; index < left.Length; index++)
             {
-                if (one[place] != other[place]) return false;
+                if (left[index] != right[index]) return false;
             }
             return true;
         }
