@@ -47,18 +47,18 @@ namespace Terraport.Unity.Editor
                 findings.Add("There is no address yet: nothing is opened before code sets SceneUrl and calls Open.");
                 return;
             }
-            SceneUrl parts;
+            SceneUrl sceneUrl;
             try
             {
-                parts = SceneUrl.Parse(url);
+                sceneUrl = SceneUrl.Parse(url);
             }
-            catch (TerraportException why)
+            catch (TerraportException error)
             {
                 findings.Add(
-                    "The address is not one that can be opened: " + why.Message + ". Tokens are set from code: TerraportScene.Token.");
+                    "The address is not one that can be opened: " + error.Message + ". Tokens are set from code: TerraportScene.Token.");
                 return;
             }
-            Uri address = new Uri(parts.Server);
+            Uri address = new Uri(sceneUrl.Server);
             if (address.Scheme == "http" && !address.IsLoopback)
             {
                 findings.Add("Over http the token and the survey can be read by everybody on the way; Android and iOS refuse it "

@@ -10,18 +10,18 @@ namespace Terraport.Unity.Editor
         [MenuItem("GameObject/Terraport/Scene", false, 10)]
         public static void CreateScene(MenuCommand command)
         {
-            GameObject made = new GameObject("Terraport Scene");
-            made.AddComponent<TerraportScene>();
-            made.AddComponent<TerraportGroundCollider>();
-            Place(made, command);
+            GameObject created = new GameObject("Terraport Scene");
+            created.AddComponent<TerraportScene>();
+            created.AddComponent<TerraportGroundCollider>();
+            Attach(created, command);
         }
 
         /// <summary>A user of the scene that is there.</summary>
         [MenuItem("GameObject/Terraport/User", false, 11)]
         public static void CreateUser(MenuCommand command)
         {
-            GameObject made = new GameObject("Terraport User");
-            TerraportUser user = made.AddComponent<TerraportUser>();
+            GameObject created = new GameObject("Terraport User");
+            TerraportUser user = created.AddComponent<TerraportUser>();
             user.Scene = FindScene();
             Camera eye = Camera.main;
             if (eye != null)
@@ -29,7 +29,7 @@ namespace Terraport.Unity.Editor
                 user.Pointer = eye.transform;
                 user.Rig = eye.transform.parent;
             }
-            Place(made, command);
+            Attach(created, command);
         }
 
         private static TerraportScene FindScene()
@@ -41,11 +41,11 @@ namespace Terraport.Unity.Editor
 #endif
         }
 
-        private static void Place(GameObject made, MenuCommand command)
+        private static void Attach(GameObject created, MenuCommand command)
         {
-            GameObjectUtility.SetParentAndAlign(made, command.context as GameObject);
-            Undo.RegisterCreatedObjectUndo(made, "Create " + made.name);
-            Selection.activeGameObject = made;
+            GameObjectUtility.SetParentAndAlign(created, command.context as GameObject);
+            Undo.RegisterCreatedObjectUndo(created, "Create " + created.name);
+            Selection.activeGameObject = created;
         }
     }
 }

@@ -13,7 +13,7 @@ namespace Terraport.Unity
     public static class Axes
     {
         /// <summary>A position or direction of the scene, in Unity's axes. Its own inverse.</summary>
-        public static Vec3 Turn(Vec3 place) { return new Vec3(place.X, place.Y, -place.Z); }
+        public static Vec3 Turn(Vec3 vector) { return new Vec3(vector.X, vector.Y, -vector.Z); }
 
         /// <summary>The Z of Unity for a z of the scene, and the other way round.</summary>
         public static float TurnZ(float z) { return -z; }

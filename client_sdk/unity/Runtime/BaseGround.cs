@@ -9,8 +9,8 @@ namespace Terraport.Unity
         private readonly GroundPool pool;
         private readonly PhotoLoader photos;
         private readonly GroundMaterials materials;
-        private readonly BaseParts source;
-        private readonly List<BasePart> parts = new List<BasePart>();
+        private readonly BaseBlocks source;
+        private readonly List<BaseBlock> blocks = new List<BaseBlock>();
         private readonly double deviationM;
         private readonly int blockFaces;
         private ushort[] scratch;
@@ -26,7 +26,7 @@ namespace Terraport.Unity
             this.photos = photos;
             this.materials = materials;
             deviationM = files.Manifest.DeviationM;
-            source = files.Base.EngineData as BaseParts ?? new BaseParts(files.Base, blockFaces);
+            source = files.Base.EngineData as BaseBlocks ?? new BaseBlocks(files.Base, blockFaces);
             files.Base.EngineData = null; // It is used up by the upload.
             scratch = new ushort[blockFaces * 3];
             if (files.Base.HasTexture)
@@ -43,9 +43,9 @@ namespace Terraport.Unity
         {
             get {
                 int faces = 0;
-                for (int part = 0; part < parts.Count; part++)
+                for (int block = 0; block < blocks.Count; block++)
                 {
-                    faces += parts[part].DrawnFaces;
+                    faces += blocks[block].DrawnFaces;
                 }
                 return faces;
             }
@@ -58,22 +58,22 @@ namespace Terraport.Unity
             {
                 return true;
             }
-            int last = parts.Count - 1;
-            if (last >= 0 && !parts[last].IsUploaded)
+            int last = blocks.Count - 1;
+            if (last >= 0 && !blocks[last].IsUploaded)
             {
-                parts[last].Upload(pool);
+                blocks[last].Upload(pool);
                 return false;
             }
-            if (parts.Count < source.Count)
+            if (blocks.Count < source.Count)
             {
-                if (parts.Count >= source.PackedCount)
+                if (blocks.Count >= source.PackedCount)
                 {
                     source.Step();
                     return false;
                 }
-                BasePart part = new BasePart(source.RangeOf(parts.Count), source.PackedOf(parts.Count));
-                parts.Add(part);
-                part.Upload(pool);
+                BaseBlock block = new BaseBlock(source.RangeOf(blocks.Count), source.PackedOf(blocks.Count));
+                blocks.Add(block);
+                block.Upload(pool);
                 return false;
             }
             if (photo != null && !photo.IsDone)
@@ -89,32 +89,32 @@ namespace Terraport.Unity
         public TerraportException Fault { get; private set; }
 
         /// <summary>Write the coming list of one block.</summary>
-        public void Prepare(FaceRange block, HiddenFaces next) { parts[block.First / blockFaces].Prepare(next.Mask, scratch); }
+        public void Prepare(FaceRange block, HiddenFaces next) { blocks[block.First / blockFaces].Prepare(next.Mask, scratch); }
 
         /// <summary>Draw the coming list of one block.</summary>
-        public void Flip(FaceRange block) { parts[block.First / blockFaces].Flip(); }
+        public void Flip(FaceRange block) { blocks[block.First / blockFaces].Flip(); }
 
         /// <summary>Draw all of it.</summary>
         public void Show()
         {
             materials.SetPush(deviationM);
-            for (int part = 0; part < parts.Count; part++)
+            for (int block = 0; block < blocks.Count; block++)
             {
-                parts[part].Show(true);
+                blocks[block].Show(true);
             }
         }
 
         /// <summary>Give everything back; nothing of it is drawn any more.</summary>
         public void Release()
         {
-            for (int part = 0; part < parts.Count; part++)
+            for (int block = 0; block < blocks.Count; block++)
             {
-                parts[part].Release(pool);
+                blocks[block].Release(pool);
             }
-            parts.Clear();
+            blocks.Clear();
             if (photo != null)
             {
-                photos.GiveUp(photo);
+                photos.Abandon(photo);
                 photo = null;
             }
             Engine.Destroy(photoMaterial);
@@ -126,9 +126,9 @@ namespace Terraport.Unity
             {
                 photo = photos.Begin(image);
             }
-            catch (TerraportException why)
+            catch (TerraportException error)
             {
-                Fault = why; // A kind of image that nothing here reads.
+                Fault = error; // A kind of image that nothing here reads.
             }
         }
 
@@ -143,9 +143,9 @@ namespace Terraport.Unity
             {
                 photoMaterial = materials.MakeBase(photo.Result);
             }
-            for (int part = 0; part < parts.Count; part++)
+            for (int block = 0; block < blocks.Count; block++)
             {
-                parts[part].SetMaterial(photoMaterial != null ? photoMaterial : materials.Base);
+                blocks[block].SetMaterial(photoMaterial != null ? photoMaterial : materials.Base);
             }
             isReady = true;
         }

@@ -54,8 +54,8 @@ namespace Terraport.Unity
 
         private static int LongestAxis(int[] order, float[] centres, int first, int end)
         {
-            int longest = 0;
-            float most = -1;
+            int longestAxis = 0;
+            float longestExtent = -1;
             for (int axis = 0; axis < 3; axis++)
             {
                 float low = float.PositiveInfinity, high = float.NegativeInfinity;
@@ -65,13 +65,13 @@ namespace Terraport.Unity
                     low = Math.Min(low, centre);
                     high = Math.Max(high, centre);
                 }
-                if (high - low > most)
+                if (high - low > longestExtent)
                 {
-                    most = high - low;
-                    longest = axis;
+                    longestExtent = high - low;
+                    longestAxis = axis;
                 }
             }
-            return longest;
+            return longestAxis;
         }
 
         /// <summary>Quickselect (Hoare): afterwards no centre before the n-th is above it, and none after it below.</summary>
@@ -93,9 +93,9 @@ namespace Terraport.Unity
                     }
                     if (left <= right)
                     {
-                        int other = order[left];
+                        int swapped = order[left];
                         order[left++] = order[right];
-                        order[right--] = other;
+                        order[right--] = swapped;
                     }
                 }
                 if (nth <= right)
@@ -115,11 +115,11 @@ namespace Terraport.Unity
 
         private static SegmentMesh Reindexed(SegmentMesh mesh, int[] order)
         {
-            uint[] before = new uint[order.Length * 3];
-            Array.Copy(mesh.Indices, before, before.Length);
+            uint[] original = new uint[order.Length * 3];
+            Array.Copy(mesh.Indices, original, original.Length);
             for (int face = 0; face < order.Length; face++)
             {
-                Array.Copy(before, order[face] * 3, mesh.Indices, face * 3, 3);
+                Array.Copy(original, order[face] * 3, mesh.Indices, face * 3, 3);
             }
             return mesh;
         }

@@ -6,19 +6,19 @@ namespace Terraport.Unity
     internal static class Engine
     {
         /// <summary>Destroy what this package made; nothing where it is gone already (a scene that is unloaded takes its objects along).</summary>
-        public static void Destroy(Object made)
+        public static void Destroy(Object target)
         {
-            if (made == null)
+            if (target == null)
             {
                 return;
             }
             if (Application.isPlaying)
             {
-                Object.Destroy(made);
+                Object.Destroy(target);
             }
             else
             {
-                Object.DestroyImmediate(made);
+                Object.DestroyImmediate(target);
             }
         }
     }

@@ -213,7 +213,7 @@ namespace Terraport.Unity
             }
             if (node.Photo != null)
             {
-                photos.GiveUp(node.Photo);
+                photos.Abandon(node.Photo);
             }
             pool.Return(node);
         }

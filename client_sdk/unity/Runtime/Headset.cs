@@ -13,7 +13,7 @@ namespace Terraport.Unity
         private static readonly List<XRDisplaySubsystem> displays = new List<XRDisplaySubsystem>();
 
         /// <summary>Whether an XR plug-in has loaded a display, shown on or not.</summary>
-        public static bool IsThere
+        public static bool IsLoaded
         {
             get {
                 SubsystemManager.GetSubsystems(displays);

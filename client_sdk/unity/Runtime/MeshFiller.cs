@@ -107,11 +107,11 @@ namespace Terraport.Unity
 
         private static SubMeshDescriptor SubMeshOf(PackedMesh packed, int indexCount)
         {
-            SubMeshDescriptor part = new SubMeshDescriptor(0, indexCount, MeshTopology.Triangles);
-            part.firstVertex = 0;
-            part.vertexCount = packed.VertexCount;
-            part.bounds = ToBounds(packed.Bounds);
-            return part;
+            SubMeshDescriptor subMesh = new SubMeshDescriptor(0, indexCount, MeshTopology.Triangles);
+            subMesh.firstVertex = 0;
+            subMesh.vertexCount = packed.VertexCount;
+            subMesh.bounds = ToBounds(packed.Bounds);
+            return subMesh;
         }
     }
 }

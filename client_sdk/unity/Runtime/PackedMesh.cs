@@ -88,8 +88,8 @@ namespace Terraport.Unity
         /// </summary>
         /// <param name="mesh">The whole mesh.</param>
         /// <param name="faces">Which faces; at most 21845, so that indices fit into 16 bits.</param>
-        /// <param name="numbers">One entry per vertex of the mesh, all -1; left so.</param>
-        public void PackFaces(SegmentMesh mesh, FaceRange faces, int[] numbers)
+        /// <param name="remap">One entry per vertex of the mesh, all -1; left so.</param>
+        public void PackFaces(SegmentMesh mesh, FaceRange faces, int[] remap)
         {
             if (faces.Count > ushort.MaxValue / 3)
             {
@@ -99,29 +99,29 @@ namespace Terraport.Unity
             int vertexCount = 0;
             for (int at = faces.First * 3; at < faces.End * 3; at++)
             {
-                if (numbers[indices[at]] < 0)
+                if (remap[indices[at]] < 0)
                 {
-                    numbers[indices[at]] = vertexCount++;
+                    remap[indices[at]] = vertexCount++;
                 }
             }
             Begin(mesh, vertexCount, faces.Count * 3);
             for (int from = faces.First * 3, to = 0; to < IndexCount; from += 3, to += 3)
             {
-                ShortIndices[to] = (ushort)numbers[indices[from]];
-                ShortIndices[to + 1] = (ushort)numbers[indices[from + 2]];
-                ShortIndices[to + 2] = (ushort)numbers[indices[from + 1]];
+                ShortIndices[to] = (ushort)remap[indices[from]];
+                ShortIndices[to + 1] = (ushort)remap[indices[from + 2]];
+                ShortIndices[to + 2] = (ushort)remap[indices[from + 1]];
             }
             float minX = float.PositiveInfinity, minY = minX, minZ = minX;
             float maxX = float.NegativeInfinity, maxY = maxX, maxZ = maxX;
             for (int at = faces.First * 3; at < faces.End * 3; at++)
             {
                 uint vertex = indices[at];
-                if (numbers[vertex] < 0)
+                if (remap[vertex] < 0)
                 {
                     continue; // Written already.
                 }
-                Write(mesh, (int)vertex, numbers[vertex]);
-                numbers[vertex] = -1;
+                Write(mesh, (int)vertex, remap[vertex]);
+                remap[vertex] = -1;
                 float x, y, z;
                 mesh.PositionAt((int)vertex, out x, out y, out z);
                 z = Axes.TurnZ(z);

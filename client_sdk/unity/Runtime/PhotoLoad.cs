@@ -25,7 +25,7 @@ namespace Terraport.Unity
         public TerraportException Error;
 
         /// <summary>Nobody waits for it any more: what still comes is destroyed.</summary>
-        public bool IsGivenUp;
+        public bool IsAbandoned;
 
         /// <summary>Whether there is a result or an error.</summary>
         public bool IsDone => Error != null || Result.Texture != null;

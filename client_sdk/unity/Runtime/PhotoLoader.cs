@@ -52,9 +52,9 @@ namespace Terraport.Unity
         }
 
         /// <summary>Nobody wants it any more: its texture is destroyed, now or when it comes.</summary>
-        internal void GiveUp(PhotoLoad load)
+        internal void Abandon(PhotoLoad load)
         {
-            load.IsGivenUp = true;
+            load.IsAbandoned = true;
             load.File = null;
             Engine.Destroy(load.Result.Texture);
             load.Result = default(PhotoTexture);
@@ -74,7 +74,7 @@ namespace Terraport.Unity
             while (waiting.Count > 0)
             {
                 PhotoLoad load = waiting.Dequeue();
-                if (load.IsGivenUp)
+                if (load.IsAbandoned)
                 {
                     continue;
                 }
@@ -89,16 +89,16 @@ namespace Terraport.Unity
             isDisposed = true;
             foreach (PhotoLoad load in waiting)
             {
-                GiveUp(load);
+                Abandon(load);
             }
             waiting.Clear();
             foreach (PhotoLoad load in running)
             {
-                PhotoLoad late = load;
-                GiveUp(late);
+                PhotoLoad abandoned = load;
+                Abandon(abandoned);
                 // Comes back to the main thread where Unity's scheduler is the current one: textures can be destroyed there alone.
-                late.Task.ContinueWith(
-                    _ => Finish(late), TaskScheduler.FromCurrentSynchronizationContext());
+                abandoned.Task.ContinueWith(
+                    _ => Finish(abandoned), TaskScheduler.FromCurrentSynchronizationContext());
             }
             running.Clear();
         }
@@ -134,9 +134,9 @@ namespace Terraport.Unity
             {
                 return KtxReader(file);
             }
-            catch (Exception why)
+            catch (Exception error)
             {
-                return Task.FromException<PhotoTexture>(why);
+                return Task.FromException<PhotoTexture>(error);
             }
         }
 
@@ -144,8 +144,8 @@ namespace Terraport.Unity
         {
             if (load.Task.IsFaulted || load.Task.IsCanceled || load.Task.Result.Texture == null)
             {
-                string why = load.Task.Exception == null ? "" : ": " + load.Task.Exception.GetBaseException().Message;
-                load.Error = new TerraportException("bad_image", "image (" + load.MediaType + ") cannot be read" + why);
+                string reason = load.Task.Exception == null ? "" : ": " + load.Task.Exception.GetBaseException().Message;
+                load.Error = new TerraportException("bad_image", "image (" + load.MediaType + ") cannot be read" + reason);
                 return;
             }
             Accept(load, load.Task.Result);
@@ -153,7 +153,7 @@ namespace Terraport.Unity
 
         private void Accept(PhotoLoad load, PhotoTexture result)
         {
-            if (load.IsGivenUp || isDisposed)
+            if (load.IsAbandoned || isDisposed)
             {
                 Engine.Destroy(result.Texture);
                 return;

@@ -168,7 +168,7 @@ namespace Terraport.Unity
                 prepare(); // Its blocks are packed one by one while they are uploaded.
                 return sorted;
             }
-            prepare += () => BaseParts.PackOnto(sorted.Base, BaseBlockFaces);
+            prepare += () => BaseBlocks.PackOnto(sorted.Base, BaseBlockFaces);
             await Platform.Aside(prepare);
             return sorted;
         }
@@ -179,23 +179,24 @@ namespace Terraport.Unity
             {
                 return;
             }
-            Task<SceneFiles> done = loading;
+            Task<SceneFiles> finished = loading;
             loading = null;
-            if (done.IsFaulted || done.IsCanceled)
+            if (finished.IsFaulted || finished.IsCanceled)
             {
                 // Cancelled, but not by us, who take nothing after that: a project's own IHttp tells a timeout so.
-                Exception why = done.IsFaulted ? done.Exception.GetBaseException() : new TimeoutException("loading was cancelled");
+                Exception error =
+                    finished.IsFaulted ? finished.Exception.GetBaseException() : new TimeoutException("loading was cancelled");
                 retryAtS = Time.realtimeSinceStartup + retryInS;
                 retryInS = Math.Min(retryInS * 2, MaxRetryS);
-                Fault(why as TerraportException ?? new TerraportException("load", why.Message, null, why));
+                Fault(error as TerraportException ?? new TerraportException("load", error.Message, null, error));
                 return;
             }
             retryInS = MinRetryS;
-            if (Stage != null && Stage.NeededVersion != null && done.Result.Manifest.Version != Stage.NeededVersion)
+            if (Stage != null && Stage.NeededVersion != null && finished.Result.Manifest.Version != Stage.NeededVersion)
             {
                 return; // Published once more while these were loaded: Update asks for the newer ones.
             }
-            Files = done.Result;
+            Files = finished.Result;
             if (Stage != null)
             {
                 Stage.ReplaceFiles(Files);
@@ -218,13 +219,13 @@ namespace Terraport.Unity
                 Begin();
                 return true;
             }
-            catch (TerraportException why)
+            catch (TerraportException error)
             {
-                Fault(why);
+                Fault(error);
             }
-            catch (ArgumentException why)
+            catch (ArgumentException error)
             {
-                Fault(new TerraportException("settings", why.Message, null, why));
+                Fault(new TerraportException("settings", error.Message, null, error));
             }
             if (Stream != null)
             {
@@ -249,7 +250,7 @@ namespace Terraport.Unity
             options.SpareGpuBytes = (long)budgets.spareGpuMebibytes << 20;
             options.BaseBlockFaces = BaseBlockFaces;
             Stage = new SceneStage(Stream, Files, renderer, decoders, options);
-            Stage.DecodeFailed += (segment, why) => Fault(why);
+            Stage.DecodeFailed += (segment, error) => Fault(error);
             Stage.Swapped += swap =>
             {
                 if (Swapped != null)
@@ -277,11 +278,11 @@ namespace Terraport.Unity
             return options;
         }
 
-        private void Fault(TerraportException why)
+        private void Fault(TerraportException error)
         {
             if (Faulted != null)
             {
-                Faulted(why);
+                Faulted(error);
             }
         }
     }

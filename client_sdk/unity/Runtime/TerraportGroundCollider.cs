@@ -26,12 +26,12 @@ namespace Terraport.Unity
         private readonly List<MeshCollider> leavingColliders = new List<MeshCollider>();
         private TerraportScene scene;
         private SceneFiles files;
-        private Task<BaseParts> packing;
-        private BaseParts parts;
+        private Task<BaseBlocks> packing;
+        private BaseBlocks blocks;
         private Task cooking;
 
         /// <summary>Whether all of the base is solid.</summary>
-        public bool IsComplete => parts != null && colliders.Count == parts.Count && leavingColliders.Count == 0;
+        public bool IsComplete => blocks != null && colliders.Count == blocks.Count && leavingColliders.Count == 0;
 
         private void OnEnable()
         {
@@ -62,7 +62,7 @@ namespace Terraport.Unity
                 {
                     Debug.LogWarning("terraport: no solid ground: " + packing.Exception.GetBaseException().Message, this);
                 }
-                parts = packing.IsFaulted ? null : packing.Result;
+                blocks = packing.IsFaulted ? null : packing.Result;
                 packing = null;
             }
             if (cooking != null && !cooking.IsCompleted)
@@ -74,11 +74,12 @@ namespace Terraport.Unity
                 cooking = null;
                 AddCollider(meshes[meshes.Count - 1]);
             }
-            if (parts != null && meshes.Count < parts.Count && (Platform.HasThreads || parts.Step() || parts.PackedCount > meshes.Count))
+            if (blocks != null && meshes.Count < blocks.Count
+                && (Platform.HasThreads || blocks.Step() || blocks.PackedCount > meshes.Count))
             {
                 BeginCooking();
             }
-            if (parts != null && colliders.Count == parts.Count && leavingColliders.Count > 0)
+            if (blocks != null && colliders.Count == blocks.Count && leavingColliders.Count > 0)
             {
                 DestroyAll(leavingColliders, leavingMeshes);
             }
@@ -92,18 +93,18 @@ namespace Terraport.Unity
             colliders.Clear();
             meshes.Clear();
             files = loaded;
-            BaseParts made = new BaseParts(files.Base, BlockFaces);
+            BaseBlocks unpacked = new BaseBlocks(files.Base, BlockFaces);
             if (!Platform.HasThreads)
             {
-                parts = made;
+                blocks = unpacked;
                 return;
             }
             packing = Task.Run(() =>
                 {
-                    while (made.Step())
+                    while (unpacked.Step())
                     {
                     }
-                    return made;
+                    return unpacked;
                 });
         }
 
@@ -112,7 +113,7 @@ namespace Terraport.Unity
             Mesh mesh = new Mesh();
             mesh.name = "terraport collider";
             mesh.hideFlags = HideFlags.DontSave;
-            MeshFiller.Fill(mesh, parts.PackedOf(meshes.Count));
+            MeshFiller.Fill(mesh, blocks.PackedOf(meshes.Count));
             meshes.Add(mesh);
             // A mesh is named to other threads by its number: 32 bits once, an EntityId from Unity 6.3 on (from 6.5 on nothing else compiles).
 #if UNITY_6000_3_OR_NEWER
@@ -148,7 +149,7 @@ namespace Terraport.Unity
                 cooking = null;
             }
             packing = null;
-            parts = null;
+            blocks = null;
         }
 
         private void Clear()

@@ -16,9 +16,9 @@ namespace Terraport.Unity
                 {
                     session.Stage.Land(pendingPosition, pendingRadiusM, pendingOptions);
                 }
-                catch (ArgumentException why)
+                catch (ArgumentException error)
                 {
-                    Fail(new TerraportException("bad_landing", why.Message, null, why)); // Whoever asked is gone.
+                    Fail(new TerraportException("bad_landing", error.Message, null, error)); // Whoever asked is gone.
                 }
             }
             if (Loaded != null)
@@ -97,17 +97,17 @@ namespace Terraport.Unity
             }
         }
 
-        private void Fail(TerraportException why)
+        private void Fail(TerraportException error)
         {
             if (Failed != null)
             {
-                Failed(why);
+                Failed(error);
             }
             else
             {
-                Debug.LogWarning("terraport: " + why.Code + ": " + why.Message, this);
+                Debug.LogWarning("terraport: " + error.Code + ": " + error.Message, this);
             }
-            onFailed.Invoke(why.Message);
+            onFailed.Invoke(error.Message);
         }
     }
 }

@@ -191,9 +191,9 @@ namespace Terraport.Unity
             {
                 session = new SceneSession(this, sceneUrl, token);
             }
-            catch (TerraportException why)
+            catch (TerraportException error)
             {
-                Fail(why);
+                Fail(error);
                 return;
             }
             session.Faulted += Fail;
@@ -233,17 +233,17 @@ namespace Terraport.Unity
         /// <returns>Number of the landing in the events; 0 where it waits for the scene to be loaded.</returns>
         public int Land(Vector3 point, float radiusM = 0, LandOptions options = null)
         {
-            Vec3 place = ToScene(point);
+            Vec3 position = ToScene(point);
             double radius = radiusM > 0 ? radiusM : DefaultRadiusM;
             if (session == null || session.Stage == null)
             {
                 hasPendingLanding = true;
-                pendingPosition = place;
+                pendingPosition = position;
                 pendingRadiusM = radius;
                 pendingOptions = options;
                 return 0;
             }
-            return session.Stage.Land(place, radius, options);
+            return session.Stage.Land(position, radius, options);
         }
 
         /// <summary>Tell where the user points: what a landing there would need is loaded ahead. Cheap; call it in every frame.</summary>
@@ -300,9 +300,9 @@ namespace Terraport.Unity
         }
 
         /// <summary>The point of Unity's world of a place in the scene's frame.</summary>
-        public Vector3 ToWorld(Vec3 place)
+        public Vector3 ToWorld(Vec3 position)
         {
-            Vec3 local = Axes.Turn(place);
+            Vec3 local = Axes.Turn(position);
             return transform.TransformPoint(new Vector3((float)local.X, (float)local.Y, (float)local.Z));
         }
 

@@ -50,7 +50,7 @@ namespace Terraport.Unity
                 {
                     return DeviceProfile.Desktop;
                 }
-                return Headset.IsThere ? DeviceProfile.Headset : DeviceProfile.Phone;
+                return Headset.IsLoaded ? DeviceProfile.Headset : DeviceProfile.Phone;
             }
         }
 

@@ -211,7 +211,7 @@ namespace Terraport.Unity
             SetDown();
         }
 
-        private void OnFailed(TerraportException why)
+        private void OnFailed(TerraportException error)
         {
             // Another landing may be on its way; this one is over only where the scene says that it was refused.
             if (scene.Status.Phase == LandingPhase.Refused)

@@ -12,27 +12,27 @@ namespace Terraport.Unity
     public sealed class WebRequestHttp : IHttp
     {
         /// <inheritdoc/>
-        public async Task<HttpAnswer> GetAsync(string url, string token, int mostBytes, Action<int> onBytes, CancellationToken cancelled)
+        public async Task<HttpAnswer> GetAsync(string url, string token, int maxBytes, Action<int> onBytes, CancellationToken cancelled)
         {
             cancelled.ThrowIfCancellationRequested();
             using (UnityWebRequest request = new UnityWebRequest(url, UnityWebRequest.kHttpVerbGET))
             {
-                BoundedDownload download = new BoundedDownload(mostBytes, onBytes);
+                BoundedDownload download = new BoundedDownload(maxBytes, onBytes);
                 request.downloadHandler = download;
                 request.redirectLimit = 0;
                 if (!string.IsNullOrEmpty(token))
                 {
                     request.SetRequestHeader("Authorization", "Bearer " + token);
                 }
-                TaskCompletionSource<bool> done = new TaskCompletionSource<bool>();
+                TaskCompletionSource<bool> completion = new TaskCompletionSource<bool>();
                 UnityWebRequestAsyncOperation sending = request.SendWebRequest();
                 sending.completed +=
-                    _ => done.TrySetResult(true);
-                using (cancelled.Register(request.Abort)) { await done.Task; }
+                    _ => completion.TrySetResult(true);
+                using (cancelled.Register(request.Abort)) { await completion.Task; }
                 cancelled.ThrowIfCancellationRequested();
                 if (download.IsTooLong)
                 {
-                    throw new TerraportException("damaged", url + " has more than " + mostBytes + " bytes, expected at most that");
+                    throw new TerraportException("damaged", url + " has more than " + maxBytes + " bytes, expected at most that");
                 }
                 if (request.responseCode == 0)
                 {
@@ -46,18 +46,18 @@ namespace Terraport.Unity
         /// <summary>Gathers a body up to a bound, and ends the request where more comes.</summary>
         private sealed class BoundedDownload : DownloadHandlerScript
         {
-            private const int PieceBytes = 65536;
+            private const int ChunkBytes = 65536;
 
-            private readonly int mostBytes;
+            private readonly int maxBytes;
             private readonly Action<int> onBytes;
 
-            public BoundedDownload(int mostBytes, Action<int> onBytes) : base(new byte[PieceBytes])
+            public BoundedDownload(int maxBytes, Action<int> onBytes) : base(new byte[ChunkBytes])
             {
-                this.mostBytes = mostBytes;
+                this.maxBytes = maxBytes;
                 this.onBytes = onBytes;
             }
 
-            public byte[] Body { get; private set; } = new byte[PieceBytes];
+            public byte[] Body { get; private set; } = new byte[ChunkBytes];
 
             public int Length { get; private set; }
 
@@ -65,14 +65,14 @@ namespace Terraport.Unity
 
             protected override bool ReceiveData(byte[] data, int dataLength)
             {
-                if (dataLength > mostBytes - Length)
+                if (dataLength > maxBytes - Length)
                 {
                     IsTooLong = true;
                     return false;
                 }
                 if (Length + dataLength > Body.Length)
                 {
-                    byte[] longer = new byte[(int)Math.Min(Math.Max(2L * Body.Length, Length + dataLength), mostBytes)];
+                    byte[] longer = new byte[(int)Math.Min(Math.Max(2L * Body.Length, Length + dataLength), maxBytes)];
                     Buffer.BlockCopy(Body, 0, longer, 0, Length);
                     Body = longer;
                 }

@@ -48,7 +48,7 @@ namespace Terraport.Samples
             scene.Planned += plan =>
                 Debug.Log("planned: " + plan.TotalTriangles + " triangles, " + (plan.LoadBytes >> 10) + " KiB to load");
             scene.Shown += swap => Debug.Log("shown: landing " + swap.Landing);
-            scene.Failed += why => Debug.LogWarning(why.Code + ": " + why.Message);
+            scene.Failed += error => Debug.LogWarning(error.Code + ": " + error.Message);
             ground.SetActive(true);
 #if !(ENABLE_INPUT_SYSTEM && TERRAPORT_INPUT_SYSTEM) && !ENABLE_LEGACY_INPUT_MANAGER
             Debug.LogWarning(

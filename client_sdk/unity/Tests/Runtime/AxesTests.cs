@@ -19,8 +19,8 @@ namespace Terraport.Tests
         [Test]
         public void TurningTwiceChangesNothing()
         {
-            Vec3 place = new Vec3(12.5, -3, 40.25);
-            Assert.AreEqual(place, Axes.Turn(Axes.Turn(place)));
+            Vec3 position = new Vec3(12.5, -3, 40.25);
+            Assert.AreEqual(position, Axes.Turn(Axes.Turn(position)));
             Box box = new Box(1, 2, 3, 4, 5, 6);
             Assert.AreEqual(new Box(1, 2, -6, 4, 5, -3), Axes.Turn(box));
             Assert.AreEqual(box, Axes.Turn(Axes.Turn(box)));
@@ -70,12 +70,12 @@ namespace Terraport.Tests
             Assert.AreEqual(0.25f, uvs[1]);
         }
 
-        private static float CrossY(float[] places, uint[] face)
+        private static float CrossY(float[] positions, uint[] face)
         {
-            float ax = places[face[1] * 3] - places[face[0] * 3];
-            float az = places[face[1] * 3 + 2] - places[face[0] * 3 + 2];
-            float bx = places[face[2] * 3] - places[face[0] * 3];
-            float bz = places[face[2] * 3 + 2] - places[face[0] * 3 + 2];
+            float ax = positions[face[1] * 3] - positions[face[0] * 3];
+            float az = positions[face[1] * 3 + 2] - positions[face[0] * 3 + 2];
+            float bx = positions[face[2] * 3] - positions[face[0] * 3];
+            float bz = positions[face[2] * 3 + 2] - positions[face[0] * 3 + 2];
             return az * bx - ax * bz;
         }
     }

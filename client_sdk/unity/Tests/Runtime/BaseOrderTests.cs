@@ -16,13 +16,13 @@ namespace Terraport.Tests
         public void EveryFaceKeepsItsSegments()
         {
             SceneFiles before = Grid();
-            Dictionary<string, string> wanted = RowsByFace(before);
+            Dictionary<string, string> expected = RowsByFace(before);
             SceneFiles after = BaseOrder.Sort(before, BlockFaces);
-            Dictionary<string, string> found = RowsByFace(after);
-            Assert.AreEqual(wanted.Count, found.Count);
-            foreach (KeyValuePair<string, string> face in wanted)
+            Dictionary<string, string> actual = RowsByFace(after);
+            Assert.AreEqual(expected.Count, actual.Count);
+            foreach (KeyValuePair<string, string> face in expected)
             {
-                Assert.AreEqual(face.Value, found[face.Key]);
+                Assert.AreEqual(face.Value, actual[face.Key]);
             }
         }
 
@@ -104,14 +104,14 @@ namespace Terraport.Tests
 
         private static double MeanExtent(SegmentMesh mesh)
         {
-            BaseParts parts = new BaseParts(mesh, BlockFaces);
+            BaseBlocks blocks = new BaseBlocks(mesh, BlockFaces);
             double sum = 0;
-            while (parts.Step())
+            while (blocks.Step())
             {
-                Box box = parts.PackedOf(parts.PackedCount - 1).Bounds;
+                Box box = blocks.PackedOf(blocks.PackedCount - 1).Bounds;
                 sum += (box.MaxX - box.MinX) + (box.MaxZ - box.MinZ);
             }
-            return sum / parts.Count;
+            return sum / blocks.Count;
         }
     }
 }

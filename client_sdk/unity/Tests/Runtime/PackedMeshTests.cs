@@ -74,15 +74,15 @@ namespace Terraport.Tests
         }
 
         [Test]
-        public void PartsHoldTheirOwnVerticesAlone()
+        public void BlocksHoldTheirOwnVerticesAlone()
         {
             SegmentMesh mesh = GlbFile.Of(Square, TwoFaces).Decode();
-            BaseParts parts = new BaseParts(mesh, 1);
-            while (parts.Step())
+            BaseBlocks blocks = new BaseBlocks(mesh, 1);
+            while (blocks.Step())
             {
             }
-            Assert.AreEqual(2, parts.Count);
-            PackedMesh second = parts.PackedOf(1);
+            Assert.AreEqual(2, blocks.Count);
+            PackedMesh second = blocks.PackedOf(1);
             Assert.AreEqual(3, second.VertexCount);
             Assert.AreEqual(new ushort[] { 0, 2, 1 }, Head(second.ShortIndices, second.IndexCount)); // 0, 2, 3 anew, turned round.
             Assert.AreEqual(3f, second.Tinted[2].Z);
@@ -124,8 +124,8 @@ namespace Terraport.Tests
         /// <summary>Code of linear light of an sRGB level.</summary>
         private static ushort LinearOf(byte level)
         {
-            double part = level / 255.0;
-            return (ushort)Math.Round(65535 * (part <= 0.04045 ? part / 12.92 : Math.Pow((part + 0.055) / 1.055, 2.4)));
+            double share = level / 255.0;
+            return (ushort)Math.Round(65535 * (share <= 0.04045 ? share / 12.92 : Math.Pow((share + 0.055) / 1.055, 2.4)));
         }
 
         private static T[] Head<T>(T[] values, int count)

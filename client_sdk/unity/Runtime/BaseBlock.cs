@@ -6,7 +6,7 @@ namespace Terraport.Unity
     /// A block of the base: consecutive faces, in two pieces of ground of which one is drawn. The other takes the list of faces for
     /// the coming swap, which then only exchanges them.
     /// </summary>
-    internal sealed class BasePart
+    internal sealed class BaseBlock
     {
         private readonly PackedMesh packed;
         private GroundNode front;
@@ -14,7 +14,7 @@ namespace Terraport.Unity
 
         /// <param name="faces">Which faces of the base.</param>
         /// <param name="packed">Their vertices, and the indices of all of them.</param>
-        public BasePart(FaceRange faces, PackedMesh packed)
+        public BaseBlock(FaceRange faces, PackedMesh packed)
         {
             Faces = faces;
             this.packed = packed;
@@ -69,9 +69,9 @@ namespace Terraport.Unity
         {
             bool isShown = front.IsShown || front.FaceCount == 0;
             front.IsShown = false;
-            GroundNode other = front;
+            GroundNode previous = front;
             front = back;
-            back = other;
+            back = previous;
             // A list without a face was not written: its piece stays hidden.
             front.IsShown = isShown && front.FaceCount > 0;
         }

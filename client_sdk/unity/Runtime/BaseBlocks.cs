@@ -7,16 +7,16 @@ namespace Terraport.Unity
     /// The base cut into blocks of consecutive faces, packed. Made on a thread while the scene is loaded, or in slices where there are
     /// no threads. No engine.
     /// </summary>
-    public sealed class BaseParts
+    public sealed class BaseBlocks
     {
         private readonly SegmentMesh mesh;
         private readonly List<FaceRange> ranges = new List<FaceRange>();
         private readonly List<PackedMesh> packed = new List<PackedMesh>();
-        private int[] numbers;
+        private int[] remap;
 
         /// <param name="mesh">The base; must not be changed meanwhile.</param>
         /// <param name="blockFaces">Faces of a block, 1 to 21845; <see cref="StageOptions.BaseBlockFaces"/>.</param>
-        public BaseParts(SegmentMesh mesh, int blockFaces)
+        public BaseBlocks(SegmentMesh mesh, int blockFaces)
         {
             if (blockFaces < 1 || blockFaces > ushort.MaxValue / 3)
             {
@@ -48,20 +48,20 @@ namespace Terraport.Unity
             {
                 return false;
             }
-            if (numbers == null)
+            if (remap == null)
             {
-                numbers = new int[mesh.VertexCount];
-                for (int vertex = 0; vertex < numbers.Length; vertex++)
+                remap = new int[mesh.VertexCount];
+                for (int vertex = 0; vertex < remap.Length; vertex++)
                 {
-                    numbers[vertex] = -1;
+                    remap[vertex] = -1;
                 }
             }
             PackedMesh block = new PackedMesh();
-            block.PackFaces(mesh, ranges[packed.Count], numbers);
+            block.PackFaces(mesh, ranges[packed.Count], remap);
             packed.Add(block);
             if (packed.Count == ranges.Count)
             {
-                numbers = null;
+                remap = null;
             }
             return true;
         }
@@ -71,11 +71,11 @@ namespace Terraport.Unity
         /// </summary>
         public static void PackOnto(SegmentMesh mesh, int blockFaces)
         {
-            BaseParts parts = new BaseParts(mesh, blockFaces);
-            while (parts.Step())
+            BaseBlocks blocks = new BaseBlocks(mesh, blockFaces);
+            while (blocks.Step())
             {
             }
-            mesh.EngineData = parts;
+            mesh.EngineData = blocks;
         }
     }
 }
