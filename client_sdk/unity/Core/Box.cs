@@ -34,14 +34,15 @@ namespace Terraport
             MaxZ = maxZ;
         }
 
-        /// <summary>The middle.</summary>
+        /// <summary>The middle of the box, metres, scene frame; in float64, since the sum of two float32 may not fit one.</summary>
         public Vec3 Centre => new Vec3(((double)MinX + MaxX) / 2, ((double)MinY + MaxY) / 2, ((double)MinZ + MaxZ) / 2);
 
         /// <summary>
-        /// Euclidean distance from a place to the box in float64, 0 inside: the distance that landings are planned by.
+        /// Euclidean distance in metres from a point to the box in float64, 0 inside: the distance that landings are planned by.
         /// </summary>
         public double DistanceM(Vec3 point)
         {
+            // In float64 as the server plans: rounding earlier would disagree with it on border segments.
             double x = OutsideBy(point.X, MinX, MaxX);
             double y = OutsideBy(point.Y, MinY, MaxY);
             double z = OutsideBy(point.Z, MinZ, MaxZ);
@@ -51,6 +52,7 @@ namespace Terraport
         /// <inheritdoc/>
         public bool Equals(Box other)
         {
+            // Equals and not ==: a NaN equals itself here, so that a box can be a key.
             return MinX.Equals(other.MinX) && MinY.Equals(other.MinY) && MinZ.Equals(other.MinZ) && MaxX.Equals(other.MaxX)
                 && MaxY.Equals(other.MaxY) && MaxZ.Equals(other.MaxZ);
         }
@@ -68,6 +70,7 @@ namespace Terraport
             }
         }
 
+        /// <summary>How far a coordinate lies outside an interval of one axis; 0 within. All in metres.</summary>
         private static double OutsideBy(double coordinate, float min, float max)
         {
             return coordinate < min ? min - coordinate : coordinate > max ? coordinate - max : 0;

@@ -8,7 +8,7 @@ namespace Terraport
     /// </summary>
     public struct StreamEvent
     {
-        /// <summary>What it tells.</summary>
+        /// <summary>What happened; decides which of the other fields count.</summary>
         public StreamEventKind Kind;
 
         /// <summary>Landing that it belongs to; null for what an aim brought, and for errors of no landing.</summary>
@@ -32,10 +32,10 @@ namespace Terraport
         /// <summary>Opened: segments that were held and are valid still.</summary>
         public int HeldCount;
 
-        /// <summary>Planned.</summary>
+        /// <summary>Planned: the landing's plan; owned by the event, never changed afterwards.</summary>
         public PlanFacts Plan;
 
-        /// <summary>Arrived.</summary>
+        /// <summary>Arrived: what the index says of the segment that is whole now.</summary>
         public SegmentFacts Facts;
 
         /// <summary>Ready, Degraded: what is to be shown, ascending. Dropped: what cannot be asked for any more.</summary>

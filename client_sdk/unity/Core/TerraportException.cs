@@ -5,7 +5,7 @@ namespace Terraport
     /// <summary>Something that terraport cannot do, with a code that programs can tell apart.</summary>
     public class TerraportException : Exception
     {
-        /// <summary>A code and a text that says what was received, what was expected, and what can be done.</summary>
+        /// <summary>An error with a code for programs and a text for people: what was received, what was expected, what can be done.</summary>
         public TerraportException(string code, string message) : this(code, message, null, null) {}
 
         /// <summary>The same with a WebSocket close code or HTTP status, and what caused it; either may be null.</summary>

@@ -5,7 +5,7 @@ namespace Terraport.Json
     /// <summary>Bytes that are not the one JSON value that was expected.</summary>
     public sealed class JsonException : Exception
     {
-        /// <summary>Make one.</summary>
+        /// <summary>An error whose text ends with the byte offset.</summary>
         /// <param name="message">What was found and what was expected.</param>
         /// <param name="offset">Byte at which reading stopped.</param>
         public JsonException(string message, int offset) : base(message + " (at byte " + offset + ")")

@@ -3,6 +3,7 @@ namespace Terraport.Json
     /// <summary>One value of a <see cref="JsonTape"/>.</summary>
     internal struct JsonNode
     {
+        /// <summary>Decides what the other fields mean.</summary>
         internal JsonNodeKind Kind;
 
         /// <summary>Of a container: a comma stands before what comes next.</summary>

@@ -10,8 +10,11 @@ namespace Terraport.Json
     /// </summary>
     internal sealed class JsonNumbers
     {
+        // Clinger's fast path (W. Clinger, "How to read floating point numbers accurately", 1990): both factors exact, so one rounding.
         private const long MaxExactInteger = 1L << 53;
+        // 10^22 is the largest power of ten that float64 holds exactly.
         private const int MaxExactExponent = 22;
+        // A document repeats few long numbers (steps, offsets): a direct-mapped cache is enough, and is bounded.
         private const int CacheSlots = 64;
 
         private static readonly double[] PowersOfTen = { 1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14,
@@ -24,6 +27,7 @@ namespace Terraport.Json
         internal static int LengthAt(byte[] bytes, int at, int end)
         {
             int start = at;
+            // RFC 8259, section 6: [minus] int [frac] [exp]; no leading zero, no empty fraction or exponent.
             at += at < end && bytes[at] == '-' ? 1 : 0;
             int digits = DigitsAt(bytes, at, end);
             if (digits == 0 || (digits > 1 && bytes[at] == '0'))
@@ -40,6 +44,7 @@ namespace Terraport.Json
                 }
                 at += 1 + digits;
             }
+            // | 32 folds an upper-case E into the lower-case one.
             if (at < end && (bytes[at] | 32) == 'e')
             {
                 at++;
@@ -78,6 +83,8 @@ namespace Terraport.Json
             int end = start + length;
             bool isNegative = bytes[at] == '-';
             at += isNegative ? 1 : 0;
+            // 1. Mantissa: all digits as one integer; those behind the point lower the exponent.
+            // Invariant: the value read so far is digits * 10^exponent, exactly.
             long digits = 0;
             int exponent = 0;
             bool isFraction = false;
@@ -90,11 +97,13 @@ namespace Terraport.Json
                 }
                 digits = digits * 10 + (bytes[at] - '0');
                 exponent -= isFraction ? 1 : 0;
+                // Tested at each digit, so the product above never overflows 64 bits.
                 if (digits > MaxExactInteger)
                 {
                     return false;
                 }
             }
+            // 2. Stated exponent, added to the one from the fraction.
             if (at < end)
             {
                 at++;
@@ -104,6 +113,7 @@ namespace Terraport.Json
                 for (; at < end; at++)
                 {
                     statedExponent = statedExponent * 10 + (bytes[at] - '0');
+                    // Far beyond float64 already; going on would overflow the counter on a hostile run of digits.
                     if (statedExponent > 1000)
                     {
                         return false;
@@ -111,6 +121,7 @@ namespace Terraport.Json
                 }
                 exponent += isExponentNegative ? -statedExponent : statedExponent;
             }
+            // 3. One multiplication or division of two exact numbers: IEEE 754 rounds it correctly.
             if (exponent < -MaxExactExponent || exponent > MaxExactExponent)
             {
                 return false;
@@ -120,6 +131,7 @@ namespace Terraport.Json
             return true;
         }
 
+        /// <summary>Any number, by the platform's parser, through the cache: the same digits allocate once.</summary>
         private double GetCached(byte[] bytes, int start, int length)
         {
             int slot = JsonTexts.SlotOf(bytes, start, length, CacheSlots);

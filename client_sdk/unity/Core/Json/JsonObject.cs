@@ -24,10 +24,10 @@ namespace Terraport.Json
         /// <summary>Number of members.</summary>
         public int Count => names.Length;
 
-        /// <summary>Name of a member, by its place.</summary>
+        /// <summary>Name of a member, by its index in the order received.</summary>
         public string NameAt(int index) { return names[index]; }
 
-        /// <summary>Value of a member, by its place.</summary>
+        /// <summary>Value of a member, by its index in the order received.</summary>
         public JsonValue ValueAt(int index) { return values[index]; }
 
         /// <summary>Look a member up; false where there is none of that name. Takes time in proportion to the members.</summary>
@@ -50,6 +50,7 @@ namespace Terraport.Json
         internal static string FirstRepeated(List<string> list, int start)
         {
             int count = list.Count - start;
+            // Nearly every object: comparing pairs is faster than sorting, and allocates nothing.
             if (count <= 16)
             {
                 for (int candidate = start + 1; candidate < list.Count; candidate++)

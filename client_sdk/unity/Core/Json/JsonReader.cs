@@ -16,6 +16,7 @@ namespace Terraport.Json
         public const int DefaultMaxValues = 1 << 22;
 
         private readonly JsonTape tape = new JsonTape();
+        // A stack shared by all nesting levels: each object pushes its keys and takes them off when it is complete.
         private readonly List<string> names = new List<string>();
 
         private JsonReader(ArraySegment<byte> text, int maxValues) { tape.Read(text.Array, text.Offset, text.Count, maxValues); }
@@ -33,10 +34,12 @@ namespace Terraport.Json
             }
             catch (JsonException error)
             {
+                // The tape counts from the start of the array; callers count from the start of their text.
                 throw new JsonException(error.Reason, error.Offset - text.Offset);
             }
         }
 
+        // Recursion is safe here: the tape has refused anything nested more than 64 deep.
         private JsonValue Value(int node)
         {
             switch (tape.KindOf(node))

@@ -11,17 +11,20 @@ namespace Terraport.Json
     /// </summary>
     internal sealed class JsonTape
     {
-        /// <summary>No node: what a key that is not there gives.</summary>
+        /// <summary>No node: what <see cref="Find"/> gives for an absent key.</summary>
         internal const int None = -1;
 
         private const int MaxDepth = 64;
+        // Nodes of the containers that are not closed yet, outermost first.
         private readonly int[] open = new int[MaxDepth];
         private readonly JsonTexts texts = new JsonTexts();
         private readonly JsonNumbers numbers = new JsonNumbers();
+        // Only grows: after the first few documents, reading one allocates nothing.
         private JsonNode[] nodes = new JsonNode[512];
         private int count;
         private int maxNodes;
         private byte[] bytes;
+        // Next byte to be read, as an index into `bytes`; `end` is one past the document's last.
         private int cursor;
         private int end;
 
@@ -50,7 +53,7 @@ namespace Terraport.Json
             }
         }
 
-        /// <summary>Let go of the bytes.</summary>
+        /// <summary>Drop the reference to the bytes, so that a kept tape does not keep a payload alive.</summary>
         internal void Release() { bytes = null; }
 
         internal bool IsObject(int node) { return node >= 0 && nodes[node].Kind == JsonNodeKind.Object; }
@@ -89,6 +92,7 @@ namespace Terraport.Json
                 int value = nodes[name].Next;
                 if (IsEqual(name, key))
                 {
+                    // No early return: of a repeated key the last one counts, as in most parsers.
                     match = value;
                 }
                 name = nodes[value].Next;
@@ -96,7 +100,7 @@ namespace Terraport.Json
             return match;
         }
 
-        /// <summary>Entry of a list by its number, which must be there.</summary>
+        /// <summary>Entry of a list by its number, which must be below <see cref="CountOf"/>. Takes time in proportion to it.</summary>
         internal int Entry(int list, int number)
         {
             int entry = list + 1;
@@ -107,7 +111,7 @@ namespace Terraport.Json
             return entry;
         }
 
-        /// <summary>Whether a node is a text, and this one (ASCII).</summary>
+        /// <summary>Whether a node is a text and equals <paramref name="ascii"/>; compared byte by byte, so nothing is allocated.</summary>
         internal bool IsEqual(int node, string ascii)
         {
             if (node < 0 || nodes[node].Kind != JsonNodeKind.Text)
@@ -115,6 +119,7 @@ namespace Terraport.Json
                 return false;
             }
             JsonNode text = nodes[node];
+            // With escapes the bytes are not the text: compare what they stand for.
             if (text.Count != 0)
             {
                 return TextOf(node) == ascii;
@@ -123,6 +128,7 @@ namespace Terraport.Json
             {
                 return false;
             }
+            // Without escapes, and equal in length, ASCII compares byte by byte.
             for (int index = 0; index < ascii.Length; index++)
             {
                 if (bytes[text.Start + index] != ascii[index])
@@ -189,11 +195,13 @@ namespace Terraport.Json
         /// <summary>One value with everything in it, without recursion: hostile nesting must not use up a thread's stack.</summary>
         private void Parse()
         {
+            // Invariant: open[0..depth) are the containers around the cursor; a container's Next is set when it closes.
             int depth = 0;
             do
             {
                 int owner = depth > 0 ? open[depth - 1] : None;
                 SkipBlanks();
+                // 1. The end of the innermost container: its subtree is complete, so Next can be set.
                 if (owner != None && IsAt(nodes[owner].Kind == JsonNodeKind.Object ? (byte)'}' : (byte)']'))
                 {
                     if (nodes[owner].IsExpecting)
@@ -206,10 +214,12 @@ namespace Terraport.Json
                     EndEntry(depth > 0 ? open[depth - 1] : None);
                     continue;
                 }
+                // 2. Otherwise one more entry of it begins.
                 if (owner != None)
                 {
                     StartEntry(owner);
                 }
+                // 3. The value: a container is pushed and filled in later rounds, a scalar is read at once.
                 byte first = Peek();
                 if (first == '{' || first == '[')
                 {
@@ -250,6 +260,7 @@ namespace Terraport.Json
             SkipBlanks();
         }
 
+        /// <summary>Behind a value: note the comma, if one stands there; a document's own value has no owner and takes none.</summary>
         private void EndEntry(int owner)
         {
             SkipBlanks();
@@ -313,6 +324,7 @@ namespace Terraport.Json
                     cursor++;
                 }
             }
+            // Escapes stay as they are in the bytes; they are resolved only where the text is asked for.
             nodes[Add(JsonNodeKind.Text, start, cursor - start)].Count = escapes;
             cursor++;
         }
@@ -328,6 +340,7 @@ namespace Terraport.Json
             cursor += length;
         }
 
+        /// <summary>Append a node; containers get their length and Next when they are closed.</summary>
         private int Add(JsonNodeKind kind, int start, int length)
         {
             if (count == maxNodes)
@@ -361,6 +374,7 @@ namespace Terraport.Json
             return bytes[cursor];
         }
 
+        /// <summary>An error at the cursor.</summary>
         private JsonException Damaged(string reason) { return new JsonException(reason, cursor); }
     }
 }

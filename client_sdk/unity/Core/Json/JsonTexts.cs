@@ -5,7 +5,7 @@ using System.Text;
 namespace Terraport.Json
 {
     /// <summary>
-    /// Texts of JSON: the same bytes give the same object, as far as a small cache reaches, so that names are made once.
+    /// Texts of JSON: the same bytes give the same object, as far as a small cache reaches, so that names are allocated once.
     /// </summary>
     internal sealed class JsonTexts
     {
@@ -17,6 +17,7 @@ namespace Terraport.Json
         internal string Get(byte[] bytes, int start, int length, bool hasEscapes)
         {
             int slot = SlotOf(bytes, start, length, CacheSlots);
+            // Direct-mapped: a colliding text takes the slot over, so the cache never grows.
             if (cachedTexts[slot] == null || !IsSame(cachedBytes[slot], bytes, start, length))
             {
                 string text = Encoding.UTF8.GetString(bytes, start, length);
@@ -77,6 +78,7 @@ namespace Terraport.Json
             return copy;
         }
 
+        /// <summary>Replace the escapes of a text that <see cref="EscapeLength"/> has accepted.</summary>
         private static string Unescape(string text)
         {
             var plain = new StringBuilder(text.Length);
@@ -90,6 +92,7 @@ namespace Terraport.Json
                 at++;
                 if (text[at] == 'u')
                 {
+                    // Halves of a surrogate pair come as two escapes; side by side they are the pair again.
                     plain.Append((char)int.Parse(text.Substring(at + 1, 4), NumberStyles.HexNumber, CultureInfo.InvariantCulture));
                     at += 4;
                     continue;

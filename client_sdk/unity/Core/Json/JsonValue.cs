@@ -8,7 +8,9 @@ namespace Terraport.Json
     /// </summary>
     public readonly struct JsonValue
     {
+        // What the kind says: string, JsonValue[], JsonObject, or the array that binary lies in.
         private readonly object reference;
+        // Flag, integer, the bits of a double, or of binary: offset (upper 32) and length (lower 32).
         private readonly long bits;
         private readonly JsonKind kind;
 

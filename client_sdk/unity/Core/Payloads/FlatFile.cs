@@ -63,6 +63,7 @@ namespace Terraport
             {
                 throw new PayloadException(bytes.Count + " bytes, expected " + Long(24) + " by the header", 24);
             }
+            // Before the directory is looked at: from here on only a writer's mistake can be met, not a flipped bit.
             ulong actual = Xxh3.Hash64(bytes.Array, bytes.Offset + ChecksumStart, bytes.Count - ChecksumStart);
             if (actual != Long(8))
             {
@@ -72,7 +73,7 @@ namespace Terraport
             ReadDirectory();
         }
 
-        /// <summary>Let go of the bytes.</summary>
+        /// <summary>Drop the reference to the bytes.</summary>
         internal void Release() { file = default(ArraySegment<byte>); }
 
         /// <summary>Number of the field of that name (ASCII); -1 where there is none.</summary>
@@ -131,6 +132,7 @@ namespace Terraport
             {
                 throw new PayloadException(count + " fields of " + entryBytes + " bytes at " + start + ", expected a directory", 32);
             }
+            // In 64 bits: the product of two 32-bit numbers must not wrap around.
             if (start + (ulong)count * entryBytes > (ulong)file.Count)
             {
                 throw new PayloadException("a directory of " + count + " fields runs past the end at " + file.Count, 32);
@@ -138,8 +140,10 @@ namespace Terraport
             fields = Grow.To(fields, (int)count);
             for (int number = 0; number < (int)count; number++)
             {
+                // By the stated entry size: a later minor version may have longer entries.
                 int at = (int)(start + (uint)number * entryBytes);
                 byte type = Byte(at + NameBytes);
+                // Types of later minor versions are skipped, not refused.
                 if (type >= (byte)ElementType.Int8 && type <= (byte)ElementType.UInt64)
                 {
                     fields[FieldCount] = ReadField(at);

@@ -23,18 +23,23 @@ namespace Terraport
         private const int MaxRows = 1 << 27;
 
         private readonly GlbDocument document;
+        // Decompressed rows of the accessor that was read last; the next one overwrites them.
         private byte[] scratch;
 
         internal GlbAccessors(GlbDocument document) { this.document = document; }
 
-        /// <summary>Rows of a vertex attribute.</summary>
-        /// <remarks>number: Node that holds the accessor's number.
-        /// component: Component type that it must have; <paramref name="alternative"/> is another one, or 0.
-        /// type: SCALAR, VEC2, VEC3 or VEC4, of <paramref name="width"/> components.
-        /// label: For error texts; also says which filter is allowed.</remarks>
+        /// <summary>Rows of a vertex attribute, where they lie; valid until the next accessor is read.</summary>
+        /// <param name="number">Node that holds the accessor's number.</param>
+        /// <param name="component">Component type that it must have.</param>
+        /// <param name="alternative">Another component type that it may have, or 0.</param>
+        /// <param name="type">SCALAR, VEC2, VEC3 or VEC4.</param>
+        /// <param name="width">Components of that type.</param>
+        /// <param name="label">For error texts; also says which filter is allowed.</param>
+        /// <exception cref="PayloadException">The accessor is outside the profile, or does not decompress.</exception>
         internal GlbRows Vertices(int number, int component, int alternative, string type, int width, string label)
         {
             var rows = new GlbRows();
+            // 1. What the accessor states: type, count, stride.
             int view = ReadAccessor(number, component, alternative, type, label, ref rows);
             int minStride = width * SizeOf(rows.Component);
             int stride = document.Tape.Find(view, "byteStride");
@@ -43,15 +48,18 @@ namespace Terraport
             {
                 throw new PayloadException("byteStride of " + label + " is " + rows.Stride + ", expected 4, 8, 12 or 16");
             }
+            // 2. Rows that are not compressed are used in place.
             int compression = Locate(view, label, ref rows);
             if (compression >= 0)
             {
+                // 3. Compressed rows: bound the output by the input before reserving memory for it.
                 int length = CheckCompression(compression, label, rows, "ATTRIBUTES");
                 long bytes = (long)rows.Count * rows.Stride;
                 if (length < bytes / VertexExpansion)
                 {
                     throw TooShort(length, label, rows);
                 }
+                // 4. Decompress, then undo the filter; EXPONENTIAL is left to the caller, who wants floats elsewhere.
                 rows.IsExponential = HasFilter(compression, label, rows);
                 bool isOctahedral = label == "NORMAL" && document.Tape.Find(compression, "filter") >= 0 && !IsUnfiltered(compression);
                 int start = Slice(compression, length, label);
@@ -90,6 +98,7 @@ namespace Terraport
                 return rows.Count;
             }
             int length = CheckCompression(compression, label, rows, "TRIANGLES");
+            // At least one code byte per triangle: a small file cannot make us reserve a large list.
             if (length < rows.Count / 3)
             {
                 throw TooShort(length, label, rows);
@@ -101,6 +110,7 @@ namespace Terraport
             int start = Slice(compression, length, label);
             CheckHeader(start, IndexHeader, label);
             target = Grow.To(target, rows.Count);
+            // The codec computes in 32 bits; a 16-bit list wraps around at 65536.
             uint mask = rows.Component == UnsignedShort ? 0xFFFF : uint.MaxValue;
             if (!IndexCodec.TryDecode(document.Bytes, start, length, target, rows.Count, mask))
             {
@@ -135,6 +145,7 @@ namespace Terraport
 
         private static void Widen(GlbRows rows, uint[] target)
         {
+            // Buffer.BlockCopy copies bytes as they lie; machine and format are both little-endian.
             if (rows.Component == UnsignedInt)
             {
                 Buffer.BlockCopy(rows.Bytes, rows.Start, target, 0, rows.Count * 4);

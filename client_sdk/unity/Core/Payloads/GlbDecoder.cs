@@ -13,6 +13,7 @@ namespace Terraport
         private const double LastCode = 65534;
         private readonly GlbDocument document = new GlbDocument();
         private readonly GlbAccessors accessors;
+        // Positions in words of the filter EXPONENTIAL, before they become floats.
         private int[] words;
 
         /// <summary>A decoder with no scratch memory yet.</summary>
@@ -39,6 +40,7 @@ namespace Terraport
             }
             finally
             {
+                // A kept decoder must not keep the payload's pooled array alive.
                 document.Release();
                 if (!isWhole)
                 {
@@ -50,6 +52,7 @@ namespace Terraport
         private void Fill(SegmentMesh mesh, bool isBase)
         {
             JsonTape tape = document.Tape;
+            // 1. The frame: one mesh of one primitive of triangles, under one node.
             CheckExtensions();
             int gltfMesh = document.Single(0, "meshes");
             int primitive = document.Single(gltfMesh, "primitives");
@@ -59,10 +62,12 @@ namespace Terraport
                 throw document.Wrong(mode, "primitive mode", null, "4 (triangles)");
             }
             int names = document.ExpectObject(tape.Find(primitive, "attributes"), "attributes", null);
+            // 2. Geometry. Positions first: they fix the vertex count that every other attribute is checked against.
             ReadTransform(mesh);
             ReadPositions(mesh, tape.Find(names, "POSITION"));
             ReadIndices(mesh, tape.Find(primitive, "indices"));
             ReadNormals(mesh, tape.Find(names, "NORMAL"));
+            // 3. Appearance: vertex colours or a texture, never both.
             GlbTexture texture;
             bool hasTexture = GlbTexture.TryFind(document, primitive, out texture);
             int colours = tape.Find(names, "COLOR_0");
@@ -74,6 +79,7 @@ namespace Terraport
             {
                 ReadColours(mesh, colours);
             }
+            // 4. Labels and survey attributes.
             int regions = tape.Find(names, "_FEATURE_ID_0");
             if (regions >= 0)
             {
@@ -81,6 +87,7 @@ namespace Terraport
                 mesh.HasRegionIds = true;
             }
             ReadAttributes(mesh, names, gltfMesh);
+            // 5. Texture last: copying the image is the dearest step, and a damaged mesh should not pay for it.
             if (hasTexture)
             {
                 ReadUvs(mesh, tape.Find(names, "TEXCOORD_0"), texture);
@@ -119,6 +126,7 @@ namespace Terraport
                 throw new PayloadException("node has a matrix or rotation, expected translation and scale alone");
             }
             mesh.Translation = document.Triple(node, "translation", 0);
+            // The three axes share one step, a power of two: codes stay exact in float32, and borders stay equal.
             Vec3 scale = document.Triple(node, "scale", 1);
             if (!(scale.X > 0) || scale.Y != scale.X || scale.Z != scale.X)
             {
@@ -140,6 +148,7 @@ namespace Terraport
                 mesh.Bounds = BoundsOf(mesh);
                 return;
             }
+            // Floats are metres of the scene frame as they are; a transform over them would round.
             if (mesh.StepM != 1 || !mesh.Translation.Equals(new Vec3(0, 0, 0)))
             {
                 throw new PayloadException("float positions with a node transform, expected none");
@@ -170,6 +179,7 @@ namespace Terraport
                 ToFloat32(translation.Y + step * codes[4]), ToFloat32(translation.Z + step * codes[5]));
         }
 
+        /// <summary>A coordinate in float32, metres.</summary>
         private static float ToFloat32(double metres)
         {
             float value = (float)metres;
@@ -184,6 +194,7 @@ namespace Terraport
         {
             uint[] indices = mesh.Indices;
             int count = accessors.Indices(number, ref indices);
+            // A property cannot be passed by reference: the grown array goes back by hand.
             mesh.Indices = indices;
             MeshChecks.Indices(indices, count, mesh.VertexCount);
             mesh.FaceCount = count / 3;

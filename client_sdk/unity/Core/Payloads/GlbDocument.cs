@@ -12,7 +12,7 @@ namespace Terraport
         private const int MaxJsonBytes = 1 << 20;
         private const int HeaderBytes = 12;
         private const int ChunkBytes = 8;
-        // As little-endian numbers.
+        // "glTF", "JSON" and "BIN\\0" as little-endian numbers.
         private const uint Gltf = 0x46546C67;
         private const uint JsonChunk = 0x4E4F534A;
         private const uint BinaryChunk = 0x004E4942;
@@ -39,6 +39,7 @@ namespace Terraport
             int size = payload.Count;
             payloadStart = payload.Offset;
             Bytes = payload.Array;
+            // 1. Header: magic, version, length. Its length must be the payload's own, so that nothing hides behind it.
             if (size < HeaderBytes + ChunkBytes)
             {
                 throw new PayloadException(size + " bytes, expected a GLB of at least " + (HeaderBytes + ChunkBytes), 0);
@@ -55,6 +56,7 @@ namespace Terraport
             {
                 throw new PayloadException(size + " bytes, expected " + Word(8) + " by the header", 8);
             }
+            // 2. The two chunks, in this order, and nothing after them.
             int jsonLength = ChunkAt(HeaderBytes, size, JsonChunk, "JSON");
             if (jsonLength > MaxJsonBytes)
             {
@@ -67,6 +69,7 @@ namespace Terraport
             {
                 throw new PayloadException("something after the BIN chunk, expected nothing", binaryStart + BinaryLength);
             }
+            // 3. The document. Offsets in errors count from the payload, not from the array that it lies in.
             BinaryStart = payloadStart + binaryStart;
             try
             {
@@ -79,7 +82,7 @@ namespace Terraport
             ExpectObject(0, "JSON chunk", null);
         }
 
-        /// <summary>Let go of the payload.</summary>
+        /// <summary>Drop the references to the payload: it belongs to a pool, and this object outlives it.</summary>
         internal void Release()
         {
             Bytes = null;
@@ -90,7 +93,7 @@ namespace Terraport
         internal long OffsetOf(int index) { return index - payloadStart; }
 
         /// <summary>
-        /// The node, if it is an object. The label of its part may be null; texts are put together for errors alone.
+        /// The node, if it is an object. The label says whose property it is and may be null; texts are built for errors alone.
         /// </summary>
         internal int ExpectObject(int node, string property, string label)
         {
@@ -125,7 +128,7 @@ namespace Terraport
         /// <summary>Node under a key; none where there is no owner.</summary>
         internal int Find(int owner, string key) { return owner < 0 ? JsonTape.None : Tape.Find(owner, key); }
 
-        /// <summary>The one object in the list under a key.</summary>
+        /// <summary>The object in a list under a key that must hold exactly one.</summary>
         internal int Single(int owner, string key)
         {
             int list = ExpectList(Tape.Find(owner, key), key);
@@ -163,6 +166,7 @@ namespace Terraport
         internal double ExpectFinite(int node, string property, string label)
         {
             double value = Tape.IsNumber(node) ? Tape.NumberOf(node) : double.NaN;
+            // False for NaN and for both infinities.
             if (value - value == 0)
             {
                 return value;
@@ -189,7 +193,7 @@ namespace Terraport
             return new Vec3(ExpectFinite(x, key, null), ExpectFinite(y, key, null), ExpectFinite(z, key, null));
         }
 
-        /// <summary>Says what a node is and what was expected.</summary>
+        /// <summary>An error that says what a node is and what was expected; thrown by the caller.</summary>
         internal PayloadException Wrong(int node, string property, string label, string expected)
         {
             string name = label == null ? property : property + " of " + label;
@@ -214,6 +218,7 @@ namespace Terraport
             {
                 throw new PayloadException("chunk type " + Word(at + 4) + ", expected " + name, at + 4);
             }
+            // Unsigned, before any addition: a length near 2^32 must not wrap around.
             if (Word(at) > (uint)remaining)
             {
                 throw new PayloadException("chunk of " + Word(at) + " bytes, " + remaining + " left", at);

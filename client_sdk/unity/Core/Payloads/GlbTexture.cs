@@ -13,7 +13,7 @@ namespace Terraport
         internal const string WebpExtension = "EXT_texture_webp";
         internal const string BasisExtension = "KHR_texture_basisu";
 
-        /// <summary>Sides up to 32768 texels.</summary>
+        /// <summary>Least scale: of an image with sides of up to 32768 texels, half a texel a step.</summary>
         private const double MinScale = 1.0 / 65536;
 
         /// <summary>Node that holds the number of the image's bufferView.</summary>
@@ -70,6 +70,7 @@ namespace Terraport
             int texture = document.Pick("textures", tape.Find(textureInfo, "index"), "texture", null);
             int extensions = document.OptionalObject(texture, "extensions");
             int source = tape.Find(texture, "source");
+            // Without an extension glTF allows these two; each extension replaces the source and allows one type alone.
             string mediaType = "image/jpeg";
             string alternative = "image/png";
             int webp = document.OptionalObject(extensions, WebpExtension);
@@ -99,12 +100,14 @@ namespace Terraport
         {
             JsonTape tape = document.Tape;
             int extensions = document.OptionalObject(textureInfo, "extensions");
+            // No transform: codes are fractions of 65535.
             if (extensions < 0 || tape.CountOf(extensions) == 0)
             {
                 return;
             }
             int transform = document.ExpectObject(tape.Find(extensions, UvTransform), UvTransform, null);
             int scale = document.ExpectList(tape.Find(transform, "scale"), "scale");
+            // One member, "scale": an offset or a rotation would need a shader that clients do not have.
             bool isPair = tape.CountOf(transform) == 1 && tape.CountOf(scale) == 2;
             int second = isPair ? tape.After(tape.FirstOf(scale)) : JsonTape.None;
             if (!isPair || !IsScale(document, tape.FirstOf(scale), out ScaleU) || !IsScale(document, second, out ScaleV))

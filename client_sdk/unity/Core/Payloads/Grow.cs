@@ -17,6 +17,7 @@ namespace Terraport
             {
                 return array;
             }
+            // In 64 bits: a quarter more than a large length would overflow an int.
             return new T[(int)Math.Min(length + length / 4L, int.MaxValue / 8)];
         }
     }

@@ -43,12 +43,14 @@ namespace Terraport
                 {
                     throw new PayloadException("PNG does not start with IHDR");
                 }
+                // IHDR is the first chunk: length (8), type (12), width (16), height (20).
                 header.Width = header.BigEndian(16, 4);
                 header.Height = header.BigEndian(20, 4);
             }
             else if (header.StartsWith(KtxStart))
             {
                 header.MediaType = "image/ktx2";
+                // Behind the identifier (12 bytes): vkFormat, typeSize, then the two sides.
                 header.Width = header.LittleEndian(20, 4);
                 header.Height = header.LittleEndian(24, 4);
             }
@@ -76,6 +78,7 @@ namespace Terraport
 
         private static bool IsSide(uint side, uint maxSide) { return side >= 1 && side <= maxSide && (side & (side - 1)) == 0; }
 
+        /// <summary>Walk the markers to the first frame header (SOFn), which has the sides; never past the first scan.</summary>
         private void ReadJpeg()
         {
             int at = 2;
@@ -114,10 +117,12 @@ namespace Terraport
             throw new PayloadException("JPEG without a frame header before its first scan");
         }
 
+        /// <summary>The sides by the first chunk: lossy, lossless, or extended.</summary>
         private void ReadWebp()
         {
             if (HasAscii(12, "VP8 "))
             {
+                // 14 bits each; the two above them ask for scaling, which decoders do not carry out.
                 Width = LittleEndian(26, 2) & 0x3FFF;
                 Height = LittleEndian(28, 2) & 0x3FFF;
             }
@@ -186,6 +191,7 @@ namespace Terraport
             return value;
         }
 
+        /// <summary>A byte of the file; refuses what lies beyond its end, so that callers need no checks of their own.</summary>
         private byte At(int at)
         {
             if (at >= length)

@@ -38,14 +38,21 @@ namespace Terraport
             }
         }
 
-        /// <remarks>table: Its 16 bytes end the buffer: a triangle reads at most 16 bytes, so one check serves it.</remarks>
+        /// <summary>All triangles of a buffer whose lengths were checked; false where its data does not end at the table.</summary>
+        /// <remarks>
+        /// code: One byte a triangle. data: Bytes of their own behind them. table: Its 16 bytes end the buffer: a triangle reads at
+        /// most 16 bytes, so one check serves it. fifos: Room for 16 edges and 16 vertices.
+        /// Invariant: edgeHead and vertexHead are the next free entries of the two rings; next is the lowest vertex never used, and
+        /// last the one that differences count from. Encoder and decoder change them alike.
+        /// </remarks>
         private static bool Decode(byte *code, byte *data, byte *table, uint *target, uint *end, uint *fifos, uint mask)
         {
-            // A place in a fifo that was never written to is no vertex number: callers refuse it.
+            // An entry of a fifo that was never written to is no vertex number: callers refuse it.
             for (int at = 0; at < 48; at++)
             {
                 fifos[at] = uint.MaxValue;
             }
+            // 1. Both rings start empty; 16 entries of two vertices, and 16 of one.
             uint *edges = fifos;
             uint *vertices = fifos + 32;
             uint edgeHead = 0;
@@ -56,6 +63,7 @@ namespace Terraport
             {
                 while (target < end)
                 {
+                    // Before reading: what a triangle takes stays within the table then.
                     if (data > table)
                     {
                         return false;
@@ -66,16 +74,19 @@ namespace Terraport
                     uint c;
                     if (triangle < 0xF0)
                     {
+                        // 2. An edge of an earlier triangle (upper half of the code) and a third vertex (lower half).
                         uint edgeAt = ((edgeHead - 1 - (triangle >> 4)) & 15) << 1;
                         a = edges[edgeAt];
                         b = edges[edgeAt + 1];
                         uint third = triangle & 15;
+                        // 0: a vertex that was never used; it enters the ring.
                         if (third == 0)
                         {
                             c = next++;
                             vertices[vertexHead] = c;
                             vertexHead = (vertexHead + 1) & 15;
                         }
+                        // 1 to 12: a recent vertex; it stays where it is in the ring.
                         else if (third < 13)
                         {
                             c = vertices[(vertexHead - 1 - third) & 15];
@@ -88,6 +99,7 @@ namespace Terraport
                             vertices[vertexHead] = c;
                             vertexHead = (vertexHead + 1) & 15;
                         }
+                        // The two new edges, turned round: the neighbour runs through them in the other direction.
                         edges[edgeHead << 1] = c;
                         edges[(edgeHead << 1) + 1] = b;
                         edgeHead = (edgeHead + 1) & 15;
@@ -97,8 +109,10 @@ namespace Terraport
                     }
                     else
                     {
+                        // 3. Three vertices: how b and c are named is in the table, or in a byte of the data.
                         bool isExplicit = triangle >= 0xFE;
                         uint pair = isExplicit ? *data++ : table[triangle & 15];
+                        // The encoder starts its numbering anew: vertices come in a second order of first use.
                         if (isExplicit && pair == 0)
                         {
                             next = 0;
@@ -108,6 +122,7 @@ namespace Terraport
                         a = triangle == 0xFF ? 0 : next++;
                         b = second == 0 ? next++ : vertices[(vertexHead - second) & 15];
                         c = third == 0 ? next++ : vertices[(vertexHead - third) & 15];
+                        // Numbers far from all recent ones come as differences, behind the byte, in the order a, b, c.
                         if (isExplicit)
                         {
                             if (triangle == 0xFF)
@@ -123,6 +138,7 @@ namespace Terraport
                                 last = c = last + Difference(ref data);
                             }
                         }
+                        // 4. The rings, in the encoder's order: the vertices that were not recent, then all three edges.
                         vertices[vertexHead] = a;
                         vertexHead = (vertexHead + 1) & 15;
                         if (second == 0 || (isExplicit && second == 15))
@@ -145,12 +161,14 @@ namespace Terraport
                         edges[(edgeHead << 1) + 1] = c;
                         edgeHead = (edgeHead + 1) & 15;
                     }
+                    // 5. Written without a check of its range: MeshChecks.Indices looks at the whole list once.
                     target[0] = a & mask;
                     target[1] = b & mask;
                     target[2] = c & mask;
                     target += 3;
                 }
             }
+            // Left-over bytes mean damage as well.
             return data == table;
         }
 
@@ -161,6 +179,7 @@ namespace Terraport
             {
                 uint octet = *data++;
                 uint value = octet & 127;
+                // Bounded at five bytes: a hostile run of continuation bits must end.
                 for (int shift = 7; octet >= 128 && shift < 35; shift += 7)
                 {
                     octet = *data++;

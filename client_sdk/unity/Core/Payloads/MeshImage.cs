@@ -5,7 +5,7 @@ namespace Terraport
     /// <summary>The image file of a mesh, its header checked. The buffer is reused: only the first Length bytes count.</summary>
     public sealed class MeshImage
     {
-        /// <summary>The file as it is.</summary>
+        /// <summary>The file as it is, in a buffer of the mesh: valid until the next decode into it.</summary>
         public byte[] Bytes { get; internal set; }
 
         /// <summary>Bytes of the file; 0 where the mesh has no image.</summary>

@@ -24,6 +24,7 @@ namespace Terraport
             {
                 throw new ArgumentOutOfRangeException("count");
             }
+            // The range was checked above, once: no access below is checked.
             fixed(byte *start = rows) fixed(uint *results = FullResults)
             {
                 uint *row = (uint *)start;
@@ -46,12 +47,14 @@ namespace Terraport
             for (int at = 0; at < count; at++)
             {
                 int word = words[at];
+                // Shifted up and down again: the sign of the 24 bits is extended.
                 int mantissa = (word << 8) >> 8;
                 // Exact: 24 bits of mantissa and a power of two within double's range.
                 values[at] = (float)(mantissa * PowerOfTwo(word >> 24));
             }
         }
 
+        /// <summary>2^exponent, by its bits: exact, where Math.Pow need not be.</summary>
         private static double PowerOfTwo(int exponent) { return BitConverter.Int64BitsToDouble((long)(exponent + 1023) << 52); }
 
         private static uint[] MakeFullResults()
@@ -67,6 +70,7 @@ namespace Terraport
         /// <summary>One row: three bytes, the lowest first. Rounded to float32 where meshoptimizer's decoder rounds.</summary>
         private static uint Unfold(int x, int y, int size)
         {
+            // The lower half of the octahedron is folded over the upper: negative z moves x and y back out.
             int z = size - Math.Abs(x) - Math.Abs(y);
             int fold = z >= 0 ? 0 : z;
             x += x >= 0 ? fold : -fold;
@@ -76,6 +80,7 @@ namespace Terraport
             return RoundToByte(x * scale) | (RoundToByte(y * scale) << 8) | (RoundToByte(z * scale) << 16);
         }
 
+        /// <summary>Half away from zero, as meshoptimizer's decoder rounds, in the lowest byte.</summary>
         private static uint RoundToByte(float value) { return (byte)(sbyte)(int)(value + (value >= 0 ? 0.5f : -0.5f)); }
     }
 }

@@ -94,6 +94,7 @@ namespace Terraport
         public long GpuBytes
         {
             get {
+                // An estimate for budgets, by the payload alone: engines pack vertices in forms of their own.
                 long vertex = (HasFloatPositions ? 12 : 8) + 4;
                 vertex += HasColours ? 8 : 0;
                 vertex += HasTexture ? 4 : 0;
@@ -179,6 +180,7 @@ namespace Terraport
         internal MeshAttribute AddAttribute()
         {
             MeshAttribute attribute;
+            // From the end of a list: taking there moves nothing.
             int last = spareAttributes.Count - 1;
             if (last >= 0)
             {

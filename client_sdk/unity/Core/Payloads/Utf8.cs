@@ -15,6 +15,7 @@ namespace Terraport
                 {
                     continue;
                 }
+                // RFC 3629, section 4. C0, C1 and F5 to FF start nothing; 80 to BF only follow.
                 int trailing = first >= 0xC2 && first <= 0xDF ? 1
                     : first >= 0xE0 && first <= 0xEF          ? 2
                     : first >= 0xF0 && first <= 0xF4          ? 3
@@ -24,6 +25,7 @@ namespace Terraport
                     return false;
                 }
                 byte second = bytes[at];
+                // The second byte alone rules out longer forms than needed (E0, F0), surrogates (ED) and what is above U+10FFFF (F4).
                 byte minSecond = first == 0xE0 ? (byte)0xA0 : first == 0xF0 ? (byte)0x90 : (byte)0x80;
                 byte maxSecond = first == 0xED ? (byte)0x9F : first == 0xF4 ? (byte)0x8F : (byte)0xBF;
                 if (second < minSecond || second > maxSecond)

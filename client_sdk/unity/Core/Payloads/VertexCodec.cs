@@ -37,6 +37,7 @@ namespace Terraport
             {
                 return false;
             }
+            // The tail is padded to 32 bytes, so that a group may be read whole near the end.
             int tail = Math.Max(stride, MinTailBytes);
             if (length < 1 + tail || source[offset] != Header)
             {
@@ -44,6 +45,7 @@ namespace Terraport
             }
             fixed(byte *start = source) fixed(byte *rows = target)
             {
+                // Four planes of one byte each: the differences of a 32-bit word of all rows of a block.
                 byte *deltas = stackalloc byte[4 * MaxBlockRows];
                 uint *last = stackalloc uint[MaxStride / 4];
                 byte *end = start + offset + length;
@@ -51,6 +53,7 @@ namespace Terraport
                 {
                     last[word] = *(uint *)(end - stride + 4 * word);
                 }
+                // As the encoder cuts: 8 KiB of rows, whole groups of 16, at most 256 rows.
                 int blockRows = Math.Min((MaxBlockBytes / stride) & ~(GroupRows - 1), MaxBlockRows);
                 byte *data = start + offset + 1;
                 for (int first = 0; first < count; first += blockRows)
@@ -61,6 +64,7 @@ namespace Terraport
                         return false;
                     }
                 }
+                // Neither too few bytes nor left-over ones: both mean damage.
                 return end - data == tail;
             }
         }
@@ -108,8 +112,10 @@ namespace Terraport
                 {
                     return null;
                 }
+                // Whole groups are written, also past count: deltas has room for 256 rows, a multiple of 16.
                 ulong *wide = (ulong *)(deltas + group * GroupRows);
                 int bits = (header[group >> 2] >> ((group & 3) << 1)) & 3;
+                // All differences of the group are 0: nothing is stored for it.
                 if (bits == 0)
                 {
                     wide[0] = 0;
@@ -136,6 +142,7 @@ namespace Terraport
                 int step = stride >> 2;
                 for (; deltas < stop; deltas++)
                 {
+                    // One byte of each of the four planes, put together as a word.
                     uint delta = deltas[0] | ((uint)deltas[MaxBlockRows] << 8) | ((uint)deltas[2 * MaxBlockRows] << 16)
                         | ((uint)deltas[3 * MaxBlockRows] << 24);
                     // Four sums of bytes: the highest bits apart, so that nothing is carried from one to the next.

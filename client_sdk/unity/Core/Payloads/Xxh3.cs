@@ -64,8 +64,8 @@ namespace Terraport
             return Hash64(bytes, 0, bytes.Length);
         }
 
-        /// <summary>Hash of a part of an array.</summary>
-        /// <exception cref="ArgumentOutOfRangeException">The part does not lie within the array.</exception>
+        /// <summary>Hash of a range of an array; allocates nothing.</summary>
+        /// <exception cref="ArgumentOutOfRangeException">The range does not lie within the array.</exception>
         public static ulong Hash64(byte[] bytes, int offset, int length)
         {
             if (bytes == null)
@@ -93,6 +93,7 @@ namespace Terraport
             }
         }
 
+        /// <summary>0 to 16 bytes: one formula for each of 9 to 16, 4 to 8, 1 to 3, and none.</summary>
         private static ulong Short(byte *input, int length, byte *secret)
         {
             unchecked
@@ -122,10 +123,12 @@ namespace Terraport
             }
         }
 
+        /// <summary>17 to 128 bytes.</summary>
         private static ulong UpTo128(byte *input, int length, byte *secret)
         {
             unchecked
             {
+                // 17 to 128 bytes: pairs of 16 bytes from both ends towards the middle, which may overlap there.
                 ulong sum = (ulong)length * Prime64A;
                 for (int pair = (length - 1) / 32; pair >= 0; pair--)
                 {
@@ -136,10 +139,12 @@ namespace Terraport
             }
         }
 
+        /// <summary>129 to 240 bytes.</summary>
         private static ulong UpTo240(byte *input, int length, byte *secret)
         {
             unchecked
             {
+                // 129 to 240 bytes: 16 at a time; the secret's offsets 3 and 17 are those of the reference implementation.
                 ulong sum = (ulong)length * Prime64A;
                 for (int at = 0; at < 8; at++)
                 {
@@ -154,11 +159,13 @@ namespace Terraport
             }
         }
 
+        /// <summary>Above 240 bytes: blocks of 16 stripes, scrambled after each.</summary>
         private static ulong Long(byte *input, int length, byte *secret)
         {
             unchecked
             {
                 ulong *sums = stackalloc ulong[8];
+                // Eight accumulators with the reference's start values.
                 sums[0] = Prime32C;
                 sums[1] = Prime64A;
                 sums[2] = Prime64B;
@@ -167,6 +174,7 @@ namespace Terraport
                 sums[5] = Prime32B;
                 sums[6] = Prime64E;
                 sums[7] = Prime32A;
+                // length - 1: the last stripe is always taken by the line for the end, also where blocks divide the input.
                 int blocks = (length - 1) / BlockBytes;
                 for (int block = 0; block < blocks; block++)
                 {
@@ -179,6 +187,7 @@ namespace Terraport
                 }
                 int remainingStripes = (length - 1 - blocks * BlockBytes) / StripeBytes;
                 Accumulate(sums, input + blocks * BlockBytes, secret, remainingStripes);
+                // The last 64 bytes once more, over some that were taken already: no tail needs a loop of its own.
                 Accumulate(sums, input + length - StripeBytes, secret + 121, 1);
                 ulong hash = (ulong)length * Prime64A;
                 for (int pair = 0; pair < 4; pair++)
@@ -195,6 +204,7 @@ namespace Terraport
         {
             unchecked
             {
+                // Locals, so that they can stay in registers: memory behind a pointer might be the input's.
                 ulong a = sums[0], b = sums[1], c = sums[2], d = sums[3], e = sums[4], f = sums[5], g = sums[6], h = sums[7];
                 for (int stripe = 0; stripe < stripes; stripe++)
                 {
@@ -202,6 +212,7 @@ namespace Terraport
                     ulong *key = (ulong *)(secret + stripe * 8);
                     ulong x = value[0] ^ key[0];
                     ulong y = value[1] ^ key[1];
+                    // Each lane adds its neighbour's raw word: an input word that meets a secret of the same value must not vanish.
                     a += value[1] + (uint)x * (x >> 32);
                     b += value[0] + (uint)y * (y >> 32);
                     x = value[2] ^ key[2];
@@ -228,6 +239,7 @@ namespace Terraport
             }
         }
 
+        /// <summary>16 bytes of input with 16 of the secret.</summary>
         private static ulong Mix16(byte *input, byte *secret)
         {
             ulong *value = (ulong *)input;
@@ -240,6 +252,7 @@ namespace Terraport
         {
             unchecked
             {
+                // Schoolbook product by halves: Math.BigMul for 64 bits is missing in .NET Standard 2.1.
                 ulong lowLow = (ulong)(uint)left * (uint)right;
                 ulong highLow = (left >> 32) * (uint)right;
                 ulong lowHigh = (uint)left * (right >> 32);
@@ -251,6 +264,7 @@ namespace Terraport
             }
         }
 
+        /// <summary>Spread every input bit over all output bits.</summary>
         private static ulong Avalanche(ulong hash)
         {
             unchecked

@@ -11,7 +11,7 @@ namespace Terraport
         /// <param name="file">The whole file.</param>
         /// <param name="baseFaces">Faces of the base mesh: the cover has one row for each.</param>
         /// <param name="segmentCount">Segments of the scene: ids are below it.</param>
-        /// <exception cref="PayloadException">For anything else.</exception>
+        /// <exception cref="PayloadException">Damaged, of another base or scene, or with ids out of range or order.</exception>
         public static Cover Read(ArraySegment<byte> file, int baseFaces, int segmentCount)
         {
             var flat = new FlatFile();

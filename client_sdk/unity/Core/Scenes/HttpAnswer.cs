@@ -3,7 +3,7 @@ namespace Terraport
     /// <summary>What a server answered.</summary>
     public sealed class HttpAnswer
     {
-        /// <summary>An answer whose body is the array's first bytes.</summary>
+        /// <summary>An answer whose body is the first <paramref name="length"/> bytes of the array, which is kept, not copied.</summary>
         public HttpAnswer(int status, byte[] body, int length)
         {
             Status = status;

@@ -86,6 +86,7 @@ namespace Terraport
                 CoverFile = ReadFile(files, "base.cover", 1 << 30),
                 RegionsFile = ReadFile(files, "regions.json", 1 << 28),
             };
+            // Each corner was checked by itself; together they must be a box.
             Vec3 low = manifest.BoundsMin;
             Vec3 high = manifest.BoundsMax;
             if (low.X > high.X || low.Y > high.Y || low.Z > high.Z)
@@ -113,6 +114,7 @@ namespace Terraport
         {
             double step = SceneJson.ExpectNumber(value, "step_m");
             // A power of two has no bits of mantissa.
+            // By bits: logarithms round.
             bool isPower = step > 0 && (BitConverter.DoubleToInt64Bits(step) & 0xFFFFFFFFFFFFF) == 0;
             return isPower ? step : throw SceneJson.Wrong(value, "step_m", "a power of two");
         }

@@ -48,6 +48,7 @@ namespace Terraport
         private static RegionFacts ReadRegion(JsonValue region, int id, Dictionary<long, string> names)
         {
             long stableId;
+            // labels.json is written after publishing and may rename: it wins over the label of the build.
             bool hasStable = region["stable_id"].TryInteger(out stableId) && stableId >= 0 && stableId <= uint.MaxValue;
             string label = null;
             if (!hasStable || !names.TryGetValue(stableId, out label))
@@ -88,6 +89,7 @@ namespace Terraport
             for (int at = 0; at < rows.Count; at++)
             {
                 long stableId;
+                // Ascending, each once. One wrong row makes the whole file doubtful: none of its labels counts.
                 bool isValid = rows[at]["stable_id"].TryInteger(out stableId) && stableId > previousId && stableId <= uint.MaxValue;
                 string label = rows[at]["label"].Text;
                 if (!isValid || !IsLabel(label))
@@ -114,6 +116,7 @@ namespace Terraport
                 {
                     return false;
                 }
+                // Code points: the halves of a surrogate pair count once.
                 points += char.IsLowSurrogate(character) ? 0 : 1;
             }
             return points <= MaxLabelLength;

@@ -35,13 +35,15 @@ namespace Terraport
             totalBytes = bytes;
         }
 
-        /// <summary>A file of at most that many bytes.</summary>
+        /// <summary>The body of a file of at most <paramref name="maxBytes"/>.</summary>
+        /// <exception cref="TerraportException">The server's code where it refuses; "unreachable"; "damaged".</exception>
         internal async Task<ArraySegment<byte>> GetAsync(string url, int maxBytes)
         {
             return BodyOf(url, await http.GetAsync(url, token, maxBytes, null, cancelled));
         }
 
-        /// <summary>A file whose length and hash are known.</summary>
+        /// <summary>A file whose length and hash the manifest states; both are compared.</summary>
+        /// <exception cref="TerraportException">As <see cref="GetAsync"/>; "damaged" where length or hash differ.</exception>
         internal async Task<ArraySegment<byte>> GetFileAsync(string url, FileFacts facts)
         {
             Action<int> onBytes = onProgress == null ? (Action<int>)null : Count;
@@ -53,6 +55,7 @@ namespace Terraport
                 string message = url + " has " + body.Count + " bytes, expected " + facts.Length + " by the manifest; load it again";
                 throw new TerraportException("damaged", message);
             }
+            // Captured by the closure: with `aside` it is written on another thread, and read after that was awaited.
             ulong hash = 0;
             Action hashBody = () => hash = Xxh3.Hash64(body.Array, body.Offset, body.Count);
             if (aside == null)
@@ -90,6 +93,7 @@ namespace Terraport
             {
                 return body;
             }
+            // The server's own error object if there is one; else what the status alone says.
             string code = null;
             string message = null;
             try

@@ -5,7 +5,7 @@ namespace Terraport
     /// <summary>Everything that is loaded once for a version of a scene.</summary>
     public sealed class SceneFiles
     {
-        /// <summary>Parts of one version, as <see cref="SceneLoader"/> checks them.</summary>
+        /// <summary>Files of one and the same version, as <see cref="SceneLoader"/> checks them.</summary>
         public SceneFiles(SceneManifest manifest, SegmentMesh baseMesh, Cover cover, IReadOnlyList<RegionFacts> regions)
         {
             Manifest = manifest;

@@ -30,6 +30,7 @@ namespace Terraport
         public static async Task<SceneFiles> LoadAsync(string url, string token, IHttp http = null, Action<long, long> onProgress = null,
             CancellationToken cancelled = default(CancellationToken), string version = null, Func<Action, Task> aside = null)
         {
+            // No ConfigureAwait here: continuations belong on the caller's context, which in an engine is the main thread.
             var fetch = new SceneFetch(http ?? new SystemHttp(), token, onProgress, cancelled, aside);
             string sceneUrl = await ResolveAsync(url, token, http, cancelled);
             SceneManifest manifest = await FetchManifestAsync(fetch, sceneUrl, version);
@@ -121,9 +122,11 @@ namespace Terraport
         {
             fetch.Begin((long)manifest.BaseFile.Length + manifest.CoverFile.Length + manifest.RegionsFile.Length);
             string version = manifest.Version;
+            // All at once: over a long link the waits overlap. Labels have no hash, since they change without a new version.
             Task<ArraySegment<byte>> glb = fetch.GetFileAsync(Versioned(sceneUrl + "/base.glb", version), manifest.BaseFile);
             Task<ArraySegment<byte>> cover = fetch.GetFileAsync(Versioned(sceneUrl + "/base.cover", version), manifest.CoverFile);
             Task<ArraySegment<byte>> regions = fetch.GetFileAsync(Versioned(sceneUrl + "/regions.json", version), manifest.RegionsFile);
+            // Awaited together with the rest; it never throws for what the network does.
             Task<ArraySegment<byte>> labels = fetch.GetOptionalAsync(sceneUrl + "/labels.json", MaxLabelBytes);
             await Task.WhenAll(glb, cover, regions, labels);
             SceneFiles files = null;
@@ -146,6 +149,7 @@ namespace Terraport
             {
                 var mesh = new SegmentMesh();
                 new GlbDecoder().Decode(glb, true, mesh);
+                // Both files are whole, and yet may be of two builds: the cover is only valid over this very base.
                 if (mesh.FaceCount != manifest.BaseFaces)
                 {
                     throw new PayloadException("base of " + mesh.FaceCount + " faces, expected " + manifest.BaseFaces + " by the manifest");

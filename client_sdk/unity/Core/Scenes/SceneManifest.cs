@@ -10,7 +10,7 @@ namespace Terraport
         /// <summary>Scene id of the URL.</summary>
         public string Id { get; internal set; }
 
-        /// <summary>For people.</summary>
+        /// <summary>Name for people; not unique.</summary>
         public string Name { get; internal set; }
 
         /// <summary>32 hexadecimal digits: identity of the contents.</summary>
@@ -64,24 +64,25 @@ namespace Terraport
         /// <summary>Names of the encodings that payloads come in; "glb" is among them.</summary>
         public IReadOnlyList<string> Encodings { get; internal set; }
 
-        /// <summary>base.glb.</summary>
+        /// <summary>Length and hash of base.glb.</summary>
         internal FileFacts BaseFile { get; set; }
 
-        /// <summary>base.cover.</summary>
+        /// <summary>Length and hash of base.cover.</summary>
         internal FileFacts CoverFile { get; set; }
 
-        /// <summary>regions.json.</summary>
+        /// <summary>Length and hash of regions.json.</summary>
         internal FileFacts RegionsFile { get; set; }
 
-        /// <summary>East, north, height in the survey's CRS, metres, of a place in the scene frame.</summary>
+        /// <summary>East, north and height, metres in the survey's CRS, of a position in the scene frame.</summary>
         public void ToSurvey(Vec3 position, out double east, out double north, out double height)
         {
+            // The scene's z points south, the survey's northing north.
             east = OriginEast + position.X;
             north = OriginNorth - position.Z;
             height = OriginHeight + position.Y;
         }
 
-        /// <summary>The place in the scene frame, metres, of a point in the survey's CRS.</summary>
+        /// <summary>Position in the scene frame, metres, of a point in the survey's CRS.</summary>
         public Vec3 FromSurvey(double east, double north, double height)
         {
             // Not -(north - OriginNorth): that would make a minus zero of the origin itself.

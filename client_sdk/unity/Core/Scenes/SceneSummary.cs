@@ -14,7 +14,7 @@ namespace Terraport
         /// <summary>Scene id.</summary>
         public string Id { get; private set; }
 
-        /// <summary>For people.</summary>
+        /// <summary>Name for people; the id where the server gives none.</summary>
         public string Name { get; private set; }
 
         /// <summary>The published version.</summary>

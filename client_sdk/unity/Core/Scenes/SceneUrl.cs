@@ -43,6 +43,7 @@ namespace Terraport
         public static SceneUrl Parse(string url)
         {
             Uri uri;
+            // 1. Scheme and host, by hand: Uri accepts more (file:, a missing host) than a scene URL may have.
             int schemeEnd = url == null ? -1 : url.IndexOf("://", StringComparison.Ordinal);
             string scheme = schemeEnd < 0 ? null : HttpOf(url.Substring(0, schemeEnd).ToLowerInvariant());
             bool hasHost = schemeEnd >= 0 && schemeEnd + 3 < url.Length && url[schemeEnd + 3] != '/';
@@ -55,8 +56,10 @@ namespace Terraport
                 // The URL itself is not repeated: it may hold a secret.
                 throw Invalid("URL of " + uri.Host + " has credentials, a query or a fragment, expected none of them");
             }
+            // 2. ws and wss become http and https; a port is kept only where it is not the scheme's own.
             string origin = scheme + "://" + uri.Host + (uri.IsDefaultPort ? "" : ":" + uri.Port);
             string path = uri.AbsolutePath;
+            // 3. [/prefix]/scenes/ID, also with the /stream of a WebSocket URL that was pasted.
             int folderAt = path.IndexOf(Folder, StringComparison.Ordinal);
             string prefix = folderAt < 0 ? path : path.Substring(0, folderAt);
             string belowFolder = folderAt < 0 ? "" : path.Substring(folderAt + Folder.Length);

@@ -21,11 +21,13 @@ namespace Terraport
         public async Task<HttpAnswer> GetAsync(string url, string token, int maxBytes, Action<int> onBytes, CancellationToken cancelled)
         {
             // Inside, continuations need no particular thread; the caller's come back on the caller's context.
+            // Linked: it fires for the caller's cancellation and for a stall; which one it was is asked of `cancelled` below.
             using (CancellationTokenSource stalled = CancellationTokenSource.CreateLinkedTokenSource(cancelled)) using (
                 var request = new HttpRequestMessage(HttpMethod.Get, url))
             {
                 try
                 {
+                    // 1. Send, and wait for the headers alone.
                     if (!string.IsNullOrEmpty(token))
                     {
                         request.Headers.Authorization = new AuthenticationHeaderValue("Bearer", token);
@@ -36,11 +38,13 @@ namespace Terraport
                     using (HttpResponseMessage response = await responding.ConfigureAwait(false)) using (
                         Stream stream = await response.Content.ReadAsStreamAsync().ConfigureAwait(false))
                     {
+                        // 2. A body of the declared length, and one byte to see that it ends; never more than the bound, whatever is declared.
                         long declaredBytes = response.Content.Headers.ContentLength ?? 0;
                         var body = new byte[(int)Math.Max(1, Math.Min(declaredBytes > 0 ? declaredBytes + 1 : ChunkBytes, maxBytes + 1L))];
                         int length = 0;
                         for (;;)
                         {
+                            // 3. Read. Each chunk starts the stall clock anew: a slow link is not a stalled one.
                             stalled.CancelAfter(StallMs);
                             int room = Math.Min(ChunkBytes, body.Length - length);
                             int receivedBytes = await stream.ReadAsync(body, length, room, stalled.Token).ConfigureAwait(false);
@@ -57,6 +61,7 @@ namespace Terraport
                             {
                                 onBytes(receivedBytes);
                             }
+                            // More than was declared, or nothing was: twice as long, up to a byte beyond the bound.
                             if (length == body.Length)
                             {
                                 Array.Resize(ref body, (int)Math.Min(2L * length, maxBytes + 1L));
@@ -66,6 +71,7 @@ namespace Terraport
                 }
                 catch (OperationCanceledException error)
                 {
+                    // 4. Cancelled by the caller: tell so, whatever broke first. Everything else is an unreachable server.
                     cancelled.ThrowIfCancellationRequested();
                     throw Unreachable(url, "nothing for " + StallMs / 1000 + " s", error);
                 }

@@ -35,9 +35,12 @@ namespace Terraport
         private readonly ClientSession session;
         private readonly LinkSettings settings;
         private readonly Outgoing outgoing;
+        // Spreads the waits of many clients; not for secrets.
         private readonly Random random = new Random();
         private string token;
+        // Null between two connections. Every connection has a transport of its own.
         private ITransport transport;
+        // Whether hello has been put into the session's outbox on this connection.
         private bool isGreeted;
         private bool offersInHello = true;
         private bool hasLeft;
@@ -45,6 +48,7 @@ namespace Terraport
         private string refusalCode;
         private string refusalMessage;
         private double serverWaitMs = -1;
+        // Times on the caller's clock, milliseconds; Never where nothing is due.
         private double retryAtMs = Never;
         private double connectedMs;
         private double welcomedMs = Never;
@@ -72,6 +76,7 @@ namespace Terraport
             }
         }
 
+        // A server is silent since its last message, but not from before it owed an answer or had said welcome.
         private double SilentSinceMs => Math.Max(lastReceivedMs, Math.Max(awaitsSinceMs, welcomedMs));
 
         /// <summary>Connect for the first time.</summary>
@@ -82,6 +87,8 @@ namespace Terraport
         /// <param name="mayReceive">False where nobody takes the events.</param>
         internal bool Pump(double nowMs, bool mayReceive)
         {
+            // Order within a pump: connect, greet, receive, judge the connection, send. Judging comes behind receiving, so that what a
+            // server said last still counts; sending comes last, so that answers to what was received leave in the same pump.
             if (hasLeft) return false;
             if (transport == null)
             {
@@ -97,7 +104,9 @@ namespace Terraport
             if (mayReceive && !isBlocked)
                 hasMore = Receive(nowMs);
             else
+                // Not looked at is not silent: nobody takes the events, or the session is full.
                 lastReceivedMs = nowMs;
+            // A message just taken has ended this connection by a violation.
             if (transport != pumped) return false;
             if (state == TransportState.Closed && !hasMore)
                 OnLost(transport.CloseCode, transport.CloseReason, nowMs);
@@ -116,6 +125,7 @@ namespace Terraport
         {
             Report(nowMs);
             if (transport == null || !isGreeted) return;
+            // The session is asked only when all before has left: a slow line sends the newest aim, not every one.
             if (outgoing.Waiting.Count == 0)
             {
                 if (session.HasAim && nowMs >= nextAimMs)
@@ -136,6 +146,7 @@ namespace Terraport
         internal void Reconnect(string newToken, double nowMs)
         {
             if (hasLeft) return;
+            // The same token again is no reason to cut a connection that works.
             bool isNewer = newToken != null && newToken != token;
             if (isNewer) token = newToken;
             if (transport != null && !isNewer) return;
@@ -188,6 +199,7 @@ namespace Terraport
             TransportMessage message;
             while (bytes < MaxPumpBytes && session.UnsentMessages < MaxUnsentMessages)
             {
+                // Looked at in each round: taking a message may end the connection, or begin another.
                 if (transport != pumped || !pumped.TryReceive(out message)) return false;
                 bytes += message.Bytes.Count;
                 lastReceivedMs = nowMs;
@@ -209,11 +221,13 @@ namespace Terraport
             {
                 violation = error.Message;
             }
+            // The buffer goes back whatever happens: it belongs to the transport.
             finally
             {
                 message.Release();
             }
             if (violation == null) return;
+            // Events up to the violation are good, and are told before the end is.
             Report(nowMs);
             refusalCode = "malformed";
             refusalMessage = "the server broke the protocol: " + violation;
@@ -260,6 +274,7 @@ namespace Terraport
         {
             double livedMs = welcomedMs == Never ? 0 : nowMs - welcomedMs;
             bool wasWelcomed = welcomedMs != Never;
+            // First, since it makes the session note the loss: what it then reports belongs before the link's own event.
             Detach(Closes.Normal, "");
             Report(nowMs);
             if (refusalCode == "too_large" && !wasWelcomed && offersInHello)
@@ -269,12 +284,14 @@ namespace Terraport
                 Connect(nowMs);
                 return;
             }
+            // Only a connection that served resets the waits: a server that accepts and closes at once is not hammered.
             if (livedMs >= StableMs) attempt = 0;
             var state = new LinkState {
                 CloseCode = closeCode,
                 Code = refusalCode ?? Closes.ErrorOf(closeCode),
                 Message = refusalMessage ?? (string.IsNullOrEmpty(reason) ? TextOf(closeCode) : reason),
             };
+            // For good: with this token, or at all, it would be refused again. Picks would wait for ever.
             if (Closes.After(closeCode) != AfterClose.Again)
             {
                 state.Phase = LinkPhase.Closed;
@@ -298,12 +315,14 @@ namespace Terraport
             retryAtMs = Never;
             awaitsSinceMs = Never;
             if (transport == null) return;
+            // Detached before it is closed: its last change notices must not pump a connection that is gone.
             ITransport detached = transport;
             transport = null;
             outgoing.Waiting.Clear();
             detached.Changed = null;
             detached.Close(closeCode, reason);
             TransportMessage message;
+            // What it still holds is of no use: hand its buffers back unread.
             while (detached.TryReceive(out message)) message.Release();
             detached.Dispose();
             session.ConnectionLost();

@@ -8,8 +8,10 @@ namespace Terraport
         /// <summary>ws(s)://.../stream.</summary>
         internal Uri Url { get; set; }
 
+        /// <summary>Bearer token of the first connection; null without one. A reconnect may bring another.</summary>
         internal string Token { get; set; }
 
+        /// <summary>Makes the transport of every attempt.</summary>
         internal ITransportFactory Transports { get; set; }
 
         /// <summary>Takes the events, in order.</summary>

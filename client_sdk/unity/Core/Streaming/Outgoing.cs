@@ -11,6 +11,7 @@ namespace Terraport
         private const double GreetingPerS = 1;
 
         private Pacer pacer;
+        // Whether the first message that waits has its moment, dueMs: each takes its token from the pacer once.
         private bool isBooked;
         private double dueMs;
 

@@ -74,6 +74,7 @@ namespace Terraport
         public int Pick(Vec3 origin, Vec3? direction = null)
         {
             int request = session.Pick(origin, direction);
+            // Nobody would answer any more, or not before many others: refused here, as an event like any other.
             if (endedCode != null)
                 session.RefusePicks(endedCode, endedMessage);
             else if (session.OpenPicks > MaxPicks)
@@ -108,6 +109,7 @@ namespace Terraport
         public void Close()
         {
             if (isClosed) return;
+            // Goodbye first; then what waits is refused, and memory goes back. Pinned payloads outlive the stream.
             link.Leave(clockMs());
             isClosed = true;
             endedCode = "closed";
@@ -121,6 +123,9 @@ namespace Terraport
         public void Dispose() { Close(); }
 
         /// <summary>As <see cref="Pump"/>; whether there is more to do at once.</summary>
+        /// <remarks>
+        /// Backpressure: with too many events untaken nothing is received, the transport's queue fills, and TCP slows the server down.
+        /// </remarks>
         internal bool PumpOnce() { return !isClosed && link.Pump(clockMs(), events.Count < MaxWaitingEvents); }
 
         /// <summary>As <see cref="Land(Vec3, double, LandOptions)"/>, asked for at a moment of the stream's clock.</summary>

@@ -15,7 +15,7 @@ namespace Terraport
         /// <summary>Bearer token; null for a server that asks for none. Never part of a URL.</summary>
         public string Token { get; set; }
 
-        /// <summary>Hard bounds of every landing; null for none.</summary>
+        /// <summary>Hard bounds of every landing; null for none. Kept, not copied: do not change it while a stream uses it.</summary>
         public Budgets Budgets { get; set; }
 
         /// <summary>Payload bytes kept in memory beside what is shown or on its way; 0 keeps nothing else.</summary>

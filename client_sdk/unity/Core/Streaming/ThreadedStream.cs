@@ -15,6 +15,7 @@ namespace Terraport
         // The thread looks again after this long even if nobody woke it.
         private const int LongestSleepMs = 1000;
 
+        // Guards commands, events, stats, the newest aim and isOver. `stream` itself belongs to the thread alone, TryPin apart.
         private readonly object gate = new object();
         private readonly Queue<Action> commands = new Queue<Action>();
         private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
@@ -27,9 +28,11 @@ namespace Terraport
         private Vec3 aimPosition;
         private double aimRadiusM;
         private bool hasAim;
+        // Counted here as the stream counts them there, so that a number can be returned before the command has run.
         private int landings;
         private int requests;
         private bool isClosed;
+        // Set with the command that closes: nothing is queued behind it.
         private bool isOver;
 
         /// <summary>Open a stream; it connects at once.</summary>
@@ -62,7 +65,9 @@ namespace Terraport
                                                      DeadlineMs = options.DeadlineMs,
                                                      StallMs = options.StallMs,
                                                  };
+            // On the caller's thread, so that a bad number throws where it was passed.
             WireCodec.Check(new LandingState(0, position, radiusM, copy).Message(0));
+            // The wait in the queue counts: the user's clock starts with the call.
             double atMs = StreamClock.NowMs;
             landings++;
             // A landing ends the aims before it.
@@ -107,6 +112,7 @@ namespace Terraport
                     next = default(StreamEvent);
                     return false;
                 }
+                // The thread sleeps while the queue is full; the first free slot wakes it.
                 wasFull = events.Count >= SceneStream.MaxWaitingEvents;
                 next = events.Dequeue();
             }
@@ -157,12 +163,14 @@ namespace Terraport
             }
         }
 
+        /// <summary>The thread's loop: commands, one pump, events handed over; asleep while there is none of them.</summary>
         private void Work()
         {
             bool isLast;
             do
             {
                 isLast = RunCommands();
+                // More to receive, and room for events: go on at once. A full queue sleeps until an event is taken.
                 bool isMore = !isLast && stream.PumpOnce();
                 bool isFull = HandOver(isLast);
                 if (!isLast && !isMore && !isFull)
@@ -209,6 +217,7 @@ namespace Terraport
                         return false;
                     else
                         hasAim = false;
+                    // Copied under the lock: a newer aim may be written while this one is sent.
                     position = aimPosition;
                     radiusM = aimRadiusM;
                 }
@@ -225,8 +234,10 @@ namespace Terraport
         {
             lock (gate)
             {
+                // A new object each time: what a caller read before does not change under its eyes.
                 stats = stream.Stats;
                 StreamEvent next;
+                // Closing hands everything over, whatever the bound: nobody would pump the rest later.
                 while (all || events.Count < SceneStream.MaxWaitingEvents)
                 {
                     if (!stream.TryNextEvent(out next)) return false;
@@ -239,6 +250,7 @@ namespace Terraport
         private int SleepMs()
         {
             double leftMs = stream.DueMs - StreamClock.NowMs;
+            // Rounded up: a wake a fraction of a millisecond early would only sleep again.
             return leftMs >= LongestSleepMs ? LongestSleepMs : (int)Math.Max(1, Math.Ceiling(leftMs));
         }
     }

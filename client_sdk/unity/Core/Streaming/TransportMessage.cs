@@ -7,7 +7,7 @@ namespace Terraport
     {
         private readonly ITransportBuffers buffers;
 
-        /// <summary>Make one; <paramref name="buffers"/> may be null where nothing is to be given back.</summary>
+        /// <summary>A message in a buffer of <paramref name="buffers"/>; null where nothing is to be given back.</summary>
         public TransportMessage(ArraySegment<byte> bytes, bool isText, ITransportBuffers buffers)
         {
             Bytes = bytes;
@@ -21,7 +21,7 @@ namespace Terraport
         /// <summary>Whether it came as a text message, which the session refuses: the protocol has none.</summary>
         public bool IsText { get; }
 
-        /// <summary>Give the buffer back; once.</summary>
+        /// <summary>Return the buffer to its owner, exactly once: a second time it would be in use twice.</summary>
         public void Release()
         {
             if (buffers != null) buffers.Return(Bytes.Array);

@@ -26,12 +26,14 @@ namespace Terraport
         private const int GoodbyeMs = 1000;
         private static readonly Regex Status = new Regex("'([45][0-9]{2})'", RegexOptions.CultureInvariant);
 
+        // Guards everything below but the socket: polled from one thread, filled and drained by two tasks.
         private readonly object gate = new object();
         private readonly ClientWebSocket socket = new ClientWebSocket();
         private readonly CancellationTokenSource ended = new CancellationTokenSource();
         private readonly Queue<TransportMessage> received = new Queue<TransportMessage>();
         private readonly Queue<ArraySegment<byte>> unsent = new Queue<ArraySegment<byte>>();
         private readonly Stack<byte[]> idle = new Stack<byte[]>();
+        // Signals, not counters: a waiter looks again under the lock after it was woken.
         private readonly SemaphoreSlim hasRoom = new SemaphoreSlim(0);
         private readonly SemaphoreSlim hasUnsent = new SemaphoreSlim(0);
         private readonly int maxWaitingBytes;
@@ -99,6 +101,7 @@ namespace Terraport
                 Become(TransportState.Closed, CloseCodes.Unauthorised, "the token cannot be sent: " + error.Message);
                 return;
             }
+            // On the pool: ConnectAsync resolves names and may block the calling frame for that.
             Task.Run(() => Live(url));
         }
 
@@ -113,6 +116,7 @@ namespace Terraport
                     return false;
                 }
                 message = received.Dequeue();
+                // Whole buffers are counted, not messages: that is the memory that is taken.
                 waitingBytes -= message.Bytes.Array.Length;
                 if (hasRoom.CurrentCount == 0) hasRoom.Release();
                 return true;
@@ -154,6 +158,7 @@ namespace Terraport
         {
             lock (gate)
             {
+                // Grown buffers are left to the garbage collector: messages of that length are rare.
                 if (buffer.Length == BufferBytes && idle.Count < MaxIdleBuffers) idle.Push(buffer);
             }
         }
@@ -166,6 +171,7 @@ namespace Terraport
                 await socket.ConnectAsync(url, ended.Token);
                 Become(TransportState.Open, 0, "");
                 Task sending = SendAll();
+                // Receiving ends with the connection; sending is then cancelled and awaited, so that the socket is not disposed under it.
                 await ReceiveAll();
                 ended.Cancel();
                 await sending;
@@ -184,17 +190,21 @@ namespace Terraport
 
         private async Task ReceiveAll()
         {
+            // Invariant: count bytes of the current message lie in buffer, which nobody else has until it is queued.
             byte[] buffer = Rent();
             int count = 0;
             for (;;)
             {
+                // 1. Room for the next piece of the message, up to what a server may send at all.
                 if (count == buffer.Length && !TryGrow(ref buffer))
                 {
                     Become(TransportState.Closed, CloseCodes.TooLarge, "a message of more than " + count + " bytes");
                     return;
                 }
+                // 2. One piece: a frame of WebSocket, or as much of it as fits.
                 var free = new ArraySegment<byte>(buffer, count, buffer.Length - count);
                 WebSocketReceiveResult result = await socket.ReceiveAsync(free, ended.Token);
+                // 3. The server's close: what was received before it stays takeable.
                 if (result.MessageType == WebSocketMessageType.Close)
                 {
                     int code = result.CloseStatus.HasValue ? (int)result.CloseStatus.Value : Closes.Abnormal;
@@ -206,6 +216,7 @@ namespace Terraport
                     return;
                 }
                 count += result.Count;
+                // 4. A whole message is queued; its buffer changes hands.
                 if (!result.EndOfMessage) continue;
                 bool isFull;
                 lock (gate)
@@ -216,6 +227,7 @@ namespace Terraport
                     isFull = waitingBytes >= maxWaitingBytes;
                 }
                 Notify();
+                // 5. Backpressure: while too much waits, nothing is taken from the network, and TCP's window closes.
                 while (isFull)
                 {
                     await hasRoom.WaitAsync(ended.Token);
@@ -237,6 +249,7 @@ namespace Terraport
                     bool isGoodbye;
                     lock (gate)
                     {
+                        // Close releases the semaphore without a message: an empty queue means goodbye, behind all that was queued before.
                         isGoodbye = unsent.Count == 0;
                         next = isGoodbye ? default(ArraySegment<byte>) : unsent.Dequeue();
                     }
@@ -269,6 +282,7 @@ namespace Terraport
         {
             lock (gate)
             {
+                // The first reason counts: what breaks while a connection is torn down says nothing.
                 if (state == TransportState.Closed) return;
                 state = next;
                 closeCode = code;
@@ -279,6 +293,7 @@ namespace Terraport
 
         private void Notify()
         {
+            // Read once: another thread may clear it between the test and the call.
             Action changed = Changed;
             if (changed != null) changed();
         }

@@ -17,10 +17,11 @@ namespace Terraport.Wire
         /// <param name="layout">What <see cref="Layout"/> gave.</param>
         internal abstract object Read(JsonValue raw, object layout);
 
-        /// <summary>Check a value of our own.</summary>
+        /// <summary>Check a value that we are about to send.</summary>
+        /// <exception cref="RefusedException">The protocol does not allow it.</exception>
         internal abstract void Check(object value);
 
-        /// <summary>Write a checked value.</summary>
+        /// <summary>A checked value as it goes on the wire.</summary>
         internal abstract JsonValue Write(object value);
 
         /// <summary>What is expected, for error texts.</summary>

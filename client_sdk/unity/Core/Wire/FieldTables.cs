@@ -5,12 +5,13 @@ namespace Terraport.Wire
     /// <summary>Fields by their tables: read, checked, written.</summary>
     internal static class FieldTables
     {
-        /// <summary>Read the fields of a map into a part; unknown keys are skipped, null is absent.</summary>
+        /// <summary>Read the fields of a map; unknown keys are skipped (newer minor versions add some), null is absent.</summary>
         /// <exception cref="RefusedException">With the path of the field that is missing, mistyped or out of range.</exception>
         internal static void Read(WirePart into, JsonValue raw)
         {
             if (raw.Kind != JsonKind.Object) throw new RefusedException("got " + raw.Show() + ", expected a map");
             Field[] fields = into.Fields;
+            // Two passes over the fields, as FieldKind says: the first fault by layout is named before any fault by value.
             var layouts = new object[fields.Length];
             var values = new JsonValue[fields.Length];
             for (int number = 0; number < fields.Length; number++)
@@ -22,13 +23,14 @@ namespace Terraport.Wire
                 else if (field.IsRequired)
                     throw Missing(field);
             }
+            // Values only after all layouts: both sides then name the same field of a message with several faults.
             for (int number = 0; number < fields.Length; number++)
             {
                 if (!values[number].IsNull) into.Set(number, Value(fields[number], values[number], layouts[number]));
             }
         }
 
-        /// <summary>Check the value of every field of our own part.</summary>
+        /// <summary>Check the value of every field of a map that we are about to send.</summary>
         internal static void Check(WirePart map)
         {
             Field[] fields = map.Fields;
@@ -57,6 +59,7 @@ namespace Terraport.Wire
         {
             Field[] fields = map.Fields;
             var fieldValues = new object[fields.Length];
+            // Counted first, so that names and values are allocated once, at their length.
             int count = type == null ? 0 : 1;
             for (int number = 0; number < fields.Length; number++)
             {

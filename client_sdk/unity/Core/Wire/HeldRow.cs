@@ -3,7 +3,7 @@ namespace Terraport.Wire
     /// <summary>One held segment with its hash: a row of a held table.</summary>
     public readonly struct HeldRow
     {
-        /// <summary>Make one.</summary>
+        /// <summary>A segment and the hash of the payload that is held of it.</summary>
         public HeldRow(uint segment, ulong xxh3)
         {
             Segment = segment;

@@ -38,6 +38,7 @@ namespace Terraport.Wire
 
         /// <summary>A float32 and its bits in the same place.</summary>
         [StructLayout(LayoutKind.Explicit)]
+        // A union: BitConverter.Int32BitsToSingle is missing in .NET Framework profiles.
         internal struct FloatBits
         {
             [FieldOffset(0)]

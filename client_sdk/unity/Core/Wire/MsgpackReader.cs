@@ -15,6 +15,7 @@ namespace Terraport.Wire
         private readonly byte[] data;
         private readonly int start;
         private readonly int end;
+        // Stacks shared by all nesting levels: a container pushes its items and pops them when it is complete.
         private readonly List<JsonValue> values = new List<JsonValue>();
         private readonly List<string> names = new List<string>();
         private int at;
@@ -48,6 +49,7 @@ namespace Terraport.Wire
         private JsonValue Value(int depth)
         {
             int first = at;
+            // Counted per value, before anything is reserved: the bound holds however the values are nested.
             if (valuesLeft == 0) throw Malformed("got too many values", first);
             valuesLeft--;
             int token = data[Take(1)];
@@ -168,6 +170,7 @@ namespace Terraport.Wire
 
         private void ExpectContainer(uint count, int depth, int first)
         {
+            // A stated count is never trusted with memory: items are pushed as they are read.
             if (count > WireLimits.MaxContainerItems)
             {
                 throw Malformed("got " + count + " items, expected at most " + WireLimits.MaxContainerItems, first);

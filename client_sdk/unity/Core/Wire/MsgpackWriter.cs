@@ -20,6 +20,7 @@ namespace Terraport.Wire
 
         private static void Value(JsonValue value, Stream into)
         {
+            // One case a kind, in the order of JsonKind. HugeInteger has none: no message of ours holds one.
             switch (value.Kind)
             {
                 case JsonKind.Null: into.WriteByte(0xc0); break;
@@ -41,10 +42,12 @@ namespace Terraport.Wire
                 case JsonKind.Text: Text(value.Text, into); break;
                 case JsonKind.Binary:
                     ArraySegment<byte> bytes = value.Bytes;
+                    // -1: binary has no form with its length in the token.
                     Head((uint)bytes.Count, 0, -1, 0xc4, 0xc5, into);
                     into.Write(bytes.Array, bytes.Offset, bytes.Count);
                     break;
                 case JsonKind.List:
+                    // 0: lists and maps have no form with an 8-bit count.
                     Head((uint)value.Count, 0x90, 15, 0, 0xdc, into);
                     for (int index = 0; index < value.Count; index++) Value(value[index], into);
                     break;
@@ -112,6 +115,7 @@ namespace Terraport.Wire
             else if (count <= 0xffff)
                 Sized(token16, 2, count, into);
             else
+                // In msgpack the token for 32 bits always follows that for 16.
                 Sized((byte)(token16 + 1), 4, count, into);
         }
     }

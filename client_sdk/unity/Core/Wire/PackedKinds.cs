@@ -44,6 +44,7 @@ namespace Terraport.Wire
             ExpectCount(rows.Length);
             var ids = new uint[rows.Length];
             for (int number = 0; number < ids.Length; number++) ids[number] = IdOf(rows[number]);
+            // Sorted, not hashed: one array, and no choice of ids makes it slow.
             Array.Sort(ids);
             for (int number = 1; number < ids.Length; number++)
             {

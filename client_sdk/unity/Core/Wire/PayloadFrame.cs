@@ -9,7 +9,7 @@ namespace Terraport.Wire
         private const byte FlagLast = 0x01;
         private const byte FirstMessageByte = 0x80;
 
-        /// <summary>Make one; whether it is the last follows from the numbers.</summary>
+        /// <summary>A chunk; whether it is the last follows from the numbers. The bytes are viewed, not copied.</summary>
         public PayloadFrame(uint generation, uint segment, int offset, int total, ArraySegment<byte> chunk)
         {
             Generation = generation;
@@ -25,7 +25,7 @@ namespace Terraport.Wire
         /// <summary>Segment id.</summary>
         public uint Segment { get; }
 
-        /// <summary>Place of the chunk in the payload, bytes.</summary>
+        /// <summary>Where the chunk starts in the payload, bytes.</summary>
         public int Offset { get; }
 
         /// <summary>Length of the whole payload, bytes.</summary>
@@ -48,6 +48,7 @@ namespace Terraport.Wire
         public static bool TryDecode(ArraySegment<byte> data, out PayloadFrame frame)
         {
             frame = default(PayloadFrame);
+            // 1. Size and kind. Kinds of later minor versions are skipped, not refused.
             int size = data.Count;
             if (size > WireLimits.MaxFrameBytes)
             {
@@ -62,6 +63,7 @@ namespace Terraport.Wire
                 throw Malformed("got frame kind 0x" + kind.ToString("x2") + ", expected 0x01 to 0x7f", 0);
             }
             if (kind != KindSegmentChunk) return false;
+            // 2. The header states its own length: a later minor version may lengthen it, and the chunk starts behind it.
             if (size < WireLimits.HeaderBytes)
             {
                 throw Malformed("got " + size + " bytes, expected a header of " + WireLimits.HeaderBytes, size);
@@ -72,6 +74,7 @@ namespace Terraport.Wire
                 throw Malformed(
                     "got a header of " + header + ", expected " + WireLimits.HeaderBytes + " to " + WireLimits.MaxHeaderBytes, 2);
             }
+            // 3. Lengths, each against the protocol's limit before it is used as an int.
             uint offset = LittleEndian.ReadU32(bytes, at + 12);
             uint total = LittleEndian.ReadU32(bytes, at + 16);
             if (total > WireLimits.MaxSegmentBytes)
@@ -81,8 +84,10 @@ namespace Terraport.Wire
             }
             if (size <= header) throw Malformed("got no payload bytes, expected at least one", size);
             int length = size - header;
+            // In 64 bits: offset and length together may pass 2^32.
             long end = (long)offset + length;
             if (end > total) throw Malformed("got " + length + " bytes at " + offset + ", expected to end within " + total, 12);
+            // 4. The flag says nothing new, but a contradiction shows a broken sender.
             bool isLast = (bytes[at + 1] & FlagLast) != 0;
             if (isLast != (end == total))
             {

@@ -3,7 +3,7 @@ namespace Terraport.Wire
     /// <summary>A version of the wire protocol.</summary>
     public readonly struct ProtocolVersion
     {
-        /// <summary>Make one of two numbers, each 0 to 65535.</summary>
+        /// <summary>A version of two numbers, each 0 to 65535; checked when it is sent.</summary>
         public ProtocolVersion(int major, int minor)
         {
             Major = major;

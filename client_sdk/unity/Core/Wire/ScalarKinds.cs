@@ -101,6 +101,7 @@ namespace Terraport.Wire
         {
             this.shortest = shortest;
             this.longest = longest;
+            // \A and \z: $ would let a line end through.
             this.pattern = pattern == null ? null : new Regex("\\A(?:" + pattern + ")\\z", RegexOptions.CultureInvariant);
         }
 
@@ -119,6 +120,7 @@ namespace Terraport.Wire
             bool isLone = false;
             for (int index = 0; index < text.Length; index++)
             {
+                // A pair of surrogates is one code point, as Python counts.
                 points++;
                 if (!char.IsSurrogate(text[index])) continue;
                 if (index + 1 < text.Length && char.IsSurrogatePair(text[index], text[index + 1]))

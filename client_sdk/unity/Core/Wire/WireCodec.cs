@@ -12,6 +12,7 @@ namespace Terraport.Wire
         /// <summary>The subprotocol entry that carries a token where no header can be set (section 2.3).</summary>
         public static string TokenSubprotocol(string token)
         {
+            // base64url without padding (RFC 4648, section 5): subprotocol names are HTTP tokens (RFC 9110).
             string text = Convert.ToBase64String(Encoding.UTF8.GetBytes(token));
             return "terraport.token." + text.Replace('+', '-').Replace('/', '_').TrimEnd('=');
         }
@@ -57,6 +58,7 @@ namespace Terraport.Wire
             {
                 throw new DecodeException("too_large", "got a message of " + data.Count + " bytes, expected at most " + limit);
             }
+            // 1. Bytes to values, 2. values to the fields of its type, 3. rules between fields.
             JsonValue plain = MsgpackReader.Read(data, MaxValues(direction));
             if (plain.Kind != JsonKind.Object)
             {
@@ -96,6 +98,7 @@ namespace Terraport.Wire
         /// <summary>A refused message's number for the answer, where it has one that is in range.</summary>
         private static uint? Readable(string name, WireMessage message, JsonValue plain)
         {
+            // Only fields that the type has: another message's number would be answered to nobody.
             if (!Array.Exists(message.Fields, field => field.Name == name)) return null;
             long value;
             bool isNumber = plain[name].TryInteger(out value) && value >= 0 && value <= uint.MaxValue;

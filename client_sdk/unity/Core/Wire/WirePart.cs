@@ -3,15 +3,18 @@ using System;
 namespace Terraport.Wire
 {
     /// <summary>
-    /// A map of fields, as its table says: a message, or a part of one. Fields are read and set by their number in the table;
+    /// A map of fields, as its table says: a message, or a map nested in one. Fields are read and set by their number in the table;
     /// integers pass as long, absent ones as null.
     /// </summary>
     public abstract class WirePart
     {
+        /// <summary>The table: one static array a type, shared by all its instances.</summary>
         internal abstract Field[] Fields { get; }
 
+        /// <summary>Value of a field by its number in <see cref="Fields"/>, as its kind takes it; null where it is absent.</summary>
         internal abstract object Get(int field);
 
+        /// <summary>Set a field to a value that its kind has checked.</summary>
         internal abstract void Set(int field, object value);
 
         internal static Exception NoField(int field)
