@@ -5,6 +5,7 @@ namespace Terraport.Sessions
     /// <summary>What aims have brought, and what of it landings have used, over all connections of a session.</summary>
     internal sealed class AimCounts
     {
+        // Payload bytes of each segment that came for aims since the last plan, by id.
         private readonly Dictionary<uint, int> ahead = new Dictionary<uint, int>();
         private bool hasAimed;
 

@@ -9,6 +9,7 @@ namespace Terraport.Sessions
     /// </summary>
     internal sealed class AimState
     {
+        // pending waits to be sent; sent was, and is kept until it is known whether all of it came.
         private Aim pending;
         private Aim sent;
         private long sentGeneration = -1;
@@ -23,6 +24,7 @@ namespace Terraport.Sessions
             const double Max = WireLimits.MaxCoordinateM;
             bool isValid = radiusM > 0 && radiusM <= WireLimits.MaxRadiusM && Math.Abs(position.X) <= Max && Math.Abs(position.Y) <= Max
                 && Math.Abs(position.Z) <= Max;
+            // The message's own check throws, with the field's name; only this rare path allocates it.
             if (!isValid) WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
         }
 
@@ -59,6 +61,7 @@ namespace Terraport.Sessions
             sentGeneration = -1;
         }
 
+        /// <summary>A value type: an aim may come with every frame.</summary>
         private struct Aim
         {
             internal Vec3 Position;

@@ -14,16 +14,17 @@ namespace Terraport.Sessions
     /// </remarks>
     public sealed class Assembler
     {
+        // Four: growing copies a payload a few times at most, and what a lying plan can reserve stays small.
         private const int GrowthFactor = 4;
 
         private readonly PayloadPool pool;
         private readonly Dictionary<uint, PartialPayload> partials = new Dictionary<uint, PartialPayload>();
         private readonly List<uint> unwanted = new List<uint>();
 
-        /// <summary>Make one whose payloads come from this pool.</summary>
+        /// <summary>An assembler whose payloads come from this pool; they go back to it when their last user releases them.</summary>
         public Assembler(PayloadPool pool) { this.pool = pool; }
 
-        /// <summary>Segments that are partly here.</summary>
+        /// <summary>Segments of which some chunks have come, and not all.</summary>
         public int Count => partials.Count;
 
         /// <summary>Bytes of one segment that are here already.</summary>
@@ -47,6 +48,7 @@ namespace Terraport.Sessions
             }
             PartialPayload partial;
             partials.TryGetValue(frame.Segment, out partial);
+            // A segment that is not in the table has received 0 bytes: its first chunk must be at 0.
             if (frame.Offset != partial.Received)
             {
                 throw new ProtocolViolationException(
@@ -57,6 +59,7 @@ namespace Terraport.Sessions
             Buffer.BlockCopy(frame.Chunk.Array, frame.Chunk.Offset, buffer.Data, partial.Received, frame.Chunk.Count);
             if (frame.IsLast)
             {
+                // Ownership passes to the caller; SetLength, since the buffer was rented before the length was reached.
                 partials.Remove(frame.Segment);
                 buffer.SetLength(length);
                 return buffer;
@@ -71,6 +74,7 @@ namespace Terraport.Sessions
             unwanted.Clear();
             foreach (uint segment in partials.Keys)
             {
+                // Collected first: a dictionary must not change while it is enumerated.
                 if (!segments.ContainsKey(segment)) unwanted.Add(segment);
             }
             foreach (uint segment in unwanted)
@@ -98,6 +102,7 @@ namespace Terraport.Sessions
             return larger;
         }
 
+        /// <summary>A payload of which the first Received bytes are in Buffer, which the assembler owns.</summary>
         private struct PartialPayload
         {
             internal PayloadBuffer Buffer;

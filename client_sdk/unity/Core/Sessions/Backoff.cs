@@ -17,6 +17,7 @@ namespace Terraport.Sessions
         /// <param name="chance">A number in [0, 1].</param>
         public static double WaitMs(int attempt, double chance)
         {
+            // At most 2^16: the shift must not overflow, and the bound is passed long before.
             double doubled = FirstWaitMs * (1 << Math.Min(Math.Max(attempt, 0), 16));
             return Math.Min(LongestWaitMs, doubled) * (0.5 + 0.5 * chance);
         }

@@ -18,27 +18,32 @@ namespace Terraport.Sessions
     {
         private readonly SessionOptions options;
         private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
+        // Messages, not bytes: one that is overtaken before it leaves can still be taken back.
         private readonly List<WireMessage> outbox = new List<WireMessage>();
         private readonly Holdings holdings;
         private readonly Transfers transfers;
         private readonly AimState aim = new AimState();
         private readonly HeldOffer offer = new HeldOffer();
         private readonly PickState picks;
+        // hello is on its way, and no welcome has come.
         private bool isGreeting;
+        // Generation of the newest land or aim on the present connection; each connection counts from 1.
         private uint generation;
         private int landings;
         private int requests;
         // The landing whose land is still in the outbox, and the one that waits for the next welcome.
         private LandingState unsent;
         private LandingState queued;
+        // Chunk bytes consumed since the last credit message, and how many are granted back at a time (half the credit).
         private long creditStep = 1;
         private long consumedBytes;
 
-        /// <summary>Begin one, not connected.</summary>
+        /// <summary>A session that is not connected yet.</summary>
         /// <exception cref="ArgumentException">An option that the protocol does not allow.</exception>
         public ClientSession(SessionOptions options)
         {
             if (options.CreditBytes < 1) throw new ArgumentException("credit is " + options.CreditBytes + " bytes, expected 1 or more");
+            // A bad option throws here, at its source, and not when the connection is made.
             WireCodec.Check(options.Hello(new HeldRow[0]));
             this.options = options;
             Cache = new SegmentCache(options.CacheBytes);
@@ -83,7 +88,7 @@ namespace Terraport.Sessions
         /// <summary>Messages that wait for <see cref="TakeMessages"/>.</summary>
         public int UnsentMessages => outbox.Count;
 
-        /// <summary>Segments that are partly here.</summary>
+        /// <summary>Segments of which some chunks have come, and not all.</summary>
         public int PartialSegments => transfers.PartialSegments;
 
         /// <summary>What has been counted over all connections.</summary>
@@ -114,6 +119,7 @@ namespace Terraport.Sessions
             IsOpen = false;
             isGreeting = true;
             outbox.Clear();
+            // The offer clears what had to be told as evicted: a new connection knows only what hello names.
             outbox.Add(options.Hello(offer.First(holdings.Offer(), offersInHello)));
         }
 
@@ -123,6 +129,7 @@ namespace Terraport.Sessions
         /// </summary>
         public void ConnectionLost()
         {
+            // Generations, credit and chunks belong to the connection. Landings, picks and held payloads outlive it.
             IsOpen = false;
             isGreeting = false;
             outbox.Clear();
@@ -146,8 +153,10 @@ namespace Terraport.Sessions
                 if (PayloadFrame.IsPayload(data))
                 {
                     PayloadFrame frame;
+                    // By far the most frequent message: no allocation on this path.
                     if (!PayloadFrame.TryDecode(data, out frame)) return;
                     transfers.OnFrame(frame);
+                    // Granted after the chunk was copied: credit bounds what lies in buffers between server and session.
                     Grant(frame.Chunk.Count);
                     return;
                 }
@@ -165,6 +174,7 @@ namespace Terraport.Sessions
         public int Land(Vec3 position, double radiusM, LandOptions landOptions = null)
         {
             var landing = new LandingState(landings + 1, position, radiusM, landOptions);
+            // Before anything changes: after an exception the session is as it was.
             WireCodec.Check(landing.Message(0));
             landings++;
             aim.Clear();
@@ -187,6 +197,7 @@ namespace Terraport.Sessions
         public void FlushAim()
         {
             if (!HasAim) return;
+            // Evictions go before every land and aim: the server plans by what it thinks is held (6.7).
             SendEvictions();
             outbox.Add(aim.Take(NextGeneration()));
         }
@@ -259,6 +270,7 @@ namespace Terraport.Sessions
 
         private void OnWelcome(WelcomeMessage welcome)
         {
+            // Order matters below: version and limits first, then what the server no longer counts as held, then what waited.
             if (IsOpen || !isGreeting) throw new ProtocolViolationException("got a second welcome, expected one");
             if (welcome.Protocol.Major != WireLimits.ProtocolMajor)
             {
@@ -270,6 +282,7 @@ namespace Terraport.Sessions
             Version = welcome.Scene.Version;
             Limits = welcome.Limits;
             if (isChanged) transfers.HideAll();
+            // Half of what the server really granted: it may allow less than was asked for.
             creditStep = Math.Max(1, Math.Min(options.CreditBytes, Limits.MaxCreditBytes) / 2);
             events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Opened,
@@ -299,6 +312,7 @@ namespace Terraport.Sessions
 
         private void OnError(ErrorMessage error)
         {
+            // An error belongs to a pick, an aim, a landing, or to the session as a whole: asked in this order.
             if (picks.Refused(error) && !error.Fatal) return;
             aim.Refused(error.Generation);
             LandingState refused = error.Fatal ? null : transfers.Refused(error.Generation);
@@ -334,6 +348,7 @@ namespace Terraport.Sessions
             // Replace one that never left: however often the user lands, one land waits to be sent.
             if (unsent != null)
             {
+                // At most one is there: what was handed out before has left the outbox.
                 outbox.RemoveAll(message => message is LandMessage);
                 transfers.Withdraw(unsent);
                 ReportSuperseded(unsent, landing);
@@ -358,10 +373,12 @@ namespace Terraport.Sessions
 
         private uint NextGeneration()
         {
+            // Overflow throws: a generation that came twice would mix two landings up.
             generation = checked(generation + 1);
             return generation;
         }
 
+        /// <summary>Count consumed chunk bytes, and grant them back in steps: one credit message per chunk would double the messages.</summary>
         private void Grant(int bytes)
         {
             consumedBytes += bytes;

@@ -34,6 +34,7 @@ namespace Terraport.Sessions
         {
             List<HeldRow> rows = rest;
             rest = new List<HeldRow>();
+            // By the server's own message limit, which is known only after its welcome.
             long fittingRows = (welcome.Limits.MaxMessageBytes - AroundBytes) / RowBytes;
             var rowsPerMessage = (int)Math.Min(fittingRows, welcome.Limits.MaxHeldSegments);
             if (rowsPerMessage < 1) return rows;

@@ -16,6 +16,7 @@ namespace Terraport.Sessions
 
         internal Holdings(SegmentCache cache) { Cache = cache; }
 
+        /// <summary>The payloads themselves; owned here, read by the stream's users through pins.</summary>
         internal SegmentCache Cache { get; }
 
         /// <summary>Facts of what is held, or was until the server is told.</summary>
@@ -24,6 +25,7 @@ namespace Terraport.Sessions
             return Cache.TryGetFacts(segment, out facts) || unreported.TryGetValue(segment, out facts);
         }
 
+        /// <summary>Hold a payload, whose buffer is the cache's from now on; an eviction of it that was not told yet is void.</summary>
         internal void Put(SegmentFacts facts, PayloadBuffer buffer)
         {
             unreported.Remove(facts.Segment);
@@ -64,7 +66,9 @@ namespace Terraport.Sessions
             {
                 if (spared == null || !spared.Contains(segment)) ids.Add(segment);
             }
+            // Sorted, so that the same history sends the same bytes.
             ids.Sort();
+            // Spared ids stay, and are told when their plan is over.
             foreach (uint segment in ids) unreported.Remove(segment);
             for (int start = 0; start < ids.Count; start += WireLimits.MaxHeldSegments)
             {

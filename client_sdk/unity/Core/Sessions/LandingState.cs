@@ -53,6 +53,7 @@ namespace Terraport.Sessions
         /// <summary>The declared inner set, ascending, until it has been reported; null where there is none.</summary>
         internal uint[] Inner { get; set; }
 
+        /// <summary>Whether the server has said ready for the present generation; payloads may still be on their way.</summary>
         internal bool IsReadySeen { get; set; }
 
         /// <summary>Chunk bytes that came for it, in all its generations.</summary>
@@ -92,6 +93,7 @@ namespace Terraport.Sessions
                 PlannedIds.Add(facts.Segment);
                 Waiting.Add(facts.Segment);
             }
+            // What is kept is here already, or is asked for again by whoever calls.
             PlannedIds.UnionWith(plan.Keep);
         }
 

@@ -17,6 +17,7 @@ namespace Terraport.Sessions
         private readonly double perMs;
         private readonly double capacity;
         private double tokens;
+        // When `tokens` was last right, on the caller's clock.
         private double atMs;
 
         /// <summary>Begin with a full bucket.</summary>
@@ -33,6 +34,7 @@ namespace Terraport.Sessions
         public double Take(double nowMs)
         {
             double passedMs = Math.Max(0, nowMs - atMs);
+            // May go below zero: a booked message owes its token, and the next one waits longer.
             tokens = Math.Min(capacity, tokens + passedMs * perMs) - 1;
             atMs = Math.Max(atMs, nowMs);
             return Math.Max(0, -tokens / perMs);

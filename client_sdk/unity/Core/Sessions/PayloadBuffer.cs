@@ -8,6 +8,7 @@ namespace Terraport.Sessions
     public sealed class PayloadBuffer
     {
         private readonly PayloadPool pool;
+        // Changed by Interlocked alone: pins are released on decoding threads.
         private int users;
 
         internal PayloadBuffer(PayloadPool pool, byte[] data)
@@ -31,6 +32,7 @@ namespace Terraport.Sessions
             if (Interlocked.Decrement(ref users) == 0) pool.Return(this);
         }
 
+        /// <summary>Start a new life with one user; called by the pool alone, while nobody else has the buffer.</summary>
         internal void Begin(int length)
         {
             Length = length;

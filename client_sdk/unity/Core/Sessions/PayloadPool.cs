@@ -14,11 +14,12 @@ namespace Terraport.Sessions
 
         private const int SmallestBytes = 4096;
 
+        // By array length. Also the lock: buffers come back from any thread.
         private readonly Dictionary<int, Stack<PayloadBuffer>> idle = new Dictionary<int, Stack<PayloadBuffer>>();
         private readonly long maxIdleBytes;
         private long idleBytes;
 
-        /// <summary>Make one.</summary>
+        /// <summary>An empty pool.</summary>
         /// <param name="maxIdleBytes">Bytes that may lie idle; 0 keeps none.</param>
         public PayloadPool(long maxIdleBytes = DefaultMaxIdleBytes)
         {
@@ -48,16 +49,19 @@ namespace Terraport.Sessions
                     idleBytes -= size;
                 }
             }
+            // Outside the lock: clearing a large array takes time.
             if (buffer == null) buffer = new PayloadBuffer(this, new byte[size]);
             buffer.Begin(length);
             return buffer;
         }
 
+        /// <summary>Take back a buffer that nobody uses any more; called by its last release, on whatever thread.</summary>
         internal void Return(PayloadBuffer buffer)
         {
             int size = buffer.Data.Length;
             lock (idle)
             {
+                // Beyond the bound the buffer is left to the garbage collector.
                 if (idleBytes + size > maxIdleBytes) return;
                 Stack<PayloadBuffer> stack;
                 if (!idle.TryGetValue(size, out stack))

@@ -7,6 +7,7 @@ namespace Terraport.Sessions
     /// <summary>Picks that wait for an answer, over all connections of a session: asked again until answered or refused.</summary>
     internal sealed class PickState
     {
+        // In the order asked for: a new connection gets them in the same order.
         private readonly List<PickMessage> pending = new List<PickMessage>();
         private readonly Queue<StreamEvent> events;
 
@@ -15,6 +16,7 @@ namespace Terraport.Sessions
         /// <summary>How many wait.</summary>
         internal int Count => pending.Count;
 
+        /// <summary>Note a pick that was, or will be, sent.</summary>
         internal void Ask(PickMessage pick) { pending.Add(pick); }
 
         /// <summary>Say those that wait to a new connection.</summary>
@@ -23,6 +25,7 @@ namespace Terraport.Sessions
             foreach (PickMessage pick in pending) into.Add(pick);
         }
 
+        /// <summary>Take the answer to a pick; one that was refused here meanwhile is skipped.</summary>
         internal void Answered(PickedMessage picked)
         {
             if (!Remove(picked.Request)) return;

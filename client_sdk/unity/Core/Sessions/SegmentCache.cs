@@ -13,15 +13,20 @@ namespace Terraport.Sessions
     /// </remarks>
     public sealed class SegmentCache
     {
+        // Guards `entries` against TryPin on other threads: taken where entries change. The owner reads without it.
         private readonly object gate = new object();
         private readonly Dictionary<uint, Entry> entries = new Dictionary<uint, Entry>();
+        // Entry objects without a segment: in the steady state nothing is allocated.
         private readonly Stack<Entry> spare = new Stack<Entry>();
+        // Ids, held or not yet: a plan pins its segments before they come.
         private readonly HashSet<uint> pinned = new HashSet<uint>();
+        // Head of a ring: its Newer is the oldest entry, its Older the newest.
         private readonly Entry ring = new Entry();
         private readonly long maxBytes;
+        // Held entries that are not in `pinned`: Trim ends as soon as none is left.
         private int unpinnedCount;
 
-        /// <summary>Make one.</summary>
+        /// <summary>An empty cache.</summary>
         /// <param name="maxBytes">Bound on the payload bytes beside what is pinned; 0 keeps pinned segments only.</param>
         public SegmentCache(long maxBytes)
         {
@@ -70,6 +75,7 @@ namespace Terraport.Sessions
                     payload = default(PinnedPayload);
                     return false;
                 }
+                // Under the lock: after it, the owner could drop the entry and the buffer go back to the pool first.
                 entry.Buffer.Retain();
                 payload = new PinnedPayload(entry.Buffer, entry.Facts);
                 return true;
@@ -136,6 +142,7 @@ namespace Terraport.Sessions
             Entry entry = ring.Newer;
             while (Bytes > maxBytes && unpinnedCount > 0 && entry != ring)
             {
+                // Read before the entry goes: discarding cuts it out of the ring.
                 Entry newer = entry.Newer;
                 if (!pinned.Contains(entry.Facts.Segment))
                 {

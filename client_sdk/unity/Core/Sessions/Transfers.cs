@@ -17,8 +17,10 @@ namespace Terraport.Sessions
         private readonly Assembler assembler;
         // Sent, and without a plan yet, oldest first.
         private readonly List<LandingState> awaitingPlan = new List<LandingState>();
+        // Segments whose hash was wrong once, since the newest plan or prefetch: an aim gives up after the second time.
         private readonly HashSet<uint> retried = new HashSet<uint>();
         private readonly AimCounts aims = new AimCounts();
+        // The landing whose plan came last, until it is superseded; it stays after it is ready.
         private LandingState current;
         private PrefetchState prefetch;
         // Shown perhaps, since a deadline passed: the newest declared inner set.
@@ -128,6 +130,7 @@ namespace Terraport.Sessions
         /// <summary>Take the plan of the oldest landing that has none.</summary>
         internal void OnPlan(PlanMessage plan)
         {
+            // Plans come in the order of the lands, one each: anything else is a broken server.
             if (awaitingPlan.Count == 0 || awaitingPlan[0].Generation != plan.Generation)
             {
                 string expected = awaitingPlan.Count == 0 ? "none" : awaitingPlan[0].Generation.ToString();
@@ -135,14 +138,17 @@ namespace Terraport.Sessions
             }
             LandingState landing = awaitingPlan[0];
             awaitingPlan.RemoveAt(0);
+            // 1. The new plan takes the place of the landing and of the aim before it (6.5, 7).
             EndCurrent(landing.Number);
             current = landing;
             prefetch = null;
             nearby = plan.Nearby;
             retried.Clear();
             landing.Begin(plan);
+            // 2. Chunks of segments that both plans load stay; the server goes on where it stopped.
             assembler.KeepOnly(landing.Facts);
             aims.Planned(plan.Keep, plan.Load.Length > 0);
+            // 3. What the plan counts on as held is made recent; what is not here after all is asked for below.
             var absent = new List<uint>();
             foreach (uint segment in plan.Keep)
             {
@@ -154,12 +160,14 @@ namespace Terraport.Sessions
                 else
                     absent.Add(segment);
             }
+            // 4. The plan's ids are pinned before anything may be evicted again.
             PinAndTrim();
             events.Enqueue(new StreamEvent {
                 Kind = StreamEventKind.Planned,
                 Landing = landing.Number,
                 Plan = landing.FactsOf(plan),
             });
+            // Behind the event: a listener learns of the plan before of anything that belongs to it.
             foreach (uint segment in absent) AskAgain(landing, segment);
         }
 
@@ -181,6 +189,7 @@ namespace Terraport.Sessions
         internal void OnDegraded(DegradedMessage degraded)
         {
             if (current == null || current.IsDone || current.Generation != degraded.Generation) return;
+            // A copy: the message's array must not change under whoever holds the message.
             var segments = (uint[])degraded.Segments.Clone();
             Array.Sort(segments);
             current.Inner = segments;
@@ -215,15 +224,19 @@ namespace Terraport.Sessions
         /// <summary>Take one chunk; check the hash when it was the last one (4, rule 4). Allocates nothing in steady state.</summary>
         internal void OnFrame(PayloadFrame frame)
         {
+            // 1. For which landing or aim, and is the segment one of its own.
             LandingState landing = current != null && current.Generation == frame.Generation ? current : null;
             PrefetchState ahead = prefetch != null && prefetch.Generation == frame.Generation ? prefetch : null;
             SegmentFacts facts = Expected(frame, landing, ahead);
+            // 2. Counted, also where it is wrong in the end: it used the line.
             int bytes = frame.Chunk.Count;
             if (landing != null) landing.PayloadBytes += bytes;
             payloadBytes += bytes;
             if (holdings.Cache.Contains(frame.Segment)) repeatedBytes += bytes;
+            // 3. Put together; most chunks end here.
             PayloadBuffer payload = assembler.Take(frame, facts.Length);
             if (payload == null) return;
+            // 4. The hash is the only proof that the payload is the one of the index: nothing unverified is held.
             if (Xxh3.Hash64(payload.Data, 0, payload.Length) != facts.Xxh3)
             {
                 payload.Release();
@@ -237,6 +250,7 @@ namespace Terraport.Sessions
                 Landing = landing == null ? (int?)null : landing.Number,
                 Facts = facts,
             });
+            // 5. Between a land and its plan nothing may be evicted, since the plan may count on it (6.7, rule 2).
             if (!AwaitsPlan) Trim();
             if (landing != null)
             {
@@ -314,6 +328,7 @@ namespace Terraport.Sessions
         {
             if (current == null || current.IsDone || !current.IsComplete) return;
             current.IsDone = true;
+            // Visible changes here alone, and all at once: what is shown never mixes two landings.
             Visible = current.Shown();
             inner = new uint[0];
             events.Enqueue(new StreamEvent {
@@ -343,6 +358,7 @@ namespace Terraport.Sessions
             events.Enqueue(new StreamEvent { Kind = StreamEventKind.Superseded, Landing = landing, By = by });
         }
 
+        /// <summary>Pin what is shown, may be shown, or is needed by the plan on its way; nothing else.</summary>
         private void Pin()
         {
             holdings.Cache.UnpinAll();
@@ -352,12 +368,14 @@ namespace Terraport.Sessions
             if (OpenPlan != null) holdings.Cache.Pin(OpenPlan);
         }
 
+        /// <summary>Pin anew, then evict down to the bound, where that is allowed now.</summary>
         private void PinAndTrim()
         {
             Pin();
             if (!AwaitsPlan) Trim();
         }
 
+        /// <summary>Evict down to the bound, and say what went.</summary>
         private void Trim()
         {
             uint[] segments = holdings.Trim();

@@ -15,17 +15,20 @@ namespace Terraport
         private readonly CoverCounters counters;
         private readonly ISceneRenderer renderer;
         private readonly int blockFaces;
+        // Both masks are as Hidden.Mask: one byte a face, 1 where it is hidden. drawn is on the screen, prepared in the other lists.
         private readonly byte[] drawn;
         private readonly byte[] prepared;
         /// <summary>Blocks whose prepared list is what <see cref="prepared"/> says.</summary>
         private readonly bool[] isPrepared;
         /// <summary>Blocks that may differ from what is drawn, and are to be looked at.</summary>
         private readonly bool[] isTouched;
+        // touched: blocks to be looked at, from nextTouched on. changed: blocks that the next swap exchanges.
         private readonly List<int> touched = new List<int>();
         private readonly List<int> changed = new List<int>();
         private readonly List<uint> toAdd = new List<uint>();
         private readonly List<uint> toRemove = new List<uint>();
         private readonly HashSet<uint> targetIds = new HashSet<uint>();
+        // One delegate, made once: it is passed for every segment that changes.
         private readonly Action<int> touch;
         private int targetRevision = NoRevision;
         private int nextTouched;
@@ -78,6 +81,7 @@ namespace Terraport
             }
             counters.CopyShown(toRemove);
             toRemove.RemoveAll(targetIds.Contains);
+            // What was looked at for the set before is done; what was not is still due.
             touched.RemoveRange(0, nextTouched);
             nextTouched = 0;
             // Blocks that would change for the set before are looked at again.
@@ -95,6 +99,8 @@ namespace Terraport
             {
                 return 0;
             }
+            // 1. The counters, one segment a step; 2. the blocks that they touched, one list a step; 3. done. Each step returns its bytes,
+            // so that the frame's budget can stop in between.
             if (toRemove.Count > 0)
             {
                 return 1 + counters.Remove(TakeLast(toRemove), touch);
@@ -113,6 +119,7 @@ namespace Terraport
                     continue;
                 }
                 changed.Add(block);
+                // Written for an earlier coming set, and right for this one: nothing to upload.
                 if (isPrepared[block] && IsEqual(prepared, range))
                 {
                     continue;
@@ -120,10 +127,12 @@ namespace Terraport
                 renderer.PrepareBase(range, counters.Hidden);
                 Buffer.BlockCopy(counters.Hidden.Mask, range.First, prepared, range.First, range.Count);
                 isPrepared[block] = true;
+                // Three indices of up to four bytes a face.
                 return range.Count * 12;
             }
             touched.Clear();
             nextTouched = 0;
+            // By block, so that a swap names the same blocks in the same order whatever the order of work.
             changed.Sort();
             PreparedRevision = targetRevision;
             return 1;
@@ -174,6 +183,7 @@ namespace Terraport
             return true;
         }
 
+        /// <summary>A face's counter passed zero: look at its block again.</summary>
         private void Touch(int face) { TouchBlock(face / blockFaces); }
 
         private void TouchBlock(int block)

@@ -14,7 +14,9 @@ namespace Terraport
     /// </remarks>
     public sealed class CoverCounters
     {
+        // Segments over each face that are not shown. Invariant: a face is hidden where it is 0 and the face's list is not empty.
         private readonly int[] unshown;
+        // The inverse lists: faces under segment s are faces[starts[s]] to faces[starts[s + 1] - 1].
         private readonly int[] starts;
         private readonly int[] faces;
         private readonly HashSet<uint> shown = new HashSet<uint>();
@@ -33,6 +35,7 @@ namespace Terraport
             FaceCount = offsets.Length - 1;
             unshown = new int[FaceCount];
             Hidden = new HiddenFaces(new byte[FaceCount]);
+            // Counting sort by segment: count, sum up, fill. The ids need not be dense, but bound the array.
             uint highestId = 0;
             for (int entry = 0; entry < segments.Length; entry++)
             {
@@ -155,10 +158,12 @@ namespace Terraport
             }
         }
 
+        /// <summary>Hide or draw one face, keeping mask, count and hash in step.</summary>
         private void SetHidden(int face, byte isHidden, Action<int> onFace)
         {
             Hidden.Mask[face] = isHidden;
             Hidden.Count += isHidden == 1 ? 1 : -1;
+            // Exclusive or: hiding a face and drawing it again gives the old hash, in whatever order.
             Hidden.Hash ^= Mix((uint)face);
             if (onFace != null)
             {

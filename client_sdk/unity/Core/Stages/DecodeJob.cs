@@ -5,8 +5,11 @@ namespace Terraport
     /// <summary>One payload to be decoded.</summary>
     internal struct DecodeJob
     {
+        /// <summary>Segment id.</summary>
         internal uint Segment;
+        /// <summary>The stage's number of the scene version that asked: results of an earlier one are dropped.</summary>
         internal int Epoch;
+        /// <summary>Owned by the job; released by <see cref="Run"/>, or by its queue where that is disposed of first.</summary>
         internal PinnedPayload Payload;
 
         /// <summary>

@@ -11,6 +11,7 @@ namespace Terraport
         private const int JoinMs = 1000;
         private readonly Action<SegmentMesh> afterDecode;
         private readonly MeshPool pool = new MeshPool();
+        // Each queue is its own lock; a thread never holds both.
         private readonly Queue<DecodeJob> jobs = new Queue<DecodeJob>();
         private readonly Queue<DecodeResult> results = new Queue<DecodeResult>();
         private readonly Thread[] threads;
@@ -33,6 +34,7 @@ namespace Terraport
                 this.threads[at] = new Thread(Work);
                 this.threads[at].Name = "terraport decode " + at;
                 this.threads[at].IsBackground = true;
+                // Below normal: on a device with few cores, the threads that draw and play sound go first.
                 this.threads[at].Priority = ThreadPriority.BelowNormal;
                 this.threads[at].Start();
             }
@@ -50,6 +52,7 @@ namespace Terraport
                     return;
                 }
             }
+            // Outside the lock, and only where nobody will decode it any more: the caller handed it over.
             payload.Dispose();
         }
 
@@ -87,6 +90,7 @@ namespace Terraport
                 {
                     jobs.Dequeue().Payload.Dispose();
                 }
+                // Wakes all, so that each sees isDisposed and ends.
                 Monitor.PulseAll(jobs);
             }
             foreach (Thread thread in threads)
@@ -97,6 +101,7 @@ namespace Terraport
 
         private void Work()
         {
+            // One a thread: its scratch memory is not shared.
             var decoder = new SegmentDecoder();
             for (;;)
             {

@@ -26,8 +26,10 @@ namespace Terraport
             this.maxBytes = maxBytes;
         }
 
+        /// <summary>Segments being decoded, or decoded and waiting for their upload.</summary>
         internal int Count => decoding + waiting;
 
+        /// <summary>Whether one more may be decoded: within both bounds, or alone.</summary>
         internal bool HasRoom => Count == 0 || (Count < maxCount && waitingBytes + (decoding + 1) * guessBytes <= maxBytes);
 
         /// <summary>A segment was asked for.</summary>
@@ -55,6 +57,7 @@ namespace Terraport
         /// <summary>Nothing that was asked for will be taken any more.</summary>
         internal void Clear()
         {
+            // The guess stays: the next version's segments are like these.
             decoding = 0;
             waiting = 0;
             waitingBytes = 0;

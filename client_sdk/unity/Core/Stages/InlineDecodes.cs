@@ -25,6 +25,7 @@ namespace Terraport
         /// <inheritdoc/>
         public bool TryTake(out DecodeResult result)
         {
+            // A result always has a mesh or an error: the default has neither.
             result = results.Count > 0 ? results.Dequeue() : default(DecodeResult);
             return result.Mesh != null || result.Error != null;
         }

@@ -9,8 +9,10 @@ namespace Terraport
     /// </summary>
     internal sealed class LandingRecord
     {
+        // Payload bytes of each segment that the plan loads.
         private readonly Dictionary<uint, int> loadBytes = new Dictionary<uint, int>();
         private readonly HashSet<uint> arrived = new HashSet<uint>();
+        // What degraded and ready declared, as given; null until they came.
         private IReadOnlyList<uint> innerSet;
         private IReadOnlyList<uint> readySet;
 
@@ -31,26 +33,35 @@ namespace Terraport
             Full,
         }
 
+        /// <summary>The stream's number of it.</summary>
         internal int Landing { get; private set; }
 
+        /// <summary>Metres, scene frame.</summary>
         internal Vec3 Position { get; private set; }
 
         internal double RadiusM { get; private set; }
 
+        /// <summary>When Land was called, on the stage's clock.</summary>
         internal double RequestedAtMs { get; private set; }
 
+        /// <summary>Its newest plan; null before one came, and after a new scene version.</summary>
         internal PlanFacts Plan { get; private set; }
 
+        /// <summary>What the server said that it cannot send; never null.</summary>
         internal IReadOnlyList<uint> Missing { get; private set; }
 
+        /// <summary>Why the server refused it; null where it did not.</summary>
         internal string Refusal { get; private set; }
 
+        /// <summary>Milliseconds from Land until all bytes were verified, the first time.</summary>
         internal double? ReadyMs { get; private set; }
 
+        /// <summary>Milliseconds from Land until all of it could be drawn, the first time.</summary>
         internal double? PresentableMs { get; set; }
 
         internal long PayloadBytes { get; private set; }
 
+        /// <summary>How much of it was shown by a swap.</summary>
         internal Extent Swapped { get; set; }
 
         /// <summary>
@@ -68,6 +79,7 @@ namespace Terraport
             }
         }
 
+        /// <summary>Count a segment that came; after ready the server's own sum counts.</summary>
         internal void Arrived(SegmentFacts facts)
         {
             arrived.Add(facts.Segment);
@@ -77,12 +89,15 @@ namespace Terraport
             }
         }
 
+        /// <summary>Note the inner set, which may be shown before the rest.</summary>
         internal void Degrade(IReadOnlyList<uint> segments) { innerSet = segments; }
 
+        /// <summary>Note the full set: exactly this is to be shown.</summary>
         internal void Ready(IReadOnlyList<uint> visible, IReadOnlyList<uint> missing, double elapsedMs, long payloadBytes)
         {
             readySet = visible;
             Missing = missing ?? Array.Empty<uint>();
+            // The first one: a second ready, after a reconnect, does not make the landing slower.
             ReadyMs = ReadyMs ?? elapsedMs;
             PayloadBytes = payloadBytes;
         }
@@ -141,6 +156,7 @@ namespace Terraport
             long drawableBytes = 0;
             foreach (KeyValuePair<uint, int> pair in loadBytes)
             {
+                // Twice: coming over the line is one half of the way, becoming drawable the other.
                 totalBytes += 2L * pair.Value;
                 drawableBytes += readySet != null || arrived.Contains(pair.Key) ? pair.Value : 0;
                 drawableBytes += shelf.StepOf(pair.Key) == SegmentStep.Resident ? pair.Value : 0;

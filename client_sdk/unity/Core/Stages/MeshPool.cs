@@ -9,11 +9,13 @@ namespace Terraport
         private const int MaxSpares = 32;
         private readonly Stack<SegmentMesh> spare = new Stack<SegmentMesh>();
 
+        /// <summary>A mesh with the buffers of an earlier payload, or a new one; the caller owns it.</summary>
         internal SegmentMesh Take()
         {
             lock (spare) { return spare.Count > 0 ? spare.Pop() : new SegmentMesh(); }
         }
 
+        /// <summary>Take a mesh back that nobody uses any more.</summary>
         internal void Give(SegmentMesh mesh)
         {
             lock (spare)

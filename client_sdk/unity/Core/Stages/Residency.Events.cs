@@ -26,8 +26,10 @@ namespace Terraport
             landing.Planned(plan);
             for (int at = 0; at < plan.Keep.Count; at++)
             {
+                // Kept segments are held by what the stream says, even where this stage never saw them arrive.
                 shelf.Hold(plan.Keep[at], -1);
             }
+            // Before SetLandingIds, which trims by what is needed: nearby counts as needed.
             nearbyIds.Clear();
             nearbyIds.UnionWith(plan.Nearby);
             SetLandingIds(landing.Expected().ToArray());
@@ -37,8 +39,10 @@ namespace Terraport
         /// <summary>A segment's payload is here: for a landing, or (null) for an aim.</summary>
         internal void Arrived(SegmentFacts facts, int? landing)
         {
+            // -1: came for a landing. Else the landing that was newest when the aim brought it: older ones are freed first.
             int aimedDuring = landing != null ? -1 : Newest == null ? 0 : Newest.Landing;
             mayDecode = true;
+            // It had failed, and its bytes came anew: worth another decode.
             if (shelf.Hold(facts.Segment, aimedDuring))
             {
                 shelf.Forgive(facts.Segment);
@@ -118,6 +122,7 @@ namespace Terraport
         /// </summary>
         internal void VersionChanged()
         {
+            // First: decodes that are under way come back with the old number, and are dropped.
             Epoch++;
             shelf.Clear();
             prefetched.Clear();

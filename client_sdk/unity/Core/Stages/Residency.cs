@@ -18,15 +18,20 @@ namespace Terraport
         private const int MaxPrefetched = 4096;
         private static readonly uint[] None = Array.Empty<uint>();
         private readonly SegmentShelf shelf;
+        // Sets for lookups beside the arrays that keep an order.
         private readonly HashSet<uint> visibleIds = new HashSet<uint>();
         private readonly HashSet<uint> landingIds = new HashSet<uint>();
         // What the newest plan keeps ready beside what is shown.
         private readonly HashSet<uint> nearbyIds = new HashSet<uint>();
         private readonly List<uint> prefetched = new List<uint>();
         private readonly HashSet<uint> hiddenIds = new HashSet<uint>();
+        // What the newest landing shows, nearest first: the order of decoding and uploading.
         private uint[] landingOrder = None;
+        // Revision of Coming for which the base's lists are ready: a swap needs both.
         private int preparedRevision = -1;
+        // False after a search found nothing: the lists are not walked in every frame, but when something changed.
         private bool mayDecode = true;
+        // Cache of Missing(); null where it must be worked out anew.
         private IReadOnlyList<uint> missing;
 
         internal Residency(StageOptions options)
@@ -65,6 +70,7 @@ namespace Terraport
             {
                 return false;
             }
+            // 1. What the newest landing waits for, nearest first.
             if (Newest != null && Newest.Plan != null)
             {
                 for (int at = 0; at < landingOrder.Length; at++)
@@ -76,6 +82,7 @@ namespace Terraport
                     }
                 }
             }
+            // 2. What aims brought, oldest first, as far as there is spare room.
             // What finds no spare room waits for the next swap.
             while (prefetched.Count > 0 && shelf.HasSpareRoom)
             {
@@ -115,6 +122,7 @@ namespace Terraport
             {
                 return false;
             }
+            // 1. The newest landing's, nearest first; 2. any other (an aim's), in no order.
             for (int at = 0; at < landingOrder.Length; at++)
             {
                 segment = landingOrder[at];
@@ -162,6 +170,7 @@ namespace Terraport
             {
                 return LandingRecord.Extent.Nothing;
             }
+            // All or nothing: one segment that is not drawable yet holds the swap back, so that no half of a landing is seen.
             for (int at = 0; at < Coming.Length; at++)
             {
                 if (shelf.StepOf(Coming[at]) != SegmentStep.Resident)
@@ -184,6 +193,7 @@ namespace Terraport
         /// <summary>Apart, since this makes garbage and the question is asked in every frame.</summary>
         private SceneSwap Show(LandingRecord.Extent extent)
         {
+            // Set differences: what both landings show is not touched, and does not flicker.
             uint[] previous = Visible;
             uint[] next = Coming;
             uint[] shown = SegmentIds.Without(next, visibleIds);
@@ -195,6 +205,7 @@ namespace Terraport
             hiddenIds.Clear();
             hiddenIds.UnionWith(hidden);
             int landing = Newest.Landing;
+            // Only now: until the swap, the old landing was on the screen.
             shelf.FreeAfterSwap(landing, hiddenIds);
             prefetched.RemoveAll(segment => !shelf.IsAimedSince(segment, landing));
             mayDecode = true;
@@ -275,6 +286,7 @@ namespace Terraport
             uint[] next = null;
             if (Newest != null && Newest.Swapped != LandingRecord.Extent.Full)
             {
+                // Before ready the plan says what will presumably come: the base's lists can be prepared while payloads travel.
                 IReadOnlyList<uint> ids = ComingIds() ?? Newest.Expected();
                 if (ids != null)
                 {

@@ -24,7 +24,9 @@ namespace Terraport
         private BaseFaces nextBase;
         /// <summary>The base of <see cref="files"/> can be drawn; false until it was uploaded.</summary>
         private bool isBaseUploaded;
+        // Landing for which Show was called; it is shown as soon as it is presentable.
         private int landingToShow;
+        // How long Update took, the last time and at most; for figures.
         private double updateMs;
         private double updateMaxMs;
         private bool isDisposed;
@@ -134,12 +136,15 @@ namespace Terraport
             {
                 return;
             }
+            // 1. What became drawable since the last frame, and what is to be freed.
             double startMs = options.ClockMs();
             uploads.BeginFrame();
+            // 2. The base's lists follow what the next swap will show.
             if (IsBaseDrawn && !NeedsFiles && residency.Coming != null)
             {
                 baseFaces.Prepare(residency.Coming, residency.ComingRevision);
             }
+            // 3. Slices of work until the frame's time or bytes are used up; one at least, so that a budget of 0 still gets there.
             long bytes = 0;
             do
             {
@@ -151,6 +156,7 @@ namespace Terraport
                 bytes += slice;
             }
             while (bytes < options.MaxFrameUploadBytes && options.ClockMs() - startMs < budgetMs);
+            // 4. Uploads made room: decode more, beside the drawing. Then swap, if everything is there.
             uploads.AskForDecodes();
             residency.BasePrepared(baseFaces.PreparedRevision);
             double nowMs = options.ClockMs();
@@ -225,6 +231,7 @@ namespace Terraport
             uploads.FreeAllButShown();
             residency.VersionChanged();
             NeedsFiles = NeededVersion != files.Manifest.Version;
+            // The files may be those of the new version already: loaded before the session was opened.
             nextBase = NeedsFiles ? null : new BaseFaces(files.Cover, renderer, options.BaseBlockFaces);
             isBaseUploaded = false;
             IsBaseDrawn = false;
@@ -233,6 +240,7 @@ namespace Terraport
         /// <summary>One slice of work, most urgent first: its bytes, or 0 where there is nothing to do now.</summary>
         private long Step()
         {
+            // Freeing first: it gives memory that the uploads behind it take. Then the base, without which nothing is shown.
             long bytes = uploads.FreeNext();
             if (bytes > 0)
             {

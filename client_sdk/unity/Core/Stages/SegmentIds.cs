@@ -47,6 +47,7 @@ namespace Terraport
             for (int at = 0; at < ids.Length; at++)
             {
                 int rank;
+                // Ranks differ, so the unstable Array.Sort gives one order only.
                 keys[at] = ranks.TryGetValue(ids[at], out rank) ? rank : order.Length + at;
             }
             var ordered = (uint[])ids.Clone();

@@ -12,9 +12,12 @@ namespace Terraport
         private readonly long maxSpareBytes;
         private readonly InFlight inFlight;
         private readonly Func<uint, bool> isNeeded;
+        // Invariant: SpareBytes is the sum over entries on the GPU, or decoded for it, that isNeeded refuses.
         private readonly Dictionary<uint, Entry> entries = new Dictionary<uint, Entry>();
         private readonly List<uint> toFree = new List<uint>();
+        // Reused by Trim, which runs at every landing.
         private readonly List<KeyValuePair<uint, Entry>> scratch = new List<KeyValuePair<uint, Entry>>();
+        // A running number instead of a clock: ages are only compared.
         private long tick;
 
         /// <remarks>isNeeded: Whether a segment is visible, or wanted or kept by the newest plan. After it changes: Trim.</remarks>
@@ -25,6 +28,7 @@ namespace Terraport
             this.isNeeded = isNeeded;
         }
 
+        /// <summary>GPU bytes of what is there, or decoded for it, and not needed now.</summary>
         internal long SpareBytes { get; private set; }
 
         /// <summary>Whether an aim's segment may be decoded now.</summary>
@@ -36,6 +40,7 @@ namespace Terraport
         /// <summary>Whether one more may be decoded.</summary>
         internal bool HasRoom => inFlight.HasRoom;
 
+        /// <summary>Where a segment stands; Unknown where nothing is known of it.</summary>
         internal SegmentStep StepOf(uint segment)
         {
             Entry entry;
@@ -209,6 +214,7 @@ namespace Terraport
                     SpareBytes += pair.Value.Bytes;
                 }
             }
+            // Oldest first: what was aimed at long ago is least likely to be landed in.
             scratch.Sort((left, right) => left.Value.UsedAt.CompareTo(right.Value.UsedAt));
             for (int at = 0; at < scratch.Count && SpareBytes > maxSpareBytes; at++)
             {
@@ -232,6 +238,7 @@ namespace Terraport
         {
             foreach (KeyValuePair<uint, Entry> pair in entries)
             {
+                // Free changes entries, not the dictionary: it can be enumerated meanwhile.
                 if (IsOnGpu(pair.Value) && shouldFree(pair.Key, pair.Value))
                 {
                     Free(pair.Key, pair.Value);

@@ -39,6 +39,7 @@ namespace Terraport
         /// <exception cref="ArgumentException">A number that bounds nothing, or no clock.</exception>
         internal void Check()
         {
+            // 0 bytes of spare memory is a choice; 0 segments in flight would stop the stage.
             bool isBounded = SpareGpuBytes >= 0 && MaxInFlight > 0 && MaxInFlightBytes > 0 && MaxFrameUploadBytes > 0;
             if (!isBounded || BaseBlockFaces <= 0 || ClockMs == null)
             {

@@ -11,9 +11,11 @@ namespace Terraport
         private readonly ISceneRenderer renderer;
         private readonly IDecodeQueue decoders;
         private readonly Action<uint, TerraportException> onFailed;
+        // Decoded meshes that wait for their upload; owned here until they go back to the decoders.
         private readonly Dictionary<uint, SegmentMesh> waiting = new Dictionary<uint, SegmentMesh>();
         /// <summary>Segments of this version that the renderer was given, and did not free.</summary>
         private readonly HashSet<uint> uploaded = new HashSet<uint>();
+        // Uploaded, and not drawable at once yet: a texture may be decoded a frame or more later.
         private readonly List<uint> warming = new List<uint>();
         private readonly List<uint> freed = new List<uint>();
         /// <summary>Segments whose upload goes on in the next frame.</summary>
@@ -48,6 +50,7 @@ namespace Terraport
             while (residency.TryTakeDecode(out segment))
             {
                 PinnedPayload payload;
+                // Pinned until it is decoded: the cache may let go of the segment meanwhile.
                 if (stream.TryPin(segment, out payload))
                 {
                     decoders.Enqueue(segment, residency.Epoch, payload);
@@ -107,6 +110,7 @@ namespace Terraport
                 return 0;
             }
             SegmentMesh mesh = waiting[segment];
+            // A call for what is left of a paused upload counts as next to nothing.
             long bytes = uploaded.Add(segment) ? mesh.GpuBytes : 1;
             try
             {
@@ -170,6 +174,7 @@ namespace Terraport
             {
                 if (!uploaded.Contains(warming[at]) || HasWarmed(warming[at]))
                 {
+                    // Order does not matter here: the last takes the free slot.
                     warming[at] = warming[warming.Count - 1];
                     warming.RemoveAt(warming.Count - 1);
                 }
