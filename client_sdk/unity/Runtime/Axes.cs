@@ -39,6 +39,7 @@ namespace Terraport.Unity
             {
                 into[to] = translationX + stepM * codes[from];
                 into[to + 1] = translationY + stepM * codes[from + 1];
+                // Translated before it is turned: the sum is exact, as the scene format promises, and so is its negation.
                 into[to + 2] = TurnZ(translationZ + stepM * codes[from + 2]);
             }
         }
@@ -74,6 +75,7 @@ namespace Terraport.Unity
         {
             for (int at = 0; at < faceCount * 3; at += 3)
             {
+                // Read first: the arrays may be one and the same.
                 uint second = indices[at + 1];
                 into[at] = indices[at];
                 into[at + 1] = indices[at + 2];

@@ -9,6 +9,7 @@ namespace Terraport.Unity
     internal sealed class BaseBlock
     {
         private readonly PackedMesh packed;
+        // front is the drawn one. They are exchanged at each swap that changes the block.
         private GroundNode front;
         private GroundNode back;
 
@@ -32,6 +33,7 @@ namespace Terraport.Unity
         /// <summary>One step of the upload: the first piece, then the second. The pack's vertices are not needed after that.</summary>
         public void Upload(GroundPool pool)
         {
+            // Both copies hold all vertices: rewriting indices alone is cheap, and needs no vertex upload.
             GroundNode node = pool.Take();
             MeshFiller.Fill(node.Mesh, packed);
             node.FaceCount = Faces.Count;
@@ -67,6 +69,7 @@ namespace Terraport.Unity
         /// <summary>Draw what was prepared, from the next frame on: flags only.</summary>
         public void Flip()
         {
+            // A front without faces was hidden for that reason alone, and counts as shown.
             bool isShown = front.IsShown || front.FaceCount == 0;
             front.IsShown = false;
             GroundNode previous = front;

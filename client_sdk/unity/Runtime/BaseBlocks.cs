@@ -12,6 +12,7 @@ namespace Terraport.Unity
         private readonly SegmentMesh mesh;
         private readonly List<FaceRange> ranges = new List<FaceRange>();
         private readonly List<PackedMesh> packed = new List<PackedMesh>();
+        // New number of each vertex of the base within the block at hand, else -1; shared by all blocks, gone after the last.
         private int[] remap;
 
         /// <param name="mesh">The base; must not be changed meanwhile.</param>

@@ -9,11 +9,14 @@ namespace Terraport.Unity
         private readonly GroundPool pool;
         private readonly PhotoLoader photos;
         private readonly GroundMaterials materials;
+        // Vertices and indices by block; blocks are what of them is on the graphics card, in the same order.
         private readonly BaseBlocks source;
         private readonly List<BaseBlock> blocks = new List<BaseBlock>();
         private readonly double deviationM;
         private readonly int blockFaces;
+        // One list of faces at a time is written; each is copied to the card before the next.
         private ushort[] scratch;
+        // The base's photograph, while it is read and as long as the base lives; null without one.
         private PhotoLoad photo;
         private Material photoMaterial;
         private bool isReady;
@@ -59,11 +62,13 @@ namespace Terraport.Unity
                 return true;
             }
             int last = blocks.Count - 1;
+            // 1. A block takes two slices: its front and its back copy.
             if (last >= 0 && !blocks[last].IsUploaded)
             {
                 blocks[last].Upload(pool);
                 return false;
             }
+            // 2. The next block; where no thread has packed it, packing is a slice of its own.
             if (blocks.Count < source.Count)
             {
                 if (blocks.Count >= source.PackedCount)
@@ -76,6 +81,7 @@ namespace Terraport.Unity
                 block.Upload(pool);
                 return false;
             }
+            // 3. The photograph is read by PhotoLoader, once a frame.
             if (photo != null && !photo.IsDone)
             {
                 return false;
@@ -97,6 +103,7 @@ namespace Terraport.Unity
         /// <summary>Draw all of it.</summary>
         public void Show()
         {
+            // The material outlives this base: the version before may have pushed by another deviation.
             materials.SetPush(deviationM);
             for (int block = 0; block < blocks.Count; block++)
             {

@@ -19,6 +19,7 @@ namespace Terraport.Unity
         {
             SegmentMesh mesh = files.Base;
             int faceCount = mesh.FaceCount;
+            // 1. Centres, times three: only compared, so the division is saved.
             int[] order = new int[faceCount];
             float[] centres = new float[faceCount * 3];
             for (int face = 0; face < faceCount; face++)
@@ -33,6 +34,7 @@ namespace Terraport.Unity
                     centres[face * 3 + 2] += z;
                 }
             }
+            // 2. A k-d split down to blocks; 3. faces and cover rows in that order.
             Split(order, centres, 0, faceCount, blockFaces);
             return new SceneFiles(files.Manifest, Reindexed(mesh, order), Reordered(files.Cover, order), files.Regions);
         }
@@ -45,6 +47,7 @@ namespace Terraport.Unity
                 Array.Sort(order, first, end - first); // Within a block the build's order, for the vertex cache.
                 return;
             }
+            // At a multiple of the block: every block but the last is full.
             int middle = first + blocks / 2 * blockFaces;
             int axis = LongestAxis(order, centres, first, end);
             Select(order, centres, axis, first, end - 1, middle);
@@ -81,6 +84,7 @@ namespace Terraport.Unity
             {
                 float pivot = centres[order[low + (high - low) / 2] * 3 + axis];
                 int left = low, right = high;
+                // Hoare's partition stops at equal keys on both sides, so equal centres do not make it quadratic.
                 while (left <= right)
                 {
                     while (centres[order[left] * 3 + axis] < pivot)
@@ -133,6 +137,7 @@ namespace Terraport.Unity
             {
                 uint begin = cover.Offsets[order[face]];
                 uint count = cover.Offsets[order[face] + 1] - begin;
+                // A row keeps its order: segments ascend within it.
                 Array.Copy(cover.Segments, begin, segments, at, count);
                 at += count;
                 offsets[face + 1] = at;

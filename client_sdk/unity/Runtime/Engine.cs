@@ -12,6 +12,7 @@ namespace Terraport.Unity
             {
                 return;
             }
+            // Destroy waits for the end of the frame, which only play mode has.
             if (Application.isPlaying)
             {
                 Object.Destroy(target);

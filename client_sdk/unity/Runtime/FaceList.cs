@@ -16,6 +16,7 @@ namespace Terraport.Unity
             int written = 0;
             for (int face = faces.First, from = 0; face < faces.End; face++, from += 3)
             {
+                // written never passes from, so even one and the same array would do.
                 if (hidden[face] == 0)
                 {
                     into[written] = all[from];

@@ -9,12 +9,14 @@ namespace Terraport.Unity
     {
         private const string ShaderName = "TerraportGround";
 
+        // Ids instead of names: a lookup by name hashes a string at every call.
         private static readonly int PushId = Shader.PropertyToID("_TerraportPushM");
         private static readonly int ReliefId = Shader.PropertyToID("_TerraportRelief");
         private static readonly int HasPhotoId = Shader.PropertyToID("_TerraportHasPhoto");
 
         private readonly Material detail;
         private readonly Material ground;
+        // Materials without a photograph, to be used again: making one costs garbage.
         private readonly Stack<Material> spareDetailPhotos = new Stack<Material>();
 
         /// <param name="detailOverride">The project's own material for detail, copied; null for this package's shader.</param>
@@ -46,6 +48,7 @@ namespace Terraport.Unity
         /// <summary>Take a segment's material back.</summary>
         public void ReturnDetail(Material material)
         {
+            // Else the spare material would keep the texture alive.
             material.mainTexture = null;
             spareDetailPhotos.Push(material);
         }
@@ -77,6 +80,7 @@ namespace Terraport.Unity
                     "shader", "shader " + ShaderName + " is missing or not supported here; set materials of your own");
             }
             Material material = new Material(shader);
+            // Not saved: what this package makes must never end up in a project's scene file.
             material.hideFlags = HideFlags.DontSave;
             SetFloat(material, ReliefId, relief);
             return material;
@@ -92,6 +96,7 @@ namespace Terraport.Unity
         private static Material WithPhoto(Material material, PhotoTexture photo)
         {
             material.mainTexture = photo.Texture;
+            // v' = 1 - v for images whose first row is the uppermost: payloads' V was turned for Unity's lower-left origin.
             material.mainTextureScale = new Vector2(1, photo.IsTopDown ? -1 : 1);
             material.mainTextureOffset = new Vector2(0, photo.IsTopDown ? 1 : 0);
             SetFloat(material, HasPhotoId, 1);
@@ -100,6 +105,7 @@ namespace Terraport.Unity
 
         private static void SetFloat(Material material, int id, float value)
         {
+            // A project's own material need not have our properties.
             if (material.HasProperty(id))
             {
                 material.SetFloat(id, value);

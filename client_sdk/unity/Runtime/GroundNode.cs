@@ -22,15 +22,18 @@ namespace Terraport.Unity
             Mesh = new Mesh();
             Mesh.name = "terraport ground";
             Mesh.hideFlags = HideFlags.DontSave;
+            // Filled again and again: tells Unity to expect it.
             Mesh.MarkDynamic();
             holder.AddComponent<MeshFilter>().sharedMesh = Mesh;
             renderer = holder.AddComponent<MeshRenderer>();
+            // What the shader does not use is switched off: each would cost work per object and frame. The survey's colours hold its light.
             renderer.shadowCastingMode = ShadowCastingMode.Off;
             renderer.receiveShadows = false;
             renderer.lightProbeUsage = LightProbeUsage.Off;
             renderer.reflectionProbeUsage = ReflectionProbeUsage.Off;
             renderer.motionVectorGenerationMode = MotionVectorGenerationMode.Camera;
             renderer.allowOcclusionWhenDynamic = false;
+            // By the renderer and not by the object: activating an object runs through all of its components.
             renderer.enabled = false;
         }
 
@@ -53,6 +56,7 @@ namespace Terraport.Unity
         public bool IsShown
         {
             get {
+                // Unity's == is true for null of an object that was destroyed.
                 return renderer != null && renderer.enabled;
             }
 
@@ -79,6 +83,7 @@ namespace Terraport.Unity
         public void Destroy()
         {
             Engine.Destroy(holder);
+            // Meshes are not collected with their objects.
             Engine.Destroy(Mesh);
         }
     }

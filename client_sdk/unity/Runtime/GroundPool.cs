@@ -24,6 +24,7 @@ namespace Terraport.Unity
             while (spares.Count > 0)
             {
                 GroundNode spare = spares.Pop();
+                // A project may have destroyed the objects below the scene's: such a spare only gives its mesh back.
                 if (spare.IsAlive)
                 {
                     return spare;

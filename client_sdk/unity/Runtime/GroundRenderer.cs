@@ -17,6 +17,7 @@ namespace Terraport.Unity
         private readonly Dictionary<uint, GroundNode> nodes = new Dictionary<uint, GroundNode>();
         // Shown segments of the version before; ids mean other segments once a new base is on its way.
         private readonly Dictionary<uint, GroundNode> leaving = new Dictionary<uint, GroundNode>();
+        // drawn is on the screen; coming is being uploaded, and takes its place in a swap. Each null where there is none.
         private BaseGround drawn;
         private BaseGround coming;
 
@@ -55,6 +56,7 @@ namespace Terraport.Unity
         {
             if (coming == null || coming.Files != files)
             {
+                // Files of a still newer version: what was uploaded of the one before was never drawn.
                 if (coming != null)
                 {
                     coming.Release();
@@ -77,6 +79,7 @@ namespace Terraport.Unity
                 throw new InvalidOperationException(
                     packed == null ? "segment " + segment + " was not packed" : "segment " + segment + " is there already");
             }
+            // Before anything is reserved: Begin throws for a kind of image that nothing here reads.
             PhotoLoad photo = mesh.HasTexture ? photos.Begin(mesh.Image) : null;
             GroundNode node = pool.Take();
             nodes.Add(segment, node);
@@ -106,6 +109,7 @@ namespace Terraport.Unity
             {
                 return false;
             }
+            // First asked for after the photograph was read: from now on a swap only sets a flag.
             node.PhotoMaterial = materials.TakeDetail(node.Photo.Result);
             node.Material = node.PhotoMaterial;
             return true;
@@ -125,6 +129,7 @@ namespace Terraport.Unity
         /// <inheritdoc/>
         public void Swap(SceneSwap swap)
         {
+            // 1. A new version: what is left of the old one goes, in the frame in which the new base is drawn.
             if (swap.IsNewBase && coming != null)
             {
                 foreach (KeyValuePair<uint, GroundNode> entry in leaving)
@@ -144,6 +149,7 @@ namespace Terraport.Unity
                     BaseFault(drawn.Fault);
                 }
             }
+            // 2. Flags. Of a new base the hidden ids are the old version's, which have gone above.
             for (int at = 0; at < swap.Hidden.Count; at++)
             {
                 GroundNode node;
@@ -156,6 +162,7 @@ namespace Terraport.Unity
             {
                 nodes[swap.Shown[at]].IsShown = true;
             }
+            // 3. The base's lists, in the same frame: no hole and no doubled ground in between.
             for (int at = 0; at < swap.ChangedBlocks.Count; at++)
             {
                 drawn.Flip(swap.ChangedBlocks[at]);

@@ -10,6 +10,7 @@ namespace Terraport.Unity
     /// </summary>
     internal static class Headset
     {
+        // Filled anew at each question; kept, since this is asked in every frame and must make no garbage.
         private static readonly List<XRDisplaySubsystem> displays = new List<XRDisplaySubsystem>();
 
         /// <summary>Whether an XR plug-in has loaded a display, shown on or not.</summary>

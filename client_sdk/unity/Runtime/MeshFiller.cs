@@ -43,6 +43,7 @@ namespace Terraport.Unity
         /// <summary>Put a packed mesh in the place of whatever the mesh held, and hand it to the graphics card now.</summary>
         public static void Fill(Mesh mesh, PackedMesh packed)
         {
+            // 1. Memory of the engine's own, written by one copy each: Mesh.SetVertices and the like would convert and check.
             Mesh.MeshDataArray array = Mesh.AllocateWritableMeshData(1);
             bool isApplied = false;
             try
@@ -58,6 +59,7 @@ namespace Terraport.Unity
                     data.SetVertexBufferParams(packed.VertexCount, TintedLayout);
                     NativeArray<TintedVertex>.Copy(packed.Tinted, 0, data.GetVertexData<TintedVertex>(), 0, packed.VertexCount);
                 }
+                // 2. Indices, of 16 bits wherever they fit: half the memory.
                 if (packed.HasShortIndices)
                 {
                     data.SetIndexBufferParams(packed.IndexCount, IndexFormat.UInt16);
@@ -68,6 +70,7 @@ namespace Terraport.Unity
                     data.SetIndexBufferParams(packed.IndexCount, IndexFormat.UInt32);
                     NativeArray<uint>.Copy(packed.LongIndices, 0, data.GetIndexData<uint>(), 0, packed.IndexCount);
                 }
+                // 3. One submesh with the known box; then the array becomes the mesh's.
                 data.subMeshCount = 1;
                 data.SetSubMesh(0, SubMeshOf(packed, packed.IndexCount), Unchecked);
                 isApplied = true; // Apply disposes, whatever happens in it.

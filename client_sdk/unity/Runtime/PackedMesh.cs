@@ -66,6 +66,7 @@ namespace Terraport.Unity
             {
                 Write(mesh, vertex, vertex);
             }
+            // Winding is turned here as in Axes.Indices: Z was negated, which mirrors every face.
             uint[] indices = mesh.Indices;
             if (HasShortIndices)
             {
@@ -96,6 +97,7 @@ namespace Terraport.Unity
                 throw new ArgumentException("part of " + faces.Count + " faces, expected at most " + ushort.MaxValue / 3);
             }
             uint[] indices = mesh.Indices;
+            // 1. Number the vertices that these faces use, in the order of first use: neighbours stay close in memory.
             int vertexCount = 0;
             for (int at = faces.First * 3; at < faces.End * 3; at++)
             {
@@ -104,6 +106,7 @@ namespace Terraport.Unity
                     remap[indices[at]] = vertexCount++;
                 }
             }
+            // 2. Indices by the new numbers. At most 21845 faces have at most 65535 vertices: 16 bits are enough.
             Begin(mesh, vertexCount, faces.Count * 3);
             for (int from = faces.First * 3, to = 0; to < IndexCount; from += 3, to += 3)
             {
@@ -111,6 +114,8 @@ namespace Terraport.Unity
                 ShortIndices[to + 1] = (ushort)remap[indices[from + 2]];
                 ShortIndices[to + 2] = (ushort)remap[indices[from + 1]];
             }
+            // 3. Each vertex once, and the box of them in Unity's axes. Setting remap back to -1 marks it as written, and leaves the array
+            // as it came: the next block needs no clearing.
             float minX = float.PositiveInfinity, minY = minX, minZ = minX;
             float maxX = float.NegativeInfinity, maxY = maxX, maxZ = maxX;
             for (int at = faces.First * 3; at < faces.End * 3; at++)
@@ -150,6 +155,7 @@ namespace Terraport.Unity
             HasShortIndices = vertexCount <= ushort.MaxValue;
             if (IsPhotographed)
             {
+                // Only the kind that is needed grows; the other keeps its buffer for a later mesh.
                 Photographed = WithRoom(Photographed, vertexCount);
             }
             else

@@ -11,6 +11,7 @@ namespace Terraport.Unity
     /// </summary>
     public sealed class PhotoLoader : IDisposable
     {
+        // waiting: files in the order asked for. running: KTX2 images that tasks are reading.
         private readonly Queue<PhotoLoad> waiting = new Queue<PhotoLoad>();
         private readonly List<PhotoLoad> running = new List<PhotoLoad>();
         private bool isDisposed;
@@ -55,6 +56,7 @@ namespace Terraport.Unity
         internal void Abandon(PhotoLoad load)
         {
             load.IsAbandoned = true;
+            // A load that still waits is skipped by Step; one whose task runs is destroyed when it comes.
             load.File = null;
             Engine.Destroy(load.Result.Texture);
             load.Result = default(PhotoTexture);
@@ -63,6 +65,7 @@ namespace Terraport.Unity
         /// <summary>Once per frame: take what threads finished, and read the next image.</summary>
         public void Step()
         {
+            // Backwards: finished loads are removed on the way.
             for (int at = running.Count - 1; at >= 0; at--)
             {
                 if (running[at].Task.IsCompleted)
@@ -78,6 +81,7 @@ namespace Terraport.Unity
                 {
                     continue;
                 }
+                // One a frame: LoadImage decodes on the main thread.
                 Read(load);
                 return;
             }

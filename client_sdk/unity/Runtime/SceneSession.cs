@@ -28,8 +28,10 @@ namespace Terraport.Unity
         private readonly GroundRenderer renderer;
         private readonly CancellationTokenSource cancel = new CancellationTokenSource();
         private string token;
+        // Null while nothing is loaded. Its continuations run on the main thread, which also polls it.
         private Task<SceneFiles> loading;
         private IDecodeQueue decoders;
+        // Seconds of realtimeSinceStartup, which goes on while the game's time is scaled or stopped.
         private float retryAtS = float.PositiveInfinity;
         private float retryInS = MinRetryS;
         private bool isDisposed;
@@ -96,6 +98,7 @@ namespace Terraport.Unity
         /// <summary>Once per frame: take what came, and do what the frame has time for.</summary>
         public void Update()
         {
+            // Order within a frame: files, images, events of the stream, then what the frame's budget allows of decoding's results.
             TakeFiles();
             if (loading == null && Time.realtimeSinceStartup >= retryAtS)
             {
@@ -110,6 +113,7 @@ namespace Terraport.Unity
             StreamEvent next;
             while (Stream.TryNextEvent(out next))
             {
+                // The stage first: a listener that asks for the status finds it up to date.
                 Stage.Handle(ref next);
                 if (Streamed != null)
                 {
@@ -131,6 +135,7 @@ namespace Terraport.Unity
                 return;
             }
             isDisposed = true;
+            // From the reader to the resources: whoever still uses something is disposed of before it.
             cancel.Cancel();
             if (Stage != null)
             {
@@ -179,6 +184,7 @@ namespace Terraport.Unity
             {
                 return;
             }
+            // Cleared first: a listener of a failure may call Reconnect, which looks at it.
             Task<SceneFiles> finished = loading;
             loading = null;
             if (finished.IsFaulted || finished.IsCanceled)
@@ -227,6 +233,7 @@ namespace Terraport.Unity
             {
                 Fault(new TerraportException("settings", error.Message, null, error));
             }
+            // Undo what was begun, so that a Reconnect begins from the start.
             if (Stream != null)
             {
                 Stream.Dispose();

@@ -26,6 +26,7 @@ namespace Terraport.Unity
         private readonly List<MeshCollider> leavingColliders = new List<MeshCollider>();
         private TerraportScene scene;
         private SceneFiles files;
+        // One block at a time: packed (packing), cooked on a thread (cooking), then added as a collider on the main thread.
         private Task<BaseBlocks> packing;
         private BaseBlocks blocks;
         private Task cooking;
@@ -56,6 +57,7 @@ namespace Terraport.Unity
                 Clear(); // It was closed: what is not drawn is not solid either.
                 return;
             }
+            // 1. The pack, whole, from its thread.
             if (packing != null && packing.IsCompleted)
             {
                 if (packing.IsFaulted)
@@ -65,6 +67,7 @@ namespace Terraport.Unity
                 blocks = packing.IsFaulted ? null : packing.Result;
                 packing = null;
             }
+            // 2. The block that is being cooked; a mesh may not be touched meanwhile.
             if (cooking != null && !cooking.IsCompleted)
             {
                 return;
@@ -74,11 +77,13 @@ namespace Terraport.Unity
                 cooking = null;
                 AddCollider(meshes[meshes.Count - 1]);
             }
+            // 3. The next block; without threads it is packed in this frame first.
             if (blocks != null && meshes.Count < blocks.Count
                 && (Platform.HasThreads || blocks.Step() || blocks.PackedCount > meshes.Count))
             {
                 BeginCooking();
             }
+            // 4. All solid: the version before can go.
             if (blocks != null && colliders.Count == blocks.Count && leavingColliders.Count > 0)
             {
                 DestroyAll(leavingColliders, leavingMeshes);
@@ -136,6 +141,7 @@ namespace Terraport.Unity
         {
             MeshCollider solid = gameObject.AddComponent<MeshCollider>();
             solid.hideFlags = HideFlags.DontSave;
+            // Cooked already, so this only takes the result over.
             solid.sharedMesh = mesh;
             colliders.Add(solid);
         }

@@ -39,8 +39,10 @@ namespace Terraport.Unity
             }
         }
 
+        /// <summary>Raise the component's own event for one of the stream's, then pass the stream's on.</summary>
         private void OnStreamed(ref StreamEvent next)
         {
+            // 1. Kinds that have an event of their own. Shown is not among them: it comes from the stage, which knows when it is drawn.
             switch (next.Kind)
             {
                 case StreamEventKind.Link: OnLink(next.Link); break;
@@ -78,6 +80,7 @@ namespace Terraport.Unity
                 case StreamEventKind.Refused: Fail(new TerraportException(next.Code, next.Message)); break;
                 default: break;
             }
+            // 2. Every event as it is, last: a listener finds all that the component has to say of it said.
             if (Streamed != null)
             {
                 Streamed(ref next);

@@ -48,10 +48,13 @@ namespace Terraport.Unity
         [Tooltip("Something failed; the text says what. What is shown stays.")]
         private UnityEvent<string> onFailed = new UnityEvent<string>();
 
+        // Null while the scene is closed.
         private SceneSession session;
+        // The session whose Update runs: a listener may close it from within, and it must not be disposed of under its feet.
         private SceneSession updating;
         private string token;
         private LinkState link = new LinkState();
+        // The newest Land before the scene was loaded.
         private bool hasPendingLanding;
         private Vec3 pendingPosition;
         private double pendingRadiusM;
@@ -234,6 +237,7 @@ namespace Terraport.Unity
         public int Land(Vector3 point, float radiusM = 0, LandOptions options = null)
         {
             Vec3 position = ToScene(point);
+            // The scene's transform may be scaled; the radius is in metres of the scene, as the server counts.
             double radius = radiusM > 0 ? radiusM : DefaultRadiusM;
             if (session == null || session.Stage == null)
             {

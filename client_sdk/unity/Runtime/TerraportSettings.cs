@@ -12,7 +12,7 @@ namespace Terraport.Unity
 
         private const float DefaultFrameBudgetMs = 3f;
 
-        /// <summary>Whose bounds.</summary>
+        /// <summary>Which device's bounds count; Auto chooses at run time.</summary>
         [Tooltip("Whose bounds. Auto: a mobile device in XR is a headset, another one a phone, everything else a desktop.")]
         public DeviceProfile profile = DeviceProfile.Auto;
 

@@ -40,10 +40,12 @@ namespace Terraport.Unity
         [Tooltip("Land at the rig's place as soon as the scene is loaded.")]
         private bool landAtStart = true;
 
+        // Number of the pick whose answer sets the height; 0 where none is awaited.
         private int pick;
         // Of the landing on its way; 0 where the scene keeps it until it is loaded.
         private int landing;
         private bool isComing;
+        // Metres, scene frame: stays right when the scene's object is moved while the landing is on its way.
         private Vec3 target;
 
         /// <summary>The rig was set down; the argument is where, in Unity's world.</summary>
@@ -189,6 +191,7 @@ namespace Terraport.Unity
             {
                 target = scene.ToScene(rig.position); // Shown before the answer came: the user may have walked on meanwhile.
             }
+            // The height alone: where exactly the user aimed must not slide along the ray.
             target = new Vec3(target.X, hit.Position.Y, target.Z);
             if (!isComing)
             {

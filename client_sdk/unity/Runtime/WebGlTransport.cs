@@ -17,6 +17,7 @@ namespace Terraport.Unity
 
         private readonly Stack<byte[]> spares = new Stack<byte[]>();
         private readonly byte[] text = new byte[MaxTextBytes];
+        // Number of the socket in the page's script; 0 before it is opened and after it was let go.
         private int id;
 
         /// <inheritdoc/>
@@ -64,6 +65,7 @@ namespace Terraport.Unity
                 message = default(TransportMessage);
                 return false;
             }
+            // The script copies the message into it: memory of the page is not ours to keep.
             byte[] buffer = Rent(length);
             bool isText = TerraportSocketTake(id, buffer) == 1;
             message = new TransportMessage(new ArraySegment<byte>(buffer, 0, length), isText, this);

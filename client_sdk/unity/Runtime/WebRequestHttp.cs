@@ -24,6 +24,7 @@ namespace Terraport.Unity
                 {
                     request.SetRequestHeader("Authorization", "Bearer " + token);
                 }
+                // Awaited by its event: UnityWebRequest has no task of its own in Unity 2021, and polling would need a component.
                 TaskCompletionSource<bool> completion = new TaskCompletionSource<bool>();
                 UnityWebRequestAsyncOperation sending = request.SendWebRequest();
                 sending.completed +=
@@ -65,6 +66,7 @@ namespace Terraport.Unity
 
             protected override bool ReceiveData(byte[] data, int dataLength)
             {
+                // Returning false ends the request; its own error text would not say why, the flag does.
                 if (dataLength > maxBytes - Length)
                 {
                     IsTooLong = true;
