@@ -29,6 +29,7 @@ namespace Terraport.Tools
 
         private static void Describe(JsonText json, PackedMesh packed, SegmentMesh mesh)
         {
+            // 1. Vertices out of their interleaved form, as floats.
             int count = packed.VertexCount;
             var positions = new float[count * 3];
             var normals = new float[count * 3];
@@ -52,6 +53,7 @@ namespace Terraport.Tools
                     Put(linear, vertex, from.Red / 65535f, from.Green / 65535f, from.Blue / 65535f);
                 }
             }
+            // 2. One object a mesh; what it lacks is null.
             json.Open('{').Key("positions").Values(positions, positions.Length).Key("normals").Values(normals, normals.Length);
             json.Key("indices").Open('[');
             for (int at = 0; at < packed.IndexCount; at++)

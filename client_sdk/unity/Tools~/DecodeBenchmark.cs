@@ -21,6 +21,7 @@ namespace Terraport.Tools
             var mesh = new SegmentMesh();
             long bytes = 0;
             long faces = 0;
+            // 1. Warm up; count bytes and faces of one round on the way.
             for (int round = 0; round < WarmUpRounds; round++)
             {
                 bytes = 0;
@@ -32,6 +33,7 @@ namespace Terraport.Tools
                     faces += mesh.FaceCount;
                 }
             }
+            // 2. Measure whole rounds until the time is over.
             // Objects that the measurement itself needs are made before: whatever is allocated from here on is the decoder's.
             var watch = new Stopwatch();
             int rounds = 0;
@@ -46,6 +48,7 @@ namespace Terraport.Tools
                 elapsed = watch.Elapsed.TotalSeconds;
             }
             while (elapsed < seconds);
+            // 3. Report.
             long allocated = GC.GetAllocatedBytesForCurrentThread() - before;
             long decoded = (long)rounds * payloads.Count;
             var json = new JsonText();

@@ -7,11 +7,13 @@ namespace Terraport.Tools
     {
         public static void Describe(JsonText json, StreamEvent streamEvent)
         {
+            // 1. Type and landing, which every event has; null where it belongs to none.
             json.Open('{').Key("type").Value(Name(streamEvent.Kind)).Key("landing");
             if (streamEvent.Landing.HasValue)
                 json.Value((long)streamEvent.Landing.Value);
             else
                 json.Null();
+            // 2. What the kind says beside them.
             switch (streamEvent.Kind)
             {
                 case StreamEventKind.Link: DescribeLink(json, streamEvent.Link); break;
@@ -36,12 +38,8 @@ namespace Terraport.Tools
                     json.Key("segments").Value((long)streamEvent.Count).Key("bytes").Value(streamEvent.Bytes);
                     break;
                 case StreamEventKind.Refused:
-                    json.Key("code")
-                        .Value(streamEvent.Code)
-                        .Key("message")
-                        .Value(streamEvent.Message)
-                        .Key("fatal")
-                        .Value(streamEvent.IsFatal);
+                    json.Key("code").Value(streamEvent.Code).Key("message").Value(streamEvent.Message);
+                    json.Key("fatal").Value(streamEvent.IsFatal);
                     break;
                 case StreamEventKind.Notice: json.Key("kind").Value(streamEvent.Notice); break;
                 case StreamEventKind.Picked:

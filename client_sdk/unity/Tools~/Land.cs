@@ -19,7 +19,9 @@ namespace Terraport.Tools
         private readonly JsonText events = new JsonText();
         private readonly JsonText landings = new JsonText();
         private readonly JsonText picks = new JsonText();
+        // By the events alone: a segment that came and was not dropped must be pinnable.
         private readonly SortedSet<uint> heldIds = new SortedSet<uint>();
+        // The newest landing asked for, planned, and ready; aims prefetched and picks answered, counted.
         private int landing;
         private int planned;
         private int ready;
@@ -117,10 +119,10 @@ namespace Terraport.Tools
             refusedCode = null;
             while (!reached())
             {
-                string why = WhyOver(step);
-                if (why != null)
+                string reason = WhyOver(step);
+                if (reason != null)
                 {
-                    failure = step.Text + ": " + why;
+                    failure = step.Text + ": " + reason;
                     return;
                 }
                 stream.Pump();

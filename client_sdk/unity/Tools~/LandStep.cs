@@ -41,19 +41,19 @@ namespace Terraport.Tools
         public static LandStep Parse(string text)
         {
             var step = new LandStep(text);
-            int needed;
+            int minNumbers;
             switch (step.Kind)
             {
                 case "land":
                 case "start":
-                case "aim": needed = 4; break;
-                case "pick": needed = 3; break;
-                case "pause": needed = 1; break;
+                case "aim": minNumbers = 4; break;
+                case "pick": minNumbers = 3; break;
+                case "pause": minNumbers = 1; break;
                 case "wait":
-                case "reconnect": needed = 0; break;
+                case "reconnect": minNumbers = 0; break;
                 default: return null;
             }
-            return step.Numbers.Length < needed ? null : step;
+            return step.Numbers.Length < minNumbers ? null : step;
         }
 
         /// <summary>Three of the numbers, from one on.</summary>

@@ -28,6 +28,7 @@ namespace Terraport.Tools
                 if (mesh.HasColours) mesh.ColourAt(vertex, out Colours[at], out Colours[at + 1], out Colours[at + 2]);
                 if (mesh.HasTexture) mesh.UvAt(vertex, out Uvs[vertex * 2], out Uvs[vertex * 2 + 1]);
             }
+            // The mesh's buffers are longer than it, and used again: copies.
             if (mesh.HasRegionIds) RegionIds = Copy(mesh.RegionIds, count);
             if (mesh.HasTexture)
             {

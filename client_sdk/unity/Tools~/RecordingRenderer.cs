@@ -40,6 +40,7 @@ namespace Terraport.Tools
 
         public bool UploadBase(SceneFiles files)
         {
+            // In two calls, as a real base takes more than one frame.
             bool isFinished = uploadedBase == files;
             uploadedBase = files;
             coming = new byte[files.Base.FaceCount];
@@ -78,6 +79,7 @@ namespace Terraport.Tools
                 return false;
             }
             uploaded[segment] = ++queries;
+            // Not at the first question: an image that comes a frame later.
             return queries > 1;
         }
 
@@ -115,6 +117,7 @@ namespace Terraport.Tools
                 else
                     faults.Add("block " + block.First + " of the base was not prepared");
             }
+            // The prepared lists, put together, must hide what the stage says that it hides.
             for (int face = 0; face < drawn.Length; face++)
             {
                 if (drawn[face] == swap.BaseHidden.Mask[face]) continue;

@@ -23,6 +23,7 @@ namespace Terraport.Tests
             return new Cover(offsets.ToArray(), entries.ToArray());
         }
 
+        /// <summary>Brute force: 1 for each face whose row is not empty and whose segments are all shown.</summary>
         internal static byte[] Hidden(Cover cover, ICollection<uint> shown)
         {
             var hidden = new byte[cover.Offsets.Length - 1];

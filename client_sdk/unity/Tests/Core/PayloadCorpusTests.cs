@@ -65,12 +65,14 @@ namespace Terraport.Tests
 
         private static void CheckMesh(SegmentMesh mesh, JsonValue expected, string name)
         {
+            // 1. What there is, and how much of it.
             Assert.AreEqual(expected["positions"].Count, mesh.VertexCount, name);
             Assert.AreEqual(expected["faces"].Count, mesh.FaceCount, name);
             Assert.AreEqual(expected["colours"].IsNull, !mesh.HasColours, name);
             Assert.AreEqual(expected["region_ids"].IsNull, !mesh.HasRegionIds, name);
             Assert.AreEqual(expected["texture"].IsNull, !mesh.HasTexture, name);
             Assert.AreEqual(expected["attributes"].Count, mesh.Attributes.Count, name);
+            // 2. Every vertex, by the public accessors: those round as all clients do.
             for (int vertex = 0; vertex < mesh.VertexCount; vertex++)
             {
                 float x, y, z;
@@ -101,11 +103,13 @@ namespace Terraport.Tests
                     Assert.IsTrue(value.IsNull || (float)Number(value) == decoded, name + " " + attribute.Name);
                 }
             }
+            // 3. Faces, corner by corner: the first corner of each counts too.
             for (int face = 0; face < mesh.FaceCount; face++)
             {
                 uint[] indices = mesh.Indices;
                 CheckRow(expected["faces"][face], 0, name + " face", indices[face * 3], indices[face * 3 + 1], indices[face * 3 + 2]);
             }
+            // 4. The image, byte for byte by its digest.
             if (mesh.HasTexture)
             {
                 JsonValue texture = expected["texture"];

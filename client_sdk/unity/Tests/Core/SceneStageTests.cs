@@ -27,6 +27,7 @@ namespace Terraport.Tests
         {
             for (uint seed = 1; seed <= 10; seed++)
             {
+                // 1. A renderer with moods: several calls an upload, several frames until drawable.
                 var noise = new Noise(seed);
                 var bench = new StageBench(seed, options => options.SpareGpuBytes = 5 * StageBench.SegmentBytes);
                 bench.Renderer.CallsPerUpload = 1 + noise.Below(3);
@@ -34,6 +35,7 @@ namespace Terraport.Tests
                 string digest = bench.Stage.VisibleDigest;
                 for (int hop = 0; hop < 15; hop++)
                 {
+                    // 2. A hop, now and then with an aim before it, left early half of the time.
                     uint[] segments = Some(noise);
                     if (noise.Below(3) == 0)
                     {
@@ -45,6 +47,7 @@ namespace Terraport.Tests
                     int frames = noise.Below(2) == 0 ? 400 : noise.Below(40);
                     for (int frame = 0; frame < frames; frame++)
                     {
+                        // Invariant, frame by frame: what is visible changes in swaps alone, and spare memory keeps its bound.
                         int swaps = bench.Renderer.Swaps.Count;
                         bench.Frames(1);
                         bool hasSwapped = bench.Renderer.Swaps.Count > swaps;
@@ -52,6 +55,7 @@ namespace Terraport.Tests
                         digest = bench.Stage.VisibleDigest;
                         Assert.LessOrEqual(bench.Stage.Stats.SpareGpuBytes, 5 * StageBench.SegmentBytes);
                     }
+                    // 3. Given time, exactly what was declared is shown, and nothing else but spares is on the card.
                     if (frames == 400)
                     {
                         Assert.IsTrue(bench.Shows(segments), "seed " + seed + " hop " + hop);

@@ -11,16 +11,23 @@ namespace Terraport.Tests
     /// </summary>
     internal sealed class SessionModelServer
     {
+        /// <summary>Ids that this server believes the client holds.</summary>
         internal readonly HashSet<uint> Held = new HashSet<uint>();
+        /// <summary>Every message of the client, in order.</summary>
         internal readonly List<WireMessage> Heard = new List<WireMessage>();
+        /// <summary>Segments whose payload this server cannot read: they end as missing.</summary>
         internal readonly HashSet<uint> Unreadable = new HashSet<uint>();
+        /// <summary>Chunk bytes that may still be sent.</summary>
         internal long Credit;
+        /// <summary>Chunk bytes sent.</summary>
         internal long ChunkBytes;
+        /// <summary>Set by a test: the deadline of the landing has passed.</summary>
         internal bool DeadlinePassed;
 
         private readonly SessionToyScene scene;
         private readonly SessionModelOptions options;
         private readonly Queue<WireMessage> outbox = new Queue<WireMessage>();
+        // Bytes sent of segments that are not whole: a newer plan that loads them goes on from there (6.5, rule 3).
         private readonly Dictionary<uint, int> sentBytes = new Dictionary<uint, int>();
         private bool isOpen;
         private bool hasMoved;
@@ -37,11 +44,13 @@ namespace Terraport.Tests
             this.options = options;
         }
 
+        /// <summary>Queue a message; a test may inject what no server should send.</summary>
         internal void Say(WireMessage message) { outbox.Enqueue(message); }
 
         internal IEnumerable<T> HeardOf<T>()
             where T : WireMessage { return Heard.OfType<T>(); }
 
+        /// <summary>Take one message of the client; throws where the protocol forbids it.</summary>
         internal void Receive(byte[] data)
         {
             WireMessage message = WireCodec.Decode(new ArraySegment<byte>(data), Direction.ClientToServer);
@@ -118,6 +127,7 @@ namespace Terraport.Tests
             });
         }
 
+        /// <summary>Count the rows that are of this version as held; the ids of the others.</summary>
         private uint[] Accept(HeldRow[] rows)
         {
             var dropped = new List<uint>();
@@ -155,6 +165,7 @@ namespace Terraport.Tests
             Held.Remove(segment);
             SessionModelSending sending = landing != null && landing.Order.Contains(segment) ? landing : prefetch;
             if (sending == null || !sending.Order.Contains(segment)) return;
+            // A prefetch sends again only what it loads; a landing also what its plan keeps (6.4, rule 7).
             if (sending.Land == null && !sending.Load.Contains(segment)) return;
             if (!sending.Rejected.Add(segment))
             {
@@ -196,8 +207,10 @@ namespace Terraport.Tests
                 Say(new ErrorMessage { Code = "radius_too_large", Message = "too large", Fatal = false, Generation = land.Generation });
                 return;
             }
+            // 1. The new landing ends the older one and every aim.
             Supersede(land.Generation);
             DeadlinePassed = false;
+            // 2. Candidates, nearest first, with what is held out to the release radius; of them what the budgets allow.
             uint[] order = Ordered(land.Position, land.RadiusM);
             string omittedBy;
             uint[] fitting = Within(order, out omittedBy);
@@ -206,6 +219,7 @@ namespace Terraport.Tests
             uint[] load = planned.Where(segment => !Held.Contains(segment)).ToArray();
             double innerRadiusM = land.InnerRadiusM ?? -1;
             uint[] inner = planned.Where(segment => Far(land.Position, segment) <= innerRadiusM).ToArray();
+            // 3. The plan: what is held is kept, the rest is loaded in that order.
             prefetch = null;
             landing = Begin(land.Generation, land, planned, load, inner);
             bool isCut = planned.Length < near.Length;
@@ -329,8 +343,8 @@ namespace Terraport.Tests
             byte[] payload = scene.Payloads[segment];
             int offset;
             sentBytes.TryGetValue(segment, out offset);
-            int most = options.Random == null ? options.MaxChunk : 1 + options.Random.Next(options.MaxChunk);
-            var length = (int)Math.Min(Math.Min(most, Credit), payload.Length - offset);
+            int maxBytes = options.Random == null ? options.MaxChunk : 1 + options.Random.Next(options.MaxChunk);
+            var length = (int)Math.Min(Math.Min(maxBytes, Credit), payload.Length - offset);
             Credit -= length;
             ChunkBytes += length;
             sending.PayloadBytes += length;

@@ -23,6 +23,7 @@ namespace Terraport.Tests
         internal bool OffersHeld = true;
 
         private readonly SessionModelOptions options;
+        // Messages on their way: down to the client, up to the server.
         private readonly Queue<byte[]> down = new Queue<byte[]>();
         private readonly Queue<byte[]> up = new Queue<byte[]>();
 
@@ -77,6 +78,7 @@ namespace Terraport.Tests
             byte[] next = Server.Next();
             if (next != null) down.Enqueue(IsFrame(next) && Spoil != null ? Spoil(next) : next);
             bool isBusy = next != null || sent.Count > 0;
+            // So many messages are under way before the first arrives: orders cross on the wire as on a long line.
             if (down.Count <= (isBusy ? options.Lag : 0)) return isBusy;
             Give(down.Dequeue());
             return true;
@@ -88,6 +90,7 @@ namespace Terraport.Tests
             var buffer = new byte[data.Length + 5];
             Buffer.BlockCopy(data, 0, buffer, 3, data.Length);
             Client.Receive(new ArraySegment<byte>(buffer, 3, data.Length), false);
+            // A session that kept a view of the message would be seen to.
             for (int index = 0; index < buffer.Length; index++) buffer[index] = 0xee;
             Collect();
         }

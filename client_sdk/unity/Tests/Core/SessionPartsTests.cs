@@ -17,6 +17,7 @@ namespace Terraport.Tests
             for (int seed = 0; seed < 300; seed++)
             {
                 var random = new Random(seed);
+                // The model: a list from the least to the most recently used. Tiny bounds and seven ids, so that everything collides.
                 int maxBytes = random.Next(120);
                 var pool = new PayloadPool();
                 var cache = new SegmentCache(maxBytes);
@@ -24,6 +25,7 @@ namespace Terraport.Tests
                 var pinned = new uint[0];
                 for (int step = 0; step < 40; step++)
                 {
+                    // 1. One random operation on both.
                     var id = (uint)random.Next(7);
                     bool isHeld = model.Exists(entry => entry.Segment == id);
                     switch (random.Next(5))
@@ -56,6 +58,7 @@ namespace Terraport.Tests
                             Assert.AreEqual(Trimmed(model, pinned, maxBytes), gone.Select(entry => entry.Segment).ToList());
                             break;
                     }
+                    // 2. After each: the same segments in the same order of use, and the same bytes.
                     Assert.AreEqual(Enumerable.Reverse(model).Select(entry => entry.Segment), cache.Rows().Select(row => row.Segment));
                     Assert.AreEqual(model.Sum(entry => entry.Length), cache.Bytes);
                 }

@@ -23,8 +23,8 @@ namespace Terraport.Tests
         private void OneHistory(int seed, bool spoils)
         {
             var random = new Random(seed);
-            string
-                where = "seed " + seed;
+            string history = "seed " + seed;
+            // 1. Random conditions: memory, credit, lag, chunk sizes, limits of the server.
             long cacheBytes = Pick(random, 0, 2000, 8000, 1 << 20);
             SessionPair pair = new SessionPair(toy,
                 new SessionModelOptions {
@@ -38,13 +38,16 @@ namespace Terraport.Tests
                 })
                                    .Connect();
             pair.OffersHeld = random.Next(2) == 0;
+            // 2. A line that flips a bit of a frame now and then.
             bool spoilNext = false;
             pair.Spoil = data =>
             {
                 byte[] carried = spoilNext ? SessionPair.Flipped(data) : data;
+                // 4. Whatever came before, a last landing over a good line must end right.
                 spoilNext = false;
                 return carried;
             };
+            // 3. A random history of landings, aims, lost connections, and time passing.
             for (int steps = random.Next(25); steps > 0; steps--)
             {
                 switch (random.Next(6))
@@ -67,22 +70,24 @@ namespace Terraport.Tests
             spoilNext = false;
             pair.Client.Land(SessionToyScene.Middle, 3.3);
             pair.Settle();
-            CheckEnd(pair, spoils, cacheBytes, where);
+            CheckEnd(pair, spoils, cacheBytes, history);
         }
 
-        private void CheckEnd(SessionPair pair, bool spoils, long cacheBytes, string where)
+        private void CheckEnd(SessionPair pair, bool spoils, long cacheBytes, string history)
         {
+            // Shown is what the plan says, and what brute force says.
             uint[] visible = pair.Client.Visible.ToArray();
             PlanFacts plan = pair.Of(StreamEventKind.Planned).Last().Plan;
             uint[] planned = plan.Load.Select(facts => facts.Segment).Concat(plan.Keep).OrderBy(segment => segment).ToArray();
-            Assert.AreEqual(planned, visible, where);
-            Assert.AreEqual(toy.Within(SessionToyScene.Middle, 3.3), visible, where);
-            Assert.IsNull(pair.Client.Unfinished, where);
-            Assert.AreEqual(0, pair.Client.PartialSegments, where);
-            Assert.AreEqual(0, pair.Client.Stats.RepeatedBytes, where);
-            if (!spoils) Assert.AreEqual(0, pair.Rejects.Count, where);
-            Assert.LessOrEqual(pair.Client.Cache.Bytes, Math.Max(cacheBytes, toy.BytesOf(visible.Concat(plan.Nearby))), where);
-            foreach (uint segment in visible) Assert.AreEqual(toy.Payloads[segment], pair.Payload(segment), where);
+            Assert.AreEqual(planned, visible, history);
+            Assert.AreEqual(toy.Within(SessionToyScene.Middle, 3.3), visible, history);
+            Assert.IsNull(pair.Client.Unfinished, history);
+            Assert.AreEqual(0, pair.Client.PartialSegments, history);
+            // No byte came twice, though connections were lost: what is held was offered and kept.
+            Assert.AreEqual(0, pair.Client.Stats.RepeatedBytes, history);
+            if (!spoils) Assert.AreEqual(0, pair.Rejects.Count, history);
+            Assert.LessOrEqual(pair.Client.Cache.Bytes, Math.Max(cacheBytes, toy.BytesOf(visible.Concat(plan.Nearby))), history);
+            foreach (uint segment in visible) Assert.AreEqual(toy.Payloads[segment], pair.Payload(segment), history);
             // What was told as here and not as gone is here, and nothing else.
             var reported = new HashSet<uint>();
             foreach (StreamEvent streamEvent in pair.Events)
@@ -92,19 +97,19 @@ namespace Terraport.Tests
                 else if (streamEvent.Kind == StreamEventKind.Dropped)
                     reported.ExceptWith(streamEvent.Segments);
             }
-            Assert.IsTrue(reported.All(pair.Client.Cache.Contains), where);
-            Assert.AreEqual(pair.Client.Cache.Count, reported.Count, where);
+            Assert.IsTrue(reported.All(pair.Client.Cache.Contains), history);
+            Assert.AreEqual(pair.Client.Cache.Count, reported.Count, history);
             // Every landing ends in one way: ready, superseded, or the last one.
             List<int?> ends =
                 pair.Events
                     .Where(streamEvent => streamEvent.Kind == StreamEventKind.Ready || streamEvent.Kind == StreamEventKind.Superseded)
                     .Select(streamEvent => streamEvent.Landing)
                     .ToList();
-            Assert.AreEqual(ends.Count, ends.Distinct().Count(), where);
+            Assert.AreEqual(ends.Count, ends.Distinct().Count(), history);
             // What the server believes held is here, once the next landing has told the evictions.
             pair.Client.Land(SessionToyScene.Middle, 3.3);
             pair.Settle();
-            Assert.IsTrue(pair.Server.Held.All(pair.Client.Cache.Contains), where);
+            Assert.IsTrue(pair.Server.Held.All(pair.Client.Cache.Contains), history);
         }
 
         private static long Pick(Random random, params long[] values) { return values[random.Next(values.Length)]; }

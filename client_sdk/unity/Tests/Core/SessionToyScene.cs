@@ -20,13 +20,13 @@ namespace Terraport.Tests
         internal readonly byte[][] Payloads = new byte[Grid * Grid][];
         internal readonly SegmentFacts[] Facts = new SegmentFacts[Grid * Grid];
 
-        internal SessionToyScene(int seed = 0, string version = "v1", int mostBytes = 900)
+        internal SessionToyScene(int seed = 0, string version = "v1", int maxBytes = 900)
         {
             Version = version;
             var random = new Random(seed);
             for (uint segment = 0; segment < Payloads.Length; segment++)
             {
-                var payload = new byte[1 + random.Next(mostBytes)];
+                var payload = new byte[1 + random.Next(maxBytes)];
                 random.NextBytes(payload);
                 Replace(segment, payload);
             }

@@ -10,6 +10,7 @@ namespace Terraport.Tests
     {
         internal const int SegmentCount = 60;
         internal const int FaceCount = 500;
+        // One payload for all: what a segment looks like does not matter to the stage.
         private static readonly byte[] Payload = File.ReadAllBytes(Repository.PathTo("tests/conformance/scene/payload/good-full.glb"));
 
         internal readonly FakeStream Stream = new FakeStream();
@@ -46,6 +47,7 @@ namespace Terraport.Tests
         {
             string text = File.ReadAllText(Repository.PathTo("tests/conformance/scene/tiny/scene.json"));
             SceneManifest manifest = ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny");
+            // The manifest's own constructor is internal to the reader: another version is made by its text.
             text = text.Replace(manifest.Version, version);
             manifest = ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny");
             Cover cover = Covers.Random(new Noise(seed), FaceCount, SegmentCount);

@@ -12,10 +12,12 @@ namespace Terraport.Tests
         internal Uri Url;
         internal string Token;
         internal int ClosedByClientWith;
+        /// <summary>Buffers that were handed out and not returned; 0 at the end of every test.</summary>
         internal int Lent;
         internal bool IsDisposed;
         // Where set, the server says nothing any more.
         internal bool IsSilent;
+        /// <summary>Where set, the line takes no message: its queue is full.</summary>
         internal bool TakesNothing;
         // Changes the bytes of a frame on its way.
         internal Func<byte[], byte[]> Spoil;
@@ -83,6 +85,7 @@ namespace Terraport.Tests
                 Server.Receive(data);
                 SentAtMs.Add(network.NowMs);
             }
+            // Outside the lock: the stream may pump from within.
             Action changed = Changed;
             if (changed != null) changed();
             return true;

@@ -16,8 +16,9 @@ namespace Terraport.Tests
         [Test]
         public void MessagesComeWholeHoweverTheyWereCutAndGoOutInOrder()
         {
+            // 1. The server: a text, a binary message in ten frames with pings between them, an empty one; then it listens until a close.
             byte[] large = Enumerable.Range(0, 400000).Select(at => (byte)(at * 31 >> 4)).ToArray();
-            var heard = new List<byte[]>();
+            var arrived = new List<byte[]>();
             int closedWith = 0;
             using (var server = new StreamSocketServer(101,
                        open =>
@@ -34,20 +35,22 @@ namespace Terraport.Tests
                            {
                                if (opcode == 8) closedWith = data[0] << 8 | data[1];
                                if (opcode == 8) break;
-                               heard.Add(data);
+                               arrived.Add(data);
                            }
                            open.SendClose(1000, "");
                        }))
             {
+                // 2. Messages come whole, and the pings not at all.
                 WebSocketTransport transport = Opened(server, "secret");
-                var got = new List<byte[]>();
+                var received = new List<byte[]>();
                 var texts = new List<bool>();
-                Until(() => Take(transport, got, texts) && got.Count == 3);
+                Until(() => Take(transport, received, texts) && received.Count == 3);
                 Assert.AreEqual("terraport.v1.msgpack", transport.Subprotocol);
-                Assert.AreEqual("text \u00e9", Encoding.UTF8.GetString(got[0]));
-                Assert.AreEqual(large, got[1]);
-                Assert.AreEqual(0, got[2].Length);
+                Assert.AreEqual("text \u00e9", Encoding.UTF8.GetString(received[0]));
+                Assert.AreEqual(large, received[1]);
+                Assert.AreEqual(0, received[2].Length);
                 Assert.AreEqual(new[] { true, false, false }, texts.ToArray());
+                // 3. Messages leave in order, from the middle of their arrays; the close goes behind them, though it was asked for at once.
                 for (byte number = 0; number < 20; number++)
                 {
                     Assert.IsTrue(transport.TrySend(new ArraySegment<byte>(new byte[] { 9, number, 9 }, 1, 1)));
@@ -57,7 +60,8 @@ namespace Terraport.Tests
                 Assert.IsFalse(transport.TrySend(new ArraySegment<byte>(new byte[1])));
                 Until(() => transport.State == TransportState.Closed);
                 Until(() => closedWith != 0);
-                Assert.AreEqual(Enumerable.Range(0, 20).ToArray(), heard.Select(data => (int)data[0]).ToArray());
+                // 4. What the server got, and what the handshake said.
+                Assert.AreEqual(Enumerable.Range(0, 20).ToArray(), arrived.Select(data => (int)data[0]).ToArray());
                 Assert.AreEqual(4400, closedWith);
                 Assert.IsTrue(server.Request.Exists(line => line == "Authorization: Bearer secret"));
                 Assert.IsTrue(server.Request.Exists(line => line == "Sec-WebSocket-Protocol: terraport.v1.msgpack"));
