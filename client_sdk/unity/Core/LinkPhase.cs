@@ -3,16 +3,16 @@ namespace Terraport
     /// <summary>Where the connection stands.</summary>
     public enum LinkPhase
     {
-        /// <summary>Under way.</summary>
+        /// <summary>An attempt is under way: TCP, TLS, WebSocket, welcome.</summary>
         Connecting,
 
-        /// <summary>The scene is open.</summary>
+        /// <summary>The server has said welcome: landings are answered.</summary>
         Open,
 
         /// <summary>Lost; another attempt comes by itself.</summary>
         Waiting,
 
-        /// <summary>For good, until a reconnect is asked for.</summary>
+        /// <summary>Over, and not tried again until Reconnect is called.</summary>
         Closed,
     }
 }

@@ -3,7 +3,7 @@ namespace Terraport
     /// <summary>Where the connection stands, and why.</summary>
     public sealed class LinkState
     {
-        /// <summary>The state itself.</summary>
+        /// <summary>Where it stands; the other fields say why.</summary>
         public LinkPhase Phase { get; set; }
 
         /// <summary>Number of the attempt, from 1; 0 where it says nothing.</summary>
@@ -18,7 +18,7 @@ namespace Terraport
         /// <summary>Error code of the wire protocol, or "closed"; null while all is well.</summary>
         public string Code { get; set; }
 
-        /// <summary>For people; null while all is well.</summary>
+        /// <summary>Reason in words, for people; null while all is well.</summary>
         public string Message { get; set; }
     }
 }

@@ -5,13 +5,13 @@ namespace Terraport
     /// <summary>What a pick met, at full detail, whatever is loaded.</summary>
     public sealed class PickHit
     {
-        /// <summary>Metres, scene frame.</summary>
+        /// <summary>Where the ray meets full detail, metres, scene frame.</summary>
         public Vec3 Position { get; set; }
 
-        /// <summary>Unit, outwards, scene frame.</summary>
+        /// <summary>Normal there: length 1, outwards, scene frame.</summary>
         public Vec3 Normal { get; set; }
 
-        /// <summary>Segment id.</summary>
+        /// <summary>Id of the segment that was met, loaded here or not.</summary>
         public uint Segment { get; set; }
 
         /// <summary>Region id of this scene version; null without regions.</summary>

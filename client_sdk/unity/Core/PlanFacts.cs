@@ -8,7 +8,7 @@ namespace Terraport
         /// <summary>Landing number of the client; the same over reconnects.</summary>
         public int Landing { get; set; }
 
-        /// <summary>Where, metres, scene frame.</summary>
+        /// <summary>Centre of the landing, metres, scene frame.</summary>
         public Vec3 Position { get; set; }
 
         /// <summary>Radius asked for, metres.</summary>

@@ -6,22 +6,22 @@ namespace Terraport
         /// <summary>Segment id: row of the scene version's index.</summary>
         public readonly uint Segment;
 
-        /// <summary>Payload bytes.</summary>
+        /// <summary>Length of the payload, bytes.</summary>
         public readonly int Length;
 
         /// <summary>XXH3-64 of the payload, seed 0.</summary>
         public readonly ulong Xxh3;
 
-        /// <summary>Triangles.</summary>
+        /// <summary>Triangles of the segment.</summary>
         public readonly uint Faces;
 
-        /// <summary>Vertices.</summary>
+        /// <summary>Vertices of the segment.</summary>
         public readonly uint Vertices;
 
         /// <summary>Box of the decoded positions, metres, scene frame.</summary>
         public readonly Box Bounds;
 
-        /// <summary>A row of the index.</summary>
+        /// <summary>A row of the index; the numbers are taken as they are, the wire's kinds check them.</summary>
         public SegmentFacts(uint segment, int length, ulong xxh3, uint faces, uint vertices, Box bounds)
         {
             Segment = segment;

@@ -1,9 +1,9 @@
 namespace Terraport
 {
-    /// <summary>What a stream has counted since it was made.</summary>
+    /// <summary>What a stream has counted since it was made, over all its connections; a snapshot.</summary>
     public sealed class StreamStats
     {
-        /// <summary>Payload bytes received.</summary>
+        /// <summary>Payload bytes received, whether they were used in the end or not.</summary>
         public long PayloadBytes { get; set; }
 
         /// <summary>Of them, bytes of segments that were held already: 0 unless something is wrong.</summary>
@@ -12,7 +12,7 @@ namespace Terraport
         /// <summary>Segments held now.</summary>
         public int HeldSegments { get; set; }
 
-        /// <summary>Their payload bytes.</summary>
+        /// <summary>Payload bytes of the segments held now.</summary>
         public long HeldBytes { get; set; }
 
         /// <summary>Landings that had an aim before them.</summary>

@@ -11,6 +11,7 @@ namespace Terraport.Unity.Editor
         public static List<string> Findings(TerraportScene scene)
         {
             List<string> findings = new List<string>();
+            // Findings are advice: none of them keeps anybody from playing.
             CheckUrl(scene.SceneUrl, findings);
             CheckBuild(findings);
             TerraportSettings settings = scene.Settings;
@@ -19,6 +20,7 @@ namespace Terraport.Unity.Editor
             {
                 findings.Add("The credit is more than four landings' payload: a landing that is given up will cost much.");
             }
+            // At 72 to 90 frames a second: two eyes are to be drawn in the same time.
             if (settings.frameBudgetMs > 5 && settings.ActualProfile == DeviceProfile.Headset)
             {
                 findings.Add("A frame budget of " + settings.frameBudgetMs + " ms leaves too little of a headset's 11 to 14 ms.");
@@ -59,6 +61,7 @@ namespace Terraport.Unity.Editor
                 return;
             }
             Uri address = new Uri(sceneUrl.Server);
+            // On the machine itself nobody listens in between.
             if (address.Scheme == "http" && !address.IsLoopback)
             {
                 findings.Add("Over http the token and the survey can be read by everybody on the way; Android and iOS refuse it "

@@ -6,7 +6,7 @@ namespace Terraport.Unity.Editor
     /// <summary>Entries of the menus GameObject and Create.</summary>
     public static class TerraportMenu
     {
-        /// <summary>A scene with solid ground.</summary>
+        /// <summary>Create an object with a scene and its solid ground; undoable.</summary>
         [MenuItem("GameObject/Terraport/Scene", false, 10)]
         public static void CreateScene(MenuCommand command)
         {
@@ -16,13 +16,14 @@ namespace Terraport.Unity.Editor
             Attach(created, command);
         }
 
-        /// <summary>A user of the scene that is there.</summary>
+        /// <summary>Create a user of the open scene's first TerraportScene, aiming by the main camera; undoable.</summary>
         [MenuItem("GameObject/Terraport/User", false, 11)]
         public static void CreateUser(MenuCommand command)
         {
             GameObject created = new GameObject("Terraport User");
             TerraportUser user = created.AddComponent<TerraportUser>();
             user.Scene = FindScene();
+            // A usual rig: the camera looks, its parent is moved.
             Camera eye = Camera.main;
             if (eye != null)
             {
@@ -43,6 +44,7 @@ namespace Terraport.Unity.Editor
 
         private static void Attach(GameObject created, MenuCommand command)
         {
+            // As Unity's own entries do it: below what was clicked on, with undo, selected.
             GameObjectUtility.SetParentAndAlign(created, command.context as GameObject);
             Undo.RegisterCreatedObjectUndo(created, "Create " + created.name);
             Selection.activeGameObject = created;

@@ -16,6 +16,7 @@ namespace Terraport.Unity.Editor
         {
             DrawDefaultInspector();
             TerraportScene scene = (TerraportScene)target;
+            // At every repaint: a finding goes as soon as its cause does.
             List<string> findings = SettingsCheck.Findings(scene);
             foreach (string finding in findings)
             {

@@ -21,13 +21,13 @@ namespace Terraport.Unity
             this.packed = packed;
         }
 
-        /// <summary>Which faces of the base.</summary>
+        /// <summary>Faces of the base that the block holds.</summary>
         public FaceRange Faces { get; private set; }
 
         /// <summary>Whether both pieces are on the graphics card.</summary>
         public bool IsUploaded => back != null;
 
-        /// <summary>Triangles drawn.</summary>
+        /// <summary>Triangles that the front piece draws now.</summary>
         public int DrawnFaces => front != null && front.IsShown ? front.FaceCount : 0;
 
         /// <summary>One step of the upload: the first piece, then the second. The pack's vertices are not needed after that.</summary>
@@ -46,7 +46,7 @@ namespace Terraport.Unity
             packed.DropVertices();
         }
 
-        /// <summary>How both pieces are drawn.</summary>
+        /// <summary>Set the material of both pieces; it stays the caller's.</summary>
         public void SetMaterial(Material material)
         {
             front.Material = material;
@@ -79,10 +79,10 @@ namespace Terraport.Unity
             front.IsShown = isShown && front.FaceCount > 0;
         }
 
-        /// <summary>Draw it, or not.</summary>
+        /// <summary>Draw the front piece, or not; one without faces stays hidden.</summary>
         public void Show(bool isShown) { front.IsShown = isShown && front.FaceCount > 0; }
 
-        /// <summary>Give both pieces back.</summary>
+        /// <summary>Return both pieces to the pool; the block is of no use afterwards.</summary>
         public void Release(GroundPool pool)
         {
             if (front != null)

@@ -26,6 +26,7 @@ namespace Terraport.Unity
             this.mesh = mesh;
             for (int first = 0; first < mesh.FaceCount; first += blockFaces)
             {
+                // Cut once; packing follows in steps.
                 ranges.Add(new FaceRange(first, Math.Min(blockFaces, mesh.FaceCount - first)));
             }
         }
@@ -39,7 +40,7 @@ namespace Terraport.Unity
         /// <summary>Which faces a block holds.</summary>
         public FaceRange RangeOf(int block) { return ranges[block]; }
 
-        /// <summary>A packed block.</summary>
+        /// <summary>A packed block, below <see cref="PackedCount"/>; its vertices may have been dropped.</summary>
         public PackedMesh PackedOf(int block) { return packed[block]; }
 
         /// <summary>Pack the next block; false where all are.</summary>
@@ -52,6 +53,7 @@ namespace Terraport.Unity
             if (remap == null)
             {
                 remap = new int[mesh.VertexCount];
+                // PackFaces leaves it as it found it, so this is done once for all blocks.
                 for (int vertex = 0; vertex < remap.Length; vertex++)
                 {
                     remap[vertex] = -1;

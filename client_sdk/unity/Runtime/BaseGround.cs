@@ -38,10 +38,10 @@ namespace Terraport.Unity
             }
         }
 
-        /// <summary>What it is the base of.</summary>
+        /// <summary>Files of the version that it is the base of.</summary>
         public SceneFiles Files { get; private set; }
 
-        /// <summary>Triangles drawn.</summary>
+        /// <summary>Triangles that all blocks draw now.</summary>
         public int DrawnFaces
         {
             get {
@@ -57,6 +57,7 @@ namespace Terraport.Unity
         /// <summary>One slice of the upload. True once all of it can be drawn.</summary>
         public bool Upload()
         {
+            // The stage asks again until true; afterwards it need not, but may.
             if (isReady)
             {
                 return true;
@@ -94,13 +95,13 @@ namespace Terraport.Unity
         /// <summary>Why its photograph is missing; else null.</summary>
         public TerraportException Fault { get; private set; }
 
-        /// <summary>Write the coming list of one block.</summary>
+        /// <summary>Write the list of faces that one block has after its <see cref="Flip"/>.</summary>
         public void Prepare(FaceRange block, HiddenFaces next) { blocks[block.First / blockFaces].Prepare(next.Mask, scratch); }
 
-        /// <summary>Draw the coming list of one block.</summary>
+        /// <summary>Draw the prepared list of one block from the next frame on: flags only.</summary>
         public void Flip(FaceRange block) { blocks[block.First / blockFaces].Flip(); }
 
-        /// <summary>Draw all of it.</summary>
+        /// <summary>Draw all blocks, pushed back by this scene's deviation: flags only.</summary>
         public void Show()
         {
             // The material outlives this base: the version before may have pushed by another deviation.
@@ -124,6 +125,7 @@ namespace Terraport.Unity
                 photos.Abandon(photo);
                 photo = null;
             }
+            // Its own copy: the shared base material is the materials' to destroy.
             Engine.Destroy(photoMaterial);
         }
 
@@ -141,6 +143,7 @@ namespace Terraport.Unity
 
         private void Finish()
         {
+            // Copied into the photograph's material below, so it must be right by then.
             materials.SetPush(deviationM);
             if (photo != null && photo.Error != null)
             {

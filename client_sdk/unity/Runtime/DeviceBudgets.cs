@@ -45,6 +45,7 @@ namespace Terraport.Unity
         /// <summary>The bounds of a class of devices; a copy. Auto and Custom give those of a desktop.</summary>
         public static DeviceBudgets For(DeviceProfile profile)
         {
+            // The fields' own values are a desktop's.
             DeviceBudgets budgets = new DeviceBudgets();
             if (profile == DeviceProfile.Phone)
             {

@@ -15,7 +15,7 @@ namespace Terraport.Unity
         /// <summary>A stand-alone headset.</summary>
         Headset,
 
-        /// <summary>The bounds in the settings.</summary>
+        /// <summary>The bounds that the settings themselves state.</summary>
         Custom,
     }
 }

@@ -30,10 +30,10 @@ namespace Terraport.Unity
             ground.renderQueue = detail.renderQueue + 1;
         }
 
-        /// <summary>For coloured segments.</summary>
+        /// <summary>The one material of all segments with vertex colours.</summary>
         public Material Detail => detail;
 
-        /// <summary>For a coloured base.</summary>
+        /// <summary>The material of a base with vertex colours, or of one whose photograph is missing.</summary>
         public Material Base => ground;
 
         /// <summary>How far the base is pushed back along the line of sight, metres: the scene's deviation.</summary>
@@ -56,7 +56,7 @@ namespace Terraport.Unity
         /// <summary>A material with the base's photograph, pushed back as the base is; destroy it after use.</summary>
         public Material MakeBase(PhotoTexture photo) { return WithPhoto(Copy(ground), photo); }
 
-        /// <summary>Destroy all of them.</summary>
+        /// <summary>Destroy all materials that are not handed out.</summary>
         public void Dispose()
         {
             while (spareDetailPhotos.Count > 0)

@@ -52,7 +52,7 @@ namespace Terraport.Unity
         /// <summary>Whether its object is there: a project may have destroyed what lies below the scene's object.</summary>
         public bool IsAlive => renderer != null;
 
-        /// <summary>Whether it is drawn.</summary>
+        /// <summary>Whether it is drawn; setting it is all that a swap does.</summary>
         public bool IsShown
         {
             get {
@@ -68,7 +68,7 @@ namespace Terraport.Unity
             }
         }
 
-        /// <summary>How it is drawn.</summary>
+        /// <summary>Material that it is drawn with; stays the caller's.</summary>
         public Material Material
         {
             set {

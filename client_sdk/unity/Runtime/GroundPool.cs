@@ -18,7 +18,7 @@ namespace Terraport.Unity
         /// <summary>Pieces made and not destroyed.</summary>
         public int Count { get; private set; }
 
-        /// <summary>A hidden piece, its mesh to be filled.</summary>
+        /// <summary>A hidden piece whose mesh the caller fills; it holds what it held before until then.</summary>
         public GroundNode Take()
         {
             while (spares.Count > 0)
@@ -39,6 +39,7 @@ namespace Terraport.Unity
         /// <summary>Give one back; it is hidden, and loses material and photograph, which are the caller's.</summary>
         public void Return(GroundNode node)
         {
+            // A returned piece must not be drawn, not even for a frame.
             node.IsShown = false;
             node.Photo = null;
             node.PhotoMaterial = null;

@@ -160,6 +160,7 @@ namespace Terraport.Unity
             }
             for (int at = 0; at < swap.Shown.Count; at++)
             {
+                // Drawable, since the stage asked: only the flag is left to be set.
                 nodes[swap.Shown[at]].IsShown = true;
             }
             // 3. The base's lists, in the same frame: no hole and no doubled ground in between.
@@ -200,6 +201,7 @@ namespace Terraport.Unity
         {
             foreach (KeyValuePair<uint, GroundNode> entry in nodes)
             {
+                // Out of `nodes`: a segment of the new version may have the same id.
                 if (entry.Value.IsShown)
                 {
                     leaving[entry.Key] = entry.Value;
@@ -222,6 +224,7 @@ namespace Terraport.Unity
             {
                 photos.Abandon(node.Photo);
             }
+            // Material and photograph first: the pool forgets them.
             pool.Return(node);
         }
     }

@@ -83,6 +83,7 @@ namespace Terraport.Unity
                     array.Dispose();
                 }
             }
+            // Of the submesh and of the mesh: renderers cull by the mesh's.
             mesh.bounds = ToBounds(packed.Bounds);
             // Now, and not when it is first drawn: that is the frame of the swap. Kept readable, or it could not be filled again.
             mesh.UploadMeshData(false);
@@ -95,6 +96,7 @@ namespace Terraport.Unity
         /// <param name="indexCount">How many of them count.</param>
         public static void SetFaces(Mesh mesh, PackedMesh packed, ushort[] indices, int indexCount)
         {
+            // The buffer keeps the length of the full list; the submesh says how much of it is drawn.
             mesh.SetIndexBufferData(indices, 0, 0, indexCount, Unchecked);
             mesh.SetSubMesh(0, SubMeshOf(packed, indexCount), Unchecked);
             mesh.UploadMeshData(false);

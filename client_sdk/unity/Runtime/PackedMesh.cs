@@ -61,6 +61,7 @@ namespace Terraport.Unity
         /// <summary>Pack a whole mesh; what was here before is overwritten.</summary>
         public void Pack(SegmentMesh mesh)
         {
+            // Vertices keep their numbers: the payload's order already serves the vertex cache.
             Begin(mesh, mesh.VertexCount, mesh.FaceCount * 3);
             for (int vertex = 0; vertex < mesh.VertexCount; vertex++)
             {
@@ -152,6 +153,7 @@ namespace Terraport.Unity
             IsPhotographed = mesh.HasTexture;
             VertexCount = vertexCount;
             IndexCount = indexCount;
+            // Up to index 65534: 65535 would restart a strip on some GPUs.
             HasShortIndices = vertexCount <= ushort.MaxValue;
             if (IsPhotographed)
             {
@@ -191,6 +193,7 @@ namespace Terraport.Unity
             vertex.Z = Axes.TurnZ(z);
             Normal(mesh, from, out vertex.NormalX, out vertex.NormalY, out vertex.NormalZ);
             vertex.Padding = 0;
+            // Four components, since UNorm16 x 3 is no vertex format; the shader takes no alpha.
             vertex.Alpha = ushort.MaxValue;
             if (!mesh.HasColours)
             {

@@ -87,7 +87,7 @@ namespace Terraport.Unity
             }
         }
 
-        /// <summary>Give everything up that is on its way.</summary>
+        /// <summary>Abandon every image that is on its way; what tasks still finish is destroyed when it comes.</summary>
         public void Dispose()
         {
             isDisposed = true;
@@ -109,6 +109,7 @@ namespace Terraport.Unity
 
         private void Read(PhotoLoad load)
         {
+            // Taken off the load, so that the file is collected as soon as it is read.
             byte[] file = load.File;
             load.File = null;
             if (load.MediaType == "image/ktx2")
@@ -119,6 +120,7 @@ namespace Terraport.Unity
             }
             // The size is Unity's to set from the file; mips are made since the empty texture asks for them; colours are sRGB.
             Texture2D texture = new Texture2D(2, 2, TextureFormat.RGBA32, true, false);
+            // true: no readable copy stays in main memory. Sides must be what the checked header said.
             if (!texture.LoadImage(file, true) || texture.width != load.Width || texture.height != load.Height)
             {
                 Engine.Destroy(texture);
@@ -157,12 +159,14 @@ namespace Terraport.Unity
 
         private void Accept(PhotoLoad load, PhotoTexture result)
         {
+            // It came too late: nobody would destroy it.
             if (load.IsAbandoned || isDisposed)
             {
                 Engine.Destroy(result.Texture);
                 return;
             }
             result.Texture.hideFlags = HideFlags.DontSave;
+            // An atlas does not repeat: its edges would bleed into each other.
             result.Texture.wrapMode = TextureWrapMode.Clamp;
             result.Texture.filterMode = FilterMode.Trilinear;
             // Ground is seen at grazing angles: without it, photographs blur away a few metres from the feet.

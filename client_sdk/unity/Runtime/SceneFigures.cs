@@ -12,7 +12,7 @@ namespace Terraport.Unity
         /// <summary>Triangles that a camera that sees everything draws, per eye.</summary>
         public long DrawnTriangles;
 
-        /// <summary>What the stream has counted.</summary>
+        /// <summary>What the stream has counted; never null.</summary>
         public StreamStats Stream;
     }
 }

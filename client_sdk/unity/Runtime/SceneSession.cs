@@ -24,6 +24,7 @@ namespace Terraport.Unity
         private readonly ITransportFactory transports;
         private readonly IHttp http;
         private readonly PhotoLoader photos = new PhotoLoader();
+        // Made here and disposed of here, all of them; the stream and the decoders once the files are loaded.
         private readonly GroundMaterials materials;
         private readonly GroundRenderer renderer;
         private readonly CancellationTokenSource cancel = new CancellationTokenSource();
@@ -59,7 +60,7 @@ namespace Terraport.Unity
         /// <summary>Every event of the stream, after the stage has it.</summary>
         public event StreamEventHandler Streamed;
 
-        /// <summary>What is drawn has changed.</summary>
+        /// <summary>What is drawn has changed: raised within Update, after the renderer has it.</summary>
         public event Action<SceneSwap> Swapped;
 
         /// <summary>Null until the files are here.</summary>
@@ -164,9 +165,11 @@ namespace Terraport.Unity
         private async Task<SceneFiles> LoadAsync()
         {
             CancellationToken cancelled = cancel.Token;
+            // The newest version at first; later exactly the one that the session has opened.
             string version = Stage != null && Stage.NeedsFiles ? Stage.NeededVersion : null;
             SceneFiles files = await SceneLoader.LoadAsync(url, token, http, null, cancelled, version, Platform.Aside);
             SceneFiles sorted = null;
+            // Aside with the rest of the work: sorting a large base takes longer than a frame.
             Action prepare = () => sorted = BaseOrder.Sort(files, BaseBlockFaces);
             if (Platform.Aside == null)
             {
@@ -193,6 +196,7 @@ namespace Terraport.Unity
                 Exception error =
                     finished.IsFaulted ? finished.Exception.GetBaseException() : new TimeoutException("loading was cancelled");
                 retryAtS = Time.realtimeSinceStartup + retryInS;
+                // Doubled up to half a minute, as connections are: a restarted server is not met by everybody at once.
                 retryInS = Math.Min(retryInS * 2, MaxRetryS);
                 Fault(error as TerraportException ?? new TerraportException("load", error.Message, null, error));
                 return;
@@ -250,7 +254,9 @@ namespace Terraport.Unity
 
         private void Begin()
         {
+            // After the files: a server's address names its scene only then, and a landing needs the base anyway.
             Stream = Platform.OpenStream(OptionsOf(), transports);
+            // PackOnto runs where the decode runs: on a thread, wherever there is one.
             decoders = Platform.MakeDecoders(settings, PackedMesh.PackOnto);
             StageOptions options = new StageOptions();
             options.AutoShow = settings.autoShow;
@@ -275,6 +281,7 @@ namespace Terraport.Unity
             options.SceneUrl = address.Scene != null ? url : address.ScenesUrl + "/" + Uri.EscapeDataString(Files.Manifest.Id);
             options.Token = string.IsNullOrEmpty(token) ? null : token; // An empty field of a form is no token.
             Budgets bounds = new Budgets();
+            // Sent to the server, which then cuts the plan: nothing is sent that would not be shown.
             bounds.MaxTriangles = budgets.maxTriangles;
             bounds.MaxBytes = (long)budgets.maxMebibytes << 20;
             bounds.MaxSegments = budgets.maxSegments;

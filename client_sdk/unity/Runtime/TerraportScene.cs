@@ -16,6 +16,7 @@ namespace Terraport.Unity
     [DisallowMultipleComponent]
     public sealed partial class TerraportScene : MonoBehaviour
     {
+        // Serialized fields are what the inspector shows; properties below are for code. The token is none of them: it must not be saved.
         [SerializeField]
         [Tooltip("Address of the scene: http(s)://host/scenes/ID.")]
         private string sceneUrl = "";
@@ -78,7 +79,7 @@ namespace Terraport.Unity
         /// <summary>A pick was answered: its number, and what was met; null for nothing, or where it was refused.</summary>
         public event Action<int, PickHit> Picked;
 
-        /// <summary>The connection changed.</summary>
+        /// <summary>The connection changed: connecting, open, waiting, or closed for good.</summary>
         public event Action<LinkState> LinkChanged;
 
         /// <summary>
@@ -161,7 +162,7 @@ namespace Terraport.Unity
         /// <summary>Radius of a landing for which none is given, metres.</summary>
         public float DefaultRadiusM => session != null ? session.RadiusM : settings.ActualBudgets.radiusM;
 
-        /// <summary>Figures for a display.</summary>
+        /// <summary>Counts for a display: segments, objects, triangles, bytes; allocates, so not for every frame.</summary>
         public SceneFigures Figures
         {
             get {
@@ -185,6 +186,7 @@ namespace Terraport.Unity
             {
                 return;
             }
+            // Asked once, here: later every single upload would fail.
             if (!MeshFiller.IsSupported)
             {
                 Fail(new TerraportException("unsupported", "this graphics card does not read 16-bit colours or 8-bit normals"));
@@ -199,6 +201,7 @@ namespace Terraport.Unity
                 Fail(error);
                 return;
             }
+            // Subscribed after the constructor: it only begins to load, and nothing is raised before the first Update.
             session.Faulted += Fail;
             session.Loaded += OnLoaded;
             session.Streamed += OnStreamed;
@@ -211,6 +214,7 @@ namespace Terraport.Unity
             if (session != null)
             {
                 SceneSession closing = session;
+                // First: a listener that looks at the scene finds it closed.
                 session = null;
                 closing.Faulted -= Fail;
                 closing.Loaded -= OnLoaded;
@@ -236,6 +240,7 @@ namespace Terraport.Unity
         /// <returns>Number of the landing in the events; 0 where it waits for the scene to be loaded.</returns>
         public int Land(Vector3 point, float radiusM = 0, LandOptions options = null)
         {
+            // Turned into the scene's frame at once: the object may be moved before the scene is loaded.
             Vec3 position = ToScene(point);
             // The scene's transform may be scaled; the radius is in metres of the scene, as the server counts.
             double radius = radiusM > 0 ? radiusM : DefaultRadiusM;
@@ -299,6 +304,7 @@ namespace Terraport.Unity
         /// <summary>The place in the scene's frame (x east, y up, z south, metres) of a point of Unity's world.</summary>
         public Vec3 ToScene(Vector3 point)
         {
+            // The object's transform first, then the axes: the scene's origin may lie, turn and scale anywhere in Unity's world.
             Vector3 local = transform.InverseTransformPoint(point);
             return Axes.Turn(new Vec3(local.x, local.y, local.z));
         }
@@ -346,6 +352,7 @@ namespace Terraport.Unity
                 updating = null;
                 if (updated != session)
                 {
+                    // Closed by one of its own listeners: now nothing of it is on the call stack any more.
                     updated.Dispose();
                 }
             }

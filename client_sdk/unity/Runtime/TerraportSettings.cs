@@ -42,6 +42,7 @@ namespace Terraport.Unity
         public DeviceProfile ActualProfile
         {
             get {
+                // Read at each call, not stored: a headset may be connected after the scene was made.
                 if (profile != DeviceProfile.Auto)
                 {
                     return profile;
@@ -65,6 +66,7 @@ namespace Terraport.Unity
                 {
                     return frameBudgetMs;
                 }
+                // By what is drawn to now: the same app may run with the headset taken off.
                 return Headset.IsShowing ? HeadsetFrameBudgetMs : DefaultFrameBudgetMs;
             }
         }

@@ -127,6 +127,7 @@ namespace Terraport.Unity
         {
             target = scene.ToScene(point);
             isComing = true;
+            // Beside the landing: the height comes while payloads are still on their way.
             pick = scene.Pick(point);
             landing = scene.Land(point, radiusM);
         }
@@ -142,6 +143,7 @@ namespace Terraport.Unity
         {
             if (scene == null)
             {
+                // The usual set-up: the user lies below the scene's object.
                 scene = GetComponentInParent<TerraportScene>();
             }
             if (scene == null)
@@ -175,6 +177,7 @@ namespace Terraport.Unity
         {
             if (landAtStart)
             {
+                // Once: a new version of the scene must not move the user.
                 landAtStart = false;
                 LandAt(rig != null ? rig.position : transform.position);
             }
@@ -182,6 +185,7 @@ namespace Terraport.Unity
 
         private void OnPicked(int request, PickHit hit)
         {
+            // Answers to older picks, or to somebody else's.
             if (request != pick || hit == null)
             {
                 return;
@@ -201,6 +205,7 @@ namespace Terraport.Unity
 
         private void OnShown(SceneSwap swap)
         {
+            // 0: a base came, and no landing.
             if (!isComing || swap.Landing == 0)
             {
                 return;

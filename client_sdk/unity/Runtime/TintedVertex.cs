@@ -36,7 +36,7 @@ namespace Terraport.Unity
         /// <summary>Blue, linear light.</summary>
         public ushort Blue;
 
-        /// <summary>65535.</summary>
+        /// <summary>Always 65535: opaque.</summary>
         public ushort Alpha;
     }
 }

@@ -47,6 +47,7 @@ namespace Terraport.Unity
             StringBuilder names = new StringBuilder();
             for (int at = 0; at < subprotocols.Count; at++)
             {
+                // One string for the script, which splits it again: subprotocol names have no commas.
                 names.Append(at == 0 ? "" : ",").Append(subprotocols[at]);
             }
             if (!string.IsNullOrEmpty(bearerToken))
@@ -80,6 +81,7 @@ namespace Terraport.Unity
                 return false;
             }
             byte[] whole = message.Array;
+            // The script reads from the start of the array.
             if (message.Offset != 0)
             {
                 whole = new byte[message.Count]; // Messages that are sent are small, and rarely lie elsewhere than at the start.
@@ -111,6 +113,7 @@ namespace Terraport.Unity
         {
             if (id != 0)
             {
+                // Closed, then let go: the page's script keeps a socket until it is told.
                 TerraportSocketClose(id, 1000, "");
                 TerraportSocketForget(id);
                 id = 0;
@@ -119,6 +122,7 @@ namespace Terraport.Unity
 
         private byte[] Rent(int length)
         {
+            // The newest spare or none: messages of one kind come in runs.
             if (spares.Count > 0 && spares.Peek().Length >= length)
             {
                 return spares.Pop();

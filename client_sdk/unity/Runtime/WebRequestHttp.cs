@@ -35,6 +35,7 @@ namespace Terraport.Unity
                 {
                     throw new TerraportException("damaged", url + " has more than " + maxBytes + " bytes, expected at most that");
                 }
+                // No HTTP answer at all: name, address, certificate or network.
                 if (request.responseCode == 0)
                 {
                     string text = "no answer from " + url + " (" + request.error + "); is the server running, and reachable from here?";
@@ -74,6 +75,7 @@ namespace Terraport.Unity
                 }
                 if (Length + dataLength > Body.Length)
                 {
+                    // Doubled, but never beyond the bound: a server that sends on and on cannot make it larger.
                     byte[] longer = new byte[(int)Math.Min(Math.Max(2L * Body.Length, Length + dataLength), maxBytes)];
                     Buffer.BlockCopy(Body, 0, longer, 0, Length);
                     Body = longer;

@@ -12,7 +12,7 @@ namespace Terraport.Json
         /// <summary>Byte of a scalar's first character; of a text without its quotation mark.</summary>
         internal int Start;
 
-        /// <summary>Bytes of a scalar.</summary>
+        /// <summary>Bytes of a scalar, quotation marks left out.</summary>
         internal int Length;
 
         /// <summary>Entries of a container; escapes of a text.</summary>

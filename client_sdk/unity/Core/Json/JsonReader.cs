@@ -21,7 +21,7 @@ namespace Terraport.Json
 
         private JsonReader(ArraySegment<byte> text, int maxValues) { tape.Read(text.Array, text.Offset, text.Count, maxValues); }
 
-        /// <summary>Read exactly one value.</summary>
+        /// <summary>Read a text that is exactly one value of JSON.</summary>
         /// <param name="text">The text as UTF-8.</param>
         /// <param name="maxValues">Values and keys in all at most.</param>
         /// <exception cref="JsonException">It is not exactly one value of JSON, or beyond a bound.</exception>
@@ -78,6 +78,7 @@ namespace Terraport.Json
                 values[index] = Value(value);
                 node = tape.After(value);
             }
+            // The tape takes the last of a repeated key; a value refuses it, since nobody writes one on purpose.
             string repeated = JsonObject.FirstRepeated(names, firstName);
             if (repeated != null)
             {

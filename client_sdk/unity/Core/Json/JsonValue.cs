@@ -21,7 +21,7 @@ namespace Terraport.Json
             this.reference = reference;
         }
 
-        /// <summary>What it holds.</summary>
+        /// <summary>What the value is, which decides what can be read of it.</summary>
         public JsonKind Kind => kind;
 
         /// <summary>Whether it is null, or stands for a member that is absent.</summary>
@@ -74,6 +74,7 @@ namespace Terraport.Json
             get
             {
                 JsonValue value = default(JsonValue);
+                // Absent, null and "no object" read alike: callers ask for what they need, and name what is missing.
                 if (kind == JsonKind.Object) ((JsonObject)reference).TryGet(name, out value);
                 return value;
             }
@@ -102,6 +103,7 @@ namespace Terraport.Json
                 case JsonKind.Float:
                 case JsonKind.HugeInteger:
                     number = BitConverter.Int64BitsToDouble(bits);
+                    // JSON has neither, but msgpack does.
                     return !double.IsNaN(number) && !double.IsInfinity(number);
                 default: number = 0; return false;
             }

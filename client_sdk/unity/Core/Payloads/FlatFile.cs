@@ -17,6 +17,7 @@ namespace Terraport
         private const int ChecksumStart = 16;
 
         private Field[] fields = new Field[16];
+        // A view, not a copy: valid between Read and Release.
         private ArraySegment<byte> file;
 
         /// <summary>Element types by their code.</summary>
@@ -55,10 +56,12 @@ namespace Terraport
                     throw new PayloadException("another magic, expected " + magic, 0);
                 }
             }
+            // Another major version may lay out anything anew; minor versions add fields, which are found by name.
             if (Short(16) != Major)
             {
                 throw new PayloadException("format version " + Short(16) + ", expected " + Major, 16);
             }
+            // Truncation is told as such, before the checksum calls it damage.
             if (Long(24) != (ulong)bytes.Count)
             {
                 throw new PayloadException(bytes.Count + " bytes, expected " + Long(24) + " by the header", 24);
@@ -119,6 +122,7 @@ namespace Terraport
                 case ElementType.Int16:
                 case ElementType.UInt16: return 2;
                 case ElementType.UInt64: return 8;
+                // UInt32 and Float32.
                 default: return 4;
             }
         }
@@ -158,11 +162,13 @@ namespace Terraport
             ulong offset = Long(at + 80);
             ulong length = Long(at + 88);
             ulong expected = (ulong)field.Rows * (ulong)field.Components * (ulong)SizeOf(field.Type);
+            // Three statements of one size: they must agree before the array is copied by it.
             if (field.Components < 1 || length != expected)
             {
                 throw new PayloadException(length + " bytes for " + field.Rows + " rows of " + field.Components + " x " + field.Type, at);
             }
             ulong size = (ulong)file.Count;
+            // Written so that no sum can wrap: offset and length are 64-bit numbers of the file.
             if (offset % Alignment != 0 || offset > size || length > size - offset)
             {
                 string text = "an array at " + offset + " with " + length + " bytes, expected a multiple of 8 within " + size;
@@ -171,6 +177,7 @@ namespace Terraport
             field.Start = (int)offset;
             field.Length = (int)length;
             field.NameLength = NameBytes;
+            // Names are padded with zero bytes to a fixed length.
             while (field.NameLength > 0 && Byte(at + field.NameLength - 1) == 0)
             {
                 field.NameLength--;
@@ -231,7 +238,7 @@ namespace Terraport
 
         private struct Field
         {
-            /// <summary>Where its entry starts: with the name.</summary>
+            /// <summary>Byte at which its directory entry, and with it the name, starts.</summary>
             internal int At;
 
             internal int NameLength;

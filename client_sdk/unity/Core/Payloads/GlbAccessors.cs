@@ -129,6 +129,7 @@ namespace Terraport
             {
                 throw new PayloadException("image of " + length + " bytes, expected at most " + MaxImageBytes);
             }
+            // An image is compressed by its own format.
             if (document.Find(document.OptionalObject(view, "extensions"), Meshopt) >= 0)
             {
                 throw new PayloadException("image is compressed as geometry, expected a file as it is");
@@ -172,6 +173,7 @@ namespace Terraport
                 throw new PayloadException(label + " is " + kind + ", expected " + type + " of " + component);
             }
             int offset = tape.Find(accessor, "byteOffset");
+            // The profile writes one bufferView per accessor: no offsets inside, no sparse rows, less to get wrong.
             if ((offset >= 0 && document.ExpectWhole(offset, "byteOffset", label, 0) != 0) || tape.Find(accessor, "sparse") >= 0)
             {
                 throw new PayloadException(label + " has an offset inside its bufferView or is sparse, expected neither");
@@ -190,6 +192,7 @@ namespace Terraport
         private int Locate(int view, string label, ref GlbRows rows)
         {
             int length = document.ExpectWhole(document.Tape.Find(view, "byteLength"), "byteLength", label, 1);
+            // Exactly: neither rows that are cut off nor bytes that nobody looks at.
             if (length != (long)rows.Count * rows.Stride)
             {
                 string rowsOf = rows.Count + " rows of " + rows.Stride;
@@ -209,6 +212,7 @@ namespace Terraport
         private int CheckCompression(int compression, string label, GlbRows rows, string mode)
         {
             JsonTape tape = document.Tape;
+            // The extension repeats count and stride: where they differ from the accessor's, one of them lies.
             bool isSame = tape.IsEqual(tape.Find(compression, "mode"), mode) && IsNumber(tape.Find(compression, "count"), rows.Count)
                 && IsNumber(tape.Find(compression, "byteStride"), rows.Stride);
             if (!isSame)
@@ -262,6 +266,7 @@ namespace Terraport
             }
             int node = document.Tape.Find(owner, "byteOffset");
             int offset = node < 0 ? 0 : document.ExpectWhole(node, "byteOffset", label, 0);
+            // In this order nothing overflows: offset is within the chunk before it is subtracted.
             if (offset > document.BinaryLength || length > document.BinaryLength - offset)
             {
                 string text = label + " lies at " + offset + " with " + length + " bytes, expected within " + document.BinaryLength;

@@ -31,6 +31,7 @@ namespace Terraport
                 throw new ArgumentNullException(into == null ? "into" : "payload");
             }
             into.Clear();
+            // Whatever is thrown, the mesh is left empty: half a mesh must not be drawn.
             bool isWhole = false;
             try
             {
@@ -107,6 +108,7 @@ namespace Terraport
             int entry = list + 1;
             for (int remaining = tape.CountOf(list); remaining > 0; remaining--)
             {
+                // Required means that a reader without it must refuse; extensions that are only used may be anything.
                 bool isSupported = tape.IsEqual(entry, "KHR_mesh_quantization") || tape.IsEqual(entry, "EXT_meshopt_compression")
                     || tape.IsEqual(entry, "EXT_mesh_features") || tape.IsEqual(entry, GlbTexture.UvTransform)
                     || tape.IsEqual(entry, GlbTexture.WebpExtension) || tape.IsEqual(entry, GlbTexture.BasisExtension);
@@ -128,6 +130,7 @@ namespace Terraport
             mesh.Translation = document.Triple(node, "translation", 0);
             // The three axes share one step, a power of two: codes stay exact in float32, and borders stay equal.
             Vec3 scale = document.Triple(node, "scale", 1);
+            // Written as a negation, so that a NaN is refused too.
             if (!(scale.X > 0) || scale.Y != scale.X || scale.Z != scale.X)
             {
                 throw new PayloadException("node scale " + scale + ", expected one positive number three times");
@@ -142,6 +145,7 @@ namespace Terraport
             mesh.HasFloatPositions = rows.Component == GlbAccessors.Float;
             if (!mesh.HasFloatPositions)
             {
+                // Four entries a vertex: glTF pads rows to multiples of four bytes.
                 mesh.PositionCodes = Grow.To(mesh.PositionCodes, rows.Count * 4);
                 Copy(rows, 8, mesh.PositionCodes);
                 MeshChecks.CodeBounds(mesh.PositionCodes, rows.Count, mesh.CodeBounds);
@@ -182,6 +186,7 @@ namespace Terraport
         /// <summary>A coordinate in float32, metres.</summary>
         private static float ToFloat32(double metres)
         {
+            // In double until here: one rounding to float32, as a GPU would place it.
             float value = (float)metres;
             if (value - value != 0)
             {
@@ -261,6 +266,7 @@ namespace Terraport
                 attribute.Name = tape.TextOf(name);
                 attribute.Offset = document.ExpectFinite(tape.Find(row, "offset"), "offset", attribute.Name);
                 attribute.Step = document.ExpectFinite(tape.Find(row, "step"), "step", attribute.Name);
+                // Both ends of the range are checked once, so that no value needs a check.
                 double last = attribute.Offset + attribute.Step * LastCode;
                 if (!(attribute.Step > 0) || Math.Abs(attribute.Offset) > float.MaxValue || !(Math.Abs(last) <= float.MaxValue))
                 {
@@ -276,6 +282,7 @@ namespace Terraport
         {
             GlbRows rows = accessors.Vertices(number, GlbAccessors.UnsignedShort, 0, "VEC2", 2, "TEXCOORD_0");
             ExpectRows(rows, mesh, "TEXCOORD_0");
+            // Either fractions of 65535, or codes on a grid with a scale; both at once would be neither.
             if (texture.HasScale == rows.IsNormalised)
             {
                 throw new PayloadException("TEXCOORD_0 must be normalised without a transform, and not with one");
@@ -300,6 +307,7 @@ namespace Terraport
             {
                 throw new PayloadException("image is " + header.MediaType + ", expected " + texture.MediaType + " by mimeType");
             }
+            // By the header alone: the file itself is decoded by the engine, which must not meet a bomb.
             header.CheckSides(isBase);
             image.Set(document.Bytes, start, length, header);
         }
@@ -320,6 +328,7 @@ namespace Terraport
                 Buffer.BlockCopy(rows.Bytes, rows.Start, target, 0, rows.Count * rowBytes);
                 return;
             }
+            // Rows may be padded by more than the target's: the rest is left behind.
             int used = Math.Min(rows.Stride, rowBytes);
             for (int row = 0; row < rows.Count; row++)
             {

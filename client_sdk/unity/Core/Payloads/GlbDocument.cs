@@ -29,7 +29,7 @@ namespace Terraport
         /// <summary>Where the contents of the BIN chunk start in <see cref="Bytes"/>.</summary>
         internal int BinaryStart { get; private set; }
 
-        /// <summary>Their length.</summary>
+        /// <summary>Length of the BIN chunk's contents, bytes.</summary>
         internal int BinaryLength { get; private set; }
 
         /// <summary>Read both chunks; nothing inside the document is checked yet.</summary>
@@ -162,7 +162,7 @@ namespace Terraport
             throw Wrong(node, property, label, "a whole number of at least " + min);
         }
 
-        /// <summary>A finite number.</summary>
+        /// <summary>The node's value, if it is a finite number.</summary>
         internal double ExpectFinite(int node, string property, string label)
         {
             double value = Tape.IsNumber(node) ? Tape.NumberOf(node) : double.NaN;

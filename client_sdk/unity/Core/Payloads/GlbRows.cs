@@ -5,10 +5,10 @@ namespace Terraport
     /// </summary>
     internal struct GlbRows
     {
-        /// <summary>The array they lie in.</summary>
+        /// <summary>The array that the rows lie in: the payload's, or scratch memory.</summary>
         internal byte[] Bytes;
 
-        /// <summary>Where the first starts.</summary>
+        /// <summary>Byte at which the first row starts.</summary>
         internal int Start;
 
         /// <summary>Number of rows.</summary>
@@ -17,7 +17,7 @@ namespace Terraport
         /// <summary>Bytes from one row to the next: 4, 8, 12 or 16.</summary>
         internal int Stride;
 
-        /// <summary>glTF's component type.</summary>
+        /// <summary>glTF's component type, 5120 to 5126.</summary>
         internal int Component;
 
         /// <summary>The accessor states that its integers are fractions.</summary>

@@ -19,6 +19,7 @@ namespace Terraport
             int level = 0;
             for (int code = 0; code < levels.Length; code++)
             {
+                // Both rise together: one pass over 65536 codes finds every level's threshold.
                 while (level < 255 && Linear((level + 0.5) / 255) * 65535 <= code)
                 {
                     level++;

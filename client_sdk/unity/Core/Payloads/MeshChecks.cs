@@ -6,7 +6,7 @@ namespace Terraport
     /// </summary>
     internal static class MeshChecks
     {
-        /// <summary>Every face uses vertices that are there.</summary>
+        /// <summary>Every face uses vertices below <paramref name="vertices"/>.</summary>
         internal static void Indices(uint[] indices, int count, int vertices)
         {
             // One maximum instead of a comparison with an early exit: the loop has no branch to mispredict.
@@ -37,9 +37,10 @@ namespace Terraport
             }
         }
 
-        /// <summary>Every number is finite.</summary>
+        /// <summary>Every one of the first <paramref name="count"/> numbers is finite.</summary>
         internal static void Finite(float[] values, int count, string label)
         {
+            // One sum instead of a test a number: the loop stays free of branches.
             float sum = 0;
             for (int at = 0; at < count; at++)
             {
@@ -55,6 +56,7 @@ namespace Terraport
         /// <summary>Lowest and highest code along each axis of four entries a vertex, into x y z x y z.</summary>
         internal static void CodeBounds(ushort[] codes, int vertices, ushort[] bounds)
         {
+            // Locals, not the array: it could be the codes themselves to the compiler.
             int minX = 65535, minY = 65535, minZ = 65535, maxX = 0, maxY = 0, maxZ = 0;
             for (int at = 0; at < vertices * 4; at += 4)
             {

@@ -55,10 +55,10 @@ namespace Terraport
         /// <summary>Two per vertex; a coordinate is code * <see cref="UvScaleU"/> or <see cref="UvScaleV"/>.</summary>
         public ushort[] UvCodes { get; internal set; } = Array.Empty<ushort>();
 
-        /// <summary>Factor of the first code.</summary>
+        /// <summary>Texture coordinate of one step of the first code.</summary>
         public double UvScaleU { get; internal set; }
 
-        /// <summary>Factor of the second code.</summary>
+        /// <summary>Texture coordinate of one step of the second code.</summary>
         public double UvScaleV { get; internal set; }
 
         /// <summary>The image's file; its Length is 0 without a texture.</summary>
@@ -67,7 +67,7 @@ namespace Terraport
         /// <summary>Whether every vertex has a region id.</summary>
         public bool HasRegionIds { get; internal set; }
 
-        /// <summary>One per vertex.</summary>
+        /// <summary>Region id of each vertex, in this scene version.</summary>
         public ushort[] RegionIds { get; internal set; } = Array.Empty<ushort>();
 
         /// <summary>The survey's attributes, in the payload's order.</summary>
@@ -85,7 +85,7 @@ namespace Terraport
         /// <summary>Box of the decoded positions, metres, scene frame.</summary>
         public Box Bounds { get; internal set; }
 
-        /// <summary>Whatever an engine keeps with the mesh; reused with it.</summary>
+        /// <summary>Whatever an engine keeps with the mesh; survives Clear, so that its buffers are used again.</summary>
         public object EngineData { get; set; }
 
         /// <summary>
@@ -101,6 +101,7 @@ namespace Terraport
                 vertex += HasRegionIds ? 4 : 0;
                 vertex += 4L * attributes.Count;
                 long texels = HasTexture ? (long)Image.Width * Image.Height : 0;
+                // 16 / 3: four bytes a texel, and a third more for the mips.
                 return vertex * VertexCount + (HasShortIndices ? 6L : 12L) * FaceCount + texels * 16 / 3;
             }
         }
@@ -115,6 +116,7 @@ namespace Terraport
                 z = Positions[vertex * 3 + 2];
                 return;
             }
+            // In double, then one rounding: the sum is exact in float32 for scenes that the build writes.
             x = (float)(Translation.X + StepM * PositionCodes[vertex * 4]);
             y = (float)(Translation.Y + StepM * PositionCodes[vertex * 4 + 1]);
             z = (float)(Translation.Z + StepM * PositionCodes[vertex * 4 + 2]);
@@ -123,6 +125,7 @@ namespace Terraport
         /// <summary>The normal of a vertex, unit in float32, as every terraport client rounds it.</summary>
         public void NormalAt(int vertex, out float x, out float y, out float z)
         {
+            // -128 and -127 both mean -1 (glTF 2.0).
             float a = Math.Max((float)(NormalCodes[vertex * 4] / 127f), -1f);
             float b = Math.Max((float)(NormalCodes[vertex * 4 + 1] / 127f), -1f);
             float c = Math.Max((float)(NormalCodes[vertex * 4 + 2] / 127f), -1f);

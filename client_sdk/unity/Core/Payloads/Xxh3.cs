@@ -54,7 +54,7 @@ namespace Terraport
             0x7E404BBBCAFBD7AF,
         };
 
-        /// <summary>Hash of a whole array.</summary>
+        /// <summary>Hash of a whole array; allocates nothing.</summary>
         public static ulong Hash64(byte[] bytes)
         {
             if (bytes == null)
@@ -275,7 +275,7 @@ namespace Terraport
             }
         }
 
-        /// <summary>That of XXH64.</summary>
+        /// <summary>The final mix of XXH64, which XXH3 keeps for its shortest inputs.</summary>
         private static ulong OldAvalanche(ulong hash)
         {
             unchecked

@@ -16,7 +16,7 @@ namespace Terraport
         /// <summary>One more than there are base faces; from 0 to the length of <see cref="Segments"/>, never falling.</summary>
         public uint[] Offsets { get; private set; }
 
-        /// <summary>Segment ids.</summary>
+        /// <summary>Segment ids, row after row; below the manifest's SegmentCount.</summary>
         public uint[] Segments { get; private set; }
     }
 }

@@ -57,6 +57,7 @@ namespace Terraport
                     {
                         throw new PayloadException("segment " + segments[at] + " in the cover, expected below " + segmentCount);
                     }
+                    // Ascending: the counters count each segment once, and every client compares rows by value.
                     if (at > offsets[face] && segments[at] <= segments[at - 1])
                     {
                         throw new PayloadException("segments over base face " + face + " do not ascend, expected each once, ascending");

@@ -3,10 +3,10 @@ namespace Terraport
     /// <summary>What the manifest says of a file of its version.</summary>
     internal struct FileFacts
     {
-        /// <summary>Bytes.</summary>
+        /// <summary>Length of the file, bytes.</summary>
         internal int Length;
 
-        /// <summary>XXH3-64.</summary>
+        /// <summary>XXH3-64 of the whole file, seed 0.</summary>
         internal ulong Xxh3;
     }
 }

@@ -1,6 +1,6 @@
 namespace Terraport
 {
-    /// <summary>What a server answered.</summary>
+    /// <summary>What a server answered to one request, whatever its status.</summary>
     public sealed class HttpAnswer
     {
         /// <summary>An answer whose body is the first <paramref name="length"/> bytes of the array, which is kept, not copied.</summary>

@@ -49,6 +49,7 @@ namespace Terraport
                 throw new TerraportException("damaged", got);
             }
             string version = json["format_version"].Text;
+            // A newer minor version only adds: keys that are not known here are skipped.
             if (version == null || version.Split('.')[0] != Major)
             {
                 string got = "got scene format " + json["format_version"].Show() + ", expected 1.x; a newer client is needed";
@@ -61,6 +62,7 @@ namespace Terraport
             JsonValue counts = SceneJson.ExpectObject(json["counts"], "counts");
             JsonValue files = SceneJson.ExpectObject(json["files"], "files");
             JsonValue encodings = SceneJson.ExpectObject(json["encodings"], "encodings");
+            // The one encoding that this client decodes must be among them.
             SceneJson.ExpectObject(encodings["glb"], "encodings.glb");
             Vec3 origin = SceneJson.ExpectTriple(json["origin"], "origin");
             JsonValue bounds = SceneJson.ExpectObject(json["bounds"], "bounds");
@@ -133,6 +135,7 @@ namespace Terraport
             {
                 JsonValue row = SceneJson.ExpectObject(list[at], "attribute");
                 string name = SceneJson.ExpectText(row["name"], "name of an attribute");
+                // An attribute that has no value anywhere has no extremes.
                 attributes[at] = new AttributeInfo(name, Extreme(row["min"], name), Extreme(row["max"], name));
             }
             return attributes;

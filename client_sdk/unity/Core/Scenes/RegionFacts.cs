@@ -11,7 +11,7 @@ namespace Terraport
         /// <summary>Number of the piece of ground, the same in every version.</summary>
         public long? StableId { get; internal set; }
 
-        /// <summary>What people call it.</summary>
+        /// <summary>What people call it; labels.json wins over the build's own.</summary>
         public string Label { get; internal set; }
 
         /// <summary>True area, square metres.</summary>
@@ -23,7 +23,7 @@ namespace Terraport
         /// <summary>Mean slope, degrees; 0 is level.</summary>
         public double? SlopeDeg { get; internal set; }
 
-        /// <summary>Metres, scene frame.</summary>
+        /// <summary>Centroid of the region's surface, metres, scene frame.</summary>
         public Vec3? Centroid { get; internal set; }
     }
 }

@@ -36,6 +36,7 @@ namespace Terraport
             for (int at = 0; at < facts.Length; at++)
             {
                 JsonValue region = SceneJson.ExpectObject(list[at], "region");
+                // The one thing that is not informative: payloads name regions by this position.
                 if (SceneJson.ExpectWhole(region["id"], "id of a region", 0, int.MaxValue) != at)
                 {
                     throw new PayloadException("region " + at + " has another id, expected its position");
@@ -53,6 +54,7 @@ namespace Terraport
             string label = null;
             if (!hasStable || !names.TryGetValue(stableId, out label))
             {
+                // No word of people's: the build's own, if it has one.
                 label = string.IsNullOrEmpty(region["label"].Text) ? null : region["label"].Text;
             }
             return new RegionFacts {

@@ -28,7 +28,7 @@ namespace Terraport
             this.cancelled = cancelled;
         }
 
-        /// <summary>Count progress from 0 to that many bytes.</summary>
+        /// <summary>Start the progress anew: 0 of <paramref name="bytes"/>.</summary>
         internal void Begin(long bytes)
         {
             receivedBytes = 0;

@@ -14,10 +14,10 @@ namespace Terraport
             Regions = regions;
         }
 
-        /// <summary>The manifest.</summary>
+        /// <summary>What scene.json says of this version.</summary>
         public SceneManifest Manifest { get; private set; }
 
-        /// <summary>The base mesh, whole scene.</summary>
+        /// <summary>The base mesh of the whole scene; shared, not copied: who draws it must not change it.</summary>
         public SegmentMesh Base { get; private set; }
 
         /// <summary>Segments over each base face.</summary>

@@ -21,10 +21,11 @@ namespace Terraport
             return string.IsNullOrEmpty(value.Text) ? throw Wrong(value, label, "text") : value.Text;
         }
 
-        /// <summary>Lower-case hexadecimal digits, that many.</summary>
+        /// <summary>A text of exactly <paramref name="length"/> lower-case hexadecimal digits.</summary>
         internal static string ExpectDigits(JsonValue value, string label, int length)
         {
             string text = value.Text;
+            // Lower case alone, as writers must: two spellings of one version would be two versions to a cache.
             bool isValid = text != null && text.Length == length;
             for (int at = 0; isValid && at < length; at++)
             {
@@ -71,6 +72,7 @@ namespace Terraport
         /// <summary>Three finite numbers, or null for anything else.</summary>
         internal static Vec3? TripleOrNull(JsonValue value)
         {
+            // For facts that are only shown: what is odd is left out, not refused.
             if (value.Kind != JsonKind.List || value.Count != 3)
             {
                 return null;

@@ -15,7 +15,7 @@ namespace Terraport
         private const int MaxJsonBytes = 1 << 24;
         private const int MaxLabelBytes = 1 << 26;
 
-        /// <summary>Load a scene.</summary>
+        /// <summary>Load everything of a scene that is loaded once; a few MiB to some tens of MiB.</summary>
         /// <param name="url">Scene URL; or a server URL, whose only scene is meant.</param>
         /// <param name="token">Bearer token; null or empty without.</param>
         /// <param name="http">How files are fetched; null for .NET's own client.</param>
@@ -76,6 +76,7 @@ namespace Terraport
             {
                 throw new TerraportException("damaged", server.ScenesUrl + " is no JSON; is this a terraport server?", 200, error);
             }
+            // JSON, but no list: another service answers at this address.
             if (rows.Kind != JsonKind.List)
             {
                 throw new TerraportException("damaged", server.ScenesUrl + " lists no scenes; is this a terraport server?");
@@ -90,6 +91,7 @@ namespace Terraport
                     throw new TerraportException("damaged", server.ScenesUrl + " lists a scene without id or version");
                 }
                 string address = server.ScenesUrl + "/" + Uri.EscapeDataString(id);
+                // A scene without a name is shown by its id.
                 scenes[at] = new SceneSummary(id, string.IsNullOrEmpty(name) ? id : name, rows[at]["version"].Text, address);
             }
             return scenes;

@@ -73,7 +73,7 @@ namespace Terraport
             return new SceneUrl(origin + prefix, Uri.UnescapeDataString(scene));
         }
 
-        /// <summary>The URL of one scene of the same server.</summary>
+        /// <summary>The URL of a scene of the same server, by its id.</summary>
         public SceneUrl With(string scene) { return new SceneUrl(Server, scene); }
 
         private static string HttpOf(string scheme)

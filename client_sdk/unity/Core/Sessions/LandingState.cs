@@ -9,6 +9,7 @@ namespace Terraport.Sessions
     {
         private static readonly uint[] None = new uint[0];
 
+        // As asked for: repeated to the letter on every connection.
         private readonly Vec3 position;
         private readonly double radiusM;
         private readonly double? innerRadiusM;
@@ -20,6 +21,7 @@ namespace Terraport.Sessions
             Number = number;
             this.position = position;
             this.radiusM = radiusM;
+            // Copied: the caller may reuse its options.
             if (options == null) return;
             innerRadiusM = options.InnerRadiusM;
             deadlineMs = options.DeadlineMs;
@@ -81,6 +83,7 @@ namespace Terraport.Sessions
         /// <summary>Take the plan of a generation, in place of any before.</summary>
         internal void Begin(PlanMessage plan)
         {
+            // A plan replaces all that an earlier one of this landing said; only the number and the counted bytes stay.
             Facts.Clear();
             PlannedIds.Clear();
             Waiting.Clear();

@@ -56,7 +56,7 @@ namespace Terraport
         /// <summary>Faces that the drawn lists hide.</summary>
         internal int DrawnHiddenCount { get; private set; }
 
-        /// <summary>Hash of the set of them.</summary>
+        /// <summary>Hash of the set of faces that the drawn lists hide.</summary>
         internal uint DrawnHiddenHash { get; private set; }
 
         /// <summary>Make the lists ready for these segments; <see cref="Step"/> does the work.</summary>

@@ -18,6 +18,7 @@ namespace Terraport
         /// </summary>
         internal DecodeResult Run(SegmentDecoder decoder, MeshPool pool, Action<SegmentMesh> afterDecode)
         {
+            // From here on the mesh belongs to this job, and in the end to the result or to the pool again.
             SegmentMesh mesh = pool.Take();
             var result = new DecodeResult { Segment = Segment, Epoch = Epoch };
             try

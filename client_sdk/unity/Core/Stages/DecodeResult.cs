@@ -1,6 +1,6 @@
 namespace Terraport
 {
-    /// <summary>What became of one payload.</summary>
+    /// <summary>What became of one payload: a mesh or an error.</summary>
     public struct DecodeResult
     {
         /// <summary>Segment id.</summary>

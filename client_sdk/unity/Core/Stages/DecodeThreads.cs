@@ -17,7 +17,7 @@ namespace Terraport
         private readonly Thread[] threads;
         private bool isDisposed;
 
-        /// <summary>Start the threads.</summary>
+        /// <summary>A queue with threads of its own, which start now.</summary>
         /// <param name="threads">How many, 1 to 16; 0 for half of the machine's, at most 4.</param>
         /// <param name="afterDecode">Run after each decode, on its thread, before the mesh is handed out; may be null.</param>
         public DecodeThreads(int threads = 0, Action<SegmentMesh> afterDecode = null)

@@ -3,10 +3,10 @@ namespace Terraport
     /// <summary>Consecutive faces of a mesh.</summary>
     public readonly struct FaceRange
     {
-        /// <summary>Number of the first.</summary>
+        /// <summary>Number of the first face.</summary>
         public readonly int First;
 
-        /// <summary>How many.</summary>
+        /// <summary>Number of faces.</summary>
         public readonly int Count;
 
         /// <summary>Consecutive faces from <paramref name="first"/> on.</summary>

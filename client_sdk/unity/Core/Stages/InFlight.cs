@@ -10,7 +10,7 @@ namespace Terraport
         /// GPU bytes that a segment is taken to have until some were decoded: between vertex colours and a large texture.
         /// </summary>
         private const double FirstGuessBytes = 6.0 * 1024 * 1024;
-        /// <summary>How fast the guess follows what came.</summary>
+        /// <summary>Weight of the newest mesh in the guess: an exponential average.</summary>
         private const double GuessShare = 0.25;
 
         private readonly int maxCount;
@@ -32,13 +32,13 @@ namespace Terraport
         /// <summary>Whether one more may be decoded: within both bounds, or alone.</summary>
         internal bool HasRoom => Count == 0 || (Count < maxCount && waitingBytes + (decoding + 1) * guessBytes <= maxBytes);
 
-        /// <summary>A segment was asked for.</summary>
+        /// <summary>A segment goes to the decoders.</summary>
         internal void BeginDecode() { decoding++; }
 
-        /// <summary>It came, or not; it is not kept.</summary>
+        /// <summary>A decode ended whose mesh is not kept, or which failed.</summary>
         internal void DropDecode() { decoding--; }
 
-        /// <summary>It came, and waits.</summary>
+        /// <summary>A decode ended, and its mesh waits for its upload.</summary>
         internal void Queue(long bytes)
         {
             decoding--;
@@ -47,14 +47,14 @@ namespace Terraport
             guessBytes += GuessShare * (bytes - guessBytes);
         }
 
-        /// <summary>It waits no longer.</summary>
+        /// <summary>A mesh that waited was uploaded, or let go.</summary>
         internal void Dequeue(long bytes)
         {
             waiting--;
             waitingBytes -= bytes;
         }
 
-        /// <summary>Nothing that was asked for will be taken any more.</summary>
+        /// <summary>Forget all: what still comes belongs to an older version, and is not counted.</summary>
         internal void Clear()
         {
             // The guess stays: the next version's segments are like these.

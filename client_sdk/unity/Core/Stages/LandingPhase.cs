@@ -6,7 +6,7 @@ namespace Terraport
         /// <summary>There was no landing.</summary>
         Idle,
 
-        /// <summary>No plan yet.</summary>
+        /// <summary>Asked for, and the server's plan has not come.</summary>
         Planning,
 
         /// <summary>Payload is on its way, being decoded or uploaded.</summary>

@@ -25,7 +25,7 @@ namespace Terraport
             Missing = Array.Empty<uint>();
         }
 
-        /// <summary>What was shown of a landing.</summary>
+        /// <summary>How much of a landing a swap has shown.</summary>
         internal enum Extent
         {
             Nothing,
@@ -33,10 +33,10 @@ namespace Terraport
             Full,
         }
 
-        /// <summary>The stream's number of it.</summary>
+        /// <summary>Number that the stream gave it.</summary>
         internal int Landing { get; private set; }
 
-        /// <summary>Metres, scene frame.</summary>
+        /// <summary>Centre of the landing, metres, scene frame.</summary>
         internal Vec3 Position { get; private set; }
 
         internal double RadiusM { get; private set; }
@@ -127,6 +127,7 @@ namespace Terraport
             {
                 return null;
             }
+            // The inner set is shown once; after that only the full one changes anything.
             return isWhole ? readySet : Swapped == Extent.Degraded ? null : innerSet;
         }
 

@@ -5,13 +5,13 @@ namespace Terraport
     /// <summary>What a user interface is told of the newest landing.</summary>
     public struct LandingStatus
     {
-        /// <summary>Its number; 0 before the first.</summary>
+        /// <summary>Number of the newest landing; 0 before the first.</summary>
         public int Landing;
 
         /// <summary>Where it stands.</summary>
         public LandingPhase Phase;
 
-        /// <summary>Where it goes, metres, scene frame.</summary>
+        /// <summary>Centre of the landing, metres, scene frame.</summary>
         public Vec3 Position;
 
         /// <summary>Radius asked for, metres.</summary>

@@ -142,14 +142,14 @@ namespace Terraport
             return false;
         }
 
-        /// <summary>All of it is on the GPU.</summary>
+        /// <summary>A segment's whole mesh is on the GPU.</summary>
         internal void Uploaded(uint segment)
         {
             shelf.Uploaded(segment);
             mayDecode = true;
         }
 
-        /// <summary>And it can be drawn without any further preparation.</summary>
+        /// <summary>An uploaded segment can be drawn without any further preparation.</summary>
         internal void Warmed(uint segment) { shelf.Warmed(segment); }
 
         /// <summary>The base's lists for the coming set of this revision are ready too.</summary>

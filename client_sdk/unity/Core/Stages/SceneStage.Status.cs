@@ -10,6 +10,7 @@ namespace Terraport
         {
             get {
                 LandingRecord landing = residency.Newest;
+                // A value, put together at each call: a caller may keep it.
                 var status = new LandingStatus { Phase = Phase(), Missing = residency.Missing(), Fraction = residency.Fraction() };
                 if (landing != null)
                 {
@@ -50,6 +51,7 @@ namespace Terraport
                 uint hash = 0;
                 foreach (uint segment in residency.Visible)
                 {
+                    // Of a set: independent of order, and cheap enough for every frame of a test.
                     hash ^= CoverCounters.Mix(segment);
                 }
                 string form = "{0}:{1:x8}:{2}:{3:x8}";
@@ -73,6 +75,7 @@ namespace Terraport
             {
                 return LandingPhase.Shown;
             }
+            // Presentable means that a swap would show it now: not while the base itself is missing.
             LandingRecord.Extent extent = CanSwap ? residency.Presentable() : LandingRecord.Extent.Nothing;
             if (extent != LandingRecord.Extent.Nothing)
             {

@@ -20,7 +20,7 @@ namespace Terraport
         private readonly StageUploads uploads;
         private SceneFiles files;
         private BaseFaces baseFaces;
-        /// <summary>Of a version whose base is not drawn yet.</summary>
+        /// <summary>Lists of a version whose base is not drawn yet; null where none is on its way.</summary>
         private BaseFaces nextBase;
         /// <summary>The base of <see cref="files"/> can be drawn; false until it was uploaded.</summary>
         private bool isBaseUploaded;
@@ -104,6 +104,7 @@ namespace Terraport
             {
                 case StreamEventKind.Opened:
                     NeededVersion = next.SceneVersion;
+                    // Changed since the last connection, or, on the first, other than the files that were loaded.
                     if (next.IsChanged || (next.SceneVersion != files.Manifest.Version && !NeedsFiles))
                     {
                         LeaveVersion();
@@ -116,6 +117,7 @@ namespace Terraport
                     residency.Ready(next.Landing ?? 0, next.Segments, next.Missing, next.ElapsedMs, next.Bytes);
                     break;
                 case StreamEventKind.Refused:
+                    // An error of the session or of an aim changes nothing that is drawn.
                     if (next.Landing != null)
                     {
                         residency.Refused(next.Landing.Value, next.Message);
@@ -193,6 +195,7 @@ namespace Terraport
             {
                 throw new ArgumentNullException("newFiles");
             }
+            // Published once more while they were loaded: the owner will ask for the newer ones.
             if (NeededVersion != null && newFiles.Manifest.Version != NeededVersion)
             {
                 return;
@@ -217,6 +220,7 @@ namespace Terraport
             }
             isDisposed = true;
             uploads.FreeAllButShown();
+            // Freed in two parts: what is drawn must be hidden by the swap in between.
             uint[] visible = residency.Visible;
             residency.ClearVisible();
             renderer.Swap(new SceneSwap { Hidden = visible, BaseHidden = baseFaces.Hidden });
@@ -286,6 +290,7 @@ namespace Terraport
             {
                 return false;
             }
+            // In the same swap: faces are hidden exactly when the segments over them are drawn.
             swap.ChangedBlocks = baseFaces.Flip();
             ApplySwap(swap);
             return true;
@@ -301,6 +306,7 @@ namespace Terraport
 
         private void ApplySwap(SceneSwap swap)
         {
+            // The renderer first, listeners second: they may look at what is drawn.
             swap.BaseHidden = baseFaces.Hidden;
             renderer.Swap(swap);
             if (Swapped != null)

@@ -56,11 +56,12 @@ namespace Terraport
                 entries[segment] = new Entry { Step = SegmentStep.Held, AimedDuring = aimedDuring, UsedAt = ++tick };
                 return false;
             }
+            // The newest aim counts: it is what the user may land on next.
             entry.AimedDuring = Math.Max(entry.AimedDuring, aimedDuring);
             return entry.Step == SegmentStep.Failed;
         }
 
-        /// <summary>It came once more: perhaps whole this time.</summary>
+        /// <summary>A payload that failed to decode came once more: try it again.</summary>
         internal void Forgive(uint segment)
         {
             Entry entry;
@@ -74,6 +75,7 @@ namespace Terraport
         internal void Drop(uint segment)
         {
             SegmentStep step = StepOf(segment);
+            // A swap must not wait for it for ever: it counts as missing, and its base stays.
             if (step == SegmentStep.Held && isNeeded(segment))
             {
                 entries[segment].Step = SegmentStep.Failed;
@@ -84,7 +86,7 @@ namespace Terraport
             }
         }
 
-        /// <summary>Forget all, without freeing.</summary>
+        /// <summary>Forget all; the caller frees what the renderer has.</summary>
         internal void Clear()
         {
             entries.Clear();
@@ -106,7 +108,10 @@ namespace Terraport
             return true;
         }
 
-        /// <summary>A mesh came. False where nobody needs it and it came for no aim, or there is no spare room.</summary>
+        /// <summary>
+        /// A decoded mesh came; true where it is to be uploaded. False where nobody needs it and it came for no aim, or there is no
+        /// spare room.
+        /// </summary>
         internal bool Take(uint segment, long bytes)
         {
             Entry entry;
@@ -115,6 +120,7 @@ namespace Terraport
                 return false;
             }
             bool needed = isNeeded(segment);
+            // Nobody needs it any more: the payload stays, the mesh goes back to the pool.
             if (!needed && (entry.AimedDuring < 0 || SpareBytes + bytes > maxSpareBytes))
             {
                 entry.Step = SegmentStep.Held;
@@ -149,12 +155,13 @@ namespace Terraport
             {
                 return;
             }
+            // While it was decoding, its bytes were not counted yet.
             SpareBytes -= entry.Step == SegmentStep.Decoding || isNeeded(segment) ? 0 : entry.Bytes;
             entry.Step = SegmentStep.Failed;
             entry.Bytes = 0;
         }
 
-        /// <summary>All of it is on the GPU.</summary>
+        /// <summary>A segment's whole mesh is on the GPU: it is no longer in flight.</summary>
         internal void Uploaded(uint segment)
         {
             Entry entry;
@@ -165,7 +172,7 @@ namespace Terraport
             }
         }
 
-        /// <summary>And it can be drawn without any further preparation.</summary>
+        /// <summary>An uploaded segment can be drawn without any further preparation.</summary>
         internal void Warmed(uint segment)
         {
             Entry entry;
@@ -223,7 +230,7 @@ namespace Terraport
             }
         }
 
-        /// <summary>Or on its way there, with memory of its own.</summary>
+        /// <summary>Whether it takes memory as a mesh: on the GPU, or decoded and on its way there.</summary>
         private static bool IsOnGpu(Entry entry)
         {
             return entry.Step == SegmentStep.Decoded || entry.Step == SegmentStep.Uploaded || entry.Step == SegmentStep.Resident;
@@ -261,7 +268,7 @@ namespace Terraport
         {
             internal SegmentStep Step;
 
-            /// <summary>On the GPU, once decoded.</summary>
+            /// <summary>GPU bytes of its mesh; 0 before it was decoded.</summary>
             internal long Bytes;
 
             /// <summary>Newest landing when an aim brought it, or -1: it came for a landing.</summary>

@@ -15,13 +15,13 @@ namespace Terraport
         /// <summary>Waits for, or is under, upload.</summary>
         Decoded,
 
-        /// <summary>On the GPU.</summary>
+        /// <summary>On the GPU, perhaps still waiting for its texture.</summary>
         Uploaded,
 
-        /// <summary>Can be drawn at once.</summary>
+        /// <summary>On the GPU whole: a swap can show it at once.</summary>
         Resident,
 
-        /// <summary>It cannot be drawn.</summary>
+        /// <summary>It cannot be decoded or drawn: counts as missing, its base stays.</summary>
         Failed,
     }
 }

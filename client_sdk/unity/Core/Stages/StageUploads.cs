@@ -31,7 +31,7 @@ namespace Terraport
             this.onFailed = onFailed;
         }
 
-        /// <summary>Segments that the renderer has.</summary>
+        /// <summary>Segments that the renderer has, in whole or in part.</summary>
         internal int Count => uploaded.Count;
 
         /// <summary>Ask for decodes, note what became drawable, and what is to be freed.</summary>
@@ -85,6 +85,7 @@ namespace Terraport
             if (result.Mesh == null)
             {
                 residency.Failed(result.Segment, result.Epoch);
+                // A failure of an older version concerns nobody.
                 if (result.Epoch == residency.Epoch)
                 {
                     onFailed(result.Segment, result.Error);
@@ -120,6 +121,7 @@ namespace Terraport
                     return bytes;
                 }
             }
+            // Of this segment alone: its base stays, and the landing goes on without it.
             catch (TerraportException error)
             {
                 Free(segment);
@@ -149,6 +151,7 @@ namespace Terraport
             waiting.Clear();
             foreach (uint segment in uploaded)
             {
+                // Visible ascends.
                 if (Array.BinarySearch(residency.Visible, segment) < 0)
                 {
                     renderer.Free(segment);

@@ -6,7 +6,7 @@ namespace Terraport
         /// <summary>The version of the package (package.json says the same; a test compares them).</summary>
         public const string Number = "0.1.0";
 
-        /// <summary>What hello says.</summary>
+        /// <summary>Name and version as hello sends them.</summary>
         public const string Text = "terraport-unity/" + Number;
     }
 }

@@ -79,7 +79,7 @@ namespace Terraport
         // A server is silent since its last message, but not from before it owed an answer or had said welcome.
         private double SilentSinceMs => Math.Max(lastReceivedMs, Math.Max(awaitsSinceMs, welcomedMs));
 
-        /// <summary>Connect for the first time.</summary>
+        /// <summary>Begin the first attempt to connect; the rest happens in <see cref="Pump"/>.</summary>
         internal void Start(double nowMs) { Connect(nowMs); }
 
         /// <summary>Do what is due; whether received messages are left for another time.</summary>

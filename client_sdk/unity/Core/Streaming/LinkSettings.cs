@@ -5,7 +5,7 @@ namespace Terraport
     /// <summary>What a <see cref="Link"/> works with.</summary>
     internal sealed class LinkSettings
     {
-        /// <summary>ws(s)://.../stream.</summary>
+        /// <summary>Address of the scene's WebSocket: ws(s)://.../stream.</summary>
         internal Uri Url { get; set; }
 
         /// <summary>Bearer token of the first connection; null without one. A reconnect may bring another.</summary>

@@ -29,10 +29,10 @@ namespace Terraport
             pacer = new Pacer(GreetingPerS, nowMs);
         }
 
-        /// <summary>Take what the server says it allows.</summary>
+        /// <summary>Pace by what the welcome allows from now on.</summary>
         internal void Allow(double messagesPerS, double nowMs) { pacer = new Pacer(messagesPerS, nowMs); }
 
-        /// <summary>Hand over what may go now.</summary>
+        /// <summary>Hand messages to the transport, as many as pace and queue allow now.</summary>
         internal void Send(ITransport transport, double nowMs)
         {
             while (Waiting.Count > 0)

@@ -132,6 +132,7 @@ namespace Terraport
         internal int Land(Vec3 position, double radiusM, LandOptions options, double atMs)
         {
             int number = session.Land(position, radiusM, options);
+            // A number all the same: the caller's code need not know that it came too late.
             if (isClosed) return number;
             requestedMs[number] = atMs;
             Flush();
@@ -146,6 +147,7 @@ namespace Terraport
             if (next.Kind == StreamEventKind.Ready)
             {
                 double startedMs;
+                // Here, since only the stream has the clock, and the moment of the call.
                 next.ReadyAtMs = clockMs();
                 bool wasRequested = requestedMs.TryGetValue(next.Landing.Value, out startedMs);
                 next.ElapsedMs = wasRequested ? Math.Max(0, next.ReadyAtMs - startedMs) : 0;
@@ -153,6 +155,7 @@ namespace Terraport
             bool isOver =
                 next.Kind == StreamEventKind.Ready || next.Kind == StreamEventKind.Superseded || next.Kind == StreamEventKind.Refused;
             if (isOver && next.Landing.HasValue) requestedMs.Remove(next.Landing.Value);
+            // From now on picks are refused at once, until a reconnect.
             if (next.Kind == StreamEventKind.Link && next.Link.Phase == LinkPhase.Closed)
             {
                 endedCode = next.Link.Code;

@@ -44,7 +44,7 @@ namespace Terraport
         private int goodbyeCode;
         private string goodbyeReason;
 
-        /// <summary>Make one, not opened.</summary>
+        /// <summary>A transport that is not opened yet.</summary>
         /// <param name="maxWaitingBytes">Bytes of buffers that may wait to be taken.</param>
         public WebSocketTransport(int maxWaitingBytes = DefaultMaxWaitingBytes)
         {

@@ -8,7 +8,7 @@ namespace Terraport.Wire
         /// <summary>The connection broke, or never came about.</summary>
         public const int Abnormal = 1006;
 
-        /// <summary>Over, as agreed.</summary>
+        /// <summary>Closed by agreement (RFC 6455, section 7.4.1).</summary>
         public const int Normal = 1000;
 
         /// <summary>What a client does after a close with this code; every code that is not listed may pass, so again.</summary>
@@ -23,6 +23,7 @@ namespace Terraport.Wire
                 case CloseCodes.UnknownScene:
                 case CloseCodes.UnsupportedVersion:
                 case CloseCodes.TooLarge: return AfterClose.Stop;
+                // Unknown codes too: a proxy or a later server may send any.
                 default: return AfterClose.Again;
             }
         }
@@ -30,6 +31,7 @@ namespace Terraport.Wire
         /// <summary>The error code that a close code stands for, where a close came without an error message; else "closed".</summary>
         public static string ErrorOf(int closeCode)
         {
+            // A dozen entries, asked once a connection: not worth an inverse table.
             foreach (KeyValuePair<string, int> entry in CloseCodes.ByError)
             {
                 if (entry.Value == closeCode) return entry.Key;

@@ -3,10 +3,10 @@ namespace Terraport.Wire
     /// <summary>Who sends a message.</summary>
     public enum Direction
     {
-        /// <summary>The client.</summary>
+        /// <summary>Sent by a client.</summary>
         ClientToServer,
 
-        /// <summary>The server.</summary>
+        /// <summary>Sent by a server.</summary>
         ServerToClient,
     }
 }

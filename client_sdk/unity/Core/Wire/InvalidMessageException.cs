@@ -11,10 +11,10 @@ namespace Terraport.Wire
             Field = field;
         }
 
-        /// <summary>Type of the message.</summary>
+        /// <summary>Type of the message that was not sent.</summary>
         public string MessageType { get; }
 
-        /// <summary>Path of the field.</summary>
+        /// <summary>Path of the field that the protocol does not allow.</summary>
         public string Field { get; }
     }
 }

@@ -9,6 +9,7 @@ namespace Terraport.Wire
         /// <exception cref="RefusedException">With the field that contradicts another.</exception>
         internal static void Check(WireMessage message)
         {
+            // Messages without rules between their fields fall through.
             var land = message as LandMessage;
             var gather = message as GatherMessage;
             var plan = message as PlanMessage;
@@ -25,6 +26,7 @@ namespace Terraport.Wire
 
         private static void CheckLand(LandMessage land)
         {
+            // A deadline without an inner set could show nothing early (6.4, rule 3).
             if (!land.InnerRadiusM.HasValue && (land.DeadlineMs.HasValue || land.StallMs.HasValue))
             {
                 throw new RefusedException(
@@ -43,8 +45,10 @@ namespace Terraport.Wire
 
         private static void CheckPlan(PlanMessage plan)
         {
+            // The sums are redundant on purpose: a budget or a progress bar may trust them without adding up.
             ExpectSum("load_bytes", plan.LoadBytes, Bytes(plan.Load));
             ExpectSum("load_triangles", plan.LoadTriangles, Triangles(plan.Load));
+            // keep has no table on the wire, so of the totals only a lower bound can be checked.
             ExpectAtLeast("total_bytes", plan.TotalBytes, "load_bytes", plan.LoadBytes);
             ExpectAtLeast("total_triangles", plan.TotalTriangles, "load_triangles", plan.LoadTriangles);
             if ((plan.OmittedBy == null) != (plan.OmittedSegments == 0))
@@ -56,6 +60,7 @@ namespace Terraport.Wire
 
         private static void CheckOverlap(PlanMessage plan)
         {
+            // Each list was checked for repeats of its own; here the three against each other, in the order in which Python names them.
             var kept = new HashSet<uint>(plan.Keep);
             var loaded = new HashSet<uint>();
             foreach (SegmentFacts facts in plan.Load)

@@ -53,6 +53,7 @@ namespace Terraport.Wire
             if (valuesLeft == 0) throw Malformed("got too many values", first);
             valuesLeft--;
             int token = data[Take(1)];
+            // Forms whose number or length is in the token: integers, maps, lists, texts.
             if (token <= 0x7f) return JsonValue.OfInteger(token);
             if (token >= 0xe0) return JsonValue.OfInteger(token - 0x100);
             if (token <= 0x8f) return Map((uint)token & 0x0f, depth, first);
@@ -60,6 +61,7 @@ namespace Terraport.Wire
             if (token <= 0xbf) return JsonValue.OfText(Text((uint)token & 0x1f));
             switch (token)
             {
+                // Forms with the width of what follows in the token. Extension types and 0xc1 have no case: no message uses them.
                 case 0xc0: return default(JsonValue);
                 case 0xc2: return JsonValue.OfFlag(false);
                 case 0xc3: return JsonValue.OfFlag(true);
@@ -71,6 +73,7 @@ namespace Terraport.Wire
                 case 0xcc: return JsonValue.OfInteger((long)Unsigned(1));
                 case 0xcd: return JsonValue.OfInteger((long)Unsigned(2));
                 case 0xce: return JsonValue.OfInteger((long)Unsigned(4));
+                // uint64 may lie beyond long: kept as HugeInteger, and refused by the field's own bounds.
                 case 0xcf: return Long(Unsigned(8));
                 case 0xd0: return JsonValue.OfInteger(unchecked((sbyte)Unsigned(1)));
                 case 0xd1: return JsonValue.OfInteger(unchecked((short)Unsigned(2)));
@@ -146,6 +149,7 @@ namespace Terraport.Wire
             int nameMark = names.Count;
             for (uint number = 0; number < count; number++)
             {
+                // Noted before it is read: errors point at the key, not behind it.
                 int keyStart = at;
                 JsonValue key = Value(depth + 1);
                 if (key.Text == null) throw Malformed("got key " + key.Show() + ", expected text", keyStart);
@@ -163,6 +167,7 @@ namespace Terraport.Wire
         private static T[] PopFrom<T>(List<T> stack, int mark)
         {
             var popped = new T[stack.Count - mark];
+            // Everything above the mark belongs to the container that ends here.
             stack.CopyTo(mark, popped, 0, popped.Length);
             stack.RemoveRange(mark, popped.Length);
             return popped;

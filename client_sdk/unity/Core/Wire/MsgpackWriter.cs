@@ -68,6 +68,7 @@ namespace Terraport.Wire
         {
             if (value >= 0)
             {
+                // The shortest form that holds it: the same message gives the same bytes in every language.
                 if (value <= 0x7f)
                     into.WriteByte((byte)value);
                 else if (value <= 0xff)

@@ -44,6 +44,7 @@ namespace Terraport.Wire
     /// <summary>A list of versions.</summary>
     internal sealed class VersionsKind : FieldKind
     {
+        // Kinds hold no state of a message: one serves all.
         private static readonly VersionKind Element = new VersionKind();
         private readonly int maxCount;
 
@@ -85,6 +86,7 @@ namespace Terraport.Wire
 
         internal override object Layout(JsonValue raw)
         {
+            // First pass: that it is a map at all; names and numbers are values, and belong to the second.
             if (raw.Kind != JsonKind.Object) throw Refuse(raw);
             return null;
         }
@@ -99,6 +101,7 @@ namespace Terraport.Wire
                 string name = members.NameAt(index);
                 Name.Check(name);
                 double number;
+                // The key is the path below the field, so that an error names the attribute.
                 if (!members.ValueAt(index).TryNumber(out number))
                 {
                     throw new RefusedException("got " + members.ValueAt(index).Show() + ", expected a finite number", name);
@@ -112,6 +115,7 @@ namespace Terraport.Wire
         {
             var numbers = (KeyValuePair<string, double>[])value;
             if (numbers.Length > maxCount) throw Refuse(numbers.Length.ToString(CultureInfo.InvariantCulture));
+            // Read need not look for repeats: a map whose key stands twice is malformed msgpack already.
             var names = new HashSet<string>(StringComparer.Ordinal);
             foreach (KeyValuePair<string, double> number in numbers)
             {
@@ -148,6 +152,7 @@ namespace Terraport.Wire
 
         internal override object Layout(JsonValue raw)
         {
+            // Read whole in the first pass, as a layout: its own fields have passes of their own.
             WirePart map = create();
             FieldTables.Read(map, raw);
             return map;
@@ -176,6 +181,7 @@ namespace Terraport.Wire
 
         internal override object Layout(JsonValue raw)
         {
+            // Counted before anything is made of it.
             if (raw.Kind != JsonKind.List || raw.Count > maxCount) throw Refuse(raw);
             var maps = new WirePart[raw.Count];
             for (int number = 0; number < maps.Length; number++)
@@ -187,6 +193,7 @@ namespace Terraport.Wire
                 }
                 catch (RefusedException refused)
                 {
+                    // Paths of items have their number in them: members.3.role.
                     throw refused.Below(number.ToString(CultureInfo.InvariantCulture));
                 }
             }

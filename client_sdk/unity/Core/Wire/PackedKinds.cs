@@ -18,6 +18,7 @@ namespace Terraport.Wire
 
         internal override object Layout(JsonValue raw)
         {
+            // First pass: whole rows, and no more than allowed, before memory is taken for them.
             if (raw.Kind != JsonKind.Binary || raw.Count % rowBytes != 0)
             {
                 throw new RefusedException("got " + raw.Show() + ", expected binary of a multiple of " + rowBytes + " bytes");
@@ -53,6 +54,7 @@ namespace Terraport.Wire
                     throw new RefusedException("got id " + ids[number] + " twice, expected each id once");
                 }
             }
+            // After the ids: of a table with several faults both sides name the same one.
             foreach (T row in rows) CheckRow(row);
         }
 

@@ -20,6 +20,7 @@ namespace Terraport.Wire
         internal override object Read(JsonValue raw, object layout)
         {
             long value;
+            // A float is never an integer here, also where it is whole: the protocol tells them apart (3.2).
             if (!raw.TryInteger(out value) || value < low || value > high) throw Refuse(raw);
             return value;
         }
@@ -95,6 +96,7 @@ namespace Terraport.Wire
     {
         private readonly int shortest;
         private readonly int longest;
+        // Null where any text will do. Compiled once a field, when the table is made.
         private readonly Regex pattern;
 
         internal TextKind(int shortest, int longest, string pattern)
@@ -128,6 +130,7 @@ namespace Terraport.Wire
                 else
                     isLone = true;
             }
+            // Length first: a pattern over a hostile text of a megabyte costs time.
             if (points < shortest || points > longest) throw Refuse(JsonValue.OfText(text));
             if (isLone) throw new RefusedException("got text with a lone surrogate, expected Unicode text");
             if (pattern != null && !pattern.IsMatch(text)) throw Refuse(JsonValue.OfText(text));
@@ -159,6 +162,7 @@ namespace Terraport.Wire
 
         internal override void Check(object value)
         {
+            // A handful of words: a search in order beats a hash.
             if (Array.IndexOf(options, (string)value) < 0) throw Refuse(JsonValue.OfText((string)value));
         }
 
@@ -193,6 +197,7 @@ namespace Terraport.Wire
             Check(position.X);
             Check(position.Y);
             Check(position.Z);
+            // A direction need not have length 1, but must point somewhere (3.2, rule 4).
             if (isNonzero && position.X == 0 && position.Y == 0 && position.Z == 0)
             {
                 throw new RefusedException("got (0, 0, 0), expected a direction");

@@ -29,7 +29,7 @@ namespace Terraport.Wire
             return MsgpackWriter.Write(FieldTables.Write(message, message.Type));
         }
 
-        /// <summary>Check a message of our own.</summary>
+        /// <summary>Check a message that is to be sent; nothing is encoded.</summary>
         /// <exception cref="InvalidMessageException">A field is not what the protocol allows.</exception>
         public static void Check(WireMessage message)
         {

@@ -36,14 +36,17 @@ namespace Terraport.Samples
             ground.SetActive(false);
             scene = ground.AddComponent<TerraportScene>();
             scene.SceneUrl = sceneUrl;
+            // Solid ground is what the mouse's ray meets.
             ground.AddComponent<TerraportGroundCollider>();
             user = ground.AddComponent<TerraportUser>();
             user.Scene = scene;
             user.Rig = new GameObject("Rig").transform;
             eye = Camera.main != null ? Camera.main : new GameObject("Eye").AddComponent<Camera>();
+            // The rig stands on the ground, the eye above it: landings move the rig alone.
             eye.transform.SetParent(user.Rig, false);
             eye.transform.localPosition = new Vector3(0, EyeHeightM, 0);
             eye.nearClipPlane = 0.1f;
+            // A quarry is seen from rim to rim.
             eye.farClipPlane = 5000;
             scene.Planned += plan =>
                 Debug.Log("planned: " + plan.TotalTriangles + " triangles, " + (plan.LoadBytes >> 10) + " KiB to load");
@@ -72,6 +75,7 @@ namespace Terraport.Samples
             }
             draggedFrom = mouse;
             Vector3 point;
+            // In every frame, clicked or not: aiming loads ahead, so that the click finds most of it here.
             if (user.TryAim(eye.ScreenPointToRay(mouse), out point) && isClicked)
             {
                 user.LandAt(point);

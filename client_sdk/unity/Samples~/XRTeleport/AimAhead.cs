@@ -30,6 +30,7 @@ namespace Terraport.Samples
         private void Update()
         {
             RaycastHit hit;
+            // In every frame: the scene sends at most ten aims a second, and only the newest.
             if (scene != null && ray.isActiveAndEnabled && ray.TryGetCurrent3DRaycastHit(out hit))
             {
                 scene.Aim(hit.point, radiusM);

@@ -22,7 +22,7 @@ namespace Terraport.Samples
         private bool isClosing;
         private float darkness;
 
-        /// <summary>Whether nothing is seen any more.</summary>
+        /// <summary>Whether the view is fully black: what changes now is not seen.</summary>
         public bool IsClosed => darkness >= 1;
 
         /// <summary>Begin to cover the view.</summary>
@@ -34,6 +34,7 @@ namespace Terraport.Samples
         private void Awake()
         {
             shell = GetComponent<Renderer>();
+            // A copy of its own, which has to be destroyed; the shared one may be on other objects.
             material = shell.material;
             shell.enabled = false;
         }
@@ -42,7 +43,9 @@ namespace Terraport.Samples
 
         private void Update()
         {
+            // Unscaled: a paused game must not leave the user in the black.
             darkness = Mathf.MoveTowards(darkness, isClosing ? 1 : 0, Time.unscaledDeltaTime / fadeS);
+            // A transparent shell that is fully clear would still cost a full screen of blending, twice.
             shell.enabled = darkness > 0;
             Color black = new Color(0, 0, 0, darkness);
             material.SetColor(material.HasProperty(ColourId) ? ColourId : OldColourId, black);

@@ -43,6 +43,7 @@ namespace Terraport.Samples
             arrive = whenShown;
             isShown = false;
             sinceS = 0;
+            // Both asked for at once, while the view goes black.
             pick = scene.Pick(at);
             scene.Land(at, radiusM);
             if (blinder != null)
@@ -53,6 +54,7 @@ namespace Terraport.Samples
 
         private void OnEnable()
         {
+            // Without Auto Show a landing waits for the black; in it, Show swaps.
             scene.Shown += OnShown;
             scene.Picked += OnPicked;
         }
@@ -84,9 +86,11 @@ namespace Terraport.Samples
             {
                 scene.Show();
             }
+            // Shown and the height known; or it takes too long, or was refused: nobody may be left in the dark.
             if ((isShown && pick == 0) || sinceS > patienceS || scene.Status.Phase == LandingPhase.Refused)
             {
                 Action<Vector3> setDown = arrive;
+                // Cleared first: setting the user down may begin the next landing.
                 arrive = null;
                 setDown(point);
                 if (blinder != null)
@@ -103,6 +107,7 @@ namespace Terraport.Samples
             if (request == pick)
             {
                 pick = 0;
+                // Nothing met: the base's own height has to do.
                 point = hit == null ? point : scene.ToWorld(hit.Position);
             }
         }

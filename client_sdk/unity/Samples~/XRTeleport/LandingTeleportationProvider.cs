@@ -26,6 +26,7 @@ namespace Terraport.Samples
             {
                 return base.QueueTeleportRequest(teleportRequest);
             }
+            // Kept until it is shown; a newer request takes its place, as a newer landing does.
             waiting = teleportRequest;
             landing.Begin(teleportRequest.destinationPosition, Arrive);
             return true;
@@ -33,6 +34,7 @@ namespace Terraport.Samples
 
         private void Arrive(Vector3 point)
         {
+            // The toolkit's own teleport, only to the survey's height.
             waiting.destinationPosition = point;
             base.QueueTeleportRequest(waiting);
         }

@@ -35,6 +35,7 @@ namespace Terraport.Samples
             }
             else if (!area.enabled && ground.IsComplete)
             {
+                // Set while it is disabled: the area registers its colliders when it is enabled.
                 area.colliders.Clear();
                 area.colliders.AddRange(GetComponents<MeshCollider>());
                 area.enabled = true;
