@@ -82,12 +82,12 @@ namespace Terraport.Json
             string repeated = JsonObject.FirstRepeated(names, firstName);
             if (repeated != null)
             {
-                string shown = JsonValue.ShowText(repeated);
-                throw new JsonException("got key " + shown + " twice, expected each key once", tape.StartOf(owner));
+                string quoted = JsonValue.ShowText(repeated);
+                throw new JsonException("got key " + quoted + " twice, expected each key once", tape.StartOf(owner));
             }
-            string[] ownNames = names.GetRange(firstName, values.Length).ToArray();
+            string[] objectNames = names.GetRange(firstName, values.Length).ToArray();
             names.RemoveRange(firstName, values.Length);
-            return JsonValue.OfObject(new JsonObject(ownNames, values));
+            return JsonValue.OfObject(new JsonObject(objectNames, values));
         }
     }
 }

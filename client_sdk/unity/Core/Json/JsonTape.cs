@@ -16,7 +16,7 @@ namespace Terraport.Json
 
         private const int MaxDepth = 64;
         // Nodes of the containers that are not closed yet, outermost first.
-        private readonly int[] open = new int[MaxDepth];
+        private readonly int[] openContainers = new int[MaxDepth];
         private readonly JsonTexts texts = new JsonTexts();
         private readonly JsonNumbers numbers = new JsonNumbers();
         // Only grows: after the first few documents, reading one allocates nothing.
@@ -167,10 +167,10 @@ namespace Terraport.Json
                     return JsonValue.OfFloat(NumberOf(node));
                 }
             }
-            long whole;
+            long integer;
             string text = Encoding.ASCII.GetString(bytes, number.Start, number.Length);
-            bool fits = long.TryParse(text, NumberStyles.AllowLeadingSign, CultureInfo.InvariantCulture, out whole);
-            return fits ? JsonValue.OfInteger(whole) : JsonValue.OfHugeInteger(NumberOf(node));
+            bool isInRange = long.TryParse(text, NumberStyles.AllowLeadingSign, CultureInfo.InvariantCulture, out integer);
+            return isInRange ? JsonValue.OfInteger(integer) : JsonValue.OfHugeInteger(NumberOf(node));
         }
 
         /// <summary>A value for an error text, a few dozen characters of it at most.</summary>
@@ -199,7 +199,7 @@ namespace Terraport.Json
             int depth = 0;
             do
             {
-                int owner = depth > 0 ? open[depth - 1] : None;
+                int owner = depth > 0 ? openContainers[depth - 1] : None;
                 SkipBlanks();
                 // 1. The end of the innermost container: its subtree is complete, so Next can be set.
                 if (owner != None && IsAt(nodes[owner].Kind == JsonNodeKind.Object ? (byte)'}' : (byte)']'))
@@ -211,7 +211,7 @@ namespace Terraport.Json
                     cursor++;
                     nodes[owner].Next = count;
                     depth--;
-                    EndEntry(depth > 0 ? open[depth - 1] : None);
+                    EndEntry(depth > 0 ? openContainers[depth - 1] : None);
                     continue;
                 }
                 // 2. Otherwise one more entry of it begins.
@@ -227,7 +227,7 @@ namespace Terraport.Json
                     {
                         throw Damaged("nested more than 64 deep");
                     }
-                    open[depth++] = Add(first == '{' ? JsonNodeKind.Object : JsonNodeKind.List, cursor, 1);
+                    openContainers[depth++] = Add(first == '{' ? JsonNodeKind.Object : JsonNodeKind.List, cursor, 1);
                     cursor++;
                     continue;
                 }

@@ -213,9 +213,9 @@ namespace Terraport
         {
             JsonTape tape = document.Tape;
             // The extension repeats count and stride: where they differ from the accessor's, one of them lies.
-            bool isSame = tape.IsEqual(tape.Find(compression, "mode"), mode) && IsNumber(tape.Find(compression, "count"), rows.Count)
+            bool isConsistent = tape.IsEqual(tape.Find(compression, "mode"), mode) && IsNumber(tape.Find(compression, "count"), rows.Count)
                 && IsNumber(tape.Find(compression, "byteStride"), rows.Stride);
-            if (!isSame)
+            if (!isConsistent)
             {
                 string rowsOf = rows.Count + " rows of " + rows.Stride;
                 throw new PayloadException(label + " is compressed otherwise than as " + rowsOf + " in mode " + mode);

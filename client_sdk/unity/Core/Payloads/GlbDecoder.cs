@@ -10,7 +10,7 @@ namespace Terraport
     public sealed class GlbDecoder
     {
         private const ushort NullCode = 65535;
-        private const double LastCode = 65534;
+        private const double MaxCode = 65534;
         private readonly GlbDocument document = new GlbDocument();
         private readonly GlbAccessors accessors;
         // Positions in words of the filter EXPONENTIAL, before they become floats.
@@ -32,18 +32,18 @@ namespace Terraport
             }
             into.Clear();
             // Whatever is thrown, the mesh is left empty: half a mesh must not be drawn.
-            bool isWhole = false;
+            bool isComplete = false;
             try
             {
                 document.Read(payload);
                 Fill(into, isBase);
-                isWhole = true;
+                isComplete = true;
             }
             finally
             {
                 // A kept decoder must not keep the payload's pooled array alive.
                 document.Release();
-                if (!isWhole)
+                if (!isComplete)
                 {
                     into.Clear();
                 }
@@ -267,8 +267,8 @@ namespace Terraport
                 attribute.Offset = document.ExpectFinite(tape.Find(row, "offset"), "offset", attribute.Name);
                 attribute.Step = document.ExpectFinite(tape.Find(row, "step"), "step", attribute.Name);
                 // Both ends of the range are checked once, so that no value needs a check.
-                double last = attribute.Offset + attribute.Step * LastCode;
-                if (!(attribute.Step > 0) || Math.Abs(attribute.Offset) > float.MaxValue || !(Math.Abs(last) <= float.MaxValue))
+                double lastValue = attribute.Offset + attribute.Step * MaxCode;
+                if (!(attribute.Step > 0) || Math.Abs(attribute.Offset) > float.MaxValue || !(Math.Abs(lastValue) <= float.MaxValue))
                 {
                     throw new PayloadException("scale of " + attribute.Name + ": expected a step above 0 and values within float32");
                 }
@@ -329,10 +329,10 @@ namespace Terraport
                 return;
             }
             // Rows may be padded by more than the target's: the rest is left behind.
-            int used = Math.Min(rows.Stride, rowBytes);
+            int copiedBytes = Math.Min(rows.Stride, rowBytes);
             for (int row = 0; row < rows.Count; row++)
             {
-                Buffer.BlockCopy(rows.Bytes, rows.Start + row * rows.Stride, target, row * rowBytes, used);
+                Buffer.BlockCopy(rows.Bytes, rows.Start + row * rows.Stride, target, row * rowBytes, copiedBytes);
             }
         }
     }

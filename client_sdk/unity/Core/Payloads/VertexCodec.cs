@@ -47,18 +47,18 @@ namespace Terraport
             {
                 // Four planes of one byte each: the differences of a 32-bit word of all rows of a block.
                 byte *deltas = stackalloc byte[4 * MaxBlockRows];
-                uint *last = stackalloc uint[MaxStride / 4];
+                uint *lastWords = stackalloc uint[MaxStride / 4];
                 byte *end = start + offset + length;
                 for (int word = 0; word < stride / 4; word++)
                 {
-                    last[word] = *(uint *)(end - stride + 4 * word);
+                    lastWords[word] = *(uint *)(end - stride + 4 * word);
                 }
                 // As the encoder cuts: 8 KiB of rows, whole groups of 16, at most 256 rows.
                 int blockRows = Math.Min((MaxBlockBytes / stride) & ~(GroupRows - 1), MaxBlockRows);
                 byte *data = start + offset + 1;
                 for (int first = 0; first < count; first += blockRows)
                 {
-                    data = Block(data, end, rows + (long)first * stride, Math.Min(blockRows, count - first), stride, deltas, last);
+                    data = Block(data, end, rows + (long)first * stride, Math.Min(blockRows, count - first), stride, deltas, lastWords);
                     if (data == null)
                     {
                         return false;
@@ -70,24 +70,24 @@ namespace Terraport
         }
 
         /// <summary>One block of rows, four channels at a time; the byte after it, or null if it is damaged.</summary>
-        private static byte *Block(byte *data, byte *end, byte *rows, int count, int stride, byte *deltas, uint *last)
+        private static byte *Block(byte *data, byte *end, byte *rows, int count, int stride, byte *deltas, uint *lastWords)
         {
             for (int channel = 0; channel < stride; channel += 4)
             {
-                bool hasDeltas = false;
+                bool hasChanges = false;
                 for (int plane = 0; plane < 4; plane++)
                 {
-                    bool hasAny;
-                    data = Channel(data, end, deltas + plane * MaxBlockRows, count, out hasAny);
+                    bool hasNonzero;
+                    data = Channel(data, end, deltas + plane * MaxBlockRows, count, out hasNonzero);
                     if (data == null)
                     {
                         return null;
                     }
-                    hasDeltas |= hasAny;
+                    hasChanges |= hasNonzero;
                 }
                 uint *row = (uint *)(rows + channel);
-                uint previous = last[channel >> 2];
-                last[channel >> 2] = hasDeltas ? Add(deltas, row, count, stride, previous) : Repeat(row, count, stride, previous);
+                uint previous = lastWords[channel >> 2];
+                lastWords[channel >> 2] = hasChanges ? Add(deltas, row, count, stride, previous) : Repeat(row, count, stride, previous);
             }
             return data;
         }
@@ -95,11 +95,11 @@ namespace Terraport
         /// <summary>
         /// Differences of one channel of a block, no longer zigzag; the byte after them, or null if they are damaged.
         /// </summary>
-        private static byte *Channel(byte *data, byte *end, byte *deltas, int count, out bool hasAny)
+        private static byte *Channel(byte *data, byte *end, byte *deltas, int count, out bool hasNonzero)
         {
             int groups = (count + GroupRows - 1) / GroupRows;
             int headerBytes = (groups + 3) / 4;
-            hasAny = false;
+            hasNonzero = false;
             if (end - data < headerBytes)
             {
                 return null;
@@ -122,7 +122,7 @@ namespace Terraport
                     wide[1] = 0;
                     continue;
                 }
-                hasAny = true;
+                hasNonzero = true;
                 data = Group(data, (byte *)wide, bits);
                 // Eight at a time: half the number, and all bits turned where it was odd.
                 ulong value = wide[0];

@@ -45,15 +45,15 @@ namespace Terraport
         {
             if (json["format"].Text != "terraport-scene")
             {
-                string got = "got format " + json["format"].Show() + ", expected \"terraport-scene\"; is this a terraport server?";
-                throw new TerraportException("damaged", got);
+                string message = "got format " + json["format"].Show() + ", expected \"terraport-scene\"; is this a terraport server?";
+                throw new TerraportException("damaged", message);
             }
             string version = json["format_version"].Text;
             // A newer minor version only adds: keys that are not known here are skipped.
             if (version == null || version.Split('.')[0] != Major)
             {
-                string got = "got scene format " + json["format_version"].Show() + ", expected 1.x; a newer client is needed";
-                throw new TerraportException("unsupported_version", got);
+                string message = "got scene format " + json["format_version"].Show() + ", expected 1.x; a newer client is needed";
+                throw new TerraportException("unsupported_version", message);
             }
         }
 

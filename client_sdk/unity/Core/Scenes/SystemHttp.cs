@@ -46,8 +46,8 @@ namespace Terraport
                         {
                             // 3. Read. Each chunk starts the stall clock anew: a slow link is not a stalled one.
                             stalled.CancelAfter(StallMs);
-                            int room = Math.Min(ChunkBytes, body.Length - length);
-                            int receivedBytes = await stream.ReadAsync(body, length, room, stalled.Token).ConfigureAwait(false);
+                            int capacity = Math.Min(ChunkBytes, body.Length - length);
+                            int receivedBytes = await stream.ReadAsync(body, length, capacity, stalled.Token).ConfigureAwait(false);
                             if (receivedBytes == 0)
                             {
                                 return new HttpAnswer((int)response.StatusCode, body, length);

@@ -136,7 +136,7 @@ namespace Terraport.Sessions
             unsent = null;
             consumedBytes = 0;
             generation = 0;
-            aim.ConnectionLost(transfers.AimDone);
+            aim.ConnectionLost(transfers.CompletedAimGeneration);
             LandingState landing = transfers.ConnectionLost();
             if (landing != null) AwaitWelcome(landing);
         }
@@ -368,7 +368,7 @@ namespace Terraport.Sessions
         private void SendEvictions()
         {
             // What may not be told now (6.7, rule 2) is told before the next land or aim.
-            if (!transfers.AwaitsPlan) holdings.ReportEvictions(transfers.OpenPlan, outbox);
+            if (!transfers.AwaitsPlan) holdings.ReportEvictions(transfers.UnfinishedPlanIds, outbox);
         }
 
         private uint NextGeneration()

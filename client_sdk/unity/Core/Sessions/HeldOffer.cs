@@ -14,7 +14,7 @@ namespace Terraport.Sessions
         private const int RowBytes = 12;
         private const int AroundBytes = 64;
 
-        private List<HeldRow> rest = new List<HeldRow>();
+        private List<HeldRow> remaining = new List<HeldRow>();
 
         /// <summary>What goes into hello.</summary>
         /// <param name="rows">Everything that is held, most wanted first.</param>
@@ -25,15 +25,15 @@ namespace Terraport.Sessions
         internal HeldRow[] First(List<HeldRow> rows, bool inHello)
         {
             int count = inHello ? Math.Min(rows.Count, WireLimits.MaxHeldSegments) : 0;
-            rest = rows.GetRange(count, rows.Count - count);
+            remaining = rows.GetRange(count, rows.Count - count);
             return rows.GetRange(0, count).ToArray();
         }
 
         /// <summary>Say, once, the messages that go after the welcome; returns the rows that such a server cannot be told of.</summary>
         internal List<HeldRow> OfferRest(WelcomeMessage welcome, List<WireMessage> into)
         {
-            List<HeldRow> rows = rest;
-            rest = new List<HeldRow>();
+            List<HeldRow> rows = remaining;
+            remaining = new List<HeldRow>();
             // By the server's own message limit, which is known only after its welcome.
             long fittingRows = (welcome.Limits.MaxMessageBytes - AroundBytes) / RowBytes;
             var rowsPerMessage = (int)Math.Min(fittingRows, welcome.Limits.MaxHeldSegments);

@@ -62,7 +62,7 @@ namespace Terraport.Sessions
         internal long PayloadBytes { get; set; }
 
         /// <summary>Whether it became ready for the client.</summary>
-        internal bool IsDone { get; set; }
+        internal bool IsReady { get; set; }
 
         /// <summary>Whether it is ready for the client (6.4, rule 5).</summary>
         internal bool IsComplete => IsReadySeen && (Waiting.Count == 0 || Waiting.IsSubsetOf(Missing));
@@ -110,13 +110,13 @@ namespace Terraport.Sessions
         /// <summary>What it shows once complete: all that is wanted and whole, ascending.</summary>
         internal uint[] Shown()
         {
-            var shown = new List<uint>(PlannedIds.Count);
+            var shownIds = new List<uint>(PlannedIds.Count);
             foreach (uint segment in PlannedIds)
             {
-                if (!Waiting.Contains(segment)) shown.Add(segment);
+                if (!Waiting.Contains(segment)) shownIds.Add(segment);
             }
-            shown.Sort();
-            return shown.ToArray();
+            shownIds.Sort();
+            return shownIds.ToArray();
         }
 
         /// <summary>What it should show and cannot, ascending.</summary>

@@ -60,14 +60,14 @@ namespace Terraport.Sessions
         }
 
         /// <summary>Generation of the newest aim of which everything has come; -1 for none.</summary>
-        internal long AimDone { get; private set; } = -1;
+        internal long CompletedAimGeneration { get; private set; } = -1;
 
         /// <summary>The newest landing that is not ready; null for none.</summary>
         internal LandingState Unfinished
         {
             get {
                 if (awaitingPlan.Count > 0) return awaitingPlan[awaitingPlan.Count - 1];
-                return current != null && !current.IsDone ? current : null;
+                return current != null && !current.IsReady ? current : null;
             }
         }
 
@@ -75,7 +75,7 @@ namespace Terraport.Sessions
         internal bool AwaitsPlan => awaitingPlan.Count > 0;
 
         /// <summary>Ids of the plan that is not ready: these must not be evicted (6.7, rule 2). Null for none.</summary>
-        internal HashSet<uint> OpenPlan => current != null && !current.IsDone ? current.PlannedIds : null;
+        internal HashSet<uint> UnfinishedPlanIds => current != null && !current.IsReady ? current.PlannedIds : null;
 
         /// <summary>Segments that are partly here.</summary>
         internal int PartialSegments => assembler.Count;
@@ -102,9 +102,9 @@ namespace Terraport.Sessions
         {
             assembler.Clear();
             prefetch = null;
-            AimDone = -1;
+            CompletedAimGeneration = -1;
             LandingState newest = Unfinished;
-            if (current != null && !current.IsDone && current != newest) ReportSuperseded(current.Number, newest.Number);
+            if (current != null && !current.IsReady && current != newest) ReportSuperseded(current.Number, newest.Number);
             foreach (LandingState landing in awaitingPlan)
             {
                 if (landing != newest) ReportSuperseded(landing.Number, newest.Number);
@@ -188,7 +188,7 @@ namespace Terraport.Sessions
         /// <summary>Pass on the declared inner set, as soon as all of it is here.</summary>
         internal void OnDegraded(DegradedMessage degraded)
         {
-            if (current == null || current.IsDone || current.Generation != degraded.Generation) return;
+            if (current == null || current.IsReady || current.Generation != degraded.Generation) return;
             // A copy: the message's array must not change under whoever holds the message.
             var segments = (uint[])degraded.Segments.Clone();
             Array.Sort(segments);
@@ -308,7 +308,7 @@ namespace Terraport.Sessions
 
         private void EndCurrent(int by)
         {
-            if (current != null && !current.IsDone) ReportSuperseded(current.Number, by);
+            if (current != null && !current.IsReady) ReportSuperseded(current.Number, by);
         }
 
         private void DegradeIfWhole(LandingState landing)
@@ -326,8 +326,8 @@ namespace Terraport.Sessions
 
         private void FinishIfComplete()
         {
-            if (current == null || current.IsDone || !current.IsComplete) return;
-            current.IsDone = true;
+            if (current == null || current.IsReady || !current.IsComplete) return;
+            current.IsReady = true;
             // Visible changes here alone, and all at once: what is shown never mixes two landings.
             Visible = current.Shown();
             inner = new uint[0];
@@ -344,7 +344,7 @@ namespace Terraport.Sessions
         private void EndPrefetchIfDone(PrefetchState ahead)
         {
             if (ahead.Waiting.Count > 0) return;
-            AimDone = ahead.Generation;
+            CompletedAimGeneration = ahead.Generation;
             ReportAim(StreamEventKind.Prefetched, ahead);
         }
 
@@ -365,7 +365,7 @@ namespace Terraport.Sessions
             holdings.Cache.Pin(Visible);
             holdings.Cache.Pin(inner);
             holdings.Cache.Pin(nearby);
-            if (OpenPlan != null) holdings.Cache.Pin(OpenPlan);
+            if (UnfinishedPlanIds != null) holdings.Cache.Pin(UnfinishedPlanIds);
         }
 
         /// <summary>Pin anew, then evict down to the bound, where that is allowed now.</summary>

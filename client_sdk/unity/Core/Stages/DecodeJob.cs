@@ -19,7 +19,7 @@ namespace Terraport
         internal DecodeResult Run(SegmentDecoder decoder, MeshPool pool, Action<SegmentMesh> afterDecode)
         {
             // From here on the mesh belongs to this job, and in the end to the result or to the pool again.
-            SegmentMesh mesh = pool.Take();
+            SegmentMesh mesh = pool.Rent();
             var result = new DecodeResult { Segment = Segment, Epoch = Epoch };
             try
             {
@@ -44,7 +44,7 @@ namespace Terraport
                 Payload.Dispose();
                 if (result.Mesh == null)
                 {
-                    pool.Give(mesh);
+                    pool.Return(mesh);
                 }
             }
             return result;

@@ -75,7 +75,7 @@ namespace Terraport
         public bool Step() { return false; }
 
         /// <inheritdoc/>
-        public void Recycle(SegmentMesh mesh) { pool.Give(mesh); }
+        public void Recycle(SegmentMesh mesh) { pool.Return(mesh); }
 
         /// <summary>
         /// Let go of every payload that was not decoded, and end the threads; waits for a decode under way, a second at

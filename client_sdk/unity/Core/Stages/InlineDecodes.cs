@@ -42,7 +42,7 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public void Recycle(SegmentMesh mesh) { pool.Give(mesh); }
+        public void Recycle(SegmentMesh mesh) { pool.Return(mesh); }
 
         /// <summary>Let go of every payload that was not decoded.</summary>
         public void Dispose()

@@ -10,13 +10,13 @@ namespace Terraport
         private readonly Stack<SegmentMesh> spare = new Stack<SegmentMesh>();
 
         /// <summary>A mesh with the buffers of an earlier payload, or a new one; the caller owns it.</summary>
-        internal SegmentMesh Take()
+        internal SegmentMesh Rent()
         {
             lock (spare) { return spare.Count > 0 ? spare.Pop() : new SegmentMesh(); }
         }
 
         /// <summary>Take a mesh back that nobody uses any more.</summary>
-        internal void Give(SegmentMesh mesh)
+        internal void Return(SegmentMesh mesh)
         {
             lock (spare)
             {

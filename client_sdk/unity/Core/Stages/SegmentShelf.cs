@@ -119,9 +119,9 @@ namespace Terraport
             {
                 return false;
             }
-            bool needed = isNeeded(segment);
+            bool isStillNeeded = isNeeded(segment);
             // Nobody needs it any more: the payload stays, the mesh goes back to the pool.
-            if (!needed && (entry.AimedDuring < 0 || SpareBytes + bytes > maxSpareBytes))
+            if (!isStillNeeded && (entry.AimedDuring < 0 || SpareBytes + bytes > maxSpareBytes))
             {
                 entry.Step = SegmentStep.Held;
                 inFlight.DropDecode();
@@ -131,7 +131,7 @@ namespace Terraport
             entry.Bytes = bytes;
             entry.UsedAt = ++tick;
             inFlight.Queue(bytes);
-            SpareBytes += needed ? 0 : bytes;
+            SpareBytes += isStillNeeded ? 0 : bytes;
             return true;
         }
 

@@ -43,7 +43,7 @@ namespace Terraport
         // Whether hello has been put into the session's outbox on this connection.
         private bool isGreeted;
         private bool offersInHello = true;
-        private bool hasLeft;
+        private bool isClosed;
         private int attempt;
         private string refusalCode;
         private string refusalMessage;
@@ -89,7 +89,7 @@ namespace Terraport
         {
             // Order within a pump: connect, greet, receive, judge the connection, send. Judging comes behind receiving, so that what a
             // server said last still counts; sending comes last, so that answers to what was received leave in the same pump.
-            if (hasLeft) return false;
+            if (isClosed) return false;
             if (transport == null)
             {
                 if (nowMs >= retryAtMs) Connect(nowMs);
@@ -145,7 +145,7 @@ namespace Terraport
         /// <summary>Connect now, unless there is a connection already; another token makes a new one in any case.</summary>
         internal void Reconnect(string newToken, double nowMs)
         {
-            if (hasLeft) return;
+            if (isClosed) return;
             // The same token again is no reason to cut a connection that works.
             bool isNewer = newToken != null && newToken != token;
             if (isNewer) token = newToken;
@@ -159,10 +159,10 @@ namespace Terraport
         /// <summary>Say goodbye and do not connect again.</summary>
         internal void Leave(double nowMs)
         {
-            if (hasLeft) return;
+            if (isClosed) return;
             session.Bye();
             Flush(nowMs);
-            hasLeft = true;
+            isClosed = true;
             Detach(Closes.Normal, "");
         }
 

@@ -171,9 +171,9 @@ namespace Terraport
             {
                 isLast = RunCommands();
                 // More to receive, and room for events: go on at once. A full queue sleeps until an event is taken.
-                bool isMore = !isLast && stream.PumpOnce();
+                bool hasMore = !isLast && stream.PumpOnce();
                 bool isFull = HandOver(isLast);
-                if (!isLast && !isMore && !isFull)
+                if (!isLast && !hasMore && !isFull)
                     wake.WaitOne(SleepMs());
                 else if (isFull)
                     wake.WaitOne(LongestSleepMs);
@@ -230,7 +230,7 @@ namespace Terraport
         }
 
         /// <summary>Hand the stream's events over, as many as may wait; whether some are left.</summary>
-        private bool HandOver(bool all)
+        private bool HandOver(bool handsOverAll)
         {
             lock (gate)
             {
@@ -238,7 +238,7 @@ namespace Terraport
                 stats = stream.Stats;
                 StreamEvent next;
                 // Closing hands everything over, whatever the bound: nobody would pump the rest later.
-                while (all || events.Count < SceneStream.MaxWaitingEvents)
+                while (handsOverAll || events.Count < SceneStream.MaxWaitingEvents)
                 {
                     if (!stream.TryNextEvent(out next)) return false;
                     events.Enqueue(next);
@@ -249,9 +249,9 @@ namespace Terraport
 
         private int SleepMs()
         {
-            double leftMs = stream.DueMs - StreamClock.NowMs;
+            double untilDueMs = stream.DueMs - StreamClock.NowMs;
             // Rounded up: a wake a fraction of a millisecond early would only sleep again.
-            return leftMs >= LongestSleepMs ? LongestSleepMs : (int)Math.Max(1, Math.Ceiling(leftMs));
+            return untilDueMs >= LongestSleepMs ? LongestSleepMs : (int)Math.Max(1, Math.Ceiling(untilDueMs));
         }
     }
 }

@@ -29,6 +29,6 @@ namespace Terraport.Wire
 
         internal RefusedException Refuse(JsonValue raw) { return new RefusedException("got " + raw.Show() + ", expected " + Describe()); }
 
-        internal RefusedException Refuse(string got) { return new RefusedException("got " + got + ", expected " + Describe()); }
+        internal RefusedException Refuse(string received) { return new RefusedException("got " + received + ", expected " + Describe()); }
     }
 }

@@ -5,7 +5,7 @@ namespace Terraport.Wire
     /// <summary>Segments with what the scene's index says of them.</summary>
     internal sealed class LoadKind : PackedKind<SegmentFacts>
     {
-        internal LoadKind(int most) : base(most, 48) {}
+        internal LoadKind(int maxRows) : base(maxRows, 48) {}
 
         protected override uint IdOf(SegmentFacts row) { return row.Segment; }
 

@@ -97,15 +97,15 @@ namespace Terraport.Wire
             return sum;
         }
 
-        private static void ExpectSum(string field, long got, long expected)
+        private static void ExpectSum(string field, long received, long expected)
         {
-            if (got == expected) return;
-            throw new RefusedException("got " + got + ", expected the sum over the segments, " + expected, field);
+            if (received == expected) return;
+            throw new RefusedException("got " + received + ", expected the sum over the segments, " + expected, field);
         }
 
-        private static void ExpectAtLeast(string field, long got, string lowerField, long min)
+        private static void ExpectAtLeast(string field, long received, string lowerField, long min)
         {
-            if (got < min) throw new RefusedException("got " + got + ", expected at least " + lowerField, field);
+            if (received < min) throw new RefusedException("got " + received + ", expected at least " + lowerField, field);
         }
     }
 }

@@ -41,8 +41,8 @@ namespace Terraport.Wire
         {
             var reader = new MsgpackReader(bytes, maxValues);
             JsonValue value = reader.Value(0);
-            int left = reader.end - reader.at;
-            if (left > 0) throw reader.Malformed("got " + left + " bytes after the message, expected none", reader.at);
+            int trailing = reader.end - reader.at;
+            if (trailing > 0) throw reader.Malformed("got " + trailing + " bytes after the message, expected none", reader.at);
             return value;
         }
 

@@ -107,9 +107,9 @@ namespace Terraport.Wire
         }
 
         /// <summary>A token with its count: in the token itself, else in 8 (where there is such a form), 16 or 32 bits.</summary>
-        private static void Head(uint count, byte inToken, int mostInToken, byte token8, byte token16, Stream into)
+        private static void Head(uint count, byte inToken, int maxInToken, byte token8, byte token16, Stream into)
         {
-            if (count <= mostInToken)
+            if (count <= maxInToken)
                 into.WriteByte((byte)(inToken | count));
             else if (token8 != 0 && count <= 0xff)
                 Sized(token8, 1, count, into);

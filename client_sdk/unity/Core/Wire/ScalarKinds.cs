@@ -94,15 +94,15 @@ namespace Terraport.Wire
     /// <summary>Text; lengths count Unicode code points, and a pattern is met in full.</summary>
     internal sealed class TextKind : FieldKind
     {
-        private readonly int shortest;
-        private readonly int longest;
+        private readonly int minLength;
+        private readonly int maxLength;
         // Null where any text will do. Compiled once a field, when the table is made.
         private readonly Regex pattern;
 
-        internal TextKind(int shortest, int longest, string pattern)
+        internal TextKind(int minLength, int maxLength, string pattern)
         {
-            this.shortest = shortest;
-            this.longest = longest;
+            this.minLength = minLength;
+            this.maxLength = maxLength;
             // \A and \z: $ would let a line end through.
             this.pattern = pattern == null ? null : new Regex("\\A(?:" + pattern + ")\\z", RegexOptions.CultureInvariant);
         }
@@ -131,7 +131,7 @@ namespace Terraport.Wire
                     isLone = true;
             }
             // Length first: a pattern over a hostile text of a megabyte costs time.
-            if (points < shortest || points > longest) throw Refuse(JsonValue.OfText(text));
+            if (points < minLength || points > maxLength) throw Refuse(JsonValue.OfText(text));
             if (isLone) throw new RefusedException("got text with a lone surrogate, expected Unicode text");
             if (pattern != null && !pattern.IsMatch(text)) throw Refuse(JsonValue.OfText(text));
         }
@@ -140,7 +140,7 @@ namespace Terraport.Wire
 
         internal override string Describe()
         {
-            string text = "text of " + shortest + " to " + longest + " characters";
+            string text = "text of " + minLength + " to " + maxLength + " characters";
             return pattern == null ? text : text + " that matches " + pattern;
         }
     }

@@ -157,10 +157,10 @@ namespace Terraport.Tests
         [TestCase(1000000)]
         public void WaitsStayBetweenHalfAndAllOfTheDoubling(int attempt)
         {
-            double most = Math.Min(30000, 500 * Math.Pow(2, Math.Min(attempt, 30)));
-            Assert.AreEqual(most / 2, Backoff.WaitMs(attempt, 0));
-            Assert.AreEqual(most, Backoff.WaitMs(attempt, 1));
-            Assert.AreEqual(most * 0.75, Backoff.WaitMs(attempt, 0.5));
+            double fullWaitMs = Math.Min(30000, 500 * Math.Pow(2, Math.Min(attempt, 30)));
+            Assert.AreEqual(fullWaitMs / 2, Backoff.WaitMs(attempt, 0));
+            Assert.AreEqual(fullWaitMs, Backoff.WaitMs(attempt, 1));
+            Assert.AreEqual(fullWaitMs * 0.75, Backoff.WaitMs(attempt, 0.5));
         }
 
         [Test]

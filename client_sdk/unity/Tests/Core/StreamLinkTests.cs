@@ -69,8 +69,8 @@ namespace Terraport.Tests
                 return data;
             };
             Network.RefuseWith = 1006;
-            double[] least = { 250, 500, 1000, 2000, 4000, 8000, 15000, 15000 };
-            foreach (double waitMs in least)
+            double[] minWaitsMs = { 250, 500, 1000, 2000, 4000, 8000, 15000, 15000 };
+            foreach (double waitMs in minWaitsMs)
             {
                 int attempts = Network.Connections.Count;
                 Pump(stream);
