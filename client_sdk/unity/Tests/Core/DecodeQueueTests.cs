@@ -20,6 +20,7 @@ namespace Terraport.Tests
             using (var queue = new DecodeThreads(3, mesh => Interlocked.Increment(ref hooks)))
             {
                 CheckAll(queue);
+                // Every fourth payload is damaged, and has no mesh to be packed.
                 Assert.AreEqual(75, hooks);
             }
         }
@@ -58,6 +59,7 @@ namespace Terraport.Tests
             buffer.Release();
             using (var gate = new ManualResetEvent(false))
             {
+                // The one thread stands in its hook: nine payloads wait behind it.
                 var queue = new DecodeThreads(1, mesh => gate.WaitOne());
                 for (uint segment = 0; segment < 10; segment++)
                 {

@@ -32,6 +32,7 @@ namespace Terraport.Tests
                     }
                     catch (PayloadException)
                     {
+                        // Refused means empty: nothing of it can be drawn.
                         Assert.AreEqual(0, mesh.VertexCount);
                         refused++;
                     }
@@ -65,6 +66,7 @@ namespace Terraport.Tests
         [Test]
         public void Document_NestedDeeply_IsRefusedWithoutUsingUpTheStack()
         {
+            // A recursive parser would end the process here, not the test.
             string text = "{\"a\":" + new string('[', 500000) + new string(']', 500000) + "}";
             Assert.Throws<PayloadException>(() => Decode(Glb(Encoding.ASCII.GetBytes(text))));
         }
@@ -72,6 +74,7 @@ namespace Terraport.Tests
         [Test]
         public void Document_ThatIsNoUtf8_IsRefused()
         {
+            // A longer form than needed, a surrogate, beyond U+10FFFF, cut short.
             byte[][] wrong = { new byte[] { 0xC0, 0x80 }, new byte[] { 0xED, 0xA0, 0x80 }, new byte[] { 0xF4, 0x90, 0x80, 0x80 },
                 new byte[] { 0xE2, 0x82 } };
             foreach (byte[] damaged in wrong)

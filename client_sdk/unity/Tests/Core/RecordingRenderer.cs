@@ -11,7 +11,7 @@ namespace Terraport.Tests
     internal sealed class RecordingRenderer : ISceneRenderer
     {
         private readonly Dictionary<uint, int> calls = new Dictionary<uint, int>();
-        private readonly HashSet<uint> whole = new HashSet<uint>();
+        private readonly HashSet<uint> complete = new HashSet<uint>();
         private byte[] prepared;
         private bool[] isPrepared;
         private int baseCalls;
@@ -71,7 +71,7 @@ namespace Terraport.Tests
         public bool Upload(uint segment, SegmentMesh mesh)
         {
             Assert.Greater(mesh.VertexCount, 0, "an empty mesh");
-            Assert.IsFalse(whole.Contains(segment), "uploaded twice");
+            Assert.IsFalse(complete.Contains(segment), "uploaded twice");
             UploadCalls++;
             NowMs += UploadMs;
             int count;
@@ -85,14 +85,14 @@ namespace Terraport.Tests
             {
                 return false;
             }
-            whole.Add(segment);
+            complete.Add(segment);
             warming[segment] = FramesToWarm;
             return true;
         }
 
         public bool IsDrawable(uint segment)
         {
-            Assert.IsTrue(whole.Contains(segment), "asked for a segment that was not uploaded");
+            Assert.IsTrue(complete.Contains(segment), "asked for a segment that was not uploaded");
             if (UnusableLater.Contains(segment))
             {
                 throw new TerraportException("damaged", "image does not decode");
@@ -104,7 +104,7 @@ namespace Terraport.Tests
         {
             Assert.IsFalse(Shown.Contains(segment), "freed while it is drawn");
             Assert.IsTrue(calls.Remove(segment), "freed without having been uploaded");
-            whole.Remove(segment);
+            complete.Remove(segment);
         }
 
         public void Swap(SceneSwap swap)
@@ -115,7 +115,7 @@ namespace Terraport.Tests
             }
             foreach (uint segment in swap.Shown)
             {
-                Assert.IsTrue(whole.Contains(segment) && warming[segment] < 0, "shown before it can be drawn");
+                Assert.IsTrue(complete.Contains(segment) && warming[segment] < 0, "shown before it can be drawn");
                 Assert.IsTrue(Shown.Add(segment), "shown twice");
             }
             if (swap.IsNewBase)

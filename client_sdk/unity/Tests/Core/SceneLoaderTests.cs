@@ -17,13 +17,13 @@ namespace Terraport.Tests
         [TestCase("tiny-textured", true)]
         public void Scene_IsLoadedWhole(string name, bool hasTexture)
         {
-            long done = 0;
-            long total = 0;
-            Action<long, long> onProgress = (now, all) =>
+            long receivedBytes = 0;
+            long totalBytes = 0;
+            Action<long, long> onProgress = (received, announced) =>
             {
-                Assert.GreaterOrEqual(now, done);
-                done = now;
-                total = all;
+                Assert.GreaterOrEqual(received, receivedBytes);
+                receivedBytes = received;
+                totalBytes = announced;
             };
             SceneFiles files = SceneLoader.LoadAsync(Url, null, Http(name), onProgress).Result;
             Assert.AreEqual(4, files.Manifest.SegmentCount);
@@ -31,8 +31,8 @@ namespace Terraport.Tests
             Assert.AreEqual(files.Base.FaceCount + 1, files.Cover.Offsets.Length);
             Assert.AreEqual(hasTexture, files.Base.HasTexture);
             Assert.Greater(files.Regions.Count, 0);
-            Assert.Greater(total, 0);
-            Assert.AreEqual(total, done);
+            Assert.Greater(totalBytes, 0);
+            Assert.AreEqual(totalBytes, receivedBytes);
         }
 
         [Test]
@@ -137,6 +137,7 @@ namespace Terraport.Tests
             byte[] whole = File.ReadAllBytes(Directory.GetFiles(folder, "base.cover", SearchOption.AllDirectories)[0]);
             for (int at = 0; at < whole.Length; at++)
             {
+                // Flip, read, flip back.
                 whole[at] ^= 1;
                 Assert.Throws<PayloadException>(() => CoverReader.Read(new ArraySegment<byte>(whole), faces, 4), "byte " + at);
                 whole[at] ^= 1;

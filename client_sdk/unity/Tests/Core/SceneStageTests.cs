@@ -82,6 +82,7 @@ namespace Terraport.Tests
             bench.Frames(60);
             Assert.IsTrue(bench.Shows(1, 4));
             Assert.AreEqual(3, bench.Renderer.Uploaded, "1, 4 and 2, which is not shown; 3 is freed");
+            // Its payload is gone, its mesh on the GPU is not.
             bench.Stream.Drop(2);
             int back = bench.Land();
             bench.Plan(back, new uint[0], new uint[] { 1, 2 });
@@ -100,6 +101,7 @@ namespace Terraport.Tests
             bench.Plan(first, new uint[] { 1, 2, 3 });
             bench.Arrive(first, 1, 2);
             bench.Frames(3);
+            // Before the first was whole.
             int second = bench.LandOn(7, 8);
             bench.Ready(first, 1, 2, 3); // Too late: it counts no more.
             bench.Frames(60);
@@ -113,15 +115,16 @@ namespace Terraport.Tests
         {
             var bench = new StageBench(1, options => options.AutoShow = false);
             bench.LandOn(5, 6);
+            // Two owners: one asks before anything is there, one after all is.
             Assert.IsFalse(bench.Stage.Show() && bench.Renderer.Shown.Count > 0, "nothing is there yet");
-            var other = new StageBench(1, options => options.AutoShow = false);
-            other.LandOn(5, 6);
-            other.Frames(100);
-            Assert.AreEqual(LandingPhase.Presentable, other.Stage.Status.Phase);
-            Assert.AreEqual(0, other.Renderer.Shown.Count);
-            Assert.IsTrue(other.Stage.Show());
-            Assert.IsTrue(other.Shows(5, 6));
-            Assert.IsFalse(other.Stage.Show(), "it is shown already");
+            var patient = new StageBench(1, options => options.AutoShow = false);
+            patient.LandOn(5, 6);
+            patient.Frames(100);
+            Assert.AreEqual(LandingPhase.Presentable, patient.Stage.Status.Phase);
+            Assert.AreEqual(0, patient.Renderer.Shown.Count);
+            Assert.IsTrue(patient.Stage.Show());
+            Assert.IsTrue(patient.Shows(5, 6));
+            Assert.IsFalse(patient.Stage.Show(), "it is shown already");
             bench.Frames(100);
             Assert.IsTrue(bench.Shows(5, 6), "asked for before it was there");
         }
@@ -149,7 +152,8 @@ namespace Terraport.Tests
         {
             var bench = new StageBench();
             var failed = new List<uint>();
-            bench.Stage.DecodeFailed += (segment, why) => failed.Add(segment);
+            bench.Stage.DecodeFailed += (segment, error) => failed.Add(segment);
+            // Three ways to fail: the renderer refuses it, its bytes are no payload, the cache has let it go.
             bench.Renderer.Unusable.Add(2);
             int landing = bench.Land();
             bench.Plan(landing, new uint[] { 1, 2, 3, 4 });
@@ -189,6 +193,7 @@ namespace Terraport.Tests
         {
             var bench = new StageBench(1, options => options.MaxInFlight = 64);
             bench.Frames(5);
+            // The budget is looked at between uploads, so one may pass it.
             bench.Renderer.UploadMs = 1.5;
             bench.LandOn(Range(40));
             int frames = 0;
@@ -219,6 +224,7 @@ namespace Terraport.Tests
             var bench = new StageBench();
             bench.LandOn(1, 2, 3);
             bench.Frames(60);
+            // Status and stats too: an interface may ask for them in every frame.
             long sum = 0;
             long allocated = Allocations.Of(100,
                 () =>
@@ -247,6 +253,7 @@ namespace Terraport.Tests
         {
             var bench = new StageBench();
             bench.LandOn(1, 2, 3);
+            // One step a frame, whatever the budget: a landing is never starved.
             bench.Frames(200, 0);
             Assert.IsTrue(bench.Shows(1, 2, 3));
         }
@@ -260,6 +267,7 @@ namespace Terraport.Tests
             for (int frame = 0; frame < 100; frame++)
             {
                 int before = bench.Renderer.UploadCalls;
+                // Time enough for all thirty: the bytes alone hold it back.
                 bench.Frames(1, 1000);
                 Assert.LessOrEqual(bench.Renderer.UploadCalls - before, 3);
             }
@@ -291,9 +299,9 @@ namespace Terraport.Tests
             {
                 ids.Add((uint)noise.Below(StageBench.SegmentCount));
             }
-            var some = new uint[ids.Count];
-            ids.CopyTo(some);
-            return some;
+            var segments = new uint[ids.Count];
+            ids.CopyTo(segments);
+            return segments;
         }
     }
 }

@@ -18,22 +18,23 @@ namespace Terraport.Tests
             SessionPair pair = Open();
             Aim(pair, Middle, 3);
             pair.Settle();
-            uint[] want = toy.Within(Middle, 3);
+            uint[] expected = toy.Within(Middle, 3);
             StreamEvent prefetching = pair.Of(StreamEventKind.Prefetching).Single();
-            Assert.AreEqual(want.Length, prefetching.Count);
-            Assert.AreEqual(toy.BytesOf(want), prefetching.Bytes);
-            Assert.AreEqual(want.Length, pair.Of(StreamEventKind.Prefetched).Single().Count);
+            Assert.AreEqual(expected.Length, prefetching.Count);
+            Assert.AreEqual(toy.BytesOf(expected), prefetching.Bytes);
+            Assert.AreEqual(expected.Length, pair.Of(StreamEventKind.Prefetched).Single().Count);
             Assert.IsTrue(pair.Of(StreamEventKind.Arrived).All(streamEvent => streamEvent.Landing == null));
             Assert.AreEqual(0, pair.Client.Visible.Count);
+            // Everything is here already, so the landing loads nothing, and counts as a hit.
             pair.Client.Land(Middle, 3);
             pair.Settle();
             Assert.AreEqual(0, pair.Of(StreamEventKind.Planned).Last().Plan.LoadBytes);
-            Assert.AreEqual(want, pair.Client.Visible);
+            Assert.AreEqual(expected, pair.Client.Visible);
             StreamStats stats = pair.Client.Stats;
             Assert.AreEqual(1, stats.AimedLandings);
             Assert.AreEqual(1, stats.AimHits);
-            Assert.AreEqual(toy.BytesOf(want), stats.UsedPrefetchedBytes);
-            Assert.AreEqual(toy.BytesOf(want), stats.PrefetchedBytes);
+            Assert.AreEqual(toy.BytesOf(expected), stats.UsedPrefetchedBytes);
+            Assert.AreEqual(toy.BytesOf(expected), stats.PrefetchedBytes);
         }
 
         [Test]
@@ -55,6 +56,7 @@ namespace Terraport.Tests
         public void AnAimReplacesTheOneBeforeAndIsDroppedByALanding()
         {
             SessionPair pair = Open();
+            // Five aims, of which the last is sent; then one that a landing makes pointless.
             for (int x = 0; x < 5; x++) pair.Client.Aim(new Vec3(x, 0, 0), 1);
             pair.Client.FlushAim();
             Assert.AreEqual(1, pair.TakeSent().Count);
@@ -67,6 +69,7 @@ namespace Terraport.Tests
         public void AnAimThatComesWrongTwiceIsGivenUp()
         {
             SessionPair pair = Open();
+            // Every frame is wrong: rejected twice, then given up. A landing would ask for it again.
             pair.Spoil = SessionPair.Flipped;
             Aim(pair, Corner, 0.5);
             pair.Settle();
@@ -78,6 +81,7 @@ namespace Terraport.Tests
         [Test]
         public void AnAimThatACutEndedIsSentAnewAndNothingComesTwice()
         {
+            // Small credit, so that the cut comes in the middle of the prefetch.
             SessionPair pair = Open(300);
             Aim(pair, Middle, 3);
             pair.Until(() => pair.Received.Count >= 2);
@@ -96,6 +100,7 @@ namespace Terraport.Tests
             SessionPair pair = Open();
             Aim(pair, Middle, 3);
             pair.Settle();
+            // All of it had come: nothing is left to be asked for.
             pair.Disconnect();
             pair.Connect().Settle();
             Assert.IsFalse(pair.Client.HasAim);
@@ -112,6 +117,7 @@ namespace Terraport.Tests
         {
             SessionPair pair = Open(300);
             int number = pair.Client.Land(Middle, 3);
+            // The server lets it wait behind the landing (7, rule 2); the cut ends both.
             Aim(pair, Corner, 2);
             pair.Until(() => pair.Received.Count > 0);
             pair.Disconnect();
@@ -131,6 +137,7 @@ namespace Terraport.Tests
             int first = pair.Client.Pick(new Vec3(0, 1, 0));
             pair.Disconnect();
             int second = pair.Client.Pick(new Vec3(0, 1, 0), new Vec3(0, -1, 0));
+            // Refused here before it was ever sent: the server must not hear of it.
             int third = pair.Client.Pick(new Vec3(5, 1, 0));
             pair.Client.RefusePick(third, "too_many", "no more");
             pair.Connect().Settle();

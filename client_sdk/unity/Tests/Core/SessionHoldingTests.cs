@@ -18,6 +18,7 @@ namespace Terraport.Tests
         [Test]
         public void EvictionsAreToldBeforeTheNextLandingAndAsEventsAtOnce()
         {
+            // With a cache of 0 bytes each landing evicts the one before, so the third loads what the first did.
             SessionPair pair = Visited(Corner, Far, Corner);
             List<StreamEvent> plans = pair.Of(StreamEventKind.Planned);
             Assert.Greater(plans[0].Plan.LoadBytes, 0);
@@ -36,6 +37,7 @@ namespace Terraport.Tests
         {
             SessionPair pair = Visited(Corner, Far);
             pair.Client.Land(Corner, 2);
+            // The first land is with the server, whose plan is not here: now nothing may be evicted (6.7, rule 2).
             foreach (byte[] data in pair.TakeSent()) pair.Server.Receive(data);
             pair.Client.Land(Far, 2);
             List<byte[]> second = pair.TakeSent();
@@ -51,9 +53,10 @@ namespace Terraport.Tests
         {
             SessionPair pair = Visited(Corner);
             pair.Client.Land(Far, 2);
-            int all = pair.Received.Count + toy.Within(Far, 2).Length;
-            pair.Until(() => pair.Received.Count == all);
+            int wholeCount = pair.Received.Count + toy.Within(Far, 2).Length;
+            pair.Until(() => pair.Received.Count == wholeCount);
             pair.Client.Land(Corner, 2);
+            // The newer land is under way when the older landing becomes ready.
             List<byte[]> onTheirWay = pair.TakeSent();
             pair.Give(pair.Server.Next());
             Assert.AreEqual(toy.Within(Far, 2), pair.Client.Visible);
@@ -70,6 +73,7 @@ namespace Terraport.Tests
             SessionPair pair = Visited(Corner, Far);
             Assert.AreEqual(1, pair.Of(StreamEventKind.Dropped).Count);
             pair.Disconnect();
+            // A new connection knows only what hello offers: evictions of the old one say nothing to it.
             pair.Connect().Settle();
             pair.Client.Land(Corner, 2);
             pair.Settle();
@@ -87,6 +91,7 @@ namespace Terraport.Tests
             pair.Client.Land(Far, 0.5);
             pair.Until(() => pair.Of(StreamEventKind.Planned).Count == 2);
             uint[] inner = toy.Within(Corner, 1);
+            // It may be on the screen: pinned until a newer landing is shown.
             Assert.IsTrue(inner.All(pair.Client.Cache.Contains));
             pair.Settle();
             Assert.IsFalse(inner.Any(pair.Client.Cache.Contains));
@@ -114,16 +119,16 @@ namespace Terraport.Tests
             pair.Spoil = data => SessionPair.SegmentOf(data) == 14 ? SessionPair.Flipped(data) : data;
             pair.Client.Land(Middle, 4);
             pair.Settle();
-            uint[] want = toy.Within(Middle, 4);
+            uint[] expected = toy.Within(Middle, 4);
             Assert.AreEqual(2, pair.Rejects.Count);
             StreamEvent ready = pair.Of(StreamEventKind.Ready).Single();
             Assert.AreEqual(new uint[] { 14 }, ready.Missing);
-            Assert.AreEqual(want.Where(segment => segment != 14).ToArray(), ready.Segments);
+            Assert.AreEqual(expected.Where(segment => segment != 14).ToArray(), ready.Segments);
             Assert.IsFalse(pair.Client.Cache.Contains(14));
             pair.Spoil = null;
             pair.Client.Land(Middle, 4);
             pair.Settle();
-            Assert.AreEqual(want, pair.Client.Visible);
+            Assert.AreEqual(expected, pair.Client.Visible);
         }
 
         [Test]
@@ -136,6 +141,7 @@ namespace Terraport.Tests
             pair.Until(() => frames > 0);
             pair.Client.Land(Corner, 1);
             pair.Settle();
+            // The plan keeps the segment, since the reject had not reached the server: it is waited for, not rejected again (6.4, rule 7).
             Assert.AreEqual(1, pair.Rejects.Count);
             Assert.AreEqual(new uint[] { 0 }, pair.Of(StreamEventKind.Planned).Last().Plan.Keep);
             Assert.AreEqual(0, pair.Of(StreamEventKind.Ready).Last().Missing.Count);
@@ -158,6 +164,7 @@ namespace Terraport.Tests
             foreach (HeldRow row in rows) Assert.AreEqual(toy.Facts[row.Segment].Xxh3, row.Xxh3);
             // The newest stands first: a server that takes fewer takes those.
             Assert.AreEqual(pair.Received.Last(), hello.Held[0].Segment);
+            // As after a server found the hello too large.
             pair.Client.Connected(false);
             Assert.AreEqual(0, ((HelloMessage)Decoded(pair).Single()).Held.Length);
         }
@@ -170,6 +177,7 @@ namespace Terraport.Tests
             pair.Client.Land(Middle, 5);
             pair.Settle();
             pair.Disconnect();
+            // Offered after the welcome, in tables of five, and before the land that counts on them.
             pair.OffersHeld = false;
             pair.Client.Land(Middle, 5);
             pair.Connect().Settle();
@@ -193,6 +201,7 @@ namespace Terraport.Tests
             pair.OffersHeld = false;
             pair.Connect().Settle();
             Assert.AreEqual(new[] { "hello" }, pair.Server.Heard.Select(message => message.Type).ToArray());
+            // What cannot be offered is let go: the server would send it again, and it would count twice.
             Assert.AreEqual(toy.Within(Middle, 4).Length, pair.Of(StreamEventKind.Dropped).Last().Segments.Count);
             Assert.AreEqual(0, pair.Client.Cache.Count);
             pair.Client.Land(Middle, 4);
@@ -211,6 +220,7 @@ namespace Terraport.Tests
             pair.Disconnect();
             var newer = new SessionToyScene(0, "v2");
             uint[] changed = before.Take(3).ToArray();
+            // Three of the shown segments have other bytes in the new version; the rest are the same, and stay held.
             foreach (uint segment in changed) newer.Replace(segment, Enumerable.Repeat((byte)segment, 300).ToArray());
             pair.Scene = newer;
             pair.Received.Clear();

@@ -38,6 +38,7 @@ namespace Terraport.Tests
                 var error = Assert.Throws<InvalidMessageException>(() => call.Value(), call.Key);
                 Assert.AreEqual(field, error.Field, call.Key);
             }
+            // Nothing was sent, noted or counted: the next landing is the first.
             Assert.AreEqual(0, pair.TakeSent().Count);
             Assert.IsFalse(client.AwaitsAnswer);
             Assert.IsFalse(client.HasAim);
@@ -86,9 +87,9 @@ namespace Terraport.Tests
             pair.Client.Land(SessionToyScene.Middle, 1);
             foreach (byte[] data in pair.TakeSent()) pair.Server.Receive(data);
             byte[] plan = pair.Server.Next();
-            var other = new SessionPair(toy);
-            other.Client.Connected();
-            StringAssert.Contains("plan first", Assert.Throws<ProtocolViolationException>(() => other.Give(plan)).Message);
+            var ungreeted = new SessionPair(toy);
+            ungreeted.Client.Connected();
+            StringAssert.Contains("plan first", Assert.Throws<ProtocolViolationException>(() => ungreeted.Give(plan)).Message);
             pair.Give(plan);
             var error = Assert.Throws<ProtocolViolationException>(() => pair.Give(plan));
             StringAssert.Contains("plan of generation 1, expected none", error.Message);
@@ -99,6 +100,7 @@ namespace Terraport.Tests
         {
             SessionPair pair = new SessionPair(toy).Connect();
             pair.Settle();
+            // The server believes in a segment that the client never had.
             pair.Server.Held.Add(7);
             pair.Client.Land(new Vec3(2, 0, 2), 1);
             var error = Assert.Throws<ProtocolViolationException>(() => pair.Settle());
@@ -136,6 +138,7 @@ namespace Terraport.Tests
                 });
             for (uint segment = 0; segment < load.Length; segment++) pair.Give(Frame(1, segment, 0, WireLimits.MaxSegmentBytes));
             Assert.AreEqual(load.Length, pair.Client.PartialSegments);
+            // Some 62 GiB are announced, 1000 bytes have come: a buffer grows with what comes.
             Assert.Less(GC.GetTotalMemory(true) - before, 16L * 1024 * 1024);
         }
 
@@ -153,6 +156,7 @@ namespace Terraport.Tests
                 foreach (byte[] data in pair.TakeSent()) pair.Server.Receive(data);
                 byte[] next = pair.Server.Next() ?? Welcome(1);
                 for (int flips = random.Next(4); flips >= 0; flips--) next[random.Next(next.Length)] = (byte)random.Next(256);
+                // Flipped bytes, and every third time cut short.
                 if (random.Next(3) == 0) Array.Resize(ref next, random.Next(next.Length));
                 try
                 {

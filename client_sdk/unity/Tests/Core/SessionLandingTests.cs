@@ -19,24 +19,25 @@ namespace Terraport.Tests
             SessionPair pair = new SessionPair(toy).Connect();
             int number = pair.Client.Land(Middle, 4);
             pair.Settle();
-            uint[] want = toy.Within(Middle, 4);
+            uint[] expected = toy.Within(Middle, 4);
+            // One event tells it, and the cache, the counters and the payloads agree with it.
             StreamEvent ready = pair.Of(StreamEventKind.Ready).Single();
             Assert.AreEqual(number, ready.Landing);
-            Assert.AreEqual(want, ready.Segments);
+            Assert.AreEqual(expected, ready.Segments);
             Assert.AreEqual(0, ready.Missing.Count);
-            Assert.AreEqual(toy.BytesOf(want), ready.Bytes);
-            Assert.AreEqual(want, pair.Client.Visible);
-            Assert.AreEqual(toy.BytesOf(want), pair.Server.ChunkBytes);
-            Assert.AreEqual(toy.BytesOf(want), pair.Client.Stats.PayloadBytes);
-            foreach (uint segment in want) Assert.AreEqual(toy.Payloads[segment], pair.Payload(segment));
+            Assert.AreEqual(toy.BytesOf(expected), ready.Bytes);
+            Assert.AreEqual(expected, pair.Client.Visible);
+            Assert.AreEqual(toy.BytesOf(expected), pair.Server.ChunkBytes);
+            Assert.AreEqual(toy.BytesOf(expected), pair.Client.Stats.PayloadBytes);
+            foreach (uint segment in expected) Assert.AreEqual(toy.Payloads[segment], pair.Payload(segment));
             PlanFacts plan = pair.Of(StreamEventKind.Planned).Single().Plan;
-            Assert.AreEqual(want.Length, plan.Load.Count);
+            Assert.AreEqual(expected.Length, plan.Load.Count);
             foreach (SegmentFacts facts in plan.Load)
             {
-                SegmentFacts own = toy.Facts[facts.Segment];
-                Assert.AreEqual(own.Xxh3, facts.Xxh3);
-                Assert.AreEqual(own.Bounds, facts.Bounds);
-                Assert.AreEqual(own.Faces, facts.Faces);
+                SegmentFacts indexed = toy.Facts[facts.Segment];
+                Assert.AreEqual(indexed.Xxh3, facts.Xxh3);
+                Assert.AreEqual(indexed.Bounds, facts.Bounds);
+                Assert.AreEqual(indexed.Faces, facts.Faces);
             }
         }
 
@@ -50,6 +51,7 @@ namespace Terraport.Tests
                 pair.Settle();
             }
             List<StreamEvent> plans = pair.Of(StreamEventKind.Planned);
+            // The second plan keeps everything: nothing is loaded, and nothing arrives twice.
             Assert.AreEqual(0, plans[1].Plan.LoadBytes);
             Assert.AreEqual(plans[0].Plan.Load.Count, plans[1].Plan.Keep.Count);
             Assert.AreEqual(0, pair.Of(StreamEventKind.Ready)[1].Bytes);
@@ -60,6 +62,7 @@ namespace Terraport.Tests
         public void KeepsWhatLiesALittleBeyondItsRadiusAndDoesNotShowIt()
         {
             SessionPair pair = new SessionPair(toy, new SessionModelOptions { CacheBytes = 0, ReleaseFactor = 1.5 }).Connect();
+            // In and out again, within the release radius of the inner landing: 4.5 m x 1.5 is more than 6 m.
             foreach (double radiusM in new[] { 6, 4.5, 6 })
             {
                 pair.Client.Land(Middle, radiusM);
@@ -71,6 +74,7 @@ namespace Terraport.Tests
             Assert.IsNotEmpty(plans[1].Nearby);
             Assert.IsEmpty(plans[2].Load);
             Assert.IsEmpty(pair.Of(StreamEventKind.Dropped));
+            // A landing so small that most of it lies beyond its release radius: with a cache of 0 bytes that is dropped.
             pair.Client.Land(Middle, 1);
             pair.Settle();
             uint[] dropped = pair.Of(StreamEventKind.Dropped).SelectMany(streamEvent => streamEvent.Segments).ToArray();
@@ -84,6 +88,7 @@ namespace Terraport.Tests
             SessionPair pair = new SessionPair(toy).Connect();
             pair.Client.Land(Middle, 4);
             int count = toy.Within(Middle, 4).Length;
+            // Every byte is here, but the server's ready is still on its way: it may yet name missing segments.
             pair.Until(() => pair.Received.Count == count);
             Assert.AreEqual(0, pair.Of(StreamEventKind.Ready).Count);
             Assert.AreEqual(0, pair.Client.Visible.Count);
@@ -108,17 +113,18 @@ namespace Terraport.Tests
             pair.Settle();
             List<CreditMessage> grants = pair.Server.HeardOf<CreditMessage>().ToList();
             Assert.Greater(grants.Count, 2);
+            // Half of 4000, and at most one chunk more.
             foreach (CreditMessage grant in grants) Assert.That(grant.Bytes, Is.InRange(2000, 2100));
         }
 
         [Test]
         public void KeepsToEveryBudgetAndSaysWhatWasLeftOut()
         {
-            uint[] all = toy.Within(Middle, 4);
+            uint[] unbounded = toy.Within(Middle, 4);
             foreach (Budgets budgets in new[] {
                          new Budgets { MaxSegments = 3 },
                          new Budgets { MaxTriangles = 3 * SessionToyScene.FacesEach + 1 },
-                         new Budgets { MaxBytes = toy.BytesOf(all) / 2 },
+                         new Budgets { MaxBytes = toy.BytesOf(unbounded) / 2 },
                      })
             {
                 SessionPair pair = new SessionPair(toy, new SessionModelOptions { Budgets = budgets }).Connect();
@@ -127,7 +133,8 @@ namespace Terraport.Tests
                 PlanFacts plan = pair.Of(StreamEventKind.Planned).Single().Plan;
                 string by = budgets.MaxSegments.HasValue ? "max_segments" : budgets.MaxBytes.HasValue ? "max_bytes" : "max_triangles";
                 Assert.AreEqual(by, plan.OmittedBy);
-                Assert.AreEqual(all.Length - pair.Client.Visible.Count, plan.OmittedSegments);
+                Assert.AreEqual(unbounded.Length - pair.Client.Visible.Count, plan.OmittedSegments);
+                // Nearest first: a budget takes from the outside, so a smaller circle is whole.
                 Assert.LessOrEqual(plan.EffectiveRadiusM, 4);
                 Assert.LessOrEqual(toy.BytesOf(pair.Client.Visible), budgets.MaxBytes ?? long.MaxValue);
             }
@@ -141,6 +148,7 @@ namespace Terraport.Tests
             pair.Client.Land(Middle, 5, new LandOptions { InnerRadiusM = 1.5, DeadlineMs = 100 });
             uint[] inner = toy.Within(Middle, 1.5);
             pair.Until(() => pair.Received.Count == inner.Length);
+            // The inner set is here, and most of the rest is not.
             pair.Server.DeadlinePassed = true;
             pair.Settle();
             Assert.AreEqual(inner, pair.Of(StreamEventKind.Degraded).Single().Segments);
@@ -152,6 +160,7 @@ namespace Terraport.Tests
         {
             SessionPair pair = new SessionPair(toy, new SessionModelOptions { Lag = 30 }).Connect();
             pair.Settle();
+            // The first frame is flipped: its segment comes again, later than the deadline.
             int spoilt = 0;
             pair.Spoil = data => spoilt++ == 0 ? SessionPair.Flipped(data) : data;
             pair.Client.Land(Middle, 5, new LandOptions { InnerRadiusM = 1.5, DeadlineMs = 100 });
@@ -175,13 +184,14 @@ namespace Terraport.Tests
             pair.Server.Unreadable.Add(14);
             pair.Client.Land(Middle, 4);
             pair.Settle();
-            uint[] want = toy.Within(Middle, 4);
+            uint[] expected = toy.Within(Middle, 4);
             Assert.AreEqual(new uint[] { 14 }, pair.Of(StreamEventKind.Ready)[0].Missing);
-            Assert.AreEqual(want.Where(segment => segment != 14).ToArray(), pair.Client.Visible);
+            Assert.AreEqual(expected.Where(segment => segment != 14).ToArray(), pair.Client.Visible);
+            // Readable again: the next landing that wants it gets it (6.4, rule 6).
             pair.Server.Unreadable.Clear();
             pair.Client.Land(Middle, 4);
             pair.Settle();
-            Assert.AreEqual(want, pair.Client.Visible);
+            Assert.AreEqual(expected, pair.Client.Visible);
         }
 
         [Test]
@@ -189,6 +199,7 @@ namespace Terraport.Tests
         {
             var scene = new SessionToyScene(0, "v1", 5000);
             SessionPair pair = new SessionPair(scene, new SessionModelOptions { CreditBytes = 100 }).Connect();
+            // Small credit, so that the first landing is caught in the middle of a segment.
             int first = pair.Client.Land(Corner, 1);
             pair.Until(() => pair.Server.ChunkBytes >= 300);
             int second = pair.Client.Land(Corner, 2);
@@ -197,6 +208,7 @@ namespace Terraport.Tests
             Assert.AreEqual(first, superseded.Landing);
             Assert.AreEqual(second, superseded.By);
             Assert.AreEqual(second, pair.Of(StreamEventKind.Ready).Single().Landing);
+            // Each byte once: the partly sent segment went on where it had stopped.
             Assert.AreEqual(scene.BytesOf(scene.Within(Corner, 2)), pair.Server.ChunkBytes);
         }
 
@@ -207,6 +219,7 @@ namespace Terraport.Tests
             SessionPair pair = new SessionPair(scene, new SessionModelOptions { CreditBytes = 100 }).Connect();
             pair.Client.Land(Corner, 1);
             pair.Until(() => pair.Server.ChunkBytes >= 300);
+            // Forgotten with the new plan, not with the command: frames of the old one may still come (6.5, rule 4).
             Assert.AreEqual(1, pair.Client.PartialSegments);
             pair.Client.Land(SessionToyScene.FarCorner, 0.5);
             pair.Until(() => pair.Of(StreamEventKind.Planned).Count == 2);
@@ -217,15 +230,15 @@ namespace Terraport.Tests
         public void ARefusedLandingLeavesTheOlderOneGoing()
         {
             SessionPair pair = new SessionPair(toy).Connect();
-            int good = pair.Client.Land(Middle, 4);
+            int accepted = pair.Client.Land(Middle, 4);
             for (int step = 0; step < 3; step++) pair.Step();
-            int bad = pair.Client.Land(Middle, 501);
+            int tooLarge = pair.Client.Land(Middle, 501);
             pair.Settle();
             StreamEvent refused = pair.Of(StreamEventKind.Refused).Single();
-            Assert.AreEqual(bad, refused.Landing);
+            Assert.AreEqual(tooLarge, refused.Landing);
             Assert.AreEqual("radius_too_large", refused.Code);
             Assert.IsFalse(refused.IsFatal);
-            Assert.AreEqual(good, pair.Of(StreamEventKind.Ready).Single().Landing);
+            Assert.AreEqual(accepted, pair.Of(StreamEventKind.Ready).Single().Landing);
             Assert.AreEqual(0, pair.Of(StreamEventKind.Superseded).Count);
         }
 
@@ -246,6 +259,7 @@ namespace Terraport.Tests
         {
             SessionPair pair = new SessionPair(toy).Connect();
             pair.Settle();
+            // A hundred calls between two pumps: one land leaves, with the pick.
             for (int count = 0; count < 100; count++) pair.Client.Land(Middle, 1 + count / 50.0);
             pair.Client.Pick(Corner);
             List<byte[]> sent = pair.TakeSent();
@@ -260,6 +274,7 @@ namespace Terraport.Tests
         [Test]
         public void ALostConnectionIsResumedAndNoSegmentComesTwice()
         {
+            // Cut after 0 to 35 steps: before the plan, within it, and after ready.
             for (int steps = 0; steps < 36; steps++)
             {
                 SessionPair pair = new SessionPair(toy, new SessionModelOptions { CreditBytes = 300 }).Connect();
@@ -269,11 +284,11 @@ namespace Terraport.Tests
                 Assert.IsTrue(pair.Client.Unfinished == number || pair.Of(StreamEventKind.Ready).Count == 1);
                 Assert.AreEqual(0, pair.Client.PartialSegments);
                 pair.Connect().Settle();
-                uint[] want = toy.Within(Middle, 4);
+                uint[] expected = toy.Within(Middle, 4);
                 StreamEvent ready = pair.Of(StreamEventKind.Ready).Last();
                 Assert.AreEqual(number, ready.Landing);
-                Assert.AreEqual(want, ready.Segments);
-                Assert.AreEqual(want, pair.Received.OrderBy(segment => segment).ToArray());
+                Assert.AreEqual(expected, ready.Segments);
+                Assert.AreEqual(expected, pair.Received.OrderBy(segment => segment).ToArray());
                 Assert.AreEqual(0, pair.Client.Stats.RepeatedBytes);
                 // What an old connection brought is no credit for the new one.
                 long granted = pair.Server.HeardOf<CreditMessage>().Sum(credit => credit.Bytes);
@@ -307,6 +322,7 @@ namespace Terraport.Tests
             SessionPair pair = new SessionPair(toy).Connect();
             pair.Client.Land(Corner, 2);
             pair.Settle();
+            // What is shown does not depend on the line.
             IReadOnlyList<uint> shown = pair.Client.Visible;
             pair.Client.Land(Middle, 4);
             pair.Step();

@@ -107,9 +107,9 @@ namespace Terraport.Tests
         }
 
         /// <summary>Let things happen until something is so.</summary>
-        internal void Until(Func<bool> isSo)
+        internal void Until(Func<bool> condition)
         {
-            for (int steps = 0; !isSo(); steps++)
+            for (int steps = 0; !condition(); steps++)
             {
                 Step();
                 Assert.Less(steps, 200000, "it never is so");

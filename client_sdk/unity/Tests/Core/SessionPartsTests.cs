@@ -53,9 +53,9 @@ namespace Terraport.Tests
                             cache.Pin(pinned);
                             break;
                         default:
-                            var gone = new List<SegmentFacts>();
-                            cache.Trim(gone);
-                            Assert.AreEqual(Trimmed(model, pinned, maxBytes), gone.Select(entry => entry.Segment).ToList());
+                            var evicted = new List<SegmentFacts>();
+                            cache.Trim(evicted);
+                            Assert.AreEqual(Trimmed(model, pinned, maxBytes), evicted.Select(entry => entry.Segment).ToList());
                             break;
                     }
                     // 2. After each: the same segments in the same order of use, and the same bytes.
@@ -220,15 +220,15 @@ namespace Terraport.Tests
 
         private static List<uint> Trimmed(List<SegmentFacts> model, uint[] pinned, int maxBytes)
         {
-            var gone = new List<uint>();
+            var evicted = new List<uint>();
             foreach (SegmentFacts facts in model.ToList())
             {
                 if (model.Sum(entry => entry.Length) <= maxBytes) break;
                 if (pinned.Contains(facts.Segment)) continue;
                 model.Remove(facts);
-                gone.Add(facts.Segment);
+                evicted.Add(facts.Segment);
             }
-            return gone;
+            return evicted;
         }
     }
 }

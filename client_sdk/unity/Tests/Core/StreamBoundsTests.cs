@@ -13,6 +13,7 @@ namespace Terraport.Tests
         [Test]
         public void AServerThatSaysNothingIsGivenUp()
         {
+            // 1. Nobody answers the handshake: given up after 10 s, and tried again.
             Network.IsDeaf = true;
             SceneStream stream = Network.Stream();
             Network.NowMs += 9999;
@@ -25,6 +26,7 @@ namespace Terraport.Tests
             Network.IsDeaf = false;
             Network.NowMs += 500;
             Pump(stream);
+            // 2. A server that says nothing any more, without and with an answer owed.
             Network.Last.IsSilent = true;
             // Silence of a server that owes nothing is no silence.
             Network.NowMs += 100000;
@@ -48,6 +50,7 @@ namespace Terraport.Tests
             Pump(stream);
             for (int frame = 0; frame < 90; frame++)
             {
+                // A headset's 90 frames a second, for one second.
                 stream.Aim(new Vec3(frame, 0, 0), 1);
                 stream.Pump();
                 Network.NowMs += 1000.0 / 90;
@@ -70,6 +73,7 @@ namespace Terraport.Tests
                 Pump(stream);
                 Network.NowMs += 5;
             }
+            // Within any 10 s: the bucket, full at the start, and the rate.
             List<double> sent = Network.Last.SentAtMs;
             for (int first = 0; first < sent.Count; first++)
             {
@@ -89,6 +93,7 @@ namespace Terraport.Tests
             Pump(stream);
             Network.Last.TakesNothing = true;
             stream.Land(Middle, 1);
+            // The transport takes nothing: the older land is replaced before it leaves.
             int newest = stream.Land(Middle, 2);
             Pump(stream);
             Assert.AreEqual(1, Network.Last.Server.Heard.Count);
@@ -106,6 +111,7 @@ namespace Terraport.Tests
             {
                 Network.Last.Inject(WireCodec.Encode(new NoticeMessage { Kind = "news" }));
             }
+            // Pumped, and nobody takes the events: it stops at its bound, give or take one pump.
             for (int count = 0; count < 10; count++) stream.Pump();
             int events = Take(stream);
             Assert.That(events, Is.InRange(SceneStream.MaxWaitingEvents, 3 * SceneStream.MaxWaitingEvents));
@@ -125,10 +131,12 @@ namespace Terraport.Tests
             Network.Last.Inject(WireCodec.Encode(new PrefetchMessage { Generation = 1, Segments = new[] { facts }, Bytes = facts.Length }));
             var chunk = new ArraySegment<byte>(new byte[facts.Length]);
             byte[] wrong = new PayloadFrame(1, 0, 0, facts.Length, chunk).Encode();
+            // Each wrong frame makes a reject that must be sent; the pacer lets few of them leave.
             for (int count = 0; count < 5000; count++) Network.Last.Inject(wrong);
             Pump(stream);
             int rejects = Network.Last.Server.HeardOf<RejectMessage>().Count();
             Assert.That(Network.Last.Left, Is.InRange(5000 - rejects - 600, 5000 - rejects));
+            // It goes on as the rejects leave, and not faster.
             Network.NowMs += 60000;
             Pump(stream);
             Assert.Greater(Network.Last.Server.HeardOf<RejectMessage>().Count(), rejects);

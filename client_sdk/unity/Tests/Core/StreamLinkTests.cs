@@ -15,6 +15,7 @@ namespace Terraport.Tests
         {
             SceneStream stream = Network.Stream();
             int landing = stream.Land(Middle, 4);
+            // The clock of a landing starts with the call, not with the connection.
             Network.NowMs += 250;
             Pump(stream);
             Assert.AreEqual("ws://toy.example/scenes/toy/stream", Network.Last.Url.AbsoluteUri);
@@ -23,10 +24,10 @@ namespace Terraport.Tests
             StreamEvent opened = Of(StreamEventKind.Opened).Single();
             Assert.AreEqual("v1", opened.SceneVersion);
             Assert.AreEqual(500, opened.MaxRadiusM);
-            uint[] want = Network.Scene.Within(Middle, 4);
+            uint[] expected = Network.Scene.Within(Middle, 4);
             StreamEvent ready = Of(StreamEventKind.Ready).Single();
             Assert.AreEqual(landing, ready.Landing);
-            Assert.AreEqual(want, ready.Segments);
+            Assert.AreEqual(expected, ready.Segments);
             Assert.AreEqual(250, ready.ElapsedMs);
             Assert.AreEqual(Network.NowMs, ready.ReadyAtMs);
             Assert.AreEqual(0, Network.Last.Lent);
@@ -37,7 +38,7 @@ namespace Terraport.Tests
                 Assert.AreEqual(Network.Scene.Payloads[arrived.Facts.Segment], pin.Bytes.ToArray());
                 pin.Dispose();
             }
-            Assert.AreEqual(Network.Scene.BytesOf(want), stream.Stats.HeldBytes);
+            Assert.AreEqual(Network.Scene.BytesOf(expected), stream.Stats.HeldBytes);
             stream.Close();
             Assert.AreEqual("bye", Network.Last.Server.Heard.Last().Type);
             Assert.AreEqual(1000, Network.Last.ClosedByClientWith);
@@ -68,6 +69,7 @@ namespace Terraport.Tests
                 if (frames == 3) Network.Last.Break(1006);
                 return data;
             };
+            // Lost in the middle of the landing, and then no connection comes about: 0.5 s doubled up to 30 s, each half random.
             Network.RefuseWith = 1006;
             double[] minWaitsMs = { 250, 500, 1000, 2000, 4000, 8000, 15000, 15000 };
             foreach (double waitMs in minWaitsMs)
@@ -78,6 +80,7 @@ namespace Terraport.Tests
                 Assert.AreEqual(LinkPhase.Waiting, link.Phase);
                 Assert.That(link.RetryInMs, Is.InRange(waitMs, 2 * waitMs));
                 Assert.AreEqual(Network.NowMs + link.RetryInMs, stream.DueMs, 1e-6);
+                // Not a moment early, and not late.
                 Network.NowMs += link.RetryInMs - 0.5;
                 Pump(stream);
                 Assert.AreEqual(attempts, Network.Connections.Count);
@@ -127,6 +130,7 @@ namespace Terraport.Tests
             Assert.AreEqual("unauthorised", link.Code);
             Assert.AreEqual("no such token", link.Message);
             Assert.AreEqual(request, Of(StreamEventKind.PickRefused).Single().Request);
+            // Closed for good: no time brings it back, and picks are refused at once.
             Network.NowMs += 1e6;
             Pump(stream);
             Assert.AreEqual(1, Network.Connections.Count);
@@ -147,6 +151,7 @@ namespace Terraport.Tests
             SceneStream stream = Network.Stream(options => options.Token = "old");
             stream.Land(Middle, 3);
             Pump(stream);
+            // The same token, or none: the connection works, and stays.
             stream.Reconnect("old");
             stream.Reconnect();
             Assert.AreEqual(1, Network.Connections.Count);

@@ -86,6 +86,7 @@ namespace Terraport.Tests
                 Assert.AreEqual("draining", transport.CloseReason);
                 TransportMessage message;
                 Assert.IsTrue(transport.TryReceive(out message));
+                // Closed, and what came before the close can still be taken.
                 Assert.AreEqual(7, message.Bytes.Array[message.Bytes.Offset]);
                 message.Release();
                 Assert.IsFalse(transport.TryReceive(out message));
@@ -107,6 +108,7 @@ namespace Terraport.Tests
             {
                 WebSocketTransport transport = Opened(server, "x");
                 Until(() => transport.State == TransportState.Closed);
+                // Mono has the status in no text: then it is a connection that never came about.
                 bool isStated = transport.CloseReason.Contains("'" + status + "'");
                 Assert.AreEqual(isStated ? closeCode : 1006, transport.CloseCode, transport.CloseReason);
                 Assert.AreNotEqual("", transport.CloseReason);
@@ -117,6 +119,7 @@ namespace Terraport.Tests
         public void ABrokenLineAndNobodyThereAre1006()
         {
             Uri url;
+            // A message that never ends, from a line that then breaks.
             using (var server = new StreamSocketServer(101, open => open.Send(2, false, new byte[] { 1 })))
             {
                 url = server.Url;
@@ -141,6 +144,7 @@ namespace Terraport.Tests
                        {
                            try
                            {
+                               // 10 MiB in one message of many frames.
                                for (int count = 0; count < 40; count++) open.Send(count == 0 ? 2 : 0, false, new byte[262144]);
                            }
                            catch (System.IO.IOException)
@@ -171,8 +175,8 @@ namespace Terraport.Tests
                 Thread.Sleep(700);
                 // 4 MiB wait here, and what the kernel's buffers take.
                 Assert.Less(sent, 200);
-                var got = new List<byte[]>();
-                Until(() => Take(transport, got, new List<bool>()) && got.Count == 400);
+                var received = new List<byte[]>();
+                Until(() => Take(transport, received, new List<bool>()) && received.Count == 400);
                 Until(() => transport.State == TransportState.Closed);
                 Assert.AreEqual(1000, transport.CloseCode);
             }
@@ -206,10 +210,10 @@ namespace Terraport.Tests
             return true;
         }
 
-        private static void Until(Func<bool> isSo)
+        private static void Until(Func<bool> condition)
         {
             Stopwatch clock = Stopwatch.StartNew();
-            while (!isSo())
+            while (!condition())
             {
                 Assert.Less(clock.ElapsedMilliseconds, 20000, "it never is so");
                 Thread.Sleep(2);

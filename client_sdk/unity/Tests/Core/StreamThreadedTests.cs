@@ -21,6 +21,7 @@ namespace Terraport.Tests
             var stream = new ThreadedStream(network.StreamOptions(), network);
             var events = new List<StreamEvent>();
             int last = 0;
+            // Numbers come back before the thread has run the commands.
             for (int count = 1; count <= 20; count++)
             {
                 last = stream.Land(Middle, 1 + count % 5);
@@ -44,8 +45,8 @@ namespace Terraport.Tests
             }
             Until(stream, events, () => stream.Stats.HeldSegments > 0);
             stream.Close();
-            PinnedPayload gone;
-            Until(stream, events, () => !stream.TryPin(ready.Segments[0], out gone));
+            PinnedPayload released;
+            Until(stream, events, () => !stream.TryPin(ready.Segments[0], out released));
             Assert.AreEqual("bye", network.Last.Server.Heard.Last().Type);
             stream.Dispose();
         }
@@ -55,6 +56,7 @@ namespace Terraport.Tests
         {
             var network = new StreamFakeNetwork();
             var stream = new ThreadedStream(network.StreamOptions(), network);
+            // The transport's factory throws on the stream's thread.
             network.Creating = () => throw new PlatformNotSupportedException("no sockets here");
             stream.Reconnect("another token");
             var events = new List<StreamEvent>();
@@ -110,6 +112,7 @@ namespace Terraport.Tests
             using (var stream = new ThreadedStream(network.StreamOptions(), network))
             {
                 Until(stream, events, () => events.Exists(streamEvent => streamEvent.Kind == StreamEventKind.Opened));
+                // The thread is held up while aim and landing are called, so that both wait together.
                 network.Creating = () =>
                 {
                     isBusy.Set();
@@ -122,12 +125,13 @@ namespace Terraport.Tests
                 mayGoOn.Set();
                 Until(stream, events,
                     () => events.Exists(streamEvent => streamEvent.Kind == StreamEventKind.Ready && streamEvent.Landing == landing));
+                // Longer than the period of aims: one that was to be sent would have been.
                 Thread.Sleep(150);
                 Assert.AreEqual(0, network.Last.Server.HeardOf<WireMessage>().Count(message => message.Type == "aim"));
             }
         }
 
-        private static void Until(ThreadedStream stream, List<StreamEvent> events, Func<bool> isSo)
+        private static void Until(ThreadedStream stream, List<StreamEvent> events, Func<bool> condition)
         {
             Stopwatch clock = Stopwatch.StartNew();
             do
@@ -138,7 +142,7 @@ namespace Terraport.Tests
                 Assert.Less(clock.ElapsedMilliseconds, 20000, "it never is so");
                 Thread.Sleep(1);
             }
-            while (!isSo());
+            while (!condition());
         }
     }
 }

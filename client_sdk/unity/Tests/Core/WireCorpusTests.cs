@@ -50,13 +50,13 @@ namespace Terraport.Tests
             if (message is UnknownMessage) return message.Type == facts["unknown"].Text ? null : "unknown " + message.Type;
             if (facts["message"].IsNull) return "known, expected " + facts["unknown"].Show();
             if (!SameTree(ReadableForm.Of(message), facts["message"])) return "got another message";
-            byte[] back = WireCodec.Encode(message);
+            byte[] encoded = WireCodec.Encode(message);
             bool isCanonical;
             facts["canonical"].TryFlag(out isCanonical);
-            if (Same(back, data) != isCanonical) return "re-encoding gives the same bytes: " + !isCanonical;
+            if (Same(encoded, data) != isCanonical) return "re-encoding gives the same bytes: " + !isCanonical;
             // Not canonical bytes give canonical ones, which mean the same.
-            WireMessage again = WireCodec.Decode(new ArraySegment<byte>(back), direction);
-            return Same(WireCodec.Encode(again), back) ? null : "not the same after a second way";
+            WireMessage decodedAgain = WireCodec.Decode(new ArraySegment<byte>(encoded), direction);
+            return Same(WireCodec.Encode(decodedAgain), encoded) ? null : "not the same after a second way";
         }
 
         private static string CompareFrame(JsonValue facts, byte[] data)
@@ -72,15 +72,17 @@ namespace Terraport.Tests
             var chunk = new byte[frame.Chunk.Count];
             Buffer.BlockCopy(frame.Chunk.Array, frame.Chunk.Offset, chunk, 0, chunk.Length);
             string hex = BitConverter.ToString(chunk).Replace("-", "").ToLowerInvariant();
-            string got = frame.Generation + " " + frame.Segment + " " + frame.Offset + " " + frame.Total + " " + frame.IsLast + " " + hex;
+            string actual =
+                frame.Generation + " " + frame.Segment + " " + frame.Offset + " " + frame.Total + " " + frame.IsLast + " " + hex;
             bool isLast;
             expected["last"].TryFlag(out isLast);
-            string want = expected["generation"].Show() + " " + expected["segment"].Show() + " " + expected["offset"].Show() + " "
+            string stated = expected["generation"].Show() + " " + expected["segment"].Show() + " " + expected["offset"].Show() + " "
                 + expected["total"].Show() + " " + isLast + " " + expected["chunk_hex"].Text;
-            if (got != want) return got + ", expected " + want;
-            PayloadFrame again;
-            PayloadFrame.TryDecode(new ArraySegment<byte>(frame.Encode()), out again);
-            return Same(again.Encode(), frame.Encode()) && again.Offset == frame.Offset ? null : "not the same when written back";
+            if (actual != stated) return actual + ", expected " + stated;
+            PayloadFrame decodedAgain;
+            PayloadFrame.TryDecode(new ArraySegment<byte>(frame.Encode()), out decodedAgain);
+            return Same(decodedAgain.Encode(), frame.Encode()) && decodedAgain.Offset == frame.Offset ? null
+                                                                                                      : "not the same when written back";
         }
 
         private static string CompareError(JsonValue expected, DecodeException error)
@@ -88,10 +90,10 @@ namespace Terraport.Tests
             if (expected.IsNull) return "refused: " + error.Message;
             bool isFatal;
             expected["fatal"].TryFlag(out isFatal);
-            string got = Facts(error.Code, error.IsFatal, error.Field, Number(error.Generation), Number(error.Request));
-            string want =
+            string actual = Facts(error.Code, error.IsFatal, error.Field, Number(error.Generation), Number(error.Request));
+            string stated =
                 Facts(expected["code"].Text, isFatal, expected["field"].Text, Number(expected["generation"]), Number(expected["request"]));
-            return got == want ? null : got + ", expected " + want + ": " + error.Message;
+            return actual == stated ? null : actual + ", expected " + stated + ": " + error.Message;
         }
 
         private static string Facts(string code, bool isFatal, string field, string generation, string request)

@@ -40,6 +40,7 @@ namespace Terraport.Tests
                     refused++;
                 }
             }
+            // Neither all nor none: the mutations must reach both outcomes to prove anything.
             Assert.That(refused, Is.InRange(Rounds / 4, Rounds - 1000));
         }
 
@@ -57,17 +58,18 @@ namespace Terraport.Tests
             if (!(message is UnknownMessage)) WireCodec.Encode(message);
         }
 
-        private static byte[] Mutilated(byte[] from, byte[] other, Random random)
+        private static byte[] Mutilated(byte[] from, byte[] donor, Random random)
         {
             var data = (byte[])from.Clone();
+            // Cut short, spliced with another message, or a few bytes changed (half of the cases).
             switch (random.Next(4))
             {
                 case 0: Array.Resize(ref data, random.Next(data.Length + 1)); break;
                 case 1:
                     int cut = random.Next(data.Length + 1);
-                    int rest = random.Next(other.Length + 1);
-                    Array.Resize(ref data, cut + other.Length - rest);
-                    Buffer.BlockCopy(other, rest, data, cut, other.Length - rest);
+                    int donorStart = random.Next(donor.Length + 1);
+                    Array.Resize(ref data, cut + donor.Length - donorStart);
+                    Buffer.BlockCopy(donor, donorStart, data, cut, donor.Length - donorStart);
                     break;
                 default:
                     for (int count = random.Next(3); count >= 0 && data.Length > 0; count--)
