@@ -4,7 +4,7 @@ using System.Globalization;
 namespace Terraport
 {
     /// <summary>
-    /// A place or a direction in the scene frame: metres, right-handed, x east, y up, z south, about the scene's origin.
+    /// A position or a direction in the scene frame: metres, right-handed, x east, y up, z south, about the scene's origin.
     /// </summary>
     public readonly struct Vec3 : IEquatable<Vec3>
     {

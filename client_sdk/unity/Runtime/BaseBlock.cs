@@ -55,7 +55,7 @@ namespace Terraport.Unity
 
         /// <summary>Write the list of faces that will be drawn after <see cref="Flip"/>.</summary>
         /// <param name="hidden">One byte per face of the base, 1 where it is hidden.</param>
-        /// <param name="scratch">At least as long as the part's indices.</param>
+        /// <param name="scratch">At least as long as the block's indices.</param>
         public void Prepare(byte[] hidden, ushort[] scratch)
         {
             int indexCount = FaceList.Write(packed.ShortIndices, Faces, hidden, scratch);

@@ -3,7 +3,7 @@ using UnityEngine;
 
 namespace Terraport.Unity
 {
-    /// <summary>The base of one version of a scene, in parts. Uploaded in slices, shown in one frame. Main thread.</summary>
+    /// <summary>The base of one version of a scene, in blocks. Uploaded in slices, shown in one frame. Main thread.</summary>
     internal sealed class BaseGround
     {
         private readonly GroundPool pool;

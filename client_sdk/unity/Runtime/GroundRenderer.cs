@@ -5,7 +5,7 @@ using UnityEngine;
 namespace Terraport.Unity
 {
     /// <summary>
-    /// Draws a scene for a <see cref="SceneStage"/>: base in parts, one object per segment, everything hidden until a swap sets flags.
+    /// Draws a scene for a <see cref="SceneStage"/>: base in blocks, one object per segment, everything hidden until a swap sets flags.
     /// Main thread.
     /// </summary>
     internal sealed class GroundRenderer : ISceneRenderer, IDisposable

@@ -2,7 +2,7 @@ using System.Runtime.InteropServices;
 
 namespace Terraport.Unity
 {
-    /// <summary>A vertex with a place in a photograph, as it lies on the GPU: 24 bytes, in Unity's axes.</summary>
+    /// <summary>A vertex with a texture coordinate in a photograph, as it lies on the GPU: 24 bytes, in Unity's axes.</summary>
     [StructLayout(LayoutKind.Sequential)]
     public struct PhotoVertex
     {

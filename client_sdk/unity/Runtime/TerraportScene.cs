@@ -301,7 +301,7 @@ namespace Terraport.Unity
             session.Reconnect(newToken);
         }
 
-        /// <summary>The place in the scene's frame (x east, y up, z south, metres) of a point of Unity's world.</summary>
+        /// <summary>The position in the scene's frame (x east, y up, z south, metres) of a point of Unity's world.</summary>
         public Vec3 ToScene(Vector3 point)
         {
             // The object's transform first, then the axes: the scene's origin may lie, turn and scale anywhere in Unity's world.
@@ -309,7 +309,7 @@ namespace Terraport.Unity
             return Axes.Turn(new Vec3(local.x, local.y, local.z));
         }
 
-        /// <summary>The point of Unity's world of a place in the scene's frame.</summary>
+        /// <summary>The point of Unity's world of a position in the scene's frame.</summary>
         public Vector3 ToWorld(Vec3 position)
         {
             Vec3 local = Axes.Turn(position);

@@ -23,7 +23,7 @@ namespace Terraport.Json
         private readonly byte[][] cachedDigits = new byte[CacheSlots][];
         private readonly double[] cachedValues = new double[CacheSlots];
 
-        /// <summary>Bytes of the number at a place by JSON's grammar; 0 where there is none.</summary>
+        /// <summary>Length in bytes of the number at <paramref name="at"/> by JSON's grammar; 0 where there is none.</summary>
         internal static int LengthAt(byte[] bytes, int at, int end)
         {
             int start = at;

@@ -160,7 +160,7 @@ namespace Terraport
             }
         }
 
-        /// <summary>The bufferView of an accessor whose type, count and place are right.</summary>
+        /// <summary>The bufferView of an accessor whose type, count and offsets are right.</summary>
         private int ReadAccessor(int number, int component, int alternative, string type, string label, ref GlbRows rows)
         {
             JsonTape tape = document.Tape;
@@ -256,7 +256,7 @@ namespace Terraport
             }
         }
 
-        /// <summary>Where a part of the BIN chunk starts in the payload's array; it lies within the chunk.</summary>
+        /// <summary>Where a slice of the BIN chunk starts in the payload's array; it lies within the chunk.</summary>
         private int Slice(int owner, int length, string label)
         {
             int buffer = document.Tape.Find(owner, "buffer");

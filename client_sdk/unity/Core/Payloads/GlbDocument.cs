@@ -89,7 +89,7 @@ namespace Terraport
             Tape.Release();
         }
 
-        /// <summary>Byte of the payload at a place of <see cref="Bytes"/>, for error texts.</summary>
+        /// <summary>Offset in the payload of an index into <see cref="Bytes"/>, for error texts.</summary>
         internal long OffsetOf(int index) { return index - payloadStart; }
 
         /// <summary>
@@ -206,7 +206,7 @@ namespace Terraport
             return Bytes[index] | ((uint)Bytes[index + 1] << 8) | ((uint)Bytes[index + 2] << 16) | ((uint)Bytes[index + 3] << 24);
         }
 
-        /// <summary>Length of the chunk at a place, within the payload.</summary>
+        /// <summary>Length of the contents of the chunk that starts at <paramref name="at"/>; it ends within the payload.</summary>
         private int ChunkAt(int at, int size, uint kind, string name)
         {
             int remaining = size - at - ChunkBytes;

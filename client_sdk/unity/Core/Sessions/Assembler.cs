@@ -9,8 +9,8 @@ namespace Terraport.Sessions
     /// landing may carry on where an older one stopped; what it does not need is forgotten by both sides (6.5, rule 3).
     /// </summary>
     /// <remarks>
-    /// Memory is bounded by what has really come: no more is taken for a part than four times its bytes, whatever length the
-    /// plan declares, and a new plan forgets the parts that it does not load.
+    /// Memory is bounded by what has really come: no more is taken for a partial payload than four times its bytes, whatever length the
+    /// plan declares, and a new plan forgets those that it does not load.
     /// </remarks>
     public sealed class Assembler
     {
@@ -68,7 +68,7 @@ namespace Terraport.Sessions
             return null;
         }
 
-        /// <summary>Forget every part of a segment that is not among these.</summary>
+        /// <summary>Forget the partial payloads of all segments but these; their buffers go back to the pool.</summary>
         public void KeepOnly(Dictionary<uint, SegmentFacts> segments)
         {
             unwanted.Clear();

@@ -97,7 +97,7 @@ namespace Terraport.Sessions
             return refused;
         }
 
-        /// <summary>Forget parts (10.2); the newest landing that is not ready, to ask again, or null.</summary>
+        /// <summary>Forget partial payloads (10.2); the newest landing that is not ready, to ask again, or null.</summary>
         internal LandingState ConnectionLost()
         {
             assembler.Clear();

@@ -8,7 +8,7 @@ namespace Terraport.Wire
     /// </summary>
     internal abstract class FieldKind
     {
-        /// <summary>First pass: what tables and parts hold; null for kinds whose layout is their value.</summary>
+        /// <summary>First pass: what tables and nested maps hold; null for kinds whose layout is their value.</summary>
         /// <exception cref="RefusedException">It is laid out otherwise.</exception>
         internal virtual object Layout(JsonValue raw) { return null; }
 

@@ -36,7 +36,7 @@ namespace Terraport.Wire
 
         internal static void WriteF32(byte[] data, int at, float value) { WriteU32(data, at, new FloatBits { Number = value }.Bits); }
 
-        /// <summary>A float32 and its bits in the same place.</summary>
+        /// <summary>A float32 and its bits, in the same four bytes.</summary>
         [StructLayout(LayoutKind.Explicit)]
         // A union: BitConverter.Int32BitsToSingle is missing in .NET Framework profiles.
         internal struct FloatBits
