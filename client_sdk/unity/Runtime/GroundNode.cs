@@ -56,7 +56,7 @@ namespace Terraport.Unity
         public bool IsShown
         {
             get {
-                // Unity's == is true for null of an object that was destroyed.
+                // Unity's != null is false for an object that was destroyed.
                 return renderer != null && renderer.enabled;
             }
 

@@ -9,6 +9,7 @@ namespace Terraport.Tools
     internal sealed class JsonText
     {
         private readonly StringBuilder text = new StringBuilder();
+        // Whether a value stands before, at this level: the next one is separated from it.
         private bool needsComma;
 
         public override string ToString() { return text.ToString(); }

@@ -55,6 +55,7 @@ namespace Terraport.Tools
 
         private int Run()
         {
+            // All steps, also behind one that failed: a later landing may succeed.
             foreach (LandStep step in request.Steps) Take(step);
             Print();
             stream.Close();
@@ -119,6 +120,7 @@ namespace Terraport.Tools
             refusedCode = null;
             while (!reached())
             {
+                // Before each pump: a refusal or a closed link ends the step, not the program.
                 string reason = WhyOver(step);
                 if (reason != null)
                 {
@@ -126,6 +128,7 @@ namespace Terraport.Tools
                     return;
                 }
                 stream.Pump();
+                // One frame of an engine: pump, events, stage.
                 bool any = false;
                 StreamEvent streamEvent;
                 while (stream.TryNextEvent(out streamEvent))
@@ -135,6 +138,7 @@ namespace Terraport.Tools
                     if (staged != null) staged.Handle(streamEvent);
                 }
                 if (staged != null) staged.Frame();
+                // Idle: nothing to pump until the network brings something.
                 if (!any) Thread.Sleep(1);
             }
             if (step.Kind != "pause") failure = null;
@@ -192,6 +196,7 @@ namespace Terraport.Tools
                     }
                     catch (PayloadException error)
                     {
+                        // Damaged, though its hash was right: the build's mistake, or the decoder's.
                         failure = "segment " + segment + ": " + error.Message;
                         json.Null();
                         continue;

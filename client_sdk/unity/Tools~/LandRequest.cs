@@ -47,6 +47,7 @@ namespace Terraport.Tools
                 if (text.StartsWith("--", StringComparison.Ordinal))
                 {
                     at++;
+                    // Every option has a value: a flag without one is a mistake.
                     if (at == arguments.Length || !request.Set(text.Substring(2), arguments[at])) return null;
                 }
                 else

@@ -17,6 +17,7 @@ namespace Terraport.Tools
             foreach (string field in Argument.Split(','))
             {
                 double number;
+                // The token of reconnect is no number, and is taken as text.
                 if (!double.TryParse(field, NumberStyles.Float, CultureInfo.InvariantCulture, out number)) break;
                 numbers.Add(number);
             }

@@ -48,6 +48,7 @@ namespace Terraport.Tools
             {
                 decoder.Decode(new ArraySegment<byte>(File.ReadAllBytes(path)), mesh);
             }
+            // No other exception is caught: one would end the program, and the test sees it.
             catch (PayloadException error)
             {
                 return isGood ? "refused: " + error.Message : null;
@@ -58,6 +59,7 @@ namespace Terraport.Tools
 
         private static string Difference(MeshArrays decoded, JsonValue expected)
         {
+            // Exact, but for what passes through a root or was rounded when the corpus was written.
             return Apart("positions", decoded.Positions, expected["positions"], 0)
                 ?? Apart("faces", Doubles(decoded.Indices), expected["faces"], 0)
                 ?? Apart("normals", decoded.Normals, expected["normals"], Rounded)
@@ -97,6 +99,7 @@ namespace Terraport.Tools
         /// <summary>Compare with nested lists of numbers, null standing for NaN.</summary>
         private static string Apart(string name, float[] decoded, JsonValue expected, double tolerance)
         {
+            // An array that a payload has not must be null on both sides.
             if (decoded == null || expected.IsNull) return decoded == null && expected.IsNull ? null : name + " there or not";
             var numbers = new List<double>();
             Flatten(expected, numbers);
@@ -118,6 +121,7 @@ namespace Terraport.Tools
             }
             else
             {
+                // null stands for "no value", which JSON's numbers cannot say.
                 into.Add(value.TryNumber(out number) ? number : double.NaN);
             }
         }

@@ -16,6 +16,7 @@ namespace Terraport.Tools
         public StagedVisit(ISceneStream stream, StreamOptions options)
         {
             SceneFiles files = SceneLoader.LoadAsync(options.SceneUrl, options.Token).GetAwaiter().GetResult();
+            // Small blocks and two threads: a small scene then has many blocks and decodes that overtake each other.
             decoders = new DecodeThreads(2);
             stage = new SceneStage(stream, files, renderer, decoders, new StageOptions { BaseBlockFaces = 16 });
         }

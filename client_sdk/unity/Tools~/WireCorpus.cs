@@ -47,6 +47,7 @@ namespace Terraport.Tools
         private static string Message(ArraySegment<byte> data, JsonValue facts)
         {
             Direction direction = facts["direction"].Text == "client_to_server" ? Direction.ClientToServer : Direction.ServerToClient;
+            // 1. Decode, where the case says that it decodes. 2. The same message. 3. The same bytes, where those were canonical.
             WireMessage message = WireCodec.Decode(data, direction);
             if (!facts["error"].IsNull) return "was taken; expected the error " + facts["error"]["code"].Text;
             if (message is UnknownMessage)
@@ -71,6 +72,7 @@ namespace Terraport.Tools
             if (!isSupported) return expected["unknown_kind"].IsNull ? "was skipped as of an unknown kind" : null;
             bool isLast;
             expected["last"].TryFlag(out isLast);
+            // IsLast follows from the numbers; TryDecode has compared it with the flag.
             if (isLast != frame.IsLast) return "last is " + frame.IsLast;
             string difference = Number("generation", frame.Generation, expected) ?? Number("segment", frame.Segment, expected)
                 ?? Number("offset", frame.Offset, expected) ?? Number("total", frame.Total, expected);
@@ -103,6 +105,7 @@ namespace Terraport.Tools
             double left, right;
             if (actual.TryNumber(out left) && expected.TryNumber(out right))
             {
+                // 7 and 7.0 are one number here: which of them a field takes is the codec's business.
                 return left.Equals(right) ? null : path + " is " + actual.Show() + ", expected " + expected.Show();
             }
             if (actual.Kind != expected.Kind) return path + " is a " + actual.Kind + ", expected a " + expected.Kind;
@@ -134,6 +137,7 @@ namespace Terraport.Tools
 
         private static string ObjectDifference(string path, JsonObject actual, JsonObject expected)
         {
+            // As many, and each of ours among theirs: so none of theirs is missing.
             if (actual.Count != expected.Count) return path + " has " + actual.Count + " keys, expected " + expected.Count;
             for (int at = 0; at < actual.Count; at++)
             {
@@ -158,6 +162,7 @@ namespace Terraport.Tools
 
         private static ArraySegment<byte> Padded(byte[] stored, JsonValue facts)
         {
+            // Cases beyond a size limit are stored short, and filled up here.
             long size, filler;
             if (!facts["pad_to"].TryInteger(out size) || size <= stored.Length) return new ArraySegment<byte>(stored);
             facts["pad_byte"].TryInteger(out filler);

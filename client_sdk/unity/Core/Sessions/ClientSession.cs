@@ -34,7 +34,7 @@ namespace Terraport.Sessions
         // The landing whose land is still in the outbox, and the one that waits for the next welcome.
         private LandingState unsent;
         private LandingState queued;
-        // Chunk bytes consumed since the last credit message, and how many are granted back at a time (half the credit).
+        // How many chunk bytes are granted back at a time (half the credit), and those consumed since the last credit message.
         private long creditStep = 1;
         private long consumedBytes;
 

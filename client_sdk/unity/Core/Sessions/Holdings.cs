@@ -16,7 +16,7 @@ namespace Terraport.Sessions
 
         internal Holdings(SegmentCache cache) { Cache = cache; }
 
-        /// <summary>The payloads themselves; owned here, read by the stream's users through pins.</summary>
+        /// <summary>The payloads themselves; the session's, read by the stream's users through pins.</summary>
         internal SegmentCache Cache { get; }
 
         /// <summary>Facts of what is held, or was until the server is told.</summary>

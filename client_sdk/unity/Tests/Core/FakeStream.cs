@@ -47,6 +47,7 @@ namespace Terraport.Tests
             {
                 return false;
             }
+            // A buffer a pin: rented with one user, so that disposing of the pin gives it back.
             PayloadBuffer buffer = pool.Rent(bytes.Length);
             Buffer.BlockCopy(bytes, 0, buffer.Data, 0, bytes.Length);
             payload = new PinnedPayload(buffer, default(SegmentFacts));

@@ -41,11 +41,13 @@ namespace Terraport.Tests
             string filePath = Path.Combine(folder, file ?? "");
             if (file == null || !File.Exists(filePath))
             {
+                // A proxy's page, not the server's JSON: the client must do with the status.
                 return Answer(404, Encoding.UTF8.GetBytes("<html>not here</html>"));
             }
             byte[] body = File.ReadAllBytes(filePath);
             if (name == Damaged)
             {
+                // One bit of the last byte: only the hash can tell.
                 body[body.Length - 1] ^= 1;
             }
             if (onBytes != null)

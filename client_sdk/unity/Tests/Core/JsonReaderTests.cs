@@ -13,6 +13,7 @@ namespace Terraport.Tests
     {
         private static JsonValue Read(string text, int maxValues = 1000)
         {
+            // In the middle of a larger array, as texts lie in pooled buffers: a reader that passes its end meets a '#'.
             byte[] bytes = Encoding.UTF8.GetBytes("##" + text + "#");
             return JsonReader.Read(new ArraySegment<byte>(bytes, 2, bytes.Length - 3), maxValues);
         }
@@ -87,6 +88,7 @@ namespace Terraport.Tests
         [Test]
         public void NestingAndNumberOfValuesAreBounded()
         {
+            // The last that is allowed, and the first that is not.
             Assert.AreEqual(1, Read(new string('[', 64) + new string(']', 64)).Count);
             Assert.Throws<JsonException>(() => Read(new string('[', 65) + new string(']', 65)));
             Assert.Throws<JsonException>(() => Read(new string('[', 1000000)));
@@ -104,6 +106,7 @@ namespace Terraport.Tests
             Assert.IsTrue(value["k399"].TryInteger(out last));
             Assert.AreEqual(399, last);
             Assert.IsTrue(value["none"].IsNull);
+            // So many keys are sorted to find a repeated one, and not compared pair by pair.
             Assert.Throws<JsonException>(() => Read(text + "\"k17\":[]}"));
         }
 

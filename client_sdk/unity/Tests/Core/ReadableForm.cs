@@ -20,6 +20,7 @@ namespace Terraport.Tests
             if (value is bool) return JsonValue.OfFlag((bool)value);
             if (value is int || value is uint || value is long) return JsonValue.OfInteger(Convert.ToInt64(value));
             if (value is float || value is double) return JsonValue.OfFloat(Convert.ToDouble(value));
+            // Hashes are text in the corpus: JSON's numbers lose bits beyond 2^53.
             if (value is ulong) return JsonValue.OfText(((ulong)value).ToString("x16"));
             if (value is string) return JsonValue.OfText((string)value);
             if (value is Vec3)
@@ -34,6 +35,7 @@ namespace Terraport.Tests
             if (numbers != null) return Map(numbers.Select(number => new KeyValuePair<string, object>(number.Key, number.Value)));
             var items = value as Array;
             if (items != null) return JsonValue.OfList(items.Cast<object>().Select(Of).ToArray());
+            // By reflection, so that a new field of the protocol is compared without a line here; absent fields are left out.
             return Map(((WirePart)value)
                     .GetType()
                     .GetProperties(BindingFlags.Public | BindingFlags.Instance)

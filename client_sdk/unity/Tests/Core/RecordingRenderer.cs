@@ -10,6 +10,7 @@ namespace Terraport.Tests
     /// </summary>
     internal sealed class RecordingRenderer : ISceneRenderer
     {
+        // Calls of Upload by segment, as long as it is not freed; complete: those that returned true.
         private readonly Dictionary<uint, int> calls = new Dictionary<uint, int>();
         private readonly HashSet<uint> complete = new HashSet<uint>();
         private byte[] prepared;
@@ -51,6 +52,7 @@ namespace Terraport.Tests
         public bool UploadBase(SceneFiles files)
         {
             baseCalls++;
+            // Two calls more than one: a base takes several frames.
             if (baseCalls % 3 != 0)
             {
                 return false;
@@ -97,6 +99,7 @@ namespace Terraport.Tests
             {
                 throw new TerraportException("damaged", "image does not decode");
             }
+            // Counted down by the stage's own questions, one a frame.
             return warming[segment]-- <= 0;
         }
 

@@ -19,6 +19,7 @@ namespace Terraport.Tests
         [Test]
         public void SegmentsAllocateNothingOnceThePoolIsWarm()
         {
+            // By reflection: Unity's class libraries may lack it.
             MethodInfo method = typeof(GC).GetMethod(
                 "GetAllocatedBytesForCurrentThread", BindingFlags.Static | BindingFlags.Public | BindingFlags.NonPublic);
             if (method == null) Assert.Ignore("this platform does not count what is allocated");
@@ -29,6 +30,7 @@ namespace Terraport.Tests
             var session = new ClientSession(new SessionOptions { CreditBytes = 1L << 40, CacheBytes = 1L << 30 });
             Open(session);
             var costs = new List<long>();
+            // Four rounds of new ids: the first fills the pool, the second the tables, and then nothing may be allocated.
             for (uint round = 1; round <= 4; round++)
             {
                 uint first = (round - 1) * 20;

@@ -43,6 +43,7 @@ namespace Terraport.Tests
         internal void Send(int opcode, bool isLast, byte[] data)
         {
             var head = new List<byte> { (byte)(opcode | (isLast ? 0x80 : 0)) };
+            // RFC 6455, section 5.2: 7, 16 or 64 bits of length.
             if (data.Length < 126)
                 head.Add((byte)data.Length);
             else if (data.Length < 65536)
@@ -73,6 +74,7 @@ namespace Terraport.Tests
             {
                 opcode = ReadByte() & 0x0f;
                 long length = ReadByte() & 0x7f;
+                // Clients always mask, so four bytes of mask follow the length.
                 int more = length == 126 ? 2 : length == 127 ? 8 : 0;
                 if (more > 0) length = 0;
                 for (; more > 0; more--) length = length << 8 | (uint)ReadByte();
@@ -93,6 +95,7 @@ namespace Terraport.Tests
                     for (string line = ReadLine(); line.Length > 0; line = ReadLine()) Request.Add(line);
                     string key =
                         Request.Find(line => line.StartsWith("Sec-WebSocket-Key: ", StringComparison.OrdinalIgnoreCase)).Substring(19);
+                    // RFC 6455, section 4.2.2: the client refuses a server that cannot compute it.
                     byte[] hash = SHA1.Create().ComputeHash(Encoding.ASCII.GetBytes(key + "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"));
                     string answer = status == 101
                         ? "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: "

@@ -19,6 +19,7 @@ namespace Terraport.Tests
             Dictionary<string, string> expected = RowsByFace(before);
             SceneFiles after = BaseOrder.Sort(before, BlockFaces);
             Dictionary<string, string> actual = RowsByFace(after);
+            // By corners, not by number: the same face over the same segments, wherever it lies now.
             Assert.AreEqual(expected.Count, actual.Count);
             foreach (KeyValuePair<string, string> face in expected)
             {
@@ -40,6 +41,7 @@ namespace Terraport.Tests
         [Test]
         public void EqualCentresAreSortedToo()
         {
+            // A hundred times the same triangle: a selection that loops on equal keys would never end.
             float[] positions = { 0, 0, 0, 1, 0, 0, 0, 0, 1 };
             uint[] indices = new uint[3 * 100];
             for (int face = 0; face < 100; face++)
@@ -73,6 +75,7 @@ namespace Terraport.Tests
                     indices.AddRange(new[] { corner, corner + Side + 1, corner + 1, corner + 1, corner + Side + 1, corner + Side + 2 });
                     for (uint face = 0; face < 2; face++)
                     {
+                        // Rows of 0 to 3 segments, so that offsets differ from face to face.
                         for (uint segment = 0; segment < (x + z + face) % 4; segment++)
                         {
                             segments.Add(x * 4 + segment);

@@ -25,6 +25,7 @@ namespace Terraport.Tests
         {
             GlbFile file = new GlbFile();
             int vertices = positions.Length / 3;
+            // Four bytes a normal: rows are multiples of four bytes.
             sbyte[] normals = new sbyte[vertices * 4];
             for (int vertex = 0; vertex < vertices; vertex++)
             {
@@ -71,6 +72,7 @@ namespace Terraport.Tests
                 + ",\"material\":0}]}],\"materials\":[{\"pbrMetallicRoughness\":{\"metallicFactor\":0" + texture + "}}],"
                 + "\"accessors\":[" + string.Join(",", accessors) + "],\"bufferViews\":[" + string.Join(",", views) + "],"
                 + "\"buffers\":[{\"byteLength\":" + binary.Length + "}]" + textureTables + "}";
+            // Chunks are multiples of four bytes; JSON is padded with blanks.
             byte[] text = Encoding.ASCII.GetBytes(json.PadRight((json.Length + 3) & ~3));
             byte[] body = binary.ToArray();
             MemoryStream whole = new MemoryStream();
@@ -110,6 +112,7 @@ namespace Terraport.Tests
             string byteStride = stride == 0 ? "" : ",\"byteStride\":" + stride;
             views.Add("{\"buffer\":0,\"byteOffset\":" + binary.Length + ",\"byteLength\":" + bytes.Length + byteStride + "}");
             binary.Write(bytes, 0, bytes.Length);
+            // The next view starts on a multiple of four.
             binary.Write(new byte[3], 0, (int)(-binary.Length & 3));
             return views.Count - 1;
         }

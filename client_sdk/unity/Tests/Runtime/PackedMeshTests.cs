@@ -19,6 +19,7 @@ namespace Terraport.Tests
             Assert.IsFalse(packed.IsPhotographed);
             Assert.AreEqual(4, packed.VertexCount);
             TintedVertex corner = packed.Tinted[2];
+            // z = -3 of the scene is 3 north of its origin.
             Assert.AreEqual(new[] { 2f, 1f, 3f }, new[] { corner.X, corner.Y, corner.Z });
             Assert.AreEqual(new sbyte[] { 0, 127, 0 }, new[] { corner.NormalX, corner.NormalY, corner.NormalZ });
             for (int vertex = 0; vertex < 4; vertex++)
@@ -51,6 +52,7 @@ namespace Terraport.Tests
         [Test]
         public void PhotographsHaveTheirVTurned()
         {
+            // A quarter a step: V 0 is the upper edge of the image, Unity's 1.
             ushort[] quarters = { 0, 0, 4, 0, 4, 4, 0, 1 };
             PackedMesh packed = Packed(GlbFile.Of(Square, TwoFaces).WithTexture(quarters, 0.25, OnePixelPng()));
             Assert.IsTrue(packed.IsPhotographed);
@@ -63,6 +65,7 @@ namespace Terraport.Tests
         [Test]
         public void ManyVerticesTakeLongIndices()
         {
+            // One vertex more than 16 bits allow with 65535 left out.
             float[] positions = new float[3 * 65536];
             for (int vertex = 0; vertex < 65536; vertex++)
             {
@@ -94,6 +97,7 @@ namespace Terraport.Tests
         {
             ushort[] all = { 0, 1, 2, 3, 4, 5, 6, 7, 8 };
             ushort[] into = new ushort[9];
+            // Three faces from number 10 on, of which 11 is hidden.
             int written = FaceList.Write(all, new FaceRange(10, 3), Mask(20, 11), into);
             Assert.AreEqual(new ushort[] { 0, 1, 2, 6, 7, 8 }, Head(into, written));
             Assert.AreEqual(0, FaceList.Write(all, new FaceRange(10, 3), Mask(20, 10, 11, 12), into));
