@@ -20,7 +20,7 @@ namespace Terraport.Wire
 
         private static void Value(JsonValue value, Stream into)
         {
-            // One case a kind, in the order of JsonKind. HugeInteger has none: no message of ours holds one.
+            // One case a kind. HugeInteger has none: no message of ours holds one.
             switch (value.Kind)
             {
                 case JsonKind.Null: into.WriteByte(0xc0); break;
@@ -46,21 +46,26 @@ namespace Terraport.Wire
                     Head((uint)bytes.Count, 0, -1, 0xc4, 0xc5, into);
                     into.Write(bytes.Array, bytes.Offset, bytes.Count);
                     break;
-                case JsonKind.List:
-                    // 0: lists and maps have no form with an 8-bit count.
-                    Head((uint)value.Count, 0x90, 15, 0, 0xdc, into);
-                    for (int index = 0; index < value.Count; index++) Value(value[index], into);
-                    break;
-                case JsonKind.Object:
-                    JsonObject members = value.Members;
-                    Head((uint)members.Count, 0x80, 15, 0, 0xde, into);
-                    for (int index = 0; index < members.Count; index++)
-                    {
-                        Text(members.NameAt(index), into);
-                        Value(members.ValueAt(index), into);
-                    }
-                    break;
+                case JsonKind.List: List(value, into); break;
+                case JsonKind.Object: Map(value.Members, into); break;
                 default: throw new InvalidOperationException("got " + value.Show() + ", which no message has");
+            }
+        }
+
+        private static void List(JsonValue list, Stream into)
+        {
+            // 0: lists and maps have no form with an 8-bit count.
+            Head((uint)list.Count, 0x90, 15, 0, 0xdc, into);
+            for (int index = 0; index < list.Count; index++) Value(list[index], into);
+        }
+
+        private static void Map(JsonObject members, Stream into)
+        {
+            Head((uint)members.Count, 0x80, 15, 0, 0xde, into);
+            for (int index = 0; index < members.Count; index++)
+            {
+                Text(members.NameAt(index), into);
+                Value(members.ValueAt(index), into);
             }
         }
 
