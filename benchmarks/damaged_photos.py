@@ -37,7 +37,7 @@ from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.photo_files import write_photos
 from terraport_store import Scene, validate_scene
 
-SMOKE: Final = ("none", "turned", "half elsewhere", "2 m beside", "cut off")
+SMOKE: Final = ("none", "turned", "cut off")
 
 
 def main() -> int:
@@ -124,8 +124,8 @@ def _levels(mesh: SegmentMesh) -> np.ndarray:
 
 
 def _quarry(folder: Path) -> tuple[Path, Path, Path]:
-    flight = FlightOptions(count=12, width=480, height=360, truck=False)
-    options = seen_by(flight, QuarryOptions(points=40_000, size_m=120.0, seed=3))
+    flight = FlightOptions(count=8, width=320, height=240, truck=False)
+    options = seen_by(flight, QuarryOptions(points=20_000, size_m=90.0, seed=3))
     quarry = write_quarry(options, folder / "quarry.laz", overwrite=True)
     shutil.rmtree(folder / "photos", ignore_errors=True)
     write_photos(options, flight, folder / "photos", survey="quarry.laz")

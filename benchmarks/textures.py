@@ -106,8 +106,8 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     if arguments.smoke:
-        arguments.points, arguments.size = 20_000, 90.0
-        arguments.photos, arguments.photo_size = 8, (320, 240)
+        arguments.points, arguments.size = 8_000, 60.0
+        arguments.photos, arguments.photo_size = 6, (240, 180)
     folder = arguments.keep or Path(tempfile.mkdtemp(prefix="benchmark-textures-"))
     folder.mkdir(parents=True, exist_ok=True)
     try:

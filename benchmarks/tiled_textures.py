@@ -81,7 +81,7 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.smoke:
         arguments.points, arguments.size, arguments.tile_depth = 15_000, 110.0, 8
-        arguments.photos, arguments.photo_size = 8, (320, 240)
+        arguments.photos, arguments.photo_size = 6, (240, 180)
     folder = arguments.keep or Path(tempfile.mkdtemp(prefix="benchmark-tiled-textures-"))
     folder.mkdir(parents=True, exist_ok=True)
     try:

@@ -208,6 +208,7 @@ def test_a_running_service_answers_with_a_new_label_at_once(
     assert {path: path.stat().st_mtime_ns for path in scene.rglob("v-*/*")} == before
 
 
+@pytest.mark.thorough
 def test_the_same_survey_over_the_same_version_gives_the_same_bytes(
     rebuilt: Rebuilt, built: Built, tmp_path: Path
 ) -> None:

@@ -193,7 +193,9 @@ def elsewhere(path: Path) -> None:
     ],
     ids=["missing", "no picture", "cut off", "other sides", "smaller", "elsewhere"],
 )
-@pytest.mark.parametrize("tiled", [False, True], ids=["whole", "tiles"])
+@pytest.mark.parametrize(
+    "tiled", [False, pytest.param(True, marks=pytest.mark.thorough)], ids=["whole", "tiles"]
+)
 def test_a_set_with_something_wrong_ends_in_a_scene_and_a_word(
     field: Path,
     tmp_path: Path,
